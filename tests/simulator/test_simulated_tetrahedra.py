@@ -11,7 +11,8 @@ from tetrahedra_scenes import moving, tetrahedra_scene
 from app.driver import open_simulation
 from gpu_backend.core.formulas import _refuse_attributes
 from model.core.simulation import State
-from model.formulas import elasticity, plain
+from model.formulas import plain
+from model.formulas.elastic import deformation
 from model.scene.scene import Scene
 from model.scene.sheets import scene_normals
 
@@ -53,7 +54,7 @@ def test_normals_are_those_of_the_surface() -> None:
 
 
 def make(real: Any, compiled: Any = plain) -> Any:
-    return elasticity.make_gradient(real, compiled)
+    return deformation.make_gradient(real, compiled)
 
 
 def test_a_factory_that_would_not_be_rewritten_is_refused() -> None:

@@ -13,7 +13,7 @@ from bench.reference import tetrahedra as reference
 from bench.reference.finite_elements import Body
 from model.core.build import build
 from model.core.simulation import State
-from model.formulas import elasticity
+from model.formulas.elastic import deformation
 from model.scene.scene import Scene
 from model.tetrahedra.constraints import constraint_sets
 from model.tetrahedra.material import energies, stretches
@@ -132,7 +132,7 @@ def test_b21_a_body_out_of_all_shape_recovers(how: str, material: str) -> None:
 def test_the_rotation_is_the_nearest(real: type) -> None:
     """The largest trace of R'F that a rotation has: the sum of the singular values, the smallest with the sign of det F; R is
     one to rounding. Of any F: sheared, mirrored, flat, nothing."""
-    rotation, random = elasticity.make_rotation(real), np.random.default_rng(0)
+    rotation, random = deformation.make_rotation(real), np.random.default_rng(0)
     eps = float(np.finfo(real).eps)
     matrices = [random.normal(size=(3, 3)) for _ in range(200)]
     matrices += [np.eye(3) + 0.2 * random.normal(size=(3, 3)) for _ in range(200)]

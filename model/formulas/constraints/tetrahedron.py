@@ -30,7 +30,7 @@ from typing import Any
 from model.formulas import plain
 from model.formulas.bending import make as make_bending
 from model.formulas.distance import make as make_distance
-from model.formulas.elasticity import (
+from model.formulas.elastic.deformation import (
     OPERATIONS_COFACTOR,
     OPERATIONS_CORNERS,
     OPERATIONS_DETERMINANT,

@@ -28,11 +28,12 @@ from __future__ import annotations
 
 from types import SimpleNamespace
 
-from model.formulas import elasticity, plain
+from model.formulas import plain
 from model.formulas.constraints.tetrahedron import FIXED, HOOKEAN
+from model.formulas.elastic import deformation
 from model.formulas.elastic import energy as energies
+from model.formulas.elastic.deformation import make_gradient, make_rotation
 from model.formulas.elastic.energy import make as make_energy
-from model.formulas.elasticity import make_gradient, make_rotation
 from model.formulas.lengths import make as make_lengths
 
 COUNT = 13  # values of a tetrahedron: 9 of B; at 9, 10 V k_D, V k_H [J]; at 11 alpha, or 1; at 12 `time` [s]
@@ -46,14 +47,14 @@ OPERATIONS_START = 6
 
 def operations(material: int, item: int, damped: bool) -> int:
     """Of one tetrahedron at one of its vertices, counted on numbers of `item` bytes."""
-    stress = elasticity.OPERATIONS_GRADIENT + energies.operations(material, item)
-    turn = elasticity.OPERATIONS_ROTATION[item] if material == HOOKEAN else 0
+    stress = deformation.OPERATIONS_GRADIENT + energies.operations(material, item)
+    turn = deformation.OPERATIONS_ROTATION[item] if material == HOOKEAN else 0
     return stress + OPERATIONS_ELEMENT + damped * (OPERATIONS_DAMPER + turn)
 
 
 def make(real, compiled=plain, material=FIXED, damped=False):
     """See the functions; `material`: which of MATERIALS; `damped`: a damper counts. Corners of tetrahedra and their B as in
-    formulas/elasticity.py."""
+    formulas/elastic/deformation.py."""
     dot = make_lengths(real, compiled).dot
     gradient = make_gradient(real, compiled).gradient
     rotation = make_rotation(real, compiled)

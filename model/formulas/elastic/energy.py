@@ -16,9 +16,10 @@ from __future__ import annotations
 
 from types import SimpleNamespace
 
-from model.formulas import elasticity, plain
+from model.formulas import plain
 from model.formulas.constraints.tetrahedron import COROTATED, FIXED, HOOKEAN
-from model.formulas.elasticity import make_gradient, make_rotation
+from model.formulas.elastic import deformation
+from model.formulas.elastic.deformation import make_gradient, make_rotation
 from model.formulas.lengths import make as make_lengths
 
 OPERATIONS_STRESS = 9 + 2 + 27  # F - R, the pressure, the sum of both terms
@@ -26,8 +27,8 @@ OPERATIONS_STRESS = 9 + 2 + 27  # F - R, the pressure, the sum of both terms
 
 def operations(material: int, item: int) -> int:
     """Of one stress, F known, counted on numbers of `item` bytes."""
-    turn = 0 if material == HOOKEAN else elasticity.OPERATIONS_ROTATION[item]
-    volume = 17 if material == COROTATED else elasticity.OPERATIONS_COFACTOR + elasticity.OPERATIONS_DETERMINANT
+    turn = 0 if material == HOOKEAN else deformation.OPERATIONS_ROTATION[item]
+    volume = 17 if material == COROTATED else deformation.OPERATIONS_COFACTOR + deformation.OPERATIONS_DETERMINANT
     return OPERATIONS_STRESS + turn + volume
 
 
