@@ -1,0 +1,1 @@
+"""Forces and stiffness of elastic materials, for solvers that ask for a tangent."""
