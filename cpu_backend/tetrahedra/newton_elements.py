@@ -67,11 +67,6 @@ def make_elements(compiler: Compiler, real: Any) -> SimpleNamespace:
             sums[0, group], sums[1, group] = total, unsure
 
     @compiled
-    def put_block(found, n, place, weight, h):
-        for m in range(9):
-            found[n * BLOCKS + place, m] = weight * h[m]
-
-    @compiled
     def blocks(first, last, points, elements, damped, safe, found):
         corners, materials, values = elements
         for n in range(first * SUMMED, min(last * SUMMED, len(corners))):
@@ -84,15 +79,12 @@ def make_elements(compiler: Compiler, real: Any) -> SimpleNamespace:
             c = seen_in(v, rest[3], rest[4], rest[5])
             d = seen_in(v, rest[6], rest[7], rest[8])
             a = -(b[0] + c[0]) - d[0], -(b[1] + c[1]) - d[1], -(b[2] + c[2]) - d[2]
-            put_block(found, n, 0, weight, block(u, axial, sums, offs, a, a))
-            put_block(found, n, 1, weight, block(u, axial, sums, offs, a, b))
-            put_block(found, n, 2, weight, block(u, axial, sums, offs, a, c))
-            put_block(found, n, 3, weight, block(u, axial, sums, offs, a, d))
-            put_block(found, n, 4, weight, block(u, axial, sums, offs, b, b))
-            put_block(found, n, 5, weight, block(u, axial, sums, offs, b, c))
-            put_block(found, n, 6, weight, block(u, axial, sums, offs, b, d))
-            put_block(found, n, 7, weight, block(u, axial, sums, offs, c, c))
-            put_block(found, n, 8, weight, block(u, axial, sums, offs, c, d))
-            put_block(found, n, 9, weight, block(u, axial, sums, offs, d, d))
+            seen, place = (a, b, c, d), 0
+            for p in range(4):  # a loop, so that a block is compiled once
+                for q in range(p, 4):
+                    h = block(u, axial, sums, offs, seen[p], seen[q])
+                    for m in range(9):
+                        found[n * BLOCKS + place, m] = weight * h[m]
+                    place += 1
 
     return SimpleNamespace(look=look, blocks=blocks, row=row)

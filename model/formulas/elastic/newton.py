@@ -2,8 +2,8 @@
 
 J. Nocedal, S. Wright, "Numerical Optimization", 2nd edition, algorithms 3.1 (backtracking), 5.3 (preconditioned conjugate
 gradients) and 7.1 (line search Newton-CG). The start is where particles were, or where they would be without elasticity,
-whichever has the lower potential. The matrix is the exact tangent; where that shows a curvature that is not positive, or
-leads nowhere, it is made again, `safe` (model/formulas/elastic/tangent.py). Decided from sums over all: the next pass, for one who
+whichever has the lower potential. The matrix is the exact tangent; where that shows a curvature that is not positive,
+or leads nowhere, it is made again, `safe` (model/formulas/elastic/tangent.py). Decided from sums over all: the next pass, for one who
 keeps `counts` and `values` between passes.
 """
 
