@@ -1,4 +1,4 @@
-"""Implicit Euler of tetrahedral bodies in slow, plain NumPy float64, solved to the end with dense matrices: the judge of newton.
+"""Implicit Euler of tetrahedral bodies in slow, plain NumPy float64, solved to the end with dense matrices.
 
 From the principal stretches, without model/formulas or a backend; of the model it takes the mesh. A substep of h minimises
 (S. Martin et al., "Example-Based Elastic Materials", ACM TOG 2011, eq. 3, and damping in proportion to stiffness)

@@ -18,6 +18,7 @@ from model.core.simulation import Options
 from model.formulas.elastic import newton as passes
 from model.mass_spring.cloth_parameters import collider_numbers
 from model.scene.scene import Scene
+from model.tetrahedra.aggregates import MODES, aggregates
 from model.tetrahedra.block_rows import BLOCKS, block_rows
 from model.tetrahedra.newton import DAMPED, element_materials, element_values, newton_plan, rounding_floor
 from model.tetrahedra.tables import surface_lists
@@ -42,11 +43,15 @@ class TetrahedraNewton(ParticlesSimulation):
         rows = block_rows(found.tetrahedra, count)
         blocks, dampers = len(rows.columns), len(rows.columns) if DAMPED in self.plan.parts else 0
         matrix = ((tetrahedra * BLOCKS, 9), (blocks, 9), (dampers, 9), (count, 6), (tetrahedra, 12))
+        rigid = aggregates(found, rows, self.body.inverse_mass > 0)
+        size = MODES * rigid.count
+        coarse = ((rigid.count, 4), (size, rigid.width), (1, size), (1, size))
         groups = -(-max(count, tetrahedra) // SUMMED)
         self._solver = (
             (np.ascontiguousarray(found.tetrahedra, np.int32), element_materials(found), element_values(found).astype(real)),
             rows.arrays, tuple(np.zeros((count, 3), real) for _ in range(VECTORS)),
-            tuple(np.zeros(shape, real) for shape in matrix), np.zeros((SUMS, groups), real),
+            tuple(np.zeros(shape, real) for shape in matrix), np.zeros((SUMS, groups), real), rigid.arrays,
+            tuple(np.zeros(shape, real) for shape in coarse),
         )  # fmt: skip
         self._floor = real(rounding_floor(found, real))
         self._control = np.zeros(2 + len(passes.COUNTS), np.int64)

@@ -91,10 +91,9 @@ def make_matrix_rows(compiler: Compiler, real: Any) -> SimpleNamespace:
     return SimpleNamespace(apply=apply, gather_damper=gather_damper, assemble=assemble)
 
 
-def make_solving(compiler: Compiler, real: Any, apply: Any) -> SimpleNamespace:
-    """The passes of conjugate gradients, each over groups: `start`, `product`, `update`, `direct`."""
-    compiled, combined = compiler.compiled, newton.make(real, compiler.compiled).combined
-    zero = real(0)
+def make_solving(compiler: Compiler, real: Any, apply: Any, corrected: Any) -> SimpleNamespace:
+    """The passes of conjugate gradients, each over groups: `start`, `product`, `update`, `correct`, `direct`."""
+    compiled, zero = compiler.compiled, real(0)
 
     @compiled
     def dot(a, b, k):
@@ -108,20 +107,13 @@ def make_solving(compiler: Compiler, real: Any, apply: Any) -> SimpleNamespace:
         into[k, 2] = (inverses[k, 2] * x + inverses[k, 4] * y) + inverses[k, 5] * z
 
     @compiled
-    def start(first, last, before, vectors, matrix, sums):
+    def start(first, last, before, vectors):
         gradient, solution, residual, direction = vectors[2], vectors[4], vectors[5], vectors[6]
-        for group in range(first, last):
-            total = zero
-            for k in range(group * SUMMED, min((group + 1) * SUMMED, len(before))):
-                free = before[k, 3] > zero
-                for axis in range(AXES):
-                    solution[k, axis] = zero
-                    residual[k, axis] = -gradient[k, axis] if free else zero
-                    direction[k, axis] = zero
-                if free:
-                    precondition(k, matrix[3], residual, direction)
-                    total = total + dot(residual, direction, k)
-            sums[0, group] = total
+        for k in range(first * SUMMED, min(last * SUMMED, len(before))):
+            for axis in range(AXES):
+                solution[k, axis] = zero
+                residual[k, axis] = -gradient[k, axis] if before[k, 3] > zero else zero
+                direction[k, axis] = zero
 
     @compiled
     def product(first, last, before, rows, vectors, matrix, sums):
@@ -136,17 +128,26 @@ def make_solving(compiler: Compiler, real: Any, apply: Any) -> SimpleNamespace:
             sums[0, group] = total
 
     @compiled
-    def update(first, last, alpha, before, vectors, matrix, sums):
+    def update(first, last, alpha, before, vectors):
         solution, residual, direction, applied = vectors[4], vectors[5], vectors[6], vectors[7]
+        for k in range(first * SUMMED, min(last * SUMMED, len(before))):
+            if before[k, 3] > zero:
+                for axis in range(AXES):
+                    solution[k, axis] = solution[k, axis] + alpha * direction[k, axis]
+                    residual[k, axis] = residual[k, axis] - alpha * applied[k, axis]
+
+    @compiled
+    def correct(first, last, position, before, vectors, matrix, groups, coarse, sums):
+        """Both levels' answer to the residual."""
+        residual, into = vectors[5], vectors[7]
         for group in range(first, last):
             total = zero
             for k in range(group * SUMMED, min((group + 1) * SUMMED, len(before))):
                 if before[k, 3] > zero:
-                    for axis in range(AXES):
-                        solution[k, axis] = solution[k, axis] + alpha * direction[k, axis]
-                        residual[k, axis] = residual[k, axis] - alpha * applied[k, axis]
-                    precondition(k, matrix[3], residual, applied)
-                    total = total + dot(residual, applied, k)
+                    precondition(k, matrix[3], residual, into)
+                    x, y, z = corrected(k, position, groups, coarse)
+                    into[k, 0], into[k, 1], into[k, 2] = into[k, 0] + x, into[k, 1] + y, into[k, 2] + z
+                    total = total + dot(residual, into, k)
             sums[0, group] = total
 
     @compiled
@@ -156,7 +157,7 @@ def make_solving(compiler: Compiler, real: Any, apply: Any) -> SimpleNamespace:
             for axis in range(AXES):
                 direction[k, axis] = preconditioned[k, axis] + beta * direction[k, axis]
 
-    return SimpleNamespace(start=start, product=product, update=update, direct=direct, dot=dot, combined=combined)
+    return SimpleNamespace(start=start, product=product, update=update, correct=correct, direct=direct, dot=dot)
 
 
 def make_moving(compiler: Compiler, real: Any, apply: Any, dot: Any) -> SimpleNamespace:

@@ -9,9 +9,12 @@ from __future__ import annotations
 from functools import cache
 from typing import Any
 
+import numpy as np
+
 from cpu_backend.core.compile import Compiler
 from cpu_backend.core.progress import shares
 from cpu_backend.mass_spring.cloth.scratch import cloth_variant
+from cpu_backend.tetrahedra.newton_coarse import make_coarse
 from cpu_backend.tetrahedra.newton_elements import SUMMED, make_elements
 from cpu_backend.tetrahedra.newton_rows import make_matrix_rows, make_moving, make_solving
 from cpu_backend.xpbd.mesh_kernels import make_begin, make_end
@@ -27,15 +30,17 @@ def make_pass(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
     """one_pass(kind, band, bands, frame, number, safe, alpha, beta, share, state, given, solver): a pass on a band.
 
     `state`: (position, velocity, before); `given`: (parameters, integers, wind lists, bodies, kinds); `solver`: (elements,
-    rows, vectors, matrix, sums), see newton_elements.py and newton_rows.py.
+    rows, vectors, matrix, sums, groups, coarse), see newton_elements.py, newton_rows.py and newton_coarse.py.
     """
     begin, ends = make_begin(compiler, real, parts), make_end(compiler, real, parts)
     update_velocity, collide = ends.update, ends.collide
     elements, of_rows = make_elements(compiler, real), make_matrix_rows(compiler, real)
-    solving = make_solving(compiler, real, of_rows.apply)
+    level = make_coarse(compiler, real)
+    solving = make_solving(compiler, real, of_rows.apply, level.corrected)
     moving = make_moving(compiler, real, of_rows.apply, solving.dot)
     look, blocks, gather_damper, assemble = elements.look, elements.blocks, of_rows.gather_damper, of_rows.assemble
     start, product, update, direct = solving.start, solving.product, solving.update, solving.direct
+    correct, centre, gather, restrict = solving.correct, level.centre, level.gather, level.restrict
     weigh, move, accept, put = moving.weigh, moving.move, moving.accept, moving.put
     damped, has_bodies = DAMPED in parts, bool(parts & set(COLLIDER_KINDS))
 
@@ -65,28 +70,44 @@ def make_pass(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
 
     @compiler.compiled
     def matrix_pass(kind, first, last, safe, alpha, beta, state, given, solver):
-        _, rows, vectors, matrix, sums = solver
-        before, parameters = state[2], given[0]
+        _, rows, vectors, matrix, sums, groups, coarse = solver
+        position, _, before = state
+        parameters = given[0]
         if kind == passes.DAMPER_ROWS:
             gather_damper(first, last, rows, matrix)
         elif kind == passes.ROWS:
             assemble(first, last, before, rows, matrix, parameters, damped, sums)
         elif kind == passes.SOLVE:
-            start(first, last, before, vectors, matrix, sums)
+            start(first, last, before, vectors)
         elif kind == passes.PRODUCT:
             product(first, last, before, rows, vectors, matrix, sums)
         elif kind == passes.UPDATE:
-            update(first, last, alpha, before, vectors, matrix, sums)
+            update(first, last, alpha, before, vectors)
+        elif kind == passes.CORRECT:
+            correct(first, last, position, before, vectors, matrix, groups, coarse, sums)
+        elif kind == passes.CENTRES:
+            centre(first, last, position, groups, coarse)
+        elif kind == passes.COARSE:
+            gather(first, last, position, rows, matrix[1], groups, coarse)
+        elif kind == passes.RESTRICT:
+            restrict(first, last, position, vectors[5], groups, coarse)
         else:
             direct(first, last, beta, vectors)
 
     @compiler.compiled
+    def items_of(kind, tetrahedra, particles, groups):
+        """Of how many things a band gets its part: groups, or SUMMED tetrahedra or particles each."""
+        if kind in (passes.CENTRES, passes.COARSE, passes.RESTRICT):
+            return np.int64(groups)
+        of_elements = kind in (passes.LOOK, passes.BLOCKS, passes.DAMPER_BLOCKS)
+        return ((tetrahedra if of_elements else particles) + SUMMED - 1) // SUMMED
+
+    @compiler.compiled
     def one_pass(kind, band, bands, frame, number, safe, alpha, beta, share, state, given, solver):
         position, _, before = state
-        elements, rows, vectors, matrix, sums = solver
-        of_elements = kind in (passes.LOOK, passes.BLOCKS, passes.DAMPER_BLOCKS)
-        groups = ((len(elements[0]) if of_elements else len(position)) + SUMMED - 1) // SUMMED
-        first, last = groups * band // bands, groups * (band + 1) // bands
+        elements, rows, vectors, matrix, sums, groups, _ = solver
+        many = items_of(kind, len(elements[0]), len(position), len(groups[0]) - 1)
+        first, last = many * band // bands, many * (band + 1) // bands
         if kind == passes.BEGIN:
             begin_groups(first, last, frame, number, state, given, vectors)
         elif kind == passes.LOOK:
@@ -129,12 +150,24 @@ def make_newton_advance(real: Any, math: str, parts: frozenset[str]) -> Any:
             found = found + sums[place, group]
         return found
 
+    level = make_coarse(compiler, real)
+    factor, solve, one = level.factor, level.solve, real(1)
+
+    @compiler.compiled
+    def alone(kind, solver, first):
+        """What one thread does between two passes; the sum, or 1 where the coarse matrix is not positive."""
+        if kind == passes.COARSE:
+            return one if factor(solver[6], solver[5]) else zero
+        if kind == passes.RESTRICT:
+            solve(solver[6], solver[5])
+        return first
+
     @compiler.compiled
     def go_on(control, values, iterations, floor, particles, solver, done):
         """What follows the pass that was done, from the sums that it left."""
         kind, sums = control[0], solver[4]
         groups = ((len(solver[0][0]) if kind == passes.LOOK else particles) + SUMMED - 1) // SUMMED
-        first = total(sums, 0, groups)
+        first = alone(kind, solver, total(sums, 0, groups))
         second = total(sums, 1, groups) if kind == passes.LOOK else zero
         counts = control[2], control[3], control[4], control[5], control[6]
         kept = (

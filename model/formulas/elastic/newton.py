@@ -1,10 +1,10 @@
 """Newton's method with a line search, each step by conjugate gradients: which pass over tetrahedra or particles comes next.
 
 J. Nocedal, S. Wright, "Numerical Optimization", 2nd edition, algorithms 3.1 (backtracking), 5.3 (preconditioned conjugate
-gradients) and 7.1 (line search Newton-CG). The start is where particles were, or where they would be without elasticity,
-whichever has the lower potential. The matrix is the exact tangent; where that shows a curvature that is not positive,
-or leads nowhere, it is made again, `safe` (model/formulas/elastic/tangent.py). Decided from sums over all: the next pass, for one who
-keeps `counts` and `values` between passes.
+gradients; by the diagonal blocks' inverses and a coarse level, coarse.py) and 7.1 (line search Newton-CG). The start is where
+particles were, or where they would be without elasticity, whichever has the lower potential. The matrix is the exact tangent;
+where that shows a curvature that is not positive, or leads nowhere, it is made again, `safe` (tangent.py). Decided from sums
+over all: the next pass, for one who keeps `counts` and `values` between passes.
 """
 
 from __future__ import annotations
@@ -17,19 +17,19 @@ import numpy as np
 from model.formulas import plain
 
 KINDS = (
-    "begin", "damper blocks", "damper rows", "look", "weigh", "accept", "return", "ahead", "blocks", "rows", "solve",
-    "product", "update", "direction", "move", "finish",
+    "begin", "damper blocks", "damper rows", "look", "weigh", "accept", "return", "ahead", "blocks", "rows",
+    "centres", "coarse rows", "solve", "product", "update", "restrict", "correct", "direction", "move", "finish",
 )  # fmt: skip
 (
-    BEGIN, DAMPER_BLOCKS, DAMPER_ROWS, LOOK, WEIGH, ACCEPT, RETURN, AHEAD, BLOCKS, ROWS, SOLVE, PRODUCT, UPDATE, DIRECTION,
-    MOVE, FINISH,
+    BEGIN, DAMPER_BLOCKS, DAMPER_ROWS, LOOK, WEIGH, ACCEPT, RETURN, AHEAD, BLOCKS, ROWS, CENTRES, COARSE,
+    SOLVE, PRODUCT, UPDATE, RESTRICT, CORRECT, DIRECTION, MOVE, FINISH,
 ) = range(len(KINDS))  # fmt: skip
 BEHIND, BEFORE, SEARCH = range(
     3
 )  # where the potential is asked for: at the substep's start, without elasticity, along a step
 COUNTS = ("phase", "safe", "products", "steps", "halvings")
 VALUES = ("energy", "trial", "noise", "squared", "enough", "alpha", "beta", "share", "slope")
-NEAR = 1e-4  # the residual that is left, in the norm of the inverse diagonal blocks, over the first one
+NEAR = 1e-4  # the residual that is left, in the norm of the preconditioner, over the first one
 DOWNHILL = 1e-4  # of the descent that a straight line promises
 MOST_HALVINGS = 20  # to a millionth of a step
 MOST_PRODUCTS = 20_000  # a system that needs more is not solved in this step: it goes on from there in the next
@@ -76,16 +76,17 @@ def make_control(real, compiled=plain):
     @compiled
     def after_solving(kind, safe, products, squared, enough, found, floor):
         """(next pass, safe, products, squared, enough, alpha, beta) within conjugate gradients."""
-        if kind == SOLVE:
-            enough = max(near * found, floor)
-            return PRODUCT if found > floor else FINISH, safe, 0, found, enough, zero, zero
         if kind == PRODUCT:
             if found > zero:
                 return UPDATE, safe, products, squared, enough, squared / found, zero
             if safe == 0:
                 return BLOCKS, 1, products, squared, enough, zero, zero
             return MOVE if products > 0 else FINISH, safe, products, squared, enough, zero, zero
-        products += 1
+        if kind == UPDATE:
+            return RESTRICT, safe, products + 1, squared, enough, zero, zero
+        if products == 0:
+            enough = max(near * found, floor)
+            return DIRECTION if found > floor else FINISH, safe, 0, found, enough, zero, zero
         if found > enough and products < MOST_PRODUCTS:
             return DIRECTION, safe, products, found, enough, zero, found / squared
         return MOVE, safe, products, found, enough, zero, zero
@@ -107,9 +108,11 @@ def make_control(real, compiled=plain):
             )  # fmt: skip
         elif kind in (ACCEPT, RETURN):
             later, phase, safe, steps = after_moving(kind, phase, safe, steps, energy, slope, iterations)
-        elif kind == ROWS and first > zero and safe == 0:
+        elif kind in (ROWS, COARSE) and first > zero and safe == 0:
             later, safe = BLOCKS, 1
-        elif kind in (SOLVE, PRODUCT, UPDATE):
+        elif kind == SOLVE:
+            later, products = RESTRICT, 0
+        elif kind in (PRODUCT, UPDATE, CORRECT):
             later, safe, products, squared, enough, alpha, beta = after_solving(
                 kind, safe, products, squared, enough, first, floor
             )  # fmt: skip
@@ -153,10 +156,6 @@ def make(real, compiled=plain):
         return half * inertia * ((x * x + y * y) + z * z)
 
     @compiled
-    def combined(a, x, b, y):
-        return a * x + b * y
-
-    @compiled
     def moved(x, share, d):
         return x + share * d
 
@@ -170,6 +169,4 @@ def make(real, compiled=plain):
         s = one / whole if good else zero
         return s * p, s * q, s * r, s * (a * f - c * c), s * (b * c - a * e), s * minor, good
 
-    return SimpleNamespace(
-        doubt=doubt, inertia_of=inertia_of, kept=kept, combined=combined, moved=moved, inverse=inverse
-    )
+    return SimpleNamespace(doubt=doubt, inertia_of=inertia_of, kept=kept, moved=moved, inverse=inverse)
