@@ -158,7 +158,8 @@ test_labbook.py test_the_book_is_built*
 test_findings.py *
 test_no_trace.py test_the_cpu_has_no_instruction*
 test_vertex_timing.py test_both_ways*
-test_newton.py test_single_precision*
+test_newton.py test_single_precision* test_what_falls*
+test_compiled.py *implicit?tetrahedra*
 test_compiled.py *sheets?of?bodies*
 test_ablate.py test_a_time_between* test_asked_again* test_the_command_prints* test_interrupted* test_the_figure_and*
 # the tool that measures how many deliberate mistakes are noticed (python -m tests.mistakes), end to end

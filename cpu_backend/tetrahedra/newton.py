@@ -20,7 +20,7 @@ from model.mass_spring.cloth_parameters import collider_numbers
 from model.scene.scene import Scene
 from model.tetrahedra.aggregates import MODES, aggregates
 from model.tetrahedra.block_rows import BLOCKS, block_rows
-from model.tetrahedra.newton import DAMPED, element_materials, element_values, newton_plan, rounding_floor
+from model.tetrahedra.newton import DAMPED, element_materials, element_values, holding, newton_plan, rounding_floor
 from model.tetrahedra.tables import surface_lists
 
 VECTORS = 8  # see newton_rows.py
@@ -46,11 +46,12 @@ class TetrahedraNewton(ParticlesSimulation):
         rigid = aggregates(found, rows, self.body.inverse_mass > 0)
         size = MODES * rigid.count
         coarse = ((rigid.count, 4), (size, rigid.width), (1, size), (1, size))
+        hard = holding(found).astype(real)[:, None]
         groups = -(-max(count, tetrahedra) // SUMMED)
         self._solver = (
             (np.ascontiguousarray(found.tetrahedra, np.int32), element_materials(found), element_values(found).astype(real)),
             rows.arrays, tuple(np.zeros((count, 3), real) for _ in range(VECTORS)),
-            tuple(np.zeros(shape, real) for shape in matrix), np.zeros((SUMS, groups), real), rigid.arrays,
+            (*(np.zeros(shape, real) for shape in matrix), hard), np.zeros((SUMS, groups), real), rigid.arrays,
             tuple(np.zeros(shape, real) for shape in coarse),
         )  # fmt: skip
         self._floor = real(rounding_floor(found, real))

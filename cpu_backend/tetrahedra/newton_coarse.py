@@ -20,10 +20,10 @@ from model.tetrahedra.aggregates import MODES
 def make_coarse(compiler: Compiler, real: Any) -> SimpleNamespace:
     """`centre(first, last, position, groups, coarse)`, `gather(first, last, position, rows, blocks, groups, coarse)`,
     `restrict(first, last, position, residual, groups, coarse)`: of groups; `corrected(k, position, groups, coarse)`: three
-    numbers to be added at particle k; `factor(coarse, groups)`: whether it is not positive; `solve(coarse, groups)`."""
+    numbers to be added at particle k."""
     compiled, formulas = compiler.compiled, formulas_of.make(real, compiler.compiled)
     scale_of, arm, moment, motion = formulas.scale_of, formulas.arm, formulas.moment, formulas.motion
-    columns, pivot = formulas.columns, formulas.pivot
+    columns = formulas.columns
     zero, one = real(0), real(1)
 
     @compiled
@@ -102,6 +102,13 @@ def make_coarse(compiler: Compiler, real: Any) -> SimpleNamespace:
         )  # fmt: skip
         return motion(arm_of(k, group, position, coarse[0]), y)
 
+    return SimpleNamespace(centre=centre, gather=gather, restrict=restrict, corrected=corrected)
+
+
+def make_band(compiler: Compiler, real: Any) -> SimpleNamespace:
+    """`factor(coarse, groups)`: whether the coarse matrix is not positive; `solve(coarse, groups)`. For one thread."""
+    compiled, pivot = compiler.compiled, formulas_of.make(real, compiler.compiled).pivot
+
     @compiled
     def subtract(band, i, k, many, share):
         """Row i less `share` times the part of row k from column i on, `many` entries."""
@@ -141,6 +148,4 @@ def make_coarse(compiler: Compiler, real: Any) -> SimpleNamespace:
                 total = total - band[k, j] * found[0, k + j]
             found[0, k] = band[k, 0] * total
 
-    return SimpleNamespace(
-        centre=centre, gather=gather, restrict=restrict, corrected=corrected, factor=factor, solve=solve
-    )
+    return SimpleNamespace(factor=factor, solve=solve)

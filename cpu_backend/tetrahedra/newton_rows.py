@@ -3,7 +3,7 @@
 `vectors`: (target, current, gradient of the potential, that at a trial, solution, residual, direction, product of the matrix
 or what is preconditioned or the way since the substep's start), each (particles, 3); `rows`: model/tetrahedra/block_rows.py's
 arrays; `matrix`: (blocks of tetrahedra, of rows, of the damper's rows, inverse of the diagonal as six numbers, forces at
-corners).
+corners, what holds each particle [N/m]).
 """
 
 from __future__ import annotations
@@ -19,10 +19,11 @@ TARGET, CURRENT, GRADIENT, TRIAL, SOLUTION, RESIDUAL, DIRECTION, PRODUCT = range
 AXES = 3
 
 
-def make_matrix_rows(compiler: Compiler, real: Any) -> SimpleNamespace:
+def make_matrix_rows(compiler: Compiler, real: Any, contact: SimpleNamespace) -> SimpleNamespace:
     """`apply(k, rows, blocks, vector)`: a row's product, three numbers; `assemble(...)`, `gather_damper(...)` of groups."""
     compiled, formulas = compiler.compiled, newton.make(real, compiler.compiled)
-    inertia_of, inverse = formulas.inertia_of, formulas.inverse
+    inertia_of, inverse, outer = formulas.inertia_of, formulas.inverse, formulas.outer
+    has_bodies, nearly_within = contact.has_bodies, contact.nearly_within
     zero, one = real(0), real(1)
 
     @compiled
@@ -61,10 +62,11 @@ def make_matrix_rows(compiler: Compiler, real: Any) -> SimpleNamespace:
             gather(n, rows, matrix[0], matrix[2])
 
     @compiled
-    def assemble(first, last, before, rows, matrix, parameters, damped, sums):
+    def assemble(first, last, number, position, target, before, rows, matrix, given, damped, sums):
         """The rows of the matrix and the inverse of their diagonals; sums[0]: how many of these are not positive."""
         starts, diagonal = rows[0], rows[2]
         blocks, damper, inverses = matrix[1], matrix[2], matrix[3]
+        parameters = given[0]
         rate = parameters.newton_rate
         for group in range(first, last):
             bad = zero
@@ -79,6 +81,13 @@ def make_matrix_rows(compiler: Compiler, real: Any) -> SimpleNamespace:
                 n, inertia = diagonal[k], inertia_of(parameters.newton_inertia, before[k, 3])
                 for axis in range(AXES):
                     blocks[n, 4 * axis] = blocks[n, 4 * axis] + inertia
+                if has_bodies:
+                    x, y, z, hard = nearly_within(k, number, position, target, before, matrix, given)
+                    a, b, c, d, e, f = outer(x, y, z, hard)
+                    blocks[n, 0], blocks[n, 4], blocks[n, 8] = blocks[n, 0] + a, blocks[n, 4] + d, blocks[n, 8] + f
+                    blocks[n, 1], blocks[n, 3] = blocks[n, 1] + b, blocks[n, 3] + b
+                    blocks[n, 2], blocks[n, 6] = blocks[n, 2] + c, blocks[n, 6] + c
+                    blocks[n, 5], blocks[n, 7] = blocks[n, 5] + e, blocks[n, 7] + e
                 a, b, c, d, e, f, good = inverse(
                     blocks[n, 0], blocks[n, 1], blocks[n, 2], blocks[n, 4], blocks[n, 5], blocks[n, 8]
                 )  # fmt: skip
@@ -160,15 +169,16 @@ def make_solving(compiler: Compiler, real: Any, apply: Any, corrected: Any) -> S
     return SimpleNamespace(start=start, product=product, update=update, correct=correct, direct=direct, dot=dot)
 
 
-def make_moving(compiler: Compiler, real: Any, apply: Any, dot: Any) -> SimpleNamespace:
+def make_moving(compiler: Compiler, real: Any, apply: Any, dot: Any, contact: SimpleNamespace) -> SimpleNamespace:
     """`weigh`: the potential's gradient at the positions, the rest of its energy; `move`, `accept`, `put`, over groups."""
     compiled, formulas = compiler.compiled, newton.make(real, compiler.compiled)
     inertia_of, kept, moved = formulas.inertia_of, formulas.kept, formulas.moved
+    has_bodies, within = contact.has_bodies, contact.within
     zero, half = real(0), real(0.5)
 
     @compiled
-    def weigh(first, last, position, before, rows, vectors, matrix, parameters, damped, sums):
-        target, gradient, away = vectors[0], vectors[3], vectors[7]
+    def weigh(first, last, number, position, before, rows, vectors, matrix, given, damped, sums):
+        target, gradient, away, parameters = vectors[0], vectors[3], vectors[7], given[0]
         meets, corners, forces = rows[5], rows[6], matrix[4]
         for group in range(first, last):
             total = zero
@@ -189,6 +199,10 @@ def make_moving(compiler: Compiler, real: Any, apply: Any, dot: Any) -> SimpleNa
                     x = x + forces[tetrahedron, corner]
                     y = y + forces[tetrahedron, corner + 1]
                     z = z + forces[tetrahedron, corner + 2]
+                if has_bodies:
+                    p, q, r, hard = within(k, number, position, before, matrix, given)
+                    total = total + kept(hard, p, q, r)
+                    x, y, z = x + hard * p, y + hard * q, z + hard * r
                 gradient[k, 0], gradient[k, 1], gradient[k, 2] = x, y, z
             sums[0, group], sums[1, group] = total, zero
 

@@ -7,6 +7,7 @@ What follows a pass is decided from sums that are taken group by group, then ove
 from __future__ import annotations
 
 from functools import cache
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -14,35 +15,25 @@ import numpy as np
 from cpu_backend.core.compile import Compiler
 from cpu_backend.core.progress import shares
 from cpu_backend.mass_spring.cloth.scratch import cloth_variant
-from cpu_backend.tetrahedra.newton_coarse import make_coarse
+from cpu_backend.tetrahedra.newton_coarse import make_band, make_coarse
+from cpu_backend.tetrahedra.newton_contact import make_contact
 from cpu_backend.tetrahedra.newton_elements import SUMMED, make_elements
 from cpu_backend.tetrahedra.newton_rows import make_matrix_rows, make_moving, make_solving
 from cpu_backend.xpbd.mesh_kernels import make_begin, make_end
 from model.formulas.elastic import newton as passes
-from model.scene.cloth import COLLIDER_KINDS
 from model.tetrahedra.newton import DAMPED
 
 SUMS = 2
 DONE = ("substeps", "looks", "matrices", "products", "steps")  # that a simulation has done
 
 
-def make_pass(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
-    """one_pass(kind, band, bands, frame, number, safe, alpha, beta, share, state, given, solver): a pass on a band.
-
-    `state`: (position, velocity, before); `given`: (parameters, integers, wind lists, bodies, kinds); `solver`: (elements,
-    rows, vectors, matrix, sums, groups, coarse), see newton_elements.py, newton_rows.py and newton_coarse.py.
-    """
+def make_substep_ends(
+    compiler: Compiler, real: Any, parts: frozenset[str], put: Any, contact: SimpleNamespace
+) -> SimpleNamespace:
+    """`begin_groups`: where inertia leads; `finish_groups`: velocities, and what particles meet. Of groups."""
     begin, ends = make_begin(compiler, real, parts), make_end(compiler, real, parts)
     update_velocity, collide = ends.update, ends.collide
-    elements, of_rows = make_elements(compiler, real), make_matrix_rows(compiler, real)
-    level = make_coarse(compiler, real)
-    solving = make_solving(compiler, real, of_rows.apply, level.corrected)
-    moving = make_moving(compiler, real, of_rows.apply, solving.dot)
-    look, blocks, gather_damper, assemble = elements.look, elements.blocks, of_rows.gather_damper, of_rows.assemble
-    start, product, update, direct = solving.start, solving.product, solving.update, solving.direct
-    correct, centre, gather, restrict = solving.correct, level.centre, level.gather, level.restrict
-    weigh, move, accept, put = moving.weigh, moving.move, moving.accept, moving.put
-    damped, has_bodies = DAMPED in parts, bool(parts & set(COLLIDER_KINDS))
+    has_bodies, pressed = contact.has_bodies, contact.pressed
 
     @compiler.compiled
     def begin_groups(first, last, frame, number, state, given, vectors):
@@ -60,23 +51,45 @@ def make_pass(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
         put(first, last, position, before, before, vectors)
 
     @compiler.compiled
-    def finish_groups(first, last, number, state, given):
+    def finish_groups(first, last, number, state, given, matrix):
         position, velocity, before = state
         parameters, _, _, bodies, kinds = given
         low, high = first * SUMMED, min(last * SUMMED, len(position))
         update_velocity(low, high, before, position, velocity, parameters)
         if has_bodies:
+            pressed(first, last, number, position, velocity, before, matrix, given)
             collide(low, high, number, before, position, velocity, parameters, bodies, kinds)
 
+    return SimpleNamespace(begin_groups=begin_groups, finish_groups=finish_groups)
+
+
+def make_pass(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
+    """one_pass(kind, band, bands, frame, number, safe, alpha, beta, share, state, given, solver): a pass on a band.
+
+    `state`: (position, velocity, before); `given`: (parameters, integers, wind lists, bodies, kinds); `solver`: (elements,
+    rows, vectors, matrix, sums, groups, coarse), see newton_elements.py, newton_rows.py and newton_coarse.py.
+    """
+    contact = make_contact(compiler, real, parts)
+    elements, of_rows = make_elements(compiler, real), make_matrix_rows(compiler, real, contact)
+    level = make_coarse(compiler, real)
+    solving = make_solving(compiler, real, of_rows.apply, level.corrected)
+    moving = make_moving(compiler, real, of_rows.apply, solving.dot, contact)
+    look, blocks, gather_damper, assemble = elements.look, elements.blocks, of_rows.gather_damper, of_rows.assemble
+    start, product, update, direct = solving.start, solving.product, solving.update, solving.direct
+    correct, centre, gather, restrict = solving.correct, level.centre, level.gather, level.restrict
+    weigh, move, accept, put = moving.weigh, moving.move, moving.accept, moving.put
+    ends = make_substep_ends(compiler, real, parts, put, contact)
+    begin_groups, finish_groups = ends.begin_groups, ends.finish_groups
+    damped = DAMPED in parts
+
     @compiler.compiled
-    def matrix_pass(kind, first, last, safe, alpha, beta, state, given, solver):
+    def matrix_pass(kind, first, last, number, alpha, beta, state, given, solver):
         _, rows, vectors, matrix, sums, groups, coarse = solver
         position, _, before = state
-        parameters = given[0]
         if kind == passes.DAMPER_ROWS:
             gather_damper(first, last, rows, matrix)
         elif kind == passes.ROWS:
-            assemble(first, last, before, rows, matrix, parameters, damped, sums)
+            assemble(first, last, number, position, vectors[0], before, rows, matrix, given, damped, sums)
         elif kind == passes.SOLVE:
             start(first, last, before, vectors)
         elif kind == passes.PRODUCT:
@@ -117,7 +130,7 @@ def make_pass(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
         elif kind == passes.DAMPER_BLOCKS:
             blocks(first, last, before, elements, True, True, matrix[0])
         elif kind == passes.WEIGH:
-            weigh(first, last, position, before, rows, vectors, matrix, given[0], damped, sums)
+            weigh(first, last, number, position, before, rows, vectors, matrix, given, damped, sums)
         elif kind == passes.MOVE:
             move(first, last, share, position, before, vectors, sums)
         elif kind == passes.ACCEPT:
@@ -127,9 +140,9 @@ def make_pass(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
         elif kind == passes.AHEAD:
             put(first, last, position, before, vectors[0], vectors)
         elif kind == passes.FINISH:
-            finish_groups(first, last, number, state, given)
+            finish_groups(first, last, number, state, given, matrix)
         else:
-            matrix_pass(kind, first, last, safe, alpha, beta, state, given, solver)
+            matrix_pass(kind, first, last, number, alpha, beta, state, given, solver)
 
     return one_pass
 
@@ -150,8 +163,8 @@ def make_newton_advance(real: Any, math: str, parts: frozenset[str]) -> Any:
             found = found + sums[place, group]
         return found
 
-    level = make_coarse(compiler, real)
-    factor, solve, one = level.factor, level.solve, real(1)
+    band = make_band(compiler, real)
+    factor, solve, one = band.factor, band.solve, real(1)
 
     @compiler.compiled
     def alone(kind, solver, first):

@@ -50,6 +50,14 @@ def element_materials(found: TetrahedraSet) -> np.ndarray:
     return np.array([MATERIALS.index(part.material) for part in found.parts], np.int64)[found.body]
 
 
+def holding(found: TetrahedraSet) -> np.ndarray:
+    """(particles,) [N/m]: how the tetrahedra at each particle hold it at rest, along the axis along which they do most."""
+    mu, lame = found.lame()
+    rows = np.concatenate([-found.rest_inverse.sum(axis=1, keepdims=True), found.rest_inverse], axis=1)
+    each = ((2 * mu + lame) * found.volume)[:, None] * (rows**2).sum(axis=2)
+    return np.bincount(found.tetrahedra.ravel(), each.ravel(), found.particle_count)
+
+
 def rounding_floor(found: TetrahedraSet, real: Any) -> float:
     """[J]: of residuals, in the norm of the inverse diagonal blocks, that are left alone: those of strains of a tenth of what
     rounding makes."""

@@ -5,6 +5,7 @@ One set of parts (gravity, dampers), so that one kernel a precision is compiled.
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -178,6 +179,30 @@ def test_single_precision_stays_at_rest_and_sags_as_far() -> None:
         simulation.advance(200)
         assert tip(simulation.read("position").astype(float), scene) == pytest.approx(want, rel=2e-3)
         assert np.abs(simulation.state().velocity).max() < 1e-4
+
+
+@pytest.mark.parametrize("young", [1e5, 1e7])
+def test_what_falls_on_a_floor_comes_to_rest_on_it(young: float, tmp_path: Path) -> None:
+    """Colliders push while a step is solved: pushed out afterwards alone, a stiff body would be strained by as much as it
+    falls in a step, and thrown back."""
+    table = (
+        f"[a]\nkind = 'tetrahedral_body'\nshape = {{ name = 'box', sides = [0.3, 0.2, 0.2] }}\norigin = [0.0, 0.3, 0.0]\n"
+        f"edge = 0.1\nangle = 20.0\naxis = [0.0, 0.0, 1.0]\nyoung_modulus = {young}\ndamping = 0.01\n"
+        "[floor]\nkind = 'plane'\nstatic_friction = 0.6\ndynamic_friction = 0.5\n[gravity]\n"
+        "[method]\nsolver = 'newton'\ndt = 0.016666666666666666\niterations = 3\n"
+    )
+    (tmp_path / "fall.toml").write_text(table, encoding="utf-8")
+    scene = load_scene(tmp_path / "fall.toml")
+    with opened(scene) as simulation:
+        fastest = 0.0
+        for _ in range(12):
+            simulation.advance(15)
+            state = simulation.state()
+            fastest = max(fastest, float(np.abs(state.velocity).max()))
+            assert state.position[:, 1].min() >= 0
+        ratio = np.linalg.det(deformation(scene.tetrahedra_set, state.position))
+    assert fastest < 4 and np.abs(state.velocity).max() < 1e-3
+    np.testing.assert_allclose(ratio, 1, atol=0.05)
 
 
 def test_rows_of_blocks_hold_each_corner_pair_once() -> None:

@@ -8,11 +8,12 @@ from test_newton import STILL, bar, opened, start
 
 from cpu_backend.core.compile import Compiler
 from cpu_backend.core.plain import translated
-from cpu_backend.tetrahedra.newton_coarse import make_coarse
+from cpu_backend.tetrahedra.newton_coarse import make_band, make_coarse
 from model.tetrahedra.aggregates import MOST, aggregates
 from model.tetrahedra.block_rows import block_rows
 
-LEVEL = make_coarse(Compiler("test", "exact"), np.float64)
+ONE = Compiler("test", "exact")
+LEVEL = {**vars(make_coarse(ONE, np.float64)), **vars(make_band(ONE, np.float64))}
 
 
 def test_groups_hold_each_free_particle_once_and_reach_as_far_as_the_matrix() -> None:
@@ -54,7 +55,7 @@ def test_the_coarse_level_is_the_matrix_seen_by_rigid_motions() -> None:
     size = 6 * groups.count
     coarse = np.zeros((groups.count, 4)), np.zeros((size, groups.width)), np.zeros((1, size)), np.zeros((1, size))
     tables, residual = groups.arrays, random.normal(size=(count, 3))
-    plain = {name: translated(function) for name, function in vars(LEVEL).items()}
+    plain = {name: translated(function) for name, function in LEVEL.items()}
     plain["centre"](0, groups.count, position, tables, coarse)
     plain["gather"](0, groups.count, position, rows.arrays, blocks, tables, coarse)
     assert not plain["factor"](coarse, tables)

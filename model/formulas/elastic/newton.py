@@ -33,18 +33,18 @@ NEAR = 1e-4  # the residual that is left, in the norm of the preconditioner, ove
 DOWNHILL = 1e-4  # of the descent that a straight line promises
 MOST_HALVINGS = 20  # to a millionth of a step
 MOST_PRODUCTS = 20_000  # a system that needs more is not solved in this step: it goes on from there in the next
+CONTACT = 10.0  # how hard colliders are while a step is solved, over what holds a particle
+SOON = 1 / 64  # of the way to where inertia leads: who is within a collider then rests on it
 CONVERGED = {4: 1e-6, 8: 1e-13}  # the descent that a step promised, over the potential, after which none follows
 
 
-def make_control(real, compiled=plain):
-    """`after(kind, counts, values, first, second, iterations, damped, floor)`: (the next pass, counts, values) after the
-    pass `kind`, which left the sums `first` and `second`."""
-    zero, half, one = real(0), real(0.5), real(1)
-    near, downhill = real(NEAR**2), real(DOWNHILL)
+def make_search(real, compiled=plain):
+    """What follows `weigh`, and `accept` or `return`: see make_control."""
+    half, downhill = real(0.5), real(DOWNHILL)
     converged = real(CONVERGED[np.dtype(real).itemsize])
 
     @compiled
-    def after_looking(phase, safe, halvings, energy, trial, noise, share, slope):
+    def after_looking(phase, halvings, energy, trial, noise, share, slope):
         """(next pass, energy, share, halvings)"""
         if phase == BEHIND:
             return ACCEPT, trial, share, halvings
@@ -72,6 +72,16 @@ def make_control(real, compiled=plain):
         if steps + 1 < iterations and -slope > converged * energy:
             return BLOCKS, phase, 0, steps + 1
         return FINISH, phase, safe, steps + 1
+
+    return SimpleNamespace(after_looking=after_looking, after_moving=after_moving)
+
+
+def make_control(real, compiled=plain):
+    """`after(kind, counts, values, first, second, iterations, damped, floor)`: (the next pass, counts, values) after the
+    pass `kind`, which left the sums `first` and `second`."""
+    zero, one, near = real(0), real(1), real(NEAR**2)
+    search = make_search(real, compiled)
+    after_looking, after_moving = search.after_looking, search.after_moving
 
     @compiled
     def after_solving(kind, safe, products, squared, enough, found, floor):
@@ -103,9 +113,7 @@ def make_control(real, compiled=plain):
             trial, noise = first, second
         elif kind == WEIGH:
             trial, noise = trial + first, noise + second
-            later, energy, share, halvings = after_looking(
-                phase, safe, halvings, energy, trial, noise, share, slope
-            )  # fmt: skip
+            later, energy, share, halvings = after_looking(phase, halvings, energy, trial, noise, share, slope)
         elif kind in (ACCEPT, RETURN):
             later, phase, safe, steps = after_moving(kind, phase, safe, steps, energy, slope, iterations)
         elif kind in (ROWS, COARSE) and first > zero and safe == 0:
@@ -160,6 +168,13 @@ def make(real, compiled=plain):
         return x + share * d
 
     @compiled
+    def outer(x, y, z, hard):
+        """`hard` times n n', (xx, xy, xz, yy, yz, zz), of n along (x, y, z); nothing where that is nothing."""
+        squared = (x * x + y * y) + z * z
+        s = hard / squared if squared > zero else zero
+        return s * (x * x), s * (x * y), s * (x * z), s * (y * y), s * (y * z), s * (z * z)
+
+    @compiled
     def inverse(a, b, c, d, e, f):
         """(the inverse's xx, xy, xz, yy, yz, zz, whether it is positive) of the symmetric matrix (xx, xy, xz, yy, yz, zz)."""
         p, q, r = d * f - e * e, e * c - b * f, b * e - d * c
@@ -169,4 +184,4 @@ def make(real, compiled=plain):
         s = one / whole if good else zero
         return s * p, s * q, s * r, s * (a * f - c * c), s * (b * c - a * e), s * minor, good
 
-    return SimpleNamespace(doubt=doubt, inertia_of=inertia_of, kept=kept, moved=moved, inverse=inverse)
+    return SimpleNamespace(doubt=doubt, inertia_of=inertia_of, kept=kept, moved=moved, outer=outer, inverse=inverse)

@@ -22,7 +22,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from model.formulas import elasticity, plain
+from model.formulas import elasticity, joined, plain
 from model.formulas.constraints.tetrahedron import COROTATED, FIXED, HOOKEAN
 from model.formulas.lengths import make as make_lengths
 
@@ -39,13 +39,18 @@ def operations_axes(item: int) -> int:
 
 
 def make(real, compiled=plain):
-    """`stress`, `axes`, `moduli`, `block` and `differential` in the arithmetic `real`; matrices by rows, as nine numbers."""
+    """`stress`, `frame`, `moduli`, `block`, `differential`, `seen_in` in the arithmetic `real`; matrices by rows, as nine
+    numbers."""
+    return joined(
+        make_stress(real, compiled), make_moduli(real, compiled), make_blocks(real, compiled, make_axes(real, compiled))
+    )  # fmt: skip
+
+
+def make_stress(real, compiled=plain):
+    """`stress`"""
     elastic, dot = elasticity.make_gradient(real, compiled), make_lengths(real, compiled).dot
-    turned = make_axes(real, compiled)
-    axes, product, transposed_product = turned.axes, turned.product, turned.transposed_product
     cofactor, determinant = elastic.cofactor, elastic.determinant
-    zero, half, one, two, three = real(0), real(0.5), real(1), real(2), real(3)
-    flattest = real(FLATTEST)
+    half, one, two, three = real(0.5), real(1), real(2), real(3)
 
     @compiled
     def squared(a):
@@ -79,12 +84,14 @@ def make(real, compiled=plain):
         )
         return mu * squared(d) + half * lame * (along * along), mixed(two * mu, d, lame * along, r)
 
-    @compiled
-    def frame(f, r):
-        """(s, U, V) of F and the rotation nearest to it."""
-        a = transposed_product(r, f)
-        s, v = axes(a[0], half * (a[1] + a[3]), half * (a[2] + a[6]), a[4], half * (a[5] + a[7]), a[8])
-        return s, product(r, v), v
+    return SimpleNamespace(stress=stress)
+
+
+def make_moduli(real, compiled=plain):
+    """`moduli`"""
+    axes, dot = make_axes(real, compiled).axes, make_lengths(real, compiled).dot
+    zero, half, one, two = real(0), real(0.5), real(1), real(2)
+    flattest = real(FLATTEST)
 
     @compiled
     def raised(a):
@@ -131,6 +138,21 @@ def make(real, compiled=plain):
         sum_z, off_z = pair(m, b, c, z, x + y, safe)
         return a, (sum_x, sum_y, sum_z), (off_x, off_y, off_z)
 
+    return SimpleNamespace(moduli=moduli)
+
+
+def make_blocks(real, compiled, turned):
+    """`frame`, `block`, `differential`, `seen_in`; `turned`: of `make_axes`."""
+    axes, product, transposed_product = turned.axes, turned.product, turned.transposed_product
+    dot, half = make_lengths(real, compiled).dot, real(0.5)
+
+    @compiled
+    def frame(f, r):
+        """(s, U, V) of F and the rotation nearest to it."""
+        a = transposed_product(r, f)
+        s, v = axes(a[0], half * (a[1] + a[3]), half * (a[2] + a[6]), a[4], half * (a[5] + a[7]), a[8])
+        return s, product(r, v), v
+
     @compiled
     def block(u, a, sums, offs, p, o):
         """The 3 x 3 block of the tangent from corner q to corner p, over the volume, whose rows of B are `p` and `o`, seen
@@ -176,9 +198,7 @@ def make(real, compiled=plain):
         """V' of a row of B."""
         return dot(v[0], v[3], v[6], x, y, z), dot(v[1], v[4], v[7], x, y, z), dot(v[2], v[5], v[8], x, y, z)
 
-    return SimpleNamespace(
-        stress=stress, frame=frame, moduli=moduli, block=block, differential=differential, seen_in=seen_in
-    )
+    return SimpleNamespace(frame=frame, block=block, differential=differential, seen_in=seen_in)
 
 
 def make_axes(real, compiled=plain):
