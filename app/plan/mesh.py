@@ -40,3 +40,16 @@ def mesh_on_gpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
     """Also where there is no GPU."""
     why = "a thread a constraint, a launch a colour, captured"
     return BackendPlan("gpu", gpu_device()[0], "graph", None, why, _passes(plan, precision, "a launch"))
+
+
+def newton_on_cpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
+    """Tetrahedra and particles in turn; how often the inner passes run is decided while they run."""
+    stages = [*dict.fromkeys(stages_of(plan))]
+    why = "blocks in rows, each summed up by its own particle; all substeps of a call in one kernel"
+    made = merged_passes([[stage] for stage in stages], plan, precision, "a loop over the threads")
+    return cpu_plan("fused", why, made)
+
+
+def newton_on_gpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
+    """There are no kernels yet."""
+    return BackendPlan("gpu", gpu_device()[0], "none", None, "the solver newton runs on the CPU alone so far", ())

@@ -10,10 +10,11 @@ from model.mass_spring.family import CLOTH, GRID
 from model.scene.scene import Scene
 from model.shape_matching.family import BODIES, WINDOWS
 from model.tetrahedra.family import TETRAHEDRA
+from model.tetrahedra.newton import TETRAHEDRA_NEWTON
 from model.tetrahedra.vbd import TETRAHEDRA_VBD
 from model.xpbd.family import MESH, SHEET
 
-FAMILIES = (GRID, CLOTH, SHEET, MESH, WINDOWS, BODIES, TETRAHEDRA, TETRAHEDRA_VBD)
+FAMILIES = (GRID, CLOTH, SHEET, MESH, WINDOWS, BODIES, TETRAHEDRA, TETRAHEDRA_VBD, TETRAHEDRA_NEWTON)
 
 
 def family_of(scene: Scene) -> SolverFamily:

@@ -41,6 +41,14 @@ def jelly() -> Scene:
     return load_scene("jelly-grid").replace(fields | {"method.substeps": 2, "method.iterations": 2})
 
 
+def bars() -> Scene:
+    sides = {"name": "box", "sides": [0.3, 0.1, 0.1]}
+    fields = {
+        f"{name}.{field}": value for name in ("stiff", "soft") for field, value in (("shape", sides), ("edge", 0.1))
+    }
+    return load_scene("fem-newton").replace(fields | {"stiff.origin": [0.0, 0.0, 0.4]})
+
+
 LIVE = ("gravity", "poke", "dt", "stiffness", "damping")
 CASES: dict[str, tuple[Callable[[], Scene], str, str]] = {
     "grid": (lambda: hammock("lab"), "fused", "float32"),
@@ -76,6 +84,7 @@ CASES: dict[str, tuple[Callable[[], Scene], str, str]] = {
     "sheets of bodies": (hung, "stages", "float32"),
     "bodies that meet": (meeting, "fused", "float32"),
     "bodies that meet in stages": (among_soft_ones, "stages", "float64"),
+    "implicit tetrahedra": (bars, "fused", "float32"),
     "body on a field": (falling_bar, "fused", "float64"),
 }
 
@@ -104,7 +113,11 @@ def end_state(
 
 
 def live_of(scene: Scene) -> tuple[str, ...]:
-    return LIVE if not scene.bodies and not scene.method.matches_shapes else ("gravity", "poke", "dt", "damping")
+    return (
+        LIVE
+        if not scene.bodies and not scene.tetrahedra and not scene.method.matches_shapes
+        else ("gravity", "poke", "dt", "damping")
+    )
 
 
 @pytest.mark.parametrize("name", CASES)

@@ -1,0 +1,150 @@
+"""Implicit Euler of tetrahedral bodies in slow, plain NumPy float64, solved to the end with dense matrices.
+
+From the principal stretches, without model/formulas or a backend; of the model it takes the mesh. A substep of h minimises
+(S. Martin et al., "Example-Based Elastic Materials", ACM TOG 2011, eq. 3, and damping in proportion to stiffness)
+
+    sum m / (2 h^2) |x - y|^2 + sum V W(F(x)) + 1 / (2 h) (x - x_0)' tau K_0 (x - x_0),    y = x_0 + h v_0 + h^2 a,
+
+K_0 a sum over tetrahedra of their stiffness at x_0, each without its negative eigenvalues. Stiffness by central differences
+of the stress: the tangent's own formulas are not asked.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from model.core.build import build
+from model.scene.scene import Scene
+from model.tetrahedra.body_set import TetrahedraSet
+
+STEP = 1e-6  # of F's entries: differences are right to about its square
+ENOUGH = 1e-9  # of the first residual, or of what float64 makes of forces
+MOST = 200
+
+
+def stress(found: TetrahedraSet, gradient: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(W (tetrahedra,) [Pa], P (tetrahedra, 3, 3) [Pa]) of F `gradient`."""
+    u, s, v = np.linalg.svd(gradient)
+    turned = np.linalg.det(u) * np.linalg.det(v) < 0
+    s[turned, 2] *= -1
+    u[turned, :, 2] *= -1
+    mu, lame = found.lame()
+    kind = np.array([part.material for part in found.parts])[found.body]
+    x, y, z = s.T
+    volume, cofactor, off = x * y * z, np.stack([y * z, z * x, x * y], axis=1), s - 1
+    pressure = lame + mu
+    rest = 1 + mu / pressure
+    bulk = lame * (volume - 1)
+    fixed = mu * (off**2).sum(axis=1) + lame / 2 * (volume - 1) ** 2, 2 * mu[:, None] * off + bulk[:, None] * cofactor
+    along = off.sum(axis=1)
+    plain = mu * (off**2).sum(axis=1) + lame / 2 * along**2, 2 * mu[:, None] * off + (lame * along)[:, None]
+    hookean = (
+        mu / 2 * ((s**2).sum(axis=1) - 3) + pressure / 2 * ((volume - rest) ** 2 - (1 - rest) ** 2),
+        mu[:, None] * s + (pressure * (volume - rest))[:, None] * cofactor,
+    )
+    chosen = [kind == "fixed-corotated", kind == "corotated", kind == "neo-hookean"]
+    energy = np.select(chosen, [fixed[0], plain[0], hookean[0]])
+    slope = np.select([one[:, None] for one in chosen], [fixed[1], plain[1], hookean[1]])
+    return energy, (u * slope[:, None, :]) @ v
+
+
+def rows_of_corners(found: TetrahedraSet) -> np.ndarray:
+    """(tetrahedra, 4, 3) [1/m]: by which each corner counts in F."""
+    others = found.rest_inverse
+    return np.concatenate([-others.sum(axis=1, keepdims=True), others], axis=1)
+
+
+def energy_and_force(found: TetrahedraSet, position: np.ndarray) -> tuple[float, np.ndarray]:
+    """(energy [J], gradient of it (particles, 3) [N])."""
+    rows = rows_of_corners(found)
+    gradient = np.einsum("tai,taj->tij", position[found.tetrahedra], rows)
+    energy, p = stress(found, gradient)
+    pull = np.zeros_like(position)
+    np.add.at(pull, found.tetrahedra, found.volume[:, None, None] * np.einsum("tij,taj->tai", p, rows))
+    return float((energy * found.volume).sum()), pull
+
+
+def element_stiffness(found: TetrahedraSet, position: np.ndarray, positive: bool) -> np.ndarray:
+    """(tetrahedra, 12, 12) [N/m]; without negative eigenvalues if `positive`."""
+    rows, count = rows_of_corners(found), len(found.tetrahedra)
+    gradient = np.einsum("tai,taj->tij", position[found.tetrahedra], rows)
+    tangent = np.zeros((count, 9, 9))
+    for entry in range(9):
+        shift = np.zeros((3, 3))
+        shift.flat[entry] = STEP
+        change = (stress(found, gradient + shift)[1] - stress(found, gradient - shift)[1]) / (2 * STEP)
+        tangent[:, :, entry] = change.reshape(-1, 9)
+    tangent = (tangent + np.swapaxes(tangent, 1, 2)) / 2
+    if positive:
+        value, vector = np.linalg.eigh(tangent)
+        tangent = (vector * np.maximum(value, 0)[:, None, :]) @ np.swapaxes(vector, 1, 2)
+    spread = np.einsum("taj,ik->taijk", rows, np.eye(3))  # dF_kj by x_ai
+    spread = np.swapaxes(spread, 3, 4).reshape(count, 12, 9)
+    return found.volume[:, None, None] * (spread @ tangent @ np.swapaxes(spread, 1, 2))
+
+
+def assembled(found: TetrahedraSet, elements: np.ndarray, weight: np.ndarray) -> np.ndarray:
+    """(3 particles, 3 particles), each tetrahedron times its `weight`."""
+    size = 3 * found.particle_count
+    whole = np.zeros((size, size))
+    place = (3 * found.tetrahedra[:, :, None] + np.arange(3)).reshape(-1, 12)
+    np.add.at(whole, (place[:, :, None], place[:, None, :]), weight[:, None, None] * elements)
+    return whole
+
+
+def substep(
+    found: TetrahedraSet, before: np.ndarray, target: np.ndarray, mass: np.ndarray, free: np.ndarray, h: float
+) -> np.ndarray:
+    """Positions (particles, 3) [m] at the end. `target`: y; `free` (particles,) bool."""
+    inertia, ones = np.repeat(mass / h**2, 3), np.ones(len(found.tetrahedra))
+    damping = np.array([part.damping for part in found.parts])[found.body]
+    damper = assembled(found, element_stiffness(found, before, True), damping) / h
+    unknown = np.repeat(free, 3)
+
+    def potential(x: np.ndarray) -> tuple[float, np.ndarray]:
+        energy, pull = energy_and_force(found, x)
+        away, moved = (x - target).ravel(), (x - before).ravel()
+        total = pull.ravel() + inertia * away + damper @ moved
+        return energy + float(inertia @ away**2 + moved @ damper @ moved) / 2, np.where(unknown, total, 0.0)
+
+    x = before.copy()
+    here, slope = potential(x)
+    first = max(np.linalg.norm(slope), 1e-6 * np.linalg.norm(inertia))
+    for _ in range(MOST):
+        if np.linalg.norm(slope) <= ENOUGH * first:
+            return x
+        for positive in (False, True):
+            whole = assembled(found, element_stiffness(found, x, positive), ones) + np.diag(inertia) + damper
+            try:
+                np.linalg.cholesky(whole[np.ix_(unknown, unknown)])
+                break
+            except np.linalg.LinAlgError:
+                continue
+        step = np.zeros_like(slope)
+        step[unknown] = np.linalg.solve(whole[np.ix_(unknown, unknown)], -slope[unknown])
+        share = 1.0
+        while share > 1e-8:
+            there, left = potential(x + share * step.reshape(-1, 3))
+            if there <= here + 1e-4 * share * float(slope @ step) or np.linalg.norm(left) < 0.5 * np.linalg.norm(slope):
+                break
+            share /= 2
+        else:
+            return x  # as far as differences tell
+        x, here, slope = x + share * step.reshape(-1, 3), there, left
+    return x
+
+
+def simulate(scene: Scene, steps: int, position: np.ndarray, velocity: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(position [m], velocity [m/s]), (particles, 3) float64, after `steps` steps: gravity and the masses' damper, no
+    colliders."""
+    found, method, gravity = scene.tetrahedra_set, scene.method, scene.gravity
+    inverse = build(scene).inverse_mass
+    free, mass, h = inverse > 0, found.masses, method.dt / method.substeps
+    fall = np.array([0.0, -gravity.acceleration if gravity and gravity.enabled else 0.0, 0.0])
+    drag = (scene.damping.coefficient if scene.damping else 0.0) * inverse[:, None]
+    x, v = np.array(position, dtype=np.float64), np.array(velocity, dtype=np.float64)
+    for _ in range(steps * method.substeps):
+        target = np.where(free[:, None], x + h * (v * (1 - h * drag) + h * fall), x)
+        after = substep(found, x, target, mass, free, h)
+        x, v = after, (after - x) / h
+    return x, v

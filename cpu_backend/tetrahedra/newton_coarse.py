@@ -1,0 +1,151 @@
+"""The coarse level of Newton's method on tetrahedra, on CPU threads: groups sum up their rows, one thread factors and solves.
+
+`coarse`: (centres of the groups and their scales (groups, 4), the band of the matrix, then of its factor U'U, from the
+diagonal on (6 groups, width), what is solved for (1, 6 groups), scratch as large); `groups`: model/tetrahedra/aggregates.py's
+arrays.
+"""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from cpu_backend.core.compile import Compiler
+from model.formulas.elastic import coarse as formulas_of
+from model.tetrahedra.aggregates import MODES
+
+
+def make_coarse(compiler: Compiler, real: Any) -> SimpleNamespace:
+    """`centre(first, last, position, groups, coarse)`, `gather(first, last, position, rows, blocks, groups, coarse)`,
+    `restrict(first, last, position, residual, groups, coarse)`: of groups; `corrected(k, position, groups, coarse)`: three
+    numbers to be added at particle k."""
+    compiled, formulas = compiler.compiled, formulas_of.make(real, compiler.compiled)
+    scale_of, arm, moment, motion = formulas.scale_of, formulas.arm, formulas.moment, formulas.motion
+    columns = formulas.columns
+    zero, one = real(0), real(1)
+
+    @compiled
+    def arm_of(k, group, position, centres):
+        return arm(
+            position[k, 0], position[k, 1], position[k, 2], centres[group, 0], centres[group, 1], centres[group, 2],
+            centres[group, 3],
+        )  # fmt: skip
+
+    @compiled
+    def centre(first, last, position, groups, coarse):
+        starts, members, centres = groups[0], groups[1], coarse[0]
+        for group in range(first, last):
+            x, y, z, squares, count = zero, zero, zero, zero, zero
+            for n in range(starts[group], starts[group + 1]):
+                k = members[n]
+                x, y, z, count = x + position[k, 0], y + position[k, 1], z + position[k, 2], count + one
+            x, y, z = x / count, y / count, z / count
+            for n in range(starts[group], starts[group + 1]):
+                k = members[n]
+                p, q, r = arm(position[k, 0], position[k, 1], position[k, 2], x, y, z, one)
+                squares = squares + ((p * p + q * q) + r * r)
+            centres[group, 0], centres[group, 1], centres[group, 2] = x, y, z
+            centres[group, 3] = scale_of(squares, count)
+
+    @compiled
+    def gather(first, last, position, rows, blocks, groups, coarse):
+        row_starts, row_columns = rows[0], rows[1]
+        starts, members, group_of = groups[0], groups[1], groups[2]
+        centres, band = coarse[0], coarse[1]
+        for group in range(first, last):
+            for i in range(MODES * group, MODES * (group + 1)):
+                for j in range(band.shape[1]):
+                    band[i, j] = zero
+            for n in range(starts[group], starts[group + 1]):
+                k = members[n]
+                d = arm_of(k, group, position, centres)
+                for b in range(row_starts[k], row_starts[k + 1]):
+                    other = group_of[row_columns[b]]
+                    if other < group:
+                        continue
+                    e = arm_of(row_columns[b], other, position, centres)
+                    m = (
+                        blocks[b, 0], blocks[b, 1], blocks[b, 2], blocks[b, 3], blocks[b, 4], blocks[b, 5], blocks[b, 6],
+                        blocks[b, 7], blocks[b, 8],
+                    )  # fmt: skip
+                    found = columns(d, e, m)
+                    for j in range(MODES):
+                        for i in range(MODES):
+                            place = MODES * (other - group) + j - i
+                            if place >= 0:
+                                band[MODES * group + i, place] = band[MODES * group + i, place] + found[j][i]
+
+    @compiled
+    def restrict(first, last, position, residual, groups, coarse):
+        starts, members = groups[0], groups[1]
+        for group in range(first, last):
+            a, b, c, d, e, f = zero, zero, zero, zero, zero, zero
+            for n in range(starts[group], starts[group + 1]):
+                k = members[n]
+                p, q, r, s, t, u = moment(
+                    arm_of(k, group, position, coarse[0]), residual[k, 0], residual[k, 1], residual[k, 2]
+                )  # fmt: skip
+                a, b, c, d, e, f = a + p, b + q, c + r, d + s, e + t, f + u
+            into, place = coarse[2], MODES * group
+            into[0, place], into[0, place + 1], into[0, place + 2] = a, b, c
+            into[0, place + 3], into[0, place + 4], into[0, place + 5] = d, e, f
+
+    @compiled
+    def corrected(k, position, groups, coarse):
+        group, found = groups[2][k], coarse[2]
+        place = MODES * group
+        y = (
+            found[0, place], found[0, place + 1], found[0, place + 2], found[0, place + 3], found[0, place + 4],
+            found[0, place + 5],
+        )  # fmt: skip
+        return motion(arm_of(k, group, position, coarse[0]), y)
+
+    return SimpleNamespace(centre=centre, gather=gather, restrict=restrict, corrected=corrected)
+
+
+def make_band(compiler: Compiler, real: Any) -> SimpleNamespace:
+    """`factor(coarse, groups)`: whether the coarse matrix is not positive; `solve(coarse, groups)`. For one thread."""
+    compiled, pivot = compiler.compiled, formulas_of.make(real, compiler.compiled).pivot
+
+    @compiled
+    def subtract(band, i, k, many, share):
+        """Row i less `share` times the part of row k from column i on, `many` entries."""
+        for j in range(many):
+            band[i, j] = band[i, j] - share * band[k, i - k + j]
+
+    @compiled
+    def factor(coarse, groups):
+        band, reach, size = coarse[1], groups[3], coarse[1].shape[0]
+        entries = coarse[3]
+        for k in range(size):
+            entries[0, k] = band[k, 0]
+        bad = False
+        for k in range(size):
+            inverse, negative = pivot(band[k, 0], entries[0, k])
+            bad = bad or negative
+            last = np.int64(reach[k])
+            band[k, 0] = inverse  # one over U's diagonal
+            for j in range(1, last - k + 1):
+                band[k, j] = inverse * band[k, j]
+            for i in range(k + 1, last + 1):
+                subtract(band, i, k, last - i + 1, band[k, i - k])
+        return bad
+
+    @compiled
+    def solve(coarse, groups):
+        band, found, reach, size = coarse[1], coarse[2], groups[3], coarse[1].shape[0]
+        for k in range(size):
+            y = band[k, 0] * found[0, k]
+            found[0, k] = y
+            for j in range(1, np.int64(reach[k]) - k + 1):
+                found[0, k + j] = found[0, k + j] - y * band[k, j]
+        for m in range(size):
+            k = size - 1 - m
+            total = found[0, k]
+            for j in range(1, np.int64(reach[k]) - k + 1):
+                total = total - band[k, j] * found[0, k + j]
+            found[0, k] = band[k, 0] * total
+
+    return SimpleNamespace(factor=factor, solve=solve)

@@ -1,0 +1,239 @@
+"""What Newton's method does with particles, group by group, on CPU threads: each sums up its own row, in one order.
+
+`vectors`: (target, current, gradient of the potential, that at a trial, solution, residual, direction, product of the matrix
+or what is preconditioned or the way since the substep's start), each (particles, 3); `rows`: model/tetrahedra/block_rows.py's
+arrays; `matrix`: (blocks of tetrahedra, of rows, of the damper's rows, inverse of the diagonal as six numbers, forces at
+corners, what holds each particle [N/m]).
+"""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+from cpu_backend.core.compile import Compiler
+from cpu_backend.tetrahedra.newton_elements import SUMMED
+from model.formulas.elastic import newton
+
+TARGET, CURRENT, GRADIENT, TRIAL, SOLUTION, RESIDUAL, DIRECTION, PRODUCT = range(8)
+AXES = 3
+
+
+def make_matrix_rows(compiler: Compiler, real: Any, contact: SimpleNamespace) -> SimpleNamespace:
+    """`apply(k, rows, blocks, vector)`: a row's product, three numbers; `assemble(...)`, `gather_damper(...)` of groups."""
+    compiled, formulas = compiler.compiled, newton.make(real, compiler.compiled)
+    inertia_of, inverse, outer = formulas.inertia_of, formulas.inverse, formulas.outer
+    has_bodies, nearly_within = contact.has_bodies, contact.nearly_within
+    zero, one = real(0), real(1)
+
+    @compiled
+    def apply(k, rows, blocks, vector):
+        starts, columns = rows[0], rows[1]
+        x, y, z = zero, zero, zero
+        for n in range(starts[k], starts[k + 1]):
+            c = columns[n]
+            p, q, r = vector[c, 0], vector[c, 1], vector[c, 2]
+            x = x + ((blocks[n, 0] * p + blocks[n, 1] * q) + blocks[n, 2] * r)
+            y = y + ((blocks[n, 3] * p + blocks[n, 4] * q) + blocks[n, 5] * r)
+            z = z + ((blocks[n, 6] * p + blocks[n, 7] * q) + blocks[n, 8] * r)
+        return x, y, z
+
+    @compiled
+    def gather(n, rows, found, into):
+        """Block `n` of the rows, of all tetrahedra that have a part in it."""
+        sources, items = rows[3], rows[4]
+        for m in range(9):
+            into[n, m] = zero
+        for one_of in range(sources[n], sources[n + 1]):
+            item = items[one_of]
+            place = item >> 1
+            if item & 1:
+                for i in range(AXES):
+                    for j in range(AXES):
+                        into[n, 3 * i + j] = into[n, 3 * i + j] + found[place, 3 * j + i]
+            else:
+                for m in range(9):
+                    into[n, m] = into[n, m] + found[place, m]
+
+    @compiled
+    def gather_damper(first, last, rows, matrix):
+        starts, particles = rows[0], len(rows[2])
+        for n in range(starts[first * SUMMED], starts[min(last * SUMMED, particles)]):
+            gather(n, rows, matrix[0], matrix[2])
+
+    @compiled
+    def assemble(first, last, number, position, target, before, rows, matrix, given, damped, sums):
+        """The rows of the matrix and the inverse of their diagonals; sums[0]: how many of these are not positive."""
+        starts, diagonal = rows[0], rows[2]
+        blocks, damper, inverses = matrix[1], matrix[2], matrix[3]
+        parameters = given[0]
+        rate = parameters.newton_rate
+        for group in range(first, last):
+            bad = zero
+            for k in range(group * SUMMED, min((group + 1) * SUMMED, len(diagonal))):
+                if before[k, 3] == zero:
+                    continue
+                for n in range(starts[k], starts[k + 1]):
+                    gather(n, rows, matrix[0], blocks)
+                    if damped:
+                        for m in range(9):
+                            blocks[n, m] = blocks[n, m] + rate * damper[n, m]
+                n, inertia = diagonal[k], inertia_of(parameters.newton_inertia, before[k, 3])
+                for axis in range(AXES):
+                    blocks[n, 4 * axis] = blocks[n, 4 * axis] + inertia
+                if has_bodies:
+                    x, y, z, hard = nearly_within(k, number, position, target, before, matrix, given)
+                    a, b, c, d, e, f = outer(x, y, z, hard)
+                    blocks[n, 0], blocks[n, 4], blocks[n, 8] = blocks[n, 0] + a, blocks[n, 4] + d, blocks[n, 8] + f
+                    blocks[n, 1], blocks[n, 3] = blocks[n, 1] + b, blocks[n, 3] + b
+                    blocks[n, 2], blocks[n, 6] = blocks[n, 2] + c, blocks[n, 6] + c
+                    blocks[n, 5], blocks[n, 7] = blocks[n, 5] + e, blocks[n, 7] + e
+                a, b, c, d, e, f, good = inverse(
+                    blocks[n, 0], blocks[n, 1], blocks[n, 2], blocks[n, 4], blocks[n, 5], blocks[n, 8]
+                )  # fmt: skip
+                inverses[k, 0], inverses[k, 1], inverses[k, 2] = a, b, c
+                inverses[k, 3], inverses[k, 4], inverses[k, 5] = d, e, f
+                if not good:
+                    bad = bad + one
+            sums[0, group] = bad
+
+    return SimpleNamespace(apply=apply, gather_damper=gather_damper, assemble=assemble)
+
+
+def make_solving(compiler: Compiler, real: Any, apply: Any, corrected: Any) -> SimpleNamespace:
+    """The passes of conjugate gradients, each over groups: `start`, `product`, `update`, `correct`, `direct`."""
+    compiled, zero = compiler.compiled, real(0)
+
+    @compiled
+    def dot(a, b, k):
+        return (a[k, 0] * b[k, 0] + a[k, 1] * b[k, 1]) + a[k, 2] * b[k, 2]
+
+    @compiled
+    def precondition(k, inverses, residual, into):
+        x, y, z = residual[k, 0], residual[k, 1], residual[k, 2]
+        into[k, 0] = (inverses[k, 0] * x + inverses[k, 1] * y) + inverses[k, 2] * z
+        into[k, 1] = (inverses[k, 1] * x + inverses[k, 3] * y) + inverses[k, 4] * z
+        into[k, 2] = (inverses[k, 2] * x + inverses[k, 4] * y) + inverses[k, 5] * z
+
+    @compiled
+    def start(first, last, before, vectors):
+        gradient, solution, residual, direction = vectors[2], vectors[4], vectors[5], vectors[6]
+        for k in range(first * SUMMED, min(last * SUMMED, len(before))):
+            for axis in range(AXES):
+                solution[k, axis] = zero
+                residual[k, axis] = -gradient[k, axis] if before[k, 3] > zero else zero
+                direction[k, axis] = zero
+
+    @compiled
+    def product(first, last, before, rows, vectors, matrix, sums):
+        direction, into = vectors[6], vectors[7]
+        for group in range(first, last):
+            total = zero
+            for k in range(group * SUMMED, min((group + 1) * SUMMED, len(before))):
+                if before[k, 3] > zero:
+                    x, y, z = apply(k, rows, matrix[1], direction)
+                    into[k, 0], into[k, 1], into[k, 2] = x, y, z
+                    total = total + dot(direction, into, k)
+            sums[0, group] = total
+
+    @compiled
+    def update(first, last, alpha, before, vectors):
+        solution, residual, direction, applied = vectors[4], vectors[5], vectors[6], vectors[7]
+        for k in range(first * SUMMED, min(last * SUMMED, len(before))):
+            if before[k, 3] > zero:
+                for axis in range(AXES):
+                    solution[k, axis] = solution[k, axis] + alpha * direction[k, axis]
+                    residual[k, axis] = residual[k, axis] - alpha * applied[k, axis]
+
+    @compiled
+    def correct(first, last, position, before, vectors, matrix, groups, coarse, sums):
+        """Both levels' answer to the residual."""
+        residual, into = vectors[5], vectors[7]
+        for group in range(first, last):
+            total = zero
+            for k in range(group * SUMMED, min((group + 1) * SUMMED, len(before))):
+                if before[k, 3] > zero:
+                    precondition(k, matrix[3], residual, into)
+                    x, y, z = corrected(k, position, groups, coarse)
+                    into[k, 0], into[k, 1], into[k, 2] = into[k, 0] + x, into[k, 1] + y, into[k, 2] + z
+                    total = total + dot(residual, into, k)
+            sums[0, group] = total
+
+    @compiled
+    def direct(first, last, beta, vectors):
+        direction, preconditioned = vectors[6], vectors[7]
+        for k in range(first * SUMMED, min(last * SUMMED, len(direction))):
+            for axis in range(AXES):
+                direction[k, axis] = preconditioned[k, axis] + beta * direction[k, axis]
+
+    return SimpleNamespace(start=start, product=product, update=update, correct=correct, direct=direct, dot=dot)
+
+
+def make_moving(compiler: Compiler, real: Any, apply: Any, dot: Any, contact: SimpleNamespace) -> SimpleNamespace:
+    """`weigh`: the potential's gradient at the positions, the rest of its energy; `move`, `accept`, `put`, over groups."""
+    compiled, formulas = compiler.compiled, newton.make(real, compiler.compiled)
+    inertia_of, kept, moved = formulas.inertia_of, formulas.kept, formulas.moved
+    has_bodies, within = contact.has_bodies, contact.within
+    zero, half = real(0), real(0.5)
+
+    @compiled
+    def weigh(first, last, number, position, before, rows, vectors, matrix, given, damped, sums):
+        target, gradient, away, parameters = vectors[0], vectors[3], vectors[7], given[0]
+        meets, corners, forces = rows[5], rows[6], matrix[4]
+        for group in range(first, last):
+            total = zero
+            for k in range(group * SUMMED, min((group + 1) * SUMMED, len(position))):
+                if before[k, 3] == zero:
+                    continue
+                inertia = inertia_of(parameters.newton_inertia, before[k, 3])
+                x, y, z = position[k, 0] - target[k, 0], position[k, 1] - target[k, 1], position[k, 2] - target[k, 2]
+                total = total + kept(inertia, x, y, z)
+                x, y, z = inertia * x, inertia * y, inertia * z
+                if damped:
+                    p, q, r = apply(k, rows, matrix[2], away)
+                    p, q, r = parameters.newton_rate * p, parameters.newton_rate * q, parameters.newton_rate * r
+                    total = total + half * ((p * away[k, 0] + q * away[k, 1]) + r * away[k, 2])
+                    x, y, z = x + p, y + q, z + r
+                for n in range(meets[k], meets[k + 1]):
+                    tetrahedron, corner = corners[n] >> 2, AXES * (corners[n] & 3)
+                    x = x + forces[tetrahedron, corner]
+                    y = y + forces[tetrahedron, corner + 1]
+                    z = z + forces[tetrahedron, corner + 2]
+                if has_bodies:
+                    p, q, r, hard = within(k, number, position, before, matrix, given)
+                    total = total + kept(hard, p, q, r)
+                    x, y, z = x + hard * p, y + hard * q, z + hard * r
+                gradient[k, 0], gradient[k, 1], gradient[k, 2] = x, y, z
+            sums[0, group], sums[1, group] = total, zero
+
+    @compiled
+    def move(first, last, share, position, before, vectors, sums):
+        current, gradient, solution, away = vectors[1], vectors[2], vectors[4], vectors[7]
+        for group in range(first, last):
+            total = zero
+            for k in range(group * SUMMED, min((group + 1) * SUMMED, len(position))):
+                if before[k, 3] > zero:
+                    for axis in range(AXES):
+                        position[k, axis] = moved(current[k, axis], share, solution[k, axis])
+                        away[k, axis] = position[k, axis] - before[k, axis]
+                    total = total + dot(gradient, solution, k)
+            sums[0, group] = total
+
+    @compiled
+    def accept(first, last, position, vectors):
+        current, gradient, trial = vectors[1], vectors[2], vectors[3]
+        for k in range(first * SUMMED, min(last * SUMMED, len(position))):
+            for axis in range(AXES):
+                current[k, axis] = position[k, axis]
+                gradient[k, axis] = trial[k, axis]
+
+    @compiled
+    def put(first, last, position, before, source, vectors):
+        """The places in `source` are the positions, and how far they are from those at the substep's start is kept."""
+        away = vectors[7]
+        for k in range(first * SUMMED, min(last * SUMMED, len(position))):
+            for axis in range(AXES):
+                position[k, axis] = source[k, axis]
+                away[k, axis] = position[k, axis] - before[k, axis]
+
+    return SimpleNamespace(weigh=weigh, move=move, accept=accept, put=put)

@@ -1,0 +1,215 @@
+"""Implicit Euler of tetrahedra on CPU threads: one pass after the other over tetrahedra or particles, by bands of groups.
+
+What follows a pass is decided from sums that are taken group by group, then over the groups in their order
+(model/formulas/elastic/newton.py): in `exact` math the bits do not depend on how many threads there are.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from cpu_backend.core.compile import Compiler
+from cpu_backend.core.progress import shares
+from cpu_backend.mass_spring.cloth.scratch import cloth_variant
+from cpu_backend.tetrahedra.newton_coarse import make_band, make_coarse
+from cpu_backend.tetrahedra.newton_contact import make_contact
+from cpu_backend.tetrahedra.newton_elements import SUMMED, make_elements
+from cpu_backend.tetrahedra.newton_rows import make_matrix_rows, make_moving, make_solving
+from cpu_backend.xpbd.mesh_kernels import make_begin, make_end
+from model.formulas.elastic import newton as passes
+from model.tetrahedra.newton import DAMPED
+
+SUMS = 2
+DONE = ("substeps", "looks", "matrices", "products", "steps")  # that a simulation has done
+
+
+def make_substep_ends(
+    compiler: Compiler, real: Any, parts: frozenset[str], put: Any, contact: SimpleNamespace
+) -> SimpleNamespace:
+    """`begin_groups`: where inertia leads; `finish_groups`: velocities, and what particles meet. Of groups."""
+    begin, ends = make_begin(compiler, real, parts), make_end(compiler, real, parts)
+    update_velocity, collide = ends.update, ends.collide
+    has_bodies, pressed = contact.has_bodies, contact.pressed
+
+    @compiler.compiled
+    def begin_groups(first, last, frame, number, state, given, vectors):
+        position, velocity, before = state
+        parameters, integers, wind_lists, _, _ = given
+        low, high = first * SUMMED, min(last * SUMMED, len(position))
+        for k in range(low, high):
+            for axis in range(position.shape[1]):
+                before[k, axis] = position[k, axis]
+        begin(low, high, frame, number, before, velocity, position, parameters, integers, wind_lists)
+        target = vectors[0]
+        for k in range(low, high):
+            for axis in range(3):
+                target[k, axis] = position[k, axis]
+        put(first, last, position, before, before, vectors)
+
+    @compiler.compiled
+    def finish_groups(first, last, number, state, given, matrix):
+        position, velocity, before = state
+        parameters, _, _, bodies, kinds = given
+        low, high = first * SUMMED, min(last * SUMMED, len(position))
+        update_velocity(low, high, before, position, velocity, parameters)
+        if has_bodies:
+            pressed(first, last, number, position, velocity, before, matrix, given)
+            collide(low, high, number, before, position, velocity, parameters, bodies, kinds)
+
+    return SimpleNamespace(begin_groups=begin_groups, finish_groups=finish_groups)
+
+
+def make_pass(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
+    """one_pass(kind, band, bands, frame, number, safe, alpha, beta, share, state, given, solver): a pass on a band.
+
+    `state`: (position, velocity, before); `given`: (parameters, integers, wind lists, bodies, kinds); `solver`: (elements,
+    rows, vectors, matrix, sums, groups, coarse), see newton_elements.py, newton_rows.py and newton_coarse.py.
+    """
+    contact = make_contact(compiler, real, parts)
+    elements, of_rows = make_elements(compiler, real), make_matrix_rows(compiler, real, contact)
+    level = make_coarse(compiler, real)
+    solving = make_solving(compiler, real, of_rows.apply, level.corrected)
+    moving = make_moving(compiler, real, of_rows.apply, solving.dot, contact)
+    look, blocks, gather_damper, assemble = elements.look, elements.blocks, of_rows.gather_damper, of_rows.assemble
+    start, product, update, direct = solving.start, solving.product, solving.update, solving.direct
+    correct, centre, gather, restrict = solving.correct, level.centre, level.gather, level.restrict
+    weigh, move, accept, put = moving.weigh, moving.move, moving.accept, moving.put
+    ends = make_substep_ends(compiler, real, parts, put, contact)
+    begin_groups, finish_groups = ends.begin_groups, ends.finish_groups
+    damped = DAMPED in parts
+
+    @compiler.compiled
+    def matrix_pass(kind, first, last, number, alpha, beta, state, given, solver):
+        _, rows, vectors, matrix, sums, groups, coarse = solver
+        position, _, before = state
+        if kind == passes.DAMPER_ROWS:
+            gather_damper(first, last, rows, matrix)
+        elif kind == passes.ROWS:
+            assemble(first, last, number, position, vectors[0], before, rows, matrix, given, damped, sums)
+        elif kind == passes.SOLVE:
+            start(first, last, before, vectors)
+        elif kind == passes.PRODUCT:
+            product(first, last, before, rows, vectors, matrix, sums)
+        elif kind == passes.UPDATE:
+            update(first, last, alpha, before, vectors)
+        elif kind == passes.CORRECT:
+            correct(first, last, position, before, vectors, matrix, groups, coarse, sums)
+        elif kind == passes.CENTRES:
+            centre(first, last, position, groups, coarse)
+        elif kind == passes.COARSE:
+            gather(first, last, position, rows, matrix[1], groups, coarse)
+        elif kind == passes.RESTRICT:
+            restrict(first, last, position, vectors[5], groups, coarse)
+        else:
+            direct(first, last, beta, vectors)
+
+    @compiler.compiled
+    def items_of(kind, tetrahedra, particles, groups):
+        """Of how many things a band gets its part: groups, or SUMMED tetrahedra or particles each."""
+        if kind in (passes.CENTRES, passes.COARSE, passes.RESTRICT):
+            return np.int64(groups)
+        of_elements = kind in (passes.LOOK, passes.BLOCKS, passes.DAMPER_BLOCKS)
+        return ((tetrahedra if of_elements else particles) + SUMMED - 1) // SUMMED
+
+    @compiler.compiled
+    def one_pass(kind, band, bands, frame, number, safe, alpha, beta, share, state, given, solver):
+        position, _, before = state
+        elements, rows, vectors, matrix, sums, groups, _ = solver
+        many = items_of(kind, len(elements[0]), len(position), len(groups[0]) - 1)
+        first, last = many * band // bands, many * (band + 1) // bands
+        if kind == passes.BEGIN:
+            begin_groups(first, last, frame, number, state, given, vectors)
+        elif kind == passes.LOOK:
+            look(first, last, position, elements, matrix[4], sums)
+        elif kind == passes.BLOCKS:
+            blocks(first, last, position, elements, False, safe != 0, matrix[0])
+        elif kind == passes.DAMPER_BLOCKS:
+            blocks(first, last, before, elements, True, True, matrix[0])
+        elif kind == passes.WEIGH:
+            weigh(first, last, number, position, before, rows, vectors, matrix, given, damped, sums)
+        elif kind == passes.MOVE:
+            move(first, last, share, position, before, vectors, sums)
+        elif kind == passes.ACCEPT:
+            accept(first, last, position, vectors)
+        elif kind == passes.RETURN:
+            put(first, last, position, before, vectors[1], vectors)
+        elif kind == passes.AHEAD:
+            put(first, last, position, before, vectors[0], vectors)
+        elif kind == passes.FINISH:
+            finish_groups(first, last, number, state, given, matrix)
+        else:
+            matrix_pass(kind, first, last, number, alpha, beta, state, given, solver)
+
+    return one_pass
+
+
+@cache
+def make_newton_advance(real: Any, math: str, parts: frozenset[str]) -> Any:
+    """advance(bands, steps, step, substeps, iterations, floor, state, given, solver, control, values, done): many steps in
+    one call. `control` (2 + COUNTS,): what the next pass is, substeps done, counts; `values` (VALUES,); `done` (DONE,) is
+    added to."""
+    compiler = Compiler(cloth_variant("newton", real, math, parts), math)
+    one_pass = make_pass(compiler, real, parts)
+    after, damped, zero = passes.make_control(real, compiler.compiled).after, DAMPED in parts, real(0)
+
+    @compiler.compiled
+    def total(sums, place, groups):
+        found = zero
+        for group in range(groups):
+            found = found + sums[place, group]
+        return found
+
+    band = make_band(compiler, real)
+    factor, solve, one = band.factor, band.solve, real(1)
+
+    @compiler.compiled
+    def alone(kind, solver, first):
+        """What one thread does between two passes; the sum, or 1 where the coarse matrix is not positive."""
+        if kind == passes.COARSE:
+            return one if factor(solver[6], solver[5]) else zero
+        if kind == passes.RESTRICT:
+            solve(solver[6], solver[5])
+        return first
+
+    @compiler.compiled
+    def go_on(control, values, iterations, floor, particles, solver, done):
+        """What follows the pass that was done, from the sums that it left."""
+        kind, sums = control[0], solver[4]
+        groups = ((len(solver[0][0]) if kind == passes.LOOK else particles) + SUMMED - 1) // SUMMED
+        first = alone(kind, solver, total(sums, 0, groups))
+        second = total(sums, 1, groups) if kind == passes.LOOK else zero
+        counts = control[2], control[3], control[4], control[5], control[6]
+        kept = (
+            values[0], values[1], values[2], values[3], values[4], values[5], values[6], values[7], values[8],
+        )  # fmt: skip
+        later, counts, kept = after(kind, counts, kept, first, second, iterations, damped, floor)
+        control[2], control[3], control[4], control[5], control[6] = counts
+        values[0], values[1], values[2], values[3], values[4], values[5], values[6], values[7], values[8] = kept
+        done[1] += kind == passes.LOOK
+        done[2] += kind == passes.ROWS
+        done[3] += kind == passes.PRODUCT
+        if kind == passes.FINISH:
+            done[0] += 1
+            done[4] += counts[3]
+            control[1] += 1
+        control[0] = later
+
+    def advance(
+        team, member, bands, steps, step, substeps, iterations, floor, state, given, solver, control, values, done
+    ):  # fmt: skip
+        particles = len(state[0])
+        while control[1] < steps * substeps:  # it only grows: who comes late sees that all is done
+            for band in shares(team, member, bands):
+                number = control[1]
+                one_pass(
+                    control[0], band, bands, step + number // substeps, step * substeps + number, control[3], values[5],
+                    values[6], values[7], state, given, solver,
+                )  # fmt: skip
+            for _ in shares(team, member, 1):
+                go_on(control, values, iterations, floor, particles, solver, done)
+
+    return compiler.team(advance)

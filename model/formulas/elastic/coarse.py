@@ -1,0 +1,68 @@
+"""The coarse level of a two-level preconditioner: groups of particles that move as rigid bodies do, by t + w x d s.
+
+d is a particle's way from its group's centre, s one over their mean length, so that all six unknowns are lengths. With P
+these motions and A the matrix, P'AP is factored and P (P'AP)^-1 P' added to the inverse of A's diagonal blocks: what is slow
+to go by these alone is near to rigid motions (P. Vanek, J. Mandel, M. Brezina, "Algebraic Multigrid by Smoothed Aggregation
+for Second and Fourth Order Elliptic Problems", Computing 56 (1996), without their smoothing; additive as in M. Dryja,
+O. Widlund, 1987).
+"""
+
+from __future__ import annotations
+
+from math import sqrt
+from types import SimpleNamespace
+
+import numpy as np
+
+from model.formulas import plain
+from model.formulas.lengths import make as make_lengths
+
+LOST = 64  # roundings: a pivot below so many of its row's entry is no number, and its motion is left out
+
+
+def make(real, compiled=plain):
+    """Of one particle or row, in the arithmetic `real`."""
+    cross = make_lengths(real, compiled).cross
+    zero, one = real(0), real(1)
+    lost = real(LOST * float(np.finfo(real).eps))
+
+    @compiled
+    def scale_of(squares, count):
+        """s, of the sum of squares of d."""
+        return sqrt(count / squares) if squares > zero else zero
+
+    @compiled
+    def arm(x, y, z, cx, cy, cz, s):
+        """d s"""
+        return s * (x - cx), s * (y - cy), s * (z - cz)
+
+    @compiled
+    def moment(d, x, y, z):
+        """P' of a vector at a particle: (force, moment)."""
+        p, q, r = cross(d[0], d[1], d[2], x, y, z)
+        return x, y, z, p, q, r
+
+    @compiled
+    def motion(d, y):
+        """P y at a particle."""
+        p, q, r = cross(y[3], y[4], y[5], d[0], d[1], d[2])
+        return y[0] + p, y[1] + q, y[2] + r
+
+    @compiled
+    def columns(d, e, m):
+        """P' M P, six columns of six numbers, of a block M (9, by rows) from a particle with the arm `e` to one with `d`."""
+        px, py, pz = cross(e[0], e[1], e[2], m[0], m[1], m[2])
+        qx, qy, qz = cross(e[0], e[1], e[2], m[3], m[4], m[5])
+        rx, ry, rz = cross(e[0], e[1], e[2], m[6], m[7], m[8])
+        return (
+            moment(d, m[0], m[3], m[6]), moment(d, m[1], m[4], m[7]), moment(d, m[2], m[5], m[8]), moment(d, px, qx, rx),
+            moment(d, py, qy, ry), moment(d, pz, qz, rz),
+        )  # fmt: skip
+
+    @compiled
+    def pivot(left, entry):
+        """(1 / the root of what is left of a diagonal entry, 0 where rounding has left nothing; whether it is negative)."""
+        least = lost * entry
+        return (one / sqrt(left) if left > least else zero), left < -least
+
+    return SimpleNamespace(scale_of=scale_of, arm=arm, moment=moment, motion=motion, columns=columns, pivot=pivot)

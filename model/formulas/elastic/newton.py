@@ -1,0 +1,187 @@
+"""Newton's method with a line search, each step by conjugate gradients: which pass over tetrahedra or particles comes next.
+
+J. Nocedal, S. Wright, "Numerical Optimization", 2nd edition, algorithms 3.1 (backtracking), 5.3 (preconditioned conjugate
+gradients; by the diagonal blocks' inverses and a coarse level, coarse.py) and 7.1 (line search Newton-CG). The start is where
+particles were, or where they would be without elasticity, whichever has the lower potential. The matrix is the exact tangent;
+where that shows a curvature that is not positive, or leads nowhere, it is made again, `safe` (tangent.py). Decided from sums
+over all: the next pass, for one who keeps `counts` and `values` between passes.
+"""
+
+from __future__ import annotations
+
+from math import sqrt
+from types import SimpleNamespace
+
+import numpy as np
+
+from model.formulas import plain
+
+KINDS = (
+    "begin", "damper blocks", "damper rows", "look", "weigh", "accept", "return", "ahead", "blocks", "rows",
+    "centres", "coarse rows", "solve", "product", "update", "restrict", "correct", "direction", "move", "finish",
+)  # fmt: skip
+(
+    BEGIN, DAMPER_BLOCKS, DAMPER_ROWS, LOOK, WEIGH, ACCEPT, RETURN, AHEAD, BLOCKS, ROWS, CENTRES, COARSE,
+    SOLVE, PRODUCT, UPDATE, RESTRICT, CORRECT, DIRECTION, MOVE, FINISH,
+) = range(len(KINDS))  # fmt: skip
+BEHIND, BEFORE, SEARCH = range(
+    3
+)  # where the potential is asked for: at the substep's start, without elasticity, along a step
+COUNTS = ("phase", "safe", "products", "steps", "halvings")
+VALUES = ("energy", "trial", "noise", "squared", "enough", "alpha", "beta", "share", "slope")
+NEAR = 1e-4  # the residual that is left, in the norm of the preconditioner, over the first one
+DOWNHILL = 1e-4  # of the descent that a straight line promises
+MOST_HALVINGS = 20  # to a millionth of a step
+MOST_PRODUCTS = 20_000  # a system that needs more is not solved in this step: it goes on from there in the next
+CONTACT = 10.0  # how hard colliders are while a step is solved, over what holds a particle
+SOON = 1 / 64  # of the way to where inertia leads: who is within a collider then rests on it
+CONVERGED = {4: 1e-6, 8: 1e-13}  # the descent that a step promised, over the potential, after which none follows
+
+
+def make_search(real, compiled=plain):
+    """What follows `weigh`, and `accept` or `return`: see make_control."""
+    half, downhill = real(0.5), real(DOWNHILL)
+    converged = real(CONVERGED[np.dtype(real).itemsize])
+
+    @compiled
+    def after_looking(phase, halvings, energy, trial, noise, share, slope):
+        """(next pass, energy, share, halvings)"""
+        if phase == BEHIND:
+            return ACCEPT, trial, share, halvings
+        if phase == BEFORE:
+            if trial < energy:
+                return ACCEPT, trial, share, halvings
+            return RETURN, energy, share, halvings
+        if trial <= (energy + downhill * share * slope) + noise:
+            return ACCEPT, trial, share, halvings
+        if halvings + 1 < MOST_HALVINGS:
+            return MOVE, energy, half * share, halvings + 1
+        return RETURN, energy, share, halvings
+
+    @compiled
+    def after_moving(kind, phase, safe, steps, energy, slope, iterations):
+        """(next pass, phase, safe, steps) after `accept` or `return`."""
+        if phase == BEHIND:
+            return AHEAD, BEFORE, safe, steps
+        if phase == BEFORE:
+            return BLOCKS, SEARCH, 0, steps
+        if kind == RETURN:
+            if safe == 0:
+                return BLOCKS, phase, 1, steps
+            return FINISH, phase, safe, steps
+        if steps + 1 < iterations and -slope > converged * energy:
+            return BLOCKS, phase, 0, steps + 1
+        return FINISH, phase, safe, steps + 1
+
+    return SimpleNamespace(after_looking=after_looking, after_moving=after_moving)
+
+
+def make_control(real, compiled=plain):
+    """`after(kind, counts, values, first, second, iterations, damped, floor)`: (the next pass, counts, values) after the
+    pass `kind`, which left the sums `first` and `second`."""
+    zero, one, near = real(0), real(1), real(NEAR**2)
+    search = make_search(real, compiled)
+    after_looking, after_moving = search.after_looking, search.after_moving
+
+    @compiled
+    def after_solving(kind, safe, products, squared, enough, found, floor):
+        """(next pass, safe, products, squared, enough, alpha, beta) within conjugate gradients."""
+        if kind == PRODUCT:
+            if found > zero:
+                return UPDATE, safe, products, squared, enough, squared / found, zero
+            if safe == 0:
+                return BLOCKS, 1, products, squared, enough, zero, zero
+            return MOVE if products > 0 else FINISH, safe, products, squared, enough, zero, zero
+        if kind == UPDATE:
+            return RESTRICT, safe, products + 1, squared, enough, zero, zero
+        if products == 0:
+            enough = max(near * found, floor)
+            return DIRECTION if found > floor else FINISH, safe, 0, found, enough, zero, zero
+        if found > enough and products < MOST_PRODUCTS:
+            return DIRECTION, safe, products, found, enough, zero, found / squared
+        return MOVE, safe, products, found, enough, zero, zero
+
+    @compiled
+    def after(kind, counts, values, first, second, iterations, damped, floor):
+        phase, safe, products, steps, halvings = counts
+        energy, trial, noise, squared, enough, alpha, beta, share, slope = values
+        later = kind + 1
+        if kind == BEGIN:
+            phase, safe, steps = BEHIND, 0, 0
+            later = DAMPER_BLOCKS if damped else LOOK
+        elif kind == LOOK:
+            trial, noise = first, second
+        elif kind == WEIGH:
+            trial, noise = trial + first, noise + second
+            later, energy, share, halvings = after_looking(phase, halvings, energy, trial, noise, share, slope)
+        elif kind in (ACCEPT, RETURN):
+            later, phase, safe, steps = after_moving(kind, phase, safe, steps, energy, slope, iterations)
+        elif kind in (ROWS, COARSE) and first > zero and safe == 0:
+            later, safe = BLOCKS, 1
+        elif kind == SOLVE:
+            later, products = RESTRICT, 0
+        elif kind in (PRODUCT, UPDATE, CORRECT):
+            later, safe, products, squared, enough, alpha, beta = after_solving(
+                kind, safe, products, squared, enough, first, floor
+            )  # fmt: skip
+            share, halvings = one, 0
+        elif kind == DIRECTION:
+            later = PRODUCT
+        elif kind == MOVE:
+            later, slope = LOOK, first
+        elif kind == AHEAD:
+            later = LOOK
+        elif kind == FINISH:
+            later = BEGIN
+        counts = phase, safe, products, steps, halvings
+        return later, counts, (energy, trial, noise, squared, enough, alpha, beta, share, slope)
+
+    return SimpleNamespace(after=after)
+
+
+def make(real, compiled=plain):
+    """What passes do with one particle or tetrahedron, in the arithmetic `real`."""
+    zero, half, one, four = real(0), real(0.5), real(1), real(4)
+    eps = real(np.finfo(real).eps)
+
+    @compiled
+    def doubt(held, volume, mu, lame, hookean):
+        """[J]: what rounding of F's entries may make of the energy of a tetrahedron, W = `held`."""
+        stiff = (mu + mu) + lame
+        strain = four * sqrt(stiff * abs(held)) + eps * stiff
+        if hookean:
+            strain = strain + mu
+        return eps * (volume * strain)
+
+    @compiled
+    def inertia_of(mean, weight):
+        """m / h^2 of a particle, from the mean mass over h^2."""
+        return mean / weight
+
+    @compiled
+    def kept(inertia, x, y, z):
+        """[J] of a displacement from where inertia alone leads to."""
+        return half * inertia * ((x * x + y * y) + z * z)
+
+    @compiled
+    def moved(x, share, d):
+        return x + share * d
+
+    @compiled
+    def outer(x, y, z, hard):
+        """`hard` times n n', (xx, xy, xz, yy, yz, zz), of n along (x, y, z); nothing where that is nothing."""
+        squared = (x * x + y * y) + z * z
+        s = hard / squared if squared > zero else zero
+        return s * (x * x), s * (x * y), s * (x * z), s * (y * y), s * (y * z), s * (z * z)
+
+    @compiled
+    def inverse(a, b, c, d, e, f):
+        """(the inverse's xx, xy, xz, yy, yz, zz, whether it is positive) of the symmetric matrix (xx, xy, xz, yy, yz, zz)."""
+        p, q, r = d * f - e * e, e * c - b * f, b * e - d * c
+        whole = (a * p + b * q) + c * r
+        minor = a * d - b * b
+        good = (a > zero) & (minor > zero) & (whole > zero)
+        s = one / whole if good else zero
+        return s * p, s * q, s * r, s * (a * f - c * c), s * (b * c - a * e), s * minor, good
+
+    return SimpleNamespace(doubt=doubt, inertia_of=inertia_of, kept=kept, moved=moved, outer=outer, inverse=inverse)

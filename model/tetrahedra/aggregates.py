@@ -1,0 +1,78 @@
+"""Neighbouring particles in groups that move as if they were rigid: the coarse level of Newton's method on tetrahedra."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from model.tetrahedra.block_rows import BlockRows
+from model.tetrahedra.body_set import TetrahedraSet
+
+FEWEST = 10  # particles of a group: so few have six rigid motions, and still are a coarser mesh
+MOST = 48  # groups of a body: 288 unknowns, whose factors take less time than a tenth of a solve
+MODES = 6  # of a rigid body
+
+
+@dataclass(frozen=True, eq=False)
+class Aggregates:
+    """Group a has the particles `members[starts[a]]` ... before `members[starts[a + 1]]`; `group` (particles,): the one that
+    each is in, -1 of those that are held. `reach` (6 groups,): of the coarse matrix, whose rows are the groups' six motions
+    one after the other, the last column of each row that is not 0, ascending. All int32. `width`: of its band."""
+
+    starts: np.ndarray
+    members: np.ndarray
+    group: np.ndarray
+    reach: np.ndarray
+
+    @property
+    def count(self) -> int:
+        """How many groups."""
+        return len(self.starts) - 1
+
+    @property
+    def width(self) -> int:
+        """The longest part of a row from its diagonal on."""
+        return int((self.reach - np.arange(len(self.reach)) + 1).max(initial=1))
+
+    @property
+    def arrays(self) -> tuple[np.ndarray, ...]:
+        """As kernels take them, in the order above."""
+        return self.starts, self.members, self.group, self.reach
+
+
+def aggregates(found: TetrahedraSet, rows: BlockRows, free: np.ndarray) -> Aggregates:
+    """Of each body, cut across its longest side again and again; of the particles that are `free` (particles,) bool."""
+    groups: list[np.ndarray] = []
+    ends = [*found.first_particle[1:], found.particle_count]
+    for first, last in zip(found.first_particle, ends, strict=True):
+        own = np.flatnonzero(free[first:last]) + first
+        if len(own):
+            groups.extend(_cut(found.position, own, max(1, min(MOST, len(own) // FEWEST))))
+    group = np.full(found.particle_count, -1)
+    for number, members in enumerate(groups):
+        group[members] = number
+    of_row = np.repeat(group, np.diff(rows.starts))
+    there = group[rows.columns]
+    furthest = np.arange(len(groups))
+    both = (of_row >= 0) & (there >= 0)
+    np.maximum.at(furthest, of_row[both], there[both])
+    furthest = np.maximum.accumulate(furthest)
+    return Aggregates(*(
+        np.ascontiguousarray(one, np.int32)
+        for one in (
+            np.cumsum([0, *(len(members) for members in groups)]),
+            np.concatenate([*groups, np.zeros(0, np.int64)]), group, np.repeat(MODES * furthest + MODES - 1, MODES),
+        )
+    ))  # fmt: skip
+
+
+def _cut(position: np.ndarray, members: np.ndarray, count: int) -> list[np.ndarray]:
+    """The `members` in so many groups, along the longest side of the box around them."""
+    if count == 1:
+        return [np.sort(members)]
+    axis = int(np.ptp(position[members], axis=0).argmax())
+    order = members[np.argsort(position[members, axis], kind="stable")]
+    low = count // 2
+    middle = len(order) * low // count
+    return [*_cut(position, order[:middle], low), *_cut(position, order[middle:], count - low)]

@@ -1,0 +1,55 @@
+"""The stiffness of tetrahedra as 3 x 3 blocks in compressed rows: where they are, and what each is the sum of."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+BLOCKS = 10  # of a tetrahedron that are kept: of the pairs of corners p <= q
+_PLACE = np.array([[0, 1, 2, 3], [1, 4, 5, 6], [2, 5, 7, 8], [3, 6, 8, 9]])  # of a pair's block among them
+
+
+@dataclass(frozen=True, eq=False)
+class BlockRows:
+    """Row k, of particle k, has the blocks `starts[k]` to before `starts[k + 1]`, `columns` (blocks,) ascending, its own at
+    `diagonal[k]`. Block n is the sum of the tetrahedra's blocks `items[sources[n]]` ... before `items[sources[n + 1]]`, in
+    the order of the tetrahedra: an item is twice (BLOCKS tetrahedron + block), and one more where it is to be transposed. At
+    particle k meet the `corners[meets[k]]` ... before `corners[meets[k + 1]]`: 4 tetrahedron + corner. All int32.
+    """
+
+    starts: np.ndarray
+    columns: np.ndarray
+    diagonal: np.ndarray
+    sources: np.ndarray
+    items: np.ndarray
+    meets: np.ndarray
+    corners: np.ndarray
+
+    @property
+    def arrays(self) -> tuple[np.ndarray, ...]:
+        """As kernels take them, in the order above."""
+        return self.starts, self.columns, self.diagonal, self.sources, self.items, self.meets, self.corners
+
+
+def block_rows(tetrahedra: np.ndarray, particles: int) -> BlockRows:
+    """Of `tetrahedra` (tetrahedra, 4) on so many particles; one without tetrahedra has a row of one empty block."""
+    count = len(tetrahedra)
+    wide = tetrahedra.astype(np.int64)
+    row, column = np.repeat(wide, 4, axis=1).ravel(), np.tile(wide, (1, 4)).ravel()
+    first, second = np.divmod(np.tile(np.arange(16), count), 4)
+    item = 2 * (BLOCKS * np.repeat(np.arange(count, dtype=np.int64), 16) + _PLACE[first, second]) + (first > second)
+    here = np.arange(particles, dtype=np.int64)
+    key = np.concatenate([row * particles + column, here * particles + here])  # with a diagonal in every row
+    found, place = np.unique(key, return_inverse=True)
+    of_tetrahedra, own = place[: len(row)], place[len(row) :]
+    order = np.argsort(of_tetrahedra, kind="stable")
+    corner = np.argsort(wide.ravel(), kind="stable")
+    return BlockRows(*(
+        np.ascontiguousarray(one, np.int32)
+        for one in (
+            np.searchsorted(found, np.arange(particles + 1, dtype=np.int64) * particles), found % particles, own,
+            np.searchsorted(of_tetrahedra[order], np.arange(len(found) + 1)), item[order],
+            np.searchsorted(wide.ravel()[corner], np.arange(particles + 1)), corner,
+        )
+    ))  # fmt: skip

@@ -1,0 +1,130 @@
+"""Bodies of tetrahedra by implicit Euler, solved by Newton's method: the constants, the plan and the entry of the registry.
+
+A substep of h minimises the incremental potential (S. Martin et al., "Example-Based Elastic Materials", ACM TOG 2011, eq. 3)
+
+    sum m / (2 h^2) |x - y|^2 + sum V W(F(x)) + 1 / (2 h) (x - x_0)' tau K_0 (x - x_0),    y = x_0 + h v_0 + h^2 a,
+
+with K_0 the stiffness at the substep's start x_0, less its tetrahedra's negative eigenvalues, and tau the body's damping
+[s]. `iterations` Newton steps at most, each by conjugate gradients (cpu_backend/tetrahedra/newton.py).
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from model.core.clock import START, Clock
+from model.core.own_forces import own_forces
+from model.core.parameters import rounded_record
+from model.core.plan import Node, Plan, Stage
+from model.formulas import colliders, distance
+from model.formulas.constraints.tetrahedron import MATERIALS
+from model.formulas.elastic import tangent
+from model.scene.scene import Scene
+from model.tetrahedra.body_set import TetrahedraSet
+from model.tetrahedra.constraints import tetrahedra_parts
+from model.tetrahedra.family import TETRAHEDRA
+from model.tetrahedra.material import rest_ratio
+from model.xpbd.family import projection_limit
+from model.xpbd.parameters import XPBD_FIELDS, xpbd_values
+
+CONSTANTS = ("newton_inertia", "newton_rate")  # of the record: the mean mass over h^2 [kg/s^2], 1 / h [1/s]
+VALUES = 14  # of a tetrahedron: 9 of B [1/m], V [m^3], mu, lambda [Pa], alpha of the neo-Hookean material, tau [s]
+DAMPED = "tetrahedra-damping"  # of the parts
+PRODUCTS = "conjugate gradients, until the residual is small enough"
+
+
+def element_values(found: TetrahedraSet) -> np.ndarray:
+    """(tetrahedra, VALUES) float64."""
+    mu, lame = found.lame()
+    damping = np.array([part.damping for part in found.parts])[found.body]
+    return np.column_stack(
+        [found.rest_inverse.reshape(-1, 9), found.volume, mu, lame, rest_ratio(mu, lame), damping]
+    )  # fmt: skip
+
+
+def element_materials(found: TetrahedraSet) -> np.ndarray:
+    """(tetrahedra,) int64: places in MATERIALS."""
+    return np.array([MATERIALS.index(part.material) for part in found.parts], np.int64)[found.body]
+
+
+def holding(found: TetrahedraSet) -> np.ndarray:
+    """(particles,) [N/m]: how the tetrahedra at each particle hold it at rest, along the axis along which they do most."""
+    mu, lame = found.lame()
+    rows = np.concatenate([-found.rest_inverse.sum(axis=1, keepdims=True), found.rest_inverse], axis=1)
+    each = ((2 * mu + lame) * found.volume)[:, None] * (rows**2).sum(axis=2)
+    return np.bincount(found.tetrahedra.ravel(), each.ravel(), found.particle_count)
+
+
+def rounding_floor(found: TetrahedraSet, real: Any) -> float:
+    """[J]: of residuals, in the norm of the inverse diagonal blocks, that are left alone: those of strains of a tenth of what
+    rounding makes."""
+    mu, lame = found.lame()
+    return float((0.1 * np.finfo(real).eps) ** 2 * ((2 * mu + lame) * found.volume).sum())
+
+
+def newton_parts(scene: Scene, live: frozenset[str] = frozenset()) -> frozenset[str]:
+    """The parts that need code: those of a position-based scene, but for the materials, which tetrahedra are asked for."""
+    return tetrahedra_parts(scene, live) - set(MATERIALS)
+
+
+def newton_record(
+    scene: Scene, real: Any, poke: tuple[float, ...] = (0.0, 0.0, 0.0), clock: Clock = START
+) -> np.ndarray:
+    """(1,): CONSTANTS, then those of every position-based solver."""
+    h = scene.method.dt / scene.method.substeps
+    own = dict(zip(CONSTANTS, (scene.grid.mass / h**2, 1 / h), strict=True))
+    return rounded_record(scene, own | xpbd_values(scene, poke, clock), XPBD_FIELDS, real)
+
+
+def newton_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
+    """The plan of a step. How often its inner node runs is decided by residuals: bytes and operations are of one each."""
+    parts, method, found = newton_parts(scene, live), scene.method, scene.tetrahedra_set
+    particles = found.particle_count
+    each = len(found.tetrahedra) / particles  # tetrahedra of a particle
+    blocks = 1 + 2 * len(found.edges[0]) / particles
+    turns = deformation.OPERATIONS_ROTATION[4]
+    forces = 3 * distance.OPERATIONS_PREDICT + ("gravity" in parts)
+    forces += sum(force.operations + 3 for force in own_forces(parts) if force.operations)
+    look = Stage("forces and energy of tetrahedra", 4, 2, round(each * (turns + tangent.OPERATIONS_STRESS)) + 20)
+    shape = tangent.operations_axes(4) + tangent.OPERATIONS_MODULI + 6 * tangent.OPERATIONS_BLOCK
+    rows = Stage("rows of the matrix", round(each * 30), round(3 * blocks), round(each * (turns + shape + 16 * 9)))
+    solve = Node(
+        PRODUCTS,
+        (
+            Stage("product with the matrix", round(3 * blocks) + 1, 1, round(18 * blocks) + 6),
+            Stage("update of the solution", 8, 4, 12 + 15 + 12),
+        ),
+    )
+    newton = Node("iteration", (rows, solve, Stage("move", 2, 1, 6), look), method.iterations)
+    last: list[Node | Stage] = [Stage("update velocity", 2, 1, 3 * distance.OPERATIONS_UPDATE)]
+    if scene.colliders:
+        touched = sum(colliders.OPERATIONS[kind] for kind, _ in scene.colliders)
+        last.append(Stage("collide", 2, 2, touched, 1.0))
+    substep = Node("substep", (Stage("predict", 2, 3, forces), look, newton, *last), method.substeps)
+    root = Node("step", (substep,))
+    return Plan(root, sum(stage.reads + stage.writes for stage in root.stages()), parts, dimensions=3)
+
+
+def newton_note(scene: Scene) -> str:
+    """A line on what the method does to a motion, and whether the step size has a limit."""
+    text = "implicit Euler by Newton's method, at any step size: first order, and damped by it"
+    return text + ("; the limit is that of the masses' damper" if projection_limit(scene) < float("inf") else "")
+
+
+TETRAHEDRA_NEWTON = replace(
+    TETRAHEDRA,
+    name="tetrahedral body, implicit",
+    accepts=lambda scene: bool(scene.tetrahedra) and scene.method.solver == "newton",
+    plan=newton_plan,
+    record=newton_record,
+    note=newton_note,
+    solvers={
+        "cpu": "cpu_backend.tetrahedra.newton:TetrahedraNewton",
+        "gpu": "gpu_backend.tetrahedra.newton:TetrahedraNewton",
+    },
+    passes={"cpu": "app.plan.mesh:newton_on_cpu", "gpu": "app.plan.mesh:newton_on_gpu"},
+    reference="bench.reference.tetrahedra_newton",
+)
