@@ -248,7 +248,9 @@ def cook(
     target: Annotated[Path, typer.Argument(metavar="BODY.npz", help="The file to write.")],
     edge: Annotated[float | None, typer.Option(help="Edge of a voxel, in metres.")] = None,
     voxels: Annotated[int | None, typer.Option(help="Voxels along the longest side (default 10).")] = None,
-    tetrahedra: Annotated[str, typer.Option(help="5 a voxel, or 6; conforming: follow the surface ([tets]).")] = "5",
+    tetrahedra: Annotated[
+        str, typer.Option(help="5 a voxel, or 6; conforming: follow the surface (extra: tets).")
+    ] = "5",
     scale: Annotated[float, typer.Option(help="Metres per unit of the file; a shape times so much.")] = 1.0,
     density: Annotated[float, typer.Option(help="Of the reported mass, in kg/m^3.")] = 1000.0,
 ) -> None:

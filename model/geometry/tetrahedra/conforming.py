@@ -58,12 +58,10 @@ def conforming_mesh(position: np.ndarray, triangles: np.ndarray, edge: float) ->
         local = (position - middle) / diagonal  # in a box of diagonal 1, whatever the unit
         np.savez(given, position=local, triangles=triangles.astype(np.int32), epsilon=TOLERANCE, edge=part)
         try:
+            command = [sys.executable, "-c", PROGRAM, str(given), str(made)]
             subprocess.run(
-                [sys.executable, "-c", PROGRAM, str(given), str(made)],
-                capture_output=True,
-                timeout=SECONDS,
-                check=False,
-            )
+                command, cwd=folder, capture_output=True, timeout=SECONDS, check=False
+            )  # it leaves files there
         except subprocess.TimeoutExpired:
             raise InputError(f"wildmeshing took over {SECONDS:.0f} s; take a larger edge, or voxels") from None
         held = read_arrays(made)

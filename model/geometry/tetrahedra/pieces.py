@@ -130,17 +130,12 @@ def _numbered(
     triangle, cell = pairs
     of_pair = piece[: len(triangle)]
     key = triangle * len(cells) + cell
-    surfaced = np.zeros(len(cells), dtype=bool)
-    surfaced[cell] = True
     joined = []
     for axis in range(3):
         beside = cells.beside(axis)
-        there, at_side = beside[cell] >= 0, np.flatnonzero(beside >= 0)
-        other, found = positions(key, np.where(there, triangle * len(cells) + beside[cell], -1))
-        inner = at_side[~surfaced[at_side] & ~surfaced[beside[at_side]]]  # all of both is inside
+        other, found = positions(key, np.where(beside[cell] >= 0, triangle * len(cells) + beside[cell], -1))
         through = np.stack([of_pair[found], of_pair[other[found]]], axis=1)
-        within = piece[len(triangle) + np.stack([inner, beside[inner]], axis=1)]
-        ends = np.concatenate([through, within, piece[crossing[axis]]])
+        ends = np.concatenate([through, piece[crossing[axis]]])
         both = np.unique(ends[:, 0] * len(place) + ends[:, 1])
         joined.append(np.stack(np.divmod(both, len(place)), axis=1))
     return Pieces(voxel[order], of_pair, (joined[0], joined[1], joined[2]))

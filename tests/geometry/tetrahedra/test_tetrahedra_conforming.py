@@ -34,7 +34,9 @@ def test_a_bar_keeps_its_volume(shift):
 
 
 @wild
-def test_open_and_crossing_surfaces_are_filled(tmp_path):
+def test_open_and_crossing_surfaces_are_filled(tmp_path, monkeypatch):
+    (tmp_path / "here").mkdir()
+    monkeypatch.chdir(tmp_path / "here")
     body = cooked(without_some(ball(0.5, 2), 3, 4), edge=0.3, per_voxel="conforming", folder=tmp_path)
     assert (
         body.report.volume == pytest.approx(voxel_mesh(ball(0.5, 2)).hull.volume, rel=0.03) and body.report.voxels == 0
@@ -44,6 +46,7 @@ def test_open_and_crossing_surfaces_are_filled(tmp_path):
     assert np.array_equal(again.mesh.position, body.mesh.position)
     one, other = ball(0.5, 1), ball(0.4, 1)
     crossing = conforming_mesh(*both(one, (other[0] + [0.5, 0.1, 0], other[1])), 0.3)[0]
+    assert not list((tmp_path / "here").iterdir())  # where the library would leave a file
     assert crossing.pieces() == 1 and crossing.volumes.min() > 0
 
 

@@ -39,6 +39,20 @@ def test_twenty_by_two_by_two():
     assert body.edge == pytest.approx(0.05) and np.array_equal(body.voxel.max(axis=0) + 1, [20, 2, 2])
 
 
+def test_whole_voxels_are_found_whatever_rounding_makes_of_them():
+    """3 x 0.1 is over 0.3, and a box far from the origin is a little larger or smaller than it should be."""
+    chance = np.random.default_rng(3)
+    for _ in range(100):
+        counts, edge = chance.integers(1, 6, 3), float(chance.choice([0.1, 0.3, 1 / 7, 1e-6]))
+        shift = chance.normal(size=3) * edge * 10.0 ** chance.integers(0, 6)
+        body = voxel_mesh(box(counts * edge, shift), edge=edge)
+        assert len(body.starts) - 1 == counts.prod() and body.doubled == 0 and body.mesh.pieces() == 1
+        assert np.array_equal(body.voxel.max(axis=0) + 1, counts)
+        position, triangles = blocks([(0, 0, 0), (1, 0, 0), (2, 0, 0), (1, 1, 0), (2, 1, 0), (2, 1, 1)], edge)
+        stairs = voxel_mesh((position + shift, triangles), edge=edge)
+        assert len(stairs.starts) - 1 == 6 and stairs.mesh.pieces() == 1
+
+
 @pytest.mark.parametrize("name", ["blob", "torus", "star"])
 @pytest.mark.parametrize("per_voxel", [5, 6])
 def test_colours_share_no_vertex_but_within_a_voxel(name, per_voxel):
