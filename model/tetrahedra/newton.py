@@ -21,7 +21,7 @@ from model.core.parameters import rounded_record
 from model.core.plan import Node, Plan, Stage
 from model.formulas import colliders, distance
 from model.formulas.constraints.tetrahedron import MATERIALS
-from model.formulas.elastic import tangent
+from model.formulas.elastic import deformation, tangent
 from model.scene.scene import Scene
 from model.tetrahedra.body_set import TetrahedraSet
 from model.tetrahedra.constraints import tetrahedra_parts

@@ -24,6 +24,8 @@ import numpy as np
 
 from model.formulas import joined, plain
 from model.formulas.constraints.tetrahedron import COROTATED, FIXED, HOOKEAN
+from model.formulas.elastic import deformation
+from model.formulas.elastic.deformation import make_gradient
 from model.formulas.lengths import make as make_lengths
 
 SWEEPS = {4: 4, 8: 6}  # of Jacobi's method over a 3 x 3 matrix, by the bytes of a number: it converges quadratically
@@ -50,7 +52,7 @@ def make(real, compiled=plain):
 
 def make_stress(real, compiled=plain):
     """`stress`"""
-    elastic, dot = deformation.make_gradient(real, compiled), make_lengths(real, compiled).dot
+    elastic, dot = make_gradient(real, compiled), make_lengths(real, compiled).dot
     cofactor, determinant = elastic.cofactor, elastic.determinant
     half, one, two, three = real(0.5), real(1), real(2), real(3)
 
