@@ -15,6 +15,7 @@ from bench.experiments.tetrahedra import (
     ELEMENTS,
     MESH_ERROR,
     MODULI,
+    MOTION_ERROR,
     SAG,
     SOLVER_ERROR,
     bars,
@@ -100,7 +101,14 @@ def _made_up(path: Any) -> Store:
             scene = cantilever(2, young, solver, substeps, iterations)
             description = described(scene, "gpu", tetrahedra.TETRAHEDRA, precision="float64")
             error, seconds = (16 / substeps**2, 1e-3 * substeps * iterations) if solver == "xpbd" else (1e-3, 1.0)
-            numbers = {SAG: error, SOLVER_ERROR: error, MESH_ERROR: -1 / 3, ELEMENTS: 400.0, SECONDS: seconds}
+            numbers = {
+                SAG: error,
+                SOLVER_ERROR: error,
+                MOTION_ERROR: -error,
+                MESH_ERROR: -1 / 3,
+                ELEMENTS: 400.0,
+                SECONDS: seconds,
+            }
             for name, value in numbers.items():
                 store.add_measure(run, description, "s", name, value, "", "of 9 pairs")
     return store
@@ -113,6 +121,7 @@ def test_what_is_claimed_and_drawn(tmp_path: Any) -> None:
     assert all(claim.supported for claim in found.values())
     assert found["tetrahedra-usual"].numbers["1e+06"] == pytest.approx(2.0)
     assert found["tetrahedra-mesh"].numbers["400"] == pytest.approx(-1 / 3)
+    assert found["tetrahedra-creeping"].numbers["1e+06"] == pytest.approx(-1e-3)
     assert found["tetrahedra-budget"].numbers["gpu 1e+07 xpbd"] == pytest.approx(
         0.064
     )  # 40 substeps; of those there are 64

@@ -37,7 +37,10 @@ LABELS: dict[str, list[tuple[str, str]]] = {  # figure -> (x, y) of each panel, 
     "ablation": [("change at the end, root mean square, in spacings", "")],
     "projections": [(MASSES, "projections a second")],
     "throughput": [("particles", "particles x substeps / s")],
-    "tetrahedra": [("time of a frame / ms", "error of the solver"), *[("time of a frame / ms", "")] * 2],
+    "tetrahedra": [
+        ("", "error at rest"), ("", ""), ("", ""), ("time of a frame / ms", "error in motion"),
+        *[("time of a frame / ms", "")] * 2,
+    ],
     "hard-states": [],  # pictures
     "hard-verdicts": [],
     "hard-bodies": [("measured over its bound", "")],
