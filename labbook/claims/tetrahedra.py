@@ -99,7 +99,8 @@ def creeping(results: Results) -> Claim:
             told = [f"{words.percent(1 + b.motion_error)} at {_pascal(young)}" for young, b in mine.items()]
             return Claim(
                 f"Vertex block descent of {DESCENT[1]} sweeps a frame stands still where it should, since each step begins "
-                f"where the last one ended; but half a vibration after it was let go it has made {words.listed(told)} of its way.",
+                f"where the last one ended; but half a vibration after it was let go it has made {words.listed(told)} of "
+                "its way.",
                 {f"{young:g}": b.motion_error for young, b in mine.items()}, True,
             )  # fmt: skip
     return Claim("Vertex block descent was not measured in motion.")

@@ -122,9 +122,7 @@ def test_what_is_claimed_and_drawn(tmp_path: Any) -> None:
     assert found["tetrahedra-usual"].numbers["1e+06"] == pytest.approx(2.0)
     assert found["tetrahedra-mesh"].numbers["400"] == pytest.approx(-1 / 3)
     assert found["tetrahedra-creeping"].numbers["1e+06"] == pytest.approx(-1e-3)
-    assert found["tetrahedra-budget"].numbers["gpu 1e+07 xpbd"] == pytest.approx(
-        0.064
-    )  # 40 substeps; of those there are 64
+    assert found["tetrahedra-budget"].numbers["gpu 1e+07 xpbd"] == pytest.approx(0.03)  # 18 substeps; there are 30
     with drawing_settings():
         drawing = figure.draw(results)
     assert not isinstance(drawing, str) and drawing.sources
