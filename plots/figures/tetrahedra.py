@@ -9,7 +9,7 @@ from bench.experiments.tetrahedra import BLOCKS, Bar, bars
 from plots.core.backends import on_backends
 from plots.core.colours import BLUE, GREEN, GREY, ORANGE, PURPLE, VERMILLION
 from plots.core.data import Results, Source
-from plots.core.style import Drawing, legend_below, new_grid
+from plots.core.style import Drawing, legend_below, new_grid, plain_ticks
 
 TITLE = "Does E mean E?"
 LOOKS = {
@@ -70,8 +70,8 @@ def draw(results: Results) -> Drawing | str:
     caption = (
         f"A clamped bar of {found[0].elements} tetrahedra under its own weight, which grows with Young's modulus, so that "
         "all bars should sag alike, against the time of a frame of 1/60 s. Above: how far it hangs at rest from its exact "
-        "rest on the same mesh, over its sag. Below: the way that its tip has made half a vibration after it was let go, from "
-        "the exact one. Solid: float64, dotted: float32. Dashed: how far that exact rest is from the continuum's."
+        "rest on the same mesh, over its sag. Below: the way that its tip has made half a vibration after it was let go, "
+        "from the exact one. Solid: float64, dotted: float32. Dashed: how far that exact rest is from the continuum's."
     )
     return Drawing(figure, TITLE, caption, (source,))
 
@@ -87,4 +87,4 @@ def _panel(ax: Any, found: Sequence[Bar], error: Callable[[Bar], float]) -> None
         ax.axhline(abs(found[0].mesh_error), linestyle="--", color=GREY, linewidth=1)
     ax.set_xscale("log")
     ax.set_yscale("log")
-    ax.xaxis.set_minor_formatter("")  # numbers between the powers of ten would overlap
+    plain_ticks(ax.xaxis)
