@@ -74,7 +74,7 @@ def _allowed(field: FieldInfo) -> str:
     bounds = [f"> {_number(m.gt)}" for m in marks if isinstance(m, Gt)]
     bounds += [f">= {_number(m.ge)}" for m in marks if isinstance(m, Ge)]
     bounds += [f"<= {_number(m.le)}" for m in marks if isinstance(m, Le) and m.le < WIDE]  # type: ignore[operator]
-    words = [word for word in _leaves(field.annotation) if isinstance(word, str)]
+    words = [str(word) for word in _leaves(field.annotation)]
     return ", ".join(dict.fromkeys(bounds or words))
 
 
