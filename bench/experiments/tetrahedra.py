@@ -166,7 +166,8 @@ def groups(
         for precision in precisions:
             for across in sections:
                 for young in MODULI:
-                    scenes = tuple(cantilever(across, young, *setting) for setting in settings(quick))
+                    chosen = settings(quick or across > SECTIONS[1])  # of fine meshes few: they take minutes to settle
+                    scenes = tuple(cantilever(across, young, *setting) for setting in chosen)
                     told = tuple(described(scene, backend, TETRAHEDRA, precision=precision) for scene in scenes)
                     name = f"{across} across, {young:.0e} Pa, {precision}, {backend}"
                     found.append(
