@@ -9,6 +9,7 @@ import numpy as np
 
 from app.render import colours
 from app.render.collider_shapes import collider_mesh, plane_axes
+from model.geometry.normals import mesh_normals
 from model.scene.cloth import Plane
 from model.scene.scene import Scene
 from model.scene.sheets import scene_normals, triangles_of
@@ -44,6 +45,8 @@ def pieces_of(
         assert matrices is not None
         there = copies_there(scene, inverse_mass)
         return [_body(scene, copy, position, matrices) for copy in scene.body_set.copies if there[copy.number]]
+    if scene.tetrahedra:
+        return _skins(scene, position)
     name = next((name for name, part in scene.parts.items() if part is scene.grid), "grid")
     triangles = triangles_of(scene) if scene.cloth else np.zeros((0, 3), np.int32)
     if len(triangles):
@@ -53,6 +56,19 @@ def pieces_of(
     held = bool(scene.springs or scene.cloth_springs)
     lines = tuple(line for line in (*index, *index.T) if len(line) > 1) if held else ()
     return [Piece(name, flat, colours.INK, lines=lines)]
+
+
+def _skins(scene: Scene, position: np.ndarray) -> list[Piece]:
+    """Of tetrahedral bodies, each carried by its tetrahedra."""
+    skin = scene.tetrahedra_set.skin
+    points = skin.points(position)
+    normals = mesh_normals(points, skin.faces)
+    found = []
+    for number, (name, triangles) in enumerate(zip(scene.tetrahedra, skin.triangles, strict=True)):
+        low, high = int(triangles.min()), int(triangles.max()) + 1
+        colour = colours.BODIES[number % len(colours.BODIES)]
+        found.append(Piece(name, points[low:high], colour, triangles - low, normals[low:high]))
+    return found
 
 
 def _body(scene: Scene, copy: Copy, position: np.ndarray, matrices: np.ndarray) -> Piece:

@@ -9,6 +9,7 @@ import pytest
 from tetrahedra_scenes import BODY, FREE, METHOD, PARTS, moving, tetrahedra_scene
 
 from app.driver import open_simulation
+from app.output.pieces import pieces_of
 from bench.reference import tetrahedra as reference
 from bench.reference.finite_elements import Body
 from model.core.build import build
@@ -157,3 +158,18 @@ def test_every_material_is_in_the_parts() -> None:
     assert {part.material for scene in map(tetrahedra_scene, PARTS) for part in scene.tetrahedra.values()} == {
         "fixed-corotated", "corotated", "neo-hookean",
     }  # fmt: skip
+
+
+def test_skins_are_what_other_programs_get() -> None:
+    """A piece a body, closed, where its tetrahedra carry it: moved by what moves all particles."""
+    scene = tetrahedra_scene("everything")
+    found = scene.tetrahedra_set
+    still, moved = (pieces_of(scene, found.position + way) for way in (0.0, np.array([0.1, -0.2, 0.3])))
+    assert [piece.name for piece in still] == ["body", "second", "third"]
+    for before, after in zip(still, moved, strict=True):
+        np.testing.assert_allclose(
+            after.vertices - before.vertices, np.tile([0.1, -0.2, 0.3], (len(before.vertices), 1))
+        )
+        assert before.triangles is not None and before.normals is not None
+        edges = np.sort(before.triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+        assert set(np.unique(edges, axis=0, return_counts=True)[1]) == {2}
