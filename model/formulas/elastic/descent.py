@@ -30,7 +30,7 @@ from __future__ import annotations
 from types import SimpleNamespace
 
 from model.formulas import elasticity, plain
-from model.formulas.constraints.tetrahedron import COROTATED, FIXED, HOOKEAN
+from model.formulas.constraints.tetrahedron import FIXED, HOOKEAN
 from model.formulas.elastic import energy as energies
 from model.formulas.elastic.energy import make as make_energy
 from model.formulas.elasticity import make_gradient, make_rotation
@@ -50,7 +50,6 @@ def operations(material: int, item: int, damped: bool) -> int:
     """Of one tetrahedron at one of its vertices, counted on numbers of `item` bytes."""
     stress = elasticity.OPERATIONS_GRADIENT + energies.operations(material, item)
     turn = elasticity.OPERATIONS_ROTATION[item] if material == HOOKEAN else 0
-    stress += OPERATIONS_TURNING * (material == COROTATED)
     return stress + OPERATIONS_ELEMENT + damped * (OPERATIONS_DAMPER + turn)
 
 
@@ -61,7 +60,7 @@ def make(real, compiled=plain, material=FIXED, damped=False):
     gradient = make_gradient(real, compiled).gradient
     rotation = make_rotation(real, compiled)
     stress = make_energy(real, compiled, material).stress
-    turns_anew, stretches = material == HOOKEAN, material == COROTATED
+    turns_anew, stretches = material == HOOKEAN, material == energies.COROTATED
     zero, one = real(0), real(1)
 
     @compiled
