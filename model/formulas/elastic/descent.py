@@ -60,30 +60,10 @@ def make(real, compiled=plain, material=FIXED, damped=False):
     gradient = make_gradient(real, compiled).gradient
     rotation = make_rotation(real, compiled)
     stress = make_energy(real, compiled, material).stress
+    matrices, vertex = make_matrices(real, compiled), make_vertex(real, compiled)
+    row, times, symmetric, turning = matrices.row, matrices.times, matrices.symmetric, matrices.turning
     turns_anew, stretches = material == HOOKEAN, material == energies.COROTATED
-    zero, one = real(0), real(1)
-
-    @compiled
-    def row(values, corner):
-        """b of the corner 0 to 3 of a tetrahedron."""
-        if corner == 1:
-            return values[0], values[1], values[2]
-        if corner == 2:
-            return values[3], values[4], values[5]
-        if corner == 3:
-            return values[6], values[7], values[8]
-        x, y, z = values[0] + values[3], values[1] + values[4], values[2] + values[5]
-        return -x - values[6], -y - values[7], -z - values[8]
-
-    @compiled
-    def times(g, x, y, z):
-        """A matrix, by rows, times a vector."""
-        return dot(g[0], g[1], g[2], x, y, z), dot(g[3], g[4], g[5], x, y, z), dot(g[6], g[7], g[8], x, y, z)
-
-    @compiled
-    def symmetric(t, x, y, z):
-        """Six numbers as a matrix, times a vector."""
-        return dot(t[0], t[3], t[4], x, y, z), dot(t[3], t[1], t[5], x, y, z), dot(t[4], t[5], t[2], x, y, z)
+    one = real(1)
 
     @compiled
     def held(points, values):
@@ -96,29 +76,6 @@ def make(real, compiled=plain, material=FIXED, damped=False):
             dot(r[0], r[3], r[6], p[0], p[3], p[6]), dot(r[1], r[4], r[7], p[1], p[4], p[7]),
             dot(r[2], r[5], r[8], p[2], p[5], p[8]), dot(r[0], r[3], r[6], p[1], p[4], p[7]),
             dot(r[0], r[3], r[6], p[2], p[5], p[8]), dot(r[1], r[4], r[7], p[2], p[5], p[8]),
-        )  # fmt: skip
-
-    @compiled
-    def turning(f, r, x, y, z, excess):
-        """`excess` times b' dR/dF b = ((b'Gb) G - (Gb)(Gb)') / det G with G = tr S - S, all turned by R; six numbers."""
-        xx, yy, zz = (
-            dot(f[0], f[1], f[2], r[0], r[1], r[2]), dot(f[3], f[4], f[5], r[3], r[4], r[5]),
-            dot(f[6], f[7], f[8], r[6], r[7], r[8]),
-        )  # fmt: skip
-        xy, xz = -dot(f[0], f[1], f[2], r[3], r[4], r[5]), -dot(f[0], f[1], f[2], r[6], r[7], r[8])
-        yz = -dot(f[3], f[4], f[5], r[6], r[7], r[8])
-        xx, yy, zz = yy + zz, xx + zz, xx + yy
-        bx, by, bz = times(r, x, y, z)
-        gx, gy, gz = symmetric((xx, yy, zz, xy, xz, yz), bx, by, bz)
-        determinant = dot(xx, xy, xz, yy * zz - yz * yz, xz * yz - xy * zz, xy * yz - xz * yy)
-        scale = zero
-        if (excess > zero) & (determinant > zero):
-            scale = excess / determinant
-        along = scale * dot(bx, by, bz, gx, gy, gz)
-        gx, gy, gz, hx, hy, hz = scale * gx, scale * gy, scale * gz, gx, gy, gz
-        return (
-            along * xx - gx * hx, along * yy - gy * hy, along * zz - gz * hz, along * xy - gx * hy, along * xz - gx * hz,
-            along * yz - gy * hz,
         )  # fmt: skip
 
     @compiled
@@ -147,6 +104,65 @@ def make(real, compiled=plain, material=FIXED, damped=False):
             xx, yy, zz = xx + turn[0], yy + turn[1], zz + turn[2]
             xy, xz, yz = xy + turn[3], xz + turn[4], yz + turn[5]
         return fx, fy, fz, xx, yy, zz, xy, xz, yz
+
+    return SimpleNamespace(held=held, element=element, **vars(vertex))
+
+
+def make_matrices(real, compiled=plain):
+    """Of a tetrahedron: rows of B, products with them, and how R turns."""
+    dot, zero = make_lengths(real, compiled).dot, real(0)
+
+    @compiled
+    def row(values, corner):
+        """b of the corner 0 to 3 of a tetrahedron."""
+        if corner == 1:
+            return values[0], values[1], values[2]
+        if corner == 2:
+            return values[3], values[4], values[5]
+        if corner == 3:
+            return values[6], values[7], values[8]
+        x, y, z = values[0] + values[3], values[1] + values[4], values[2] + values[5]
+        return -x - values[6], -y - values[7], -z - values[8]
+
+    @compiled
+    def times(g, x, y, z):
+        """A matrix, by rows, times a vector."""
+        return dot(g[0], g[1], g[2], x, y, z), dot(g[3], g[4], g[5], x, y, z), dot(g[6], g[7], g[8], x, y, z)
+
+    @compiled
+    def symmetric(t, x, y, z):
+        """Six numbers as a matrix, times a vector."""
+        return dot(t[0], t[3], t[4], x, y, z), dot(t[3], t[1], t[5], x, y, z), dot(t[4], t[5], t[2], x, y, z)
+
+    @compiled
+    def turning(f, r, x, y, z, excess):
+        """`excess` times b' dR/dF b = ((b'Gb) G - (Gb)(Gb)') / det G with G = tr S - S, all turned by R; six numbers."""
+        xx, yy, zz = (
+            dot(f[0], f[1], f[2], r[0], r[1], r[2]), dot(f[3], f[4], f[5], r[3], r[4], r[5]),
+            dot(f[6], f[7], f[8], r[6], r[7], r[8]),
+        )  # fmt: skip
+        xy, xz = -dot(f[0], f[1], f[2], r[3], r[4], r[5]), -dot(f[0], f[1], f[2], r[6], r[7], r[8])
+        yz = -dot(f[3], f[4], f[5], r[6], r[7], r[8])
+        xx, yy, zz = yy + zz, xx + zz, xx + yy
+        bx, by, bz = times(r, x, y, z)
+        gx, gy, gz = symmetric((xx, yy, zz, xy, xz, yz), bx, by, bz)
+        determinant = dot(xx, xy, xz, yy * zz - yz * yz, xz * yz - xy * zz, xy * yz - xz * yy)
+        scale = zero
+        if (excess > zero) & (determinant > zero):
+            scale = excess / determinant
+        along = scale * dot(bx, by, bz, gx, gy, gz)
+        gx, gy, gz, hx, hy, hz = scale * gx, scale * gy, scale * gz, gx, gy, gz
+        return (
+            along * xx - gx * hx, along * yy - gy * hy, along * zz - gz * hz, along * xy - gx * hy, along * xz - gx * hz,
+            along * yz - gy * hz,
+        )  # fmt: skip
+
+    return SimpleNamespace(row=row, times=times, symmetric=symmetric, turning=turning)
+
+
+def make_vertex(real, compiled=plain):
+    """Of a vertex: its sums, where it goes, where it starts."""
+    one = real(1)
 
     @compiled
     def added(a, b):
@@ -183,4 +199,4 @@ def make(real, compiled=plain, material=FIXED, damped=False):
         """Where a vertex would be without any force."""
         return before[0] + h * velocity[0], before[1] + h * velocity[1], before[2] + h * velocity[2]
 
-    return SimpleNamespace(held=held, element=element, added=added, moved=moved, coasted=coasted)
+    return SimpleNamespace(added=added, moved=moved, coasted=coasted)
