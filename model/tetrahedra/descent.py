@@ -148,6 +148,7 @@ def vbd_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
     colours: list[Stage] = []
     for found in descents(scene):
         each = descent.operations(found.number, item, damped)
+        each += descent.OPERATIONS_TURNING * (found.material == "corotated")
         if damped:
             begin.append(
                 Stage(stage_name("stress", found.material), 1, 2, round(each * len(found.corners) / particles))

@@ -1,4 +1,11 @@
-"""Bodies of tetrahedra, solved by vertex block descent: vertex by vertex down the energy of a step of backward Euler."""
+"""Bodies of tetrahedra, solved by vertex block descent: vertex by vertex down the energy of a step of backward Euler.
+
+What sweeps leave undone is an error of this step, not of the material: a pinned body at rest stays there with any number of
+them. A free one falls as all do, but keeps its momentum only as far as sweeps go (of a body out of shape they lost 7 % in
+one, 0.3 % in four, 1e-7 in sixteen). Colliders act where a substep ends, as on a mesh, and no sweep knows of them: what
+rests on one sinks into it by what it falls in a few substeps (a cube of 0.3 m by 37 mm at one of 1/60 s, 1.3 mm at sixteen),
+however many the iterations.
+"""
 
 from __future__ import annotations
 

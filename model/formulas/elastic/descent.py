@@ -11,7 +11,8 @@ is taken. That is the whole block of the neo-Hookean material: J is linear in on
 the others it leaves out how R turns, k_D (C_D's) and k_H C_H (the corotated C_H's) times b' dR/dF b, which changes the way,
 and not where it ends: a vertex stays where the derivative is 0, whatever K is. Fixed corotated, K is never less than the
 curvature, since |F - R(F)| is the least |F - R| of any R and so at most that with R as it was: every visit lowers the
-potential. Corotated that holds while k_H C_H < k_D.
+potential. Corotated that holds while k_H C_H < k_D; where it is stretched more, what was left out is added, and the block is
+the whole one, or vertices would go too far and never come to rest.
 
 Iterations begin at y where a body is free: all of it falls. Where it is pinned they begin at x0 + h v: there what bears the
 load bears it already, and a body at rest stays at rest whatever the number of iterations, which from y on would have to undo
@@ -41,6 +42,7 @@ STRESSES = 6  # of T, which is symmetric: xx, yy, zz, xy, xz, yz
 SUMS = 9  # of a vertex: three of the derivative; xx, yy, zz, xy, xz, yz of the block
 OPERATIONS_ELEMENT = 2 + 15 + 15 + 5 + 4 + 15 + 9  # the row, P b, G b, |b|^2, k_D |b|^2, the block, the sums
 OPERATIONS_DAMPER = 1 + 30 + 10
+OPERATIONS_TURNING = 30 + 15 + 5 + 14 + 30  # F R', its product with b, the determinant, the matrix
 OPERATIONS_MOVE = 3 + 12 + 9 + 35  # x - y, the scales, to add the mass, to solve
 OPERATIONS_START = 6
 
@@ -59,8 +61,57 @@ def make(real, compiled=plain, material=FIXED, damped=False):
     gradient = make_gradient(real, compiled).gradient
     rotation = make_rotation(real, compiled)
     stress = make_energy(real, compiled, material).stress
-    turns_anew = material == HOOKEAN
+    matrices, vertex = make_matrices(real, compiled), make_vertex(real, compiled)
+    row, times, symmetric, turning = matrices.row, matrices.times, matrices.symmetric, matrices.turning
+    turns_anew, stretches = material == HOOKEAN, material == energies.COROTATED
     one = real(1)
+
+    @compiled
+    def held(points, values):
+        """V T, six numbers, of the four corners where a substep begins."""
+        f = gradient(points[0], points[1], points[2], points[3], values)
+        p, _, r, _ = stress(f, values[9], values[10], values[11])
+        if turns_anew:
+            r = rotation(f)
+        return (
+            dot(r[0], r[3], r[6], p[0], p[3], p[6]), dot(r[1], r[4], r[7], p[1], p[4], p[7]),
+            dot(r[2], r[5], r[8], p[2], p[5], p[8]), dot(r[0], r[3], r[6], p[1], p[4], p[7]),
+            dot(r[0], r[3], r[6], p[2], p[5], p[8]), dot(r[1], r[4], r[7], p[2], p[5], p[8]),
+        )  # fmt: skip
+
+    @compiled
+    def element(points, values, before, corner, rate):
+        """What a tetrahedron adds to the nine sums of its corner. `before`: T, read where a damper counts; `rate`: 1 / h."""
+        f = gradient(points[0], points[1], points[2], points[3], values)
+        p, g, r, pull = stress(f, values[9], values[10], values[11])
+        x, y, z = row(values, corner)
+        fx, fy, fz = times(p, x, y, z)
+        gx, gy, gz = times(g, x, y, z)
+        shape, pressure, excess = values[9], values[10], pull - values[9]
+        if damped:
+            gamma = rate * values[12]
+            if turns_anew:
+                r = rotation(f)
+            tx, ty, tz = symmetric(before, x, y, z)
+            tx, ty, tz = times(r, tx, ty, tz)
+            more = one + gamma
+            fx, fy, fz = more * fx - gamma * tx, more * fy - gamma * ty, more * fz - gamma * tz
+            shape, pressure, excess = more * shape, more * pressure, more * excess
+        own = shape * dot(x, y, z, x, y, z)
+        px, py, pz = pressure * gx, pressure * gy, pressure * gz
+        xx, yy, zz, xy, xz, yz = own + px * gx, own + py * gy, own + pz * gz, px * gy, px * gz, py * gz
+        if stretches:
+            turn = turning(f, r, x, y, z, excess)
+            xx, yy, zz = xx + turn[0], yy + turn[1], zz + turn[2]
+            xy, xz, yz = xy + turn[3], xz + turn[4], yz + turn[5]
+        return fx, fy, fz, xx, yy, zz, xy, xz, yz
+
+    return SimpleNamespace(held=held, element=element, **vars(vertex))
+
+
+def make_matrices(real, compiled=plain):
+    """Of a tetrahedron: rows of B, products with them, and how R turns."""
+    dot, zero = make_lengths(real, compiled).dot, real(0)
 
     @compiled
     def row(values, corner):
@@ -85,39 +136,34 @@ def make(real, compiled=plain, material=FIXED, damped=False):
         return dot(t[0], t[3], t[4], x, y, z), dot(t[3], t[1], t[5], x, y, z), dot(t[4], t[5], t[2], x, y, z)
 
     @compiled
-    def held(points, values):
-        """V T, six numbers, of the four corners where a substep begins."""
-        f = gradient(points[0], points[1], points[2], points[3], values)
-        p, _, r = stress(f, values[9], values[10], values[11])
-        if turns_anew:
-            r = rotation(f)
+    def turning(f, r, x, y, z, excess):
+        """`excess` times b' dR/dF b = ((b'Gb) G - (Gb)(Gb)') / det G with G = tr S - S, all turned by R; six numbers."""
+        xx, yy, zz = (
+            dot(f[0], f[1], f[2], r[0], r[1], r[2]), dot(f[3], f[4], f[5], r[3], r[4], r[5]),
+            dot(f[6], f[7], f[8], r[6], r[7], r[8]),
+        )  # fmt: skip
+        xy, xz = -dot(f[0], f[1], f[2], r[3], r[4], r[5]), -dot(f[0], f[1], f[2], r[6], r[7], r[8])
+        yz = -dot(f[3], f[4], f[5], r[6], r[7], r[8])
+        xx, yy, zz = yy + zz, xx + zz, xx + yy
+        bx, by, bz = times(r, x, y, z)
+        gx, gy, gz = symmetric((xx, yy, zz, xy, xz, yz), bx, by, bz)
+        determinant = dot(xx, xy, xz, yy * zz - yz * yz, xz * yz - xy * zz, xy * yz - xz * yy)
+        scale = zero
+        if (excess > zero) & (determinant > zero):
+            scale = excess / determinant
+        along = scale * dot(bx, by, bz, gx, gy, gz)
+        gx, gy, gz, hx, hy, hz = scale * gx, scale * gy, scale * gz, gx, gy, gz
         return (
-            dot(r[0], r[3], r[6], p[0], p[3], p[6]), dot(r[1], r[4], r[7], p[1], p[4], p[7]),
-            dot(r[2], r[5], r[8], p[2], p[5], p[8]), dot(r[0], r[3], r[6], p[1], p[4], p[7]),
-            dot(r[0], r[3], r[6], p[2], p[5], p[8]), dot(r[1], r[4], r[7], p[2], p[5], p[8]),
+            along * xx - gx * hx, along * yy - gy * hy, along * zz - gz * hz, along * xy - gx * hy, along * xz - gx * hz,
+            along * yz - gy * hz,
         )  # fmt: skip
 
-    @compiled
-    def element(points, values, before, corner, rate):
-        """What a tetrahedron adds to the nine sums of its corner. `before`: T, read where a damper counts; `rate`: 1 / h."""
-        f = gradient(points[0], points[1], points[2], points[3], values)
-        p, g, r = stress(f, values[9], values[10], values[11])
-        x, y, z = row(values, corner)
-        fx, fy, fz = times(p, x, y, z)
-        gx, gy, gz = times(g, x, y, z)
-        shape, pressure = values[9], values[10]
-        if damped:
-            gamma = rate * values[12]
-            if turns_anew:
-                r = rotation(f)
-            tx, ty, tz = symmetric(before, x, y, z)
-            tx, ty, tz = times(r, tx, ty, tz)
-            more = one + gamma
-            fx, fy, fz = more * fx - gamma * tx, more * fy - gamma * ty, more * fz - gamma * tz
-            shape, pressure = more * shape, more * pressure
-        own = shape * dot(x, y, z, x, y, z)
-        px, py, pz = pressure * gx, pressure * gy, pressure * gz
-        return fx, fy, fz, own + px * gx, own + py * gy, own + pz * gz, px * gy, px * gz, py * gz
+    return SimpleNamespace(row=row, times=times, symmetric=symmetric, turning=turning)
+
+
+def make_vertex(real, compiled=plain):
+    """Of a vertex: its sums, where it goes, where it starts."""
+    one = real(1)
 
     @compiled
     def added(a, b):
@@ -154,4 +200,4 @@ def make(real, compiled=plain, material=FIXED, damped=False):
         """Where a vertex would be without any force."""
         return before[0] + h * velocity[0], before[1] + h * velocity[1], before[2] + h * velocity[2]
 
-    return SimpleNamespace(held=held, element=element, added=added, moved=moved, coasted=coasted)
+    return SimpleNamespace(added=added, moved=moved, coasted=coasted)

@@ -72,7 +72,7 @@ def make(real, compiled=plain, material=FIXED):
 
     @compiled
     def stress(f, shape, pressure, rest):
-        """(P, G, R), nine numbers each, by rows; R is F where the material asks for none."""
+        """(P, G, R, k_H C_H), nine numbers of a matrix, by rows; R is F where the material asks for none."""
         d, violation, g, r = parts_of(f, rest)
         p = pressure * violation
         return (
@@ -80,7 +80,7 @@ def make(real, compiled=plain, material=FIXED):
                 shape * d[0] + p * g[0], shape * d[1] + p * g[1], shape * d[2] + p * g[2],
                 shape * d[3] + p * g[3], shape * d[4] + p * g[4], shape * d[5] + p * g[5],
                 shape * d[6] + p * g[6], shape * d[7] + p * g[7], shape * d[8] + p * g[8],
-            ), g, r,
+            ), g, r, p,
         )  # fmt: skip
 
     return SimpleNamespace(energy=energy, stress=stress)
