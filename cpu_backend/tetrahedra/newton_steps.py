@@ -185,10 +185,13 @@ def make_newton_advance(real: Any, math: str, parts: frozenset[str]) -> Any:
         counts = control[2], control[3], control[4], control[5], control[6]
         kept = (
             values[0], values[1], values[2], values[3], values[4], values[5], values[6], values[7], values[8],
+            values[9],
         )  # fmt: skip
         later, counts, kept = after(kind, counts, kept, first, second, iterations, damped, floor)
         control[2], control[3], control[4], control[5], control[6] = counts
-        values[0], values[1], values[2], values[3], values[4], values[5], values[6], values[7], values[8] = kept
+        values[0], values[1], values[2], values[3], values[4], values[5], values[6], values[7], values[8], values[9] = (
+            kept
+        )
         done[1] += kind == passes.LOOK
         done[2] += kind == passes.ROWS
         done[3] += kind == passes.PRODUCT
