@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from model.core.build import build
 from model.scene.scene import Scene
 from model.tetrahedra.body_set import TetrahedraSet
 
@@ -138,7 +137,8 @@ def simulate(scene: Scene, steps: int, position: np.ndarray, velocity: np.ndarra
     """(position [m], velocity [m/s]), (particles, 3) float64, after `steps` steps: gravity and the masses' damper, no
     colliders."""
     found, method, gravity = scene.tetrahedra_set, scene.method, scene.gravity
-    inverse = build(scene).inverse_mass
+    inverse = 1 / found.masses
+    inverse[found.pinned_vertices] = 0
     free, mass, h = inverse > 0, found.masses, method.dt / method.substeps
     fall = np.array([0.0, -gravity.acceleration if gravity and gravity.enabled else 0.0, 0.0])
     drag = (scene.damping.coefficient if scene.damping else 0.0) * inverse[:, None]

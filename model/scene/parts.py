@@ -226,8 +226,8 @@ class Method(Part):
     away `pbd_stiffness` of a stretch, whatever the springs' stiffness: after n iterations 1 - (1 - pbd_stiffness)^n of it,
     so that the material changes with iterations, substeps and dt. `shape-matching` moves masses towards where windows of the
     grid, 2 `region` + 1 masses wide and high, would have them if they were rigid. Tetrahedra are two scalar `rows` each, or
-    `blocks`, which end at implicit Euler where iterations do; `vbd` descends vertex by vertex, `iterations` times over all, and
-    `newton` solves implicit Euler to the end, in at most `iterations` Newton steps.
+    `blocks`, which end at implicit Euler where iterations do; `vbd` descends vertex by vertex, `iterations` times over all,
+    and `newton` solves implicit Euler to the end, in at most `iterations` Newton steps.
     """
 
     solver: SolverName = "mass-spring"

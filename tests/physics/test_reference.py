@@ -24,6 +24,7 @@ SHARED = {
         "model.core.build",
         "model.scene.sheets",
     },
+    "tetrahedra_newton.py": {"model.tetrahedra.body_set"},
     "contacts.py": {"model.scene.self_collision"},
     "shape_matching.py": {"model.shape_matching.clusters", "model.shape_matching.matching"},
     "cluster_material.py": {"model.shape_matching.clusters"},

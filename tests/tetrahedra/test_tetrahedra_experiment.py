@@ -56,24 +56,22 @@ def test_exact_rests_are_the_meshs() -> None:
 @pytest.fixture(scope="module")
 def store(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Store]:
     """The shortest bar, really measured on this CPU with few substeps."""
-    with (
-        pytest.MonkeyPatch.context() as patch,
-        Store(tmp_path_factory.mktemp("tetrahedra") / "results.sqlite") as opened,
-    ):
-        patch.setattr(tetrahedra, "SECTIONS", (1, 1))
-        patch.setattr(tetrahedra, "MODULI", (1e6,))
-        patch.setattr(tetrahedra, "FRAMES", 90)
-        patch.setattr(
-            tetrahedra, "QUICK_SETTINGS", {name: some[:1] for name, some in tetrahedra.QUICK_SETTINGS.items()}
-        )
-        summary = run_tetrahedra(opened, quick=True, backends=["cpu"], precisions=["float64"], progress=False)
+    with Store(tmp_path_factory.mktemp("tetrahedra") / "results.sqlite") as opened:
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(tetrahedra, "SECTIONS", (1, 1))
+            patch.setattr(tetrahedra, "MODULI", (1e6,))
+            patch.setattr(tetrahedra, "SOLVERS_OF_TETRAHEDRA", ("xpbd",))  # the others have tests of their own
+            patch.setattr(tetrahedra, "FRAMES", 90)
+            few = {name: some[:1] for name, some in tetrahedra.QUICK_SETTINGS.items()}
+            patch.setattr(tetrahedra, "QUICK_SETTINGS", few)
+            summary = run_tetrahedra(opened, quick=True, backends=["cpu"], precisions=["float64"], progress=False)
         assert summary.measured == 1
         yield opened
 
 
 def test_both_errors_are_told_apart(store: Store) -> None:
     found = {bar.solver: bar for bar in bars(measures(store))}
-    assert found.keys() == {*tetrahedra.SOLVERS_OF_TETRAHEDRA, tetrahedra.BLOCKS}
+    assert found.keys() == {"xpbd", tetrahedra.BLOCKS}
     usual = found["xpbd"]
     assert (usual.elements, usual.young, usual.substeps, usual.iterations) == (50, 1e6, 4, 1)
     assert usual.seconds > 0 and usual.solver_error > 0.5  # far from rest: four substeps
