@@ -16,6 +16,8 @@ import numpy as np
 from model.formulas.constraints.tetrahedron import COUNT, MATERIALS
 from model.tetrahedra.body_set import TetrahedraSet
 
+LEAST_PRESSURE = 1e-12  # of the stiffness against a change of shape: a Poisson's ratio of 0 has none, and no compliance
+
 
 def deformation(found: TetrahedraSet, position: np.ndarray) -> np.ndarray:
     """(tetrahedra, 3, 3) float64: F at `position` (particles, 3)."""
@@ -31,6 +33,12 @@ def stretches(gradient: np.ndarray) -> np.ndarray:
     return found
 
 
+def material_of(found: TetrahedraSet) -> np.ndarray:
+    """(tetrahedra,) int64: which of MATERIALS each is of."""
+    kinds: np.ndarray = np.array([MATERIALS.index(part.material) for part in found.parts], np.int64)[found.body]
+    return kinds
+
+
 def energies(found: TetrahedraSet, position: np.ndarray) -> np.ndarray:
     """(tetrahedra,) float64 [J], what each holds; nan where a position is not finite."""
     gradient = deformation(found, position)
@@ -38,12 +46,12 @@ def energies(found: TetrahedraSet, position: np.ndarray) -> np.ndarray:
     s = stretches(np.where(finite[:, None, None], gradient, 0.0))
     mu, lame = found.lame()
     volume_ratio, off = s.prod(axis=1), s - 1
-    kind = np.array([MATERIALS.index(part.material) for part in found.parts])[found.body]
     alpha = rest_ratio(mu, lame)
     hookean = mu / 2 * ((s**2).sum(axis=1) - 3) + (lame + mu) / 2 * ((volume_ratio - alpha) ** 2 - (1 - alpha) ** 2)
     shape = mu * (off**2).sum(axis=1)
     density = np.choose(
-        kind, [shape + lame / 2 * (volume_ratio - 1) ** 2, shape + lame / 2 * off.sum(axis=1) ** 2, hookean]
+        material_of(found),
+        [shape + lame / 2 * (volume_ratio - 1) ** 2, shape + lame / 2 * off.sum(axis=1) ** 2, hookean],
     )
     return np.where(finite, density * found.volume, np.nan)
 
@@ -60,10 +68,9 @@ def constraint_values(found: TetrahedraSet, chosen: np.ndarray) -> np.ndarray:
     hookean = np.array([part.material == "neo-hookean" for part in found.parts])[body]
     damping = np.array([part.damping for part in found.parts])[body]
     shape, pressure = np.where(hookean, mu, 2 * mu), np.where(hookean, lame + mu, lame)
-    with np.errstate(divide="ignore"):
-        soft = np.where(pressure > 0, 1 / (pressure * volume), np.inf)
+    pressure = np.maximum(pressure, LEAST_PRESSURE * shape)
     values = np.column_stack([
-        found.rest_inverse[chosen].reshape(-1, 9), 1 / (shape * volume), soft,
+        found.rest_inverse[chosen].reshape(-1, 9), 1 / (shape * volume), 1 / (pressure * volume),
         np.where(hookean, rest_ratio(mu, lame), 1.0), damping,
     ])  # fmt: skip
     assert values.shape[1] == COUNT

@@ -24,6 +24,7 @@ PARTS: dict[str, dict[str, Any]] = {
     "fixed-corotated": {"body": BODY, "gravity": {}},
     "corotated": {"body": BODY | {"material": "corotated", "tetrahedra": 6}, "gravity": {}},
     "neo-hookean": {"body": BODY | {"material": "neo-hookean"}, "gravity": {}},
+    "no Poisson": {"body": BODY | {"poisson_ratio": 0.0}, "gravity": {}},
     "damped": {"body": BODY | {"damping": 0.02}, "gravity": {}},
     "once": {"body": BODY, "gravity": {}, "method": METHOD | {"iterations": 1}},
     "blocks": {"body": BODY, "gravity": {}, "method": METHOD | {"rows": "blocks"}},
