@@ -43,9 +43,11 @@ class TetrahedraView(SheetView):
 
     def upload_from(self, simulation: Simulation, position: np.ndarray | None = None) -> None:
         """See View."""
+        if not self.lines and position is None:
+            position = simulation.read("position")  # once, for particles and skins
         self.vertices.upload(simulation, False, position)
-        if not self.lines:
-            self._send(simulation.read("position") if position is None else position)
+        if not self.lines and position is not None:
+            self._send(position)
 
     def _send(self, position: np.ndarray) -> None:
         with np.errstate(over="ignore", invalid="ignore"):

@@ -191,8 +191,8 @@ def _bar(
     with ExitStack() as stack:
         subjects, errors = [], []
         for scene, one in zip(scenes, told, strict=True):
-            simulation = stack.enter_context(open_simulation(scene, one["backend"], precision=one["precision"]))
-            found = settle(simulation, across, young)
+            with open_simulation(scene, one["backend"], precision=one["precision"]) as braked:
+                found = settle(braked, across, young)
             simulation = stack.enter_context(
                 open_simulation(_let_go(scene), one["backend"], precision=one["precision"])
             )

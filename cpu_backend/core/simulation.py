@@ -21,6 +21,8 @@ from model.core.simulation import Options, Simulation
 from model.scene.cloth import COLLIDER_KINDS
 from model.scene.scene import Scene
 
+WIDTH = 4  # numbers of a particle in space: x, y, z and, of positions, its weight
+
 
 @cache
 def make_first_diverged(real: Any, axes: int) -> Any:
@@ -140,6 +142,34 @@ class ParticlesSimulation(CpuSimulation):
         look(*self._places(), self.real(self._bound), self._bands, self._bad)
         bad = self._bad[self._bad >= 0]
         return int(bad[0]) if len(bad) else -1
+
+
+class QuadsSimulation(ParticlesSimulation):
+    """Of particles in space, each a row of WIDTH numbers; `_allocate` makes the arrays, `_before` where a substep began."""
+
+    def _allocate(self, shares: int) -> None:
+        """For threads that take one of so many `shares` each at least."""
+        count, real = len(self.body.position), self.real
+        self._position, self._velocity, self._before = (np.zeros((count, WIDTH), real) for _ in range(3))
+        self._position[:, 3] = self.body.inverse_mass * self.scene.grid.mass
+        self._kept = np.zeros((2, count, WIDTH), real)
+        self._bands = max(1, min(self.threads, shares))
+        self._bad, self._slots = np.zeros(self._bands, np.int64), WIDTH * np.arange(count)
+
+    def _keep(self) -> None:
+        self._kept[0], self._kept[1] = self._position, self._velocity
+
+    def _restore(self) -> None:
+        self._position[...], self._velocity[...] = self._kept
+
+    def _places(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, int]:
+        return self._position.reshape(-1), self._velocity.reshape(-1), self._slots, 1
+
+    def _download(self) -> tuple[np.ndarray, np.ndarray]:
+        return np.ascontiguousarray(self._position[:, :3]), np.ascontiguousarray(self._velocity[:, :3])
+
+    def _upload(self, position: np.ndarray, velocity: np.ndarray) -> None:
+        self._position[:, :3], self._velocity[:, :3] = position, velocity
 
 
 class RowsSimulation(CpuSimulation):

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from cpu_backend.core.constraints import make_constraint_stage, no_sets, set_arrays
-from cpu_backend.core.simulation import ParticlesSimulation, chosen_kernel
+from cpu_backend.core.simulation import QuadsSimulation, chosen_kernel
 from cpu_backend.xpbd.mesh_kernels import ALWAYS, make_mesh_advance, make_mesh_stages
 from model.core.constraints import ConstraintSet, Projection
 from model.core.plan import Executor, Moment, Plan, StageRun
@@ -24,15 +24,13 @@ from model.scene.scene import Scene
 from model.xpbd.mesh_constraints import attachment_set, constraint_sets, projections_of
 from model.xpbd.mesh_plan import stage_name, xpbd_mesh_plan
 
-WIDTH = 4  # numbers a mass: x, y, z and, of positions, its weight
-
 
 def choose_kernel(wanted: str | None, what: str = "a mesh") -> str:
     """The kernel `wanted`, or `fused`. Raises SceneError for any other."""
     return chosen_kernel(wanted, what)
 
 
-class MeshPositionBased(ParticlesSimulation):
+class MeshPositionBased(QuadsSimulation):
     """See model/core/simulation.py for the contract. `threads`: `1x`, `2x`, `4x` or a number.
 
     Other particles that constraints hold say which those are, and what their surface is: `_plan_of`, `_constraints`,
@@ -46,12 +44,7 @@ class MeshPositionBased(ParticlesSimulation):
         self.kernel, self.plan = choose_kernel(options.kernel, self.what), self._plan_of(scene, options.live)
         real, self.integers = self.real, self._seeds()
         self._set_colliders(collider_numbers(scene, real))
-        count = len(self.body.position)
-        self._position, self._velocity, self._before = (np.zeros((count, WIDTH), real) for _ in range(3))
-        self._position[:, 3] = self.body.inverse_mass * scene.grid.mass
-        self._kept = np.zeros((2, count, WIDTH), real)
-        self._bands = max(1, min(self.threads, count))
-        self._bad, self._slots = np.zeros(self._bands, np.int64), WIDTH * np.arange(count)
+        self._allocate(len(self.body.position))
         self._wind = self._wind_lists("wind" in self.plan.parts)
         self._sets, self._projections = self._constraints()
         self._set_arrays = tuple(set_arrays(*both, real) for both in zip(self._sets, self._projections, strict=True))
@@ -116,20 +109,3 @@ class MeshPositionBased(ParticlesSimulation):
             for colour in range(one.colours):
                 found[stage_name(one.kind, one.model, colour)] = project(place, colour)
         return found
-
-    # ------------------------------------------------------------------ the contract
-
-    def _keep(self) -> None:
-        self._kept[0], self._kept[1] = self._position, self._velocity
-
-    def _restore(self) -> None:
-        self._position[...], self._velocity[...] = self._kept
-
-    def _places(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, int]:
-        return self._position.reshape(-1), self._velocity.reshape(-1), self._slots, 1
-
-    def _download(self) -> tuple[np.ndarray, np.ndarray]:
-        return np.ascontiguousarray(self._position[:, :3]), np.ascontiguousarray(self._velocity[:, :3])
-
-    def _upload(self, position: np.ndarray, velocity: np.ndarray) -> None:
-        self._position[:, :3], self._velocity[:, :3] = position, velocity

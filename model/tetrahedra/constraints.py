@@ -11,7 +11,7 @@ from model.core.plan import Plan
 from model.formulas.constraints import tetrahedron
 from model.scene.scene import Scene
 from model.tetrahedra.body_set import TetrahedraSet
-from model.tetrahedra.material import constraint_values
+from model.tetrahedra.material import constraint_values, material_of
 from model.xpbd.colouring import colour
 from model.xpbd.mesh_plan import constrained_plan
 from model.xpbd.plan import xpbd_parts
@@ -54,7 +54,7 @@ def constraint_sets(scene: Scene) -> tuple[ConstraintSet, ...]:
     """The tetrahedra of each material, sorted by colours. Kept with the bodies."""
     found = scene.tetrahedra_set
     if found not in _known:
-        made = np.array([tetrahedron.MATERIALS.index(part.material) for part in found.parts])[found.body]
+        made = material_of(found)
         _known[found] = tuple(_coloured(found, np.flatnonzero(made == kind)) for kind in np.unique(made))
     return _known[found]
 

@@ -14,7 +14,7 @@ from model.geometry.lists import Lists, grouped, offsets_of
 from model.scene.scene import Scene
 from model.tetrahedra.body_set import PAIRS, TetrahedraSet
 from model.tetrahedra.constraints import DAMPED, tetrahedra_parts
-from model.tetrahedra.material import constraint_values
+from model.tetrahedra.material import constraint_values, material_of
 from model.xpbd.mesh_plan import constrained_plan
 
 CORNERS = 4
@@ -62,7 +62,7 @@ def descents(scene: Scene) -> tuple[Descent, ...]:
     """Of each material that the scene has, in the order of MATERIALS. Kept with the bodies."""
     found = scene.tetrahedra_set
     if found not in _known:
-        made = np.array([MATERIALS.index(part.material) for part in found.parts])[found.body]
+        made = material_of(found)
         colours = vertex_colours(found.tetrahedra, found.particle_count)
         _known[found] = tuple(_of_material(found, colours, np.flatnonzero(made == kind)) for kind in np.unique(made))
     return _known[found]

@@ -27,7 +27,7 @@ from model.tetrahedra.body_set import TetrahedraSet
 from model.tetrahedra.constraints import tetrahedra_parts
 from model.tetrahedra.family import TETRAHEDRA
 from model.tetrahedra.material import rest_ratio
-from model.xpbd.family import projection_limit
+from model.xpbd.family import with_limit
 from model.xpbd.parameters import XPBD_FIELDS, xpbd_values
 
 CONSTANTS = ("newton_inertia", "newton_rate")  # of the record: the mean mass over h^2 [kg/s^2], 1 / h [1/s]
@@ -43,11 +43,6 @@ def element_values(found: TetrahedraSet) -> np.ndarray:
     return np.column_stack(
         [found.rest_inverse.reshape(-1, 9), found.volume, mu, lame, rest_ratio(mu, lame), damping]
     )  # fmt: skip
-
-
-def element_materials(found: TetrahedraSet) -> np.ndarray:
-    """(tetrahedra,) int64: places in MATERIALS."""
-    return np.array([MATERIALS.index(part.material) for part in found.parts], np.int64)[found.body]
 
 
 def holding(found: TetrahedraSet) -> np.ndarray:
@@ -110,8 +105,7 @@ def newton_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
 
 def newton_note(scene: Scene) -> str:
     """A line on what the method does to a motion, and whether the step size has a limit."""
-    text = "implicit Euler by Newton's method, at any step size: first order, and damped by it"
-    return text + ("; the limit is that of the masses' damper" if projection_limit(scene) < float("inf") else "")
+    return with_limit(scene, "implicit Euler by Newton's method, at any step size: first order, and damped by it")
 
 
 TETRAHEDRA_NEWTON = replace(

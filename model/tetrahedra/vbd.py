@@ -19,7 +19,7 @@ from model.core.parameters import rounded_record
 from model.scene.scene import Scene
 from model.tetrahedra.descent import SCALE, vbd_plan
 from model.tetrahedra.family import TETRAHEDRA
-from model.xpbd.family import projection_limit
+from model.xpbd.family import with_limit
 from model.xpbd.parameters import XPBD_FIELDS, xpbd_values
 
 
@@ -33,8 +33,9 @@ def vbd_record(scene: Scene, real: Any, poke: tuple[float, ...] = (0.0, 0.0, 0.0
 
 def vbd_note(scene: Scene) -> str:
     """A line on what the method does to a motion."""
-    text = "backward Euler's energy, vertex by vertex, at any step size; first order, and damped by it"
-    return text + ("; the limit is that of the masses' damper" if projection_limit(scene) < np.inf else "")
+    return with_limit(
+        scene, "backward Euler's energy, vertex by vertex, at any step size; first order, and damped by it"
+    )
 
 
 TETRAHEDRA_VBD = replace(

@@ -28,7 +28,11 @@ def projection_limit(scene: Scene, frequency: float | None = None) -> float:
 
 def projection_note(scene: Scene) -> str:
     """A line on what projections do to a motion, and whether the step size has a limit."""
-    text = "constraints are projected, at any step size; first order, and damped by it"
+    return with_limit(scene, "constraints are projected, at any step size; first order, and damped by it")
+
+
+def with_limit(scene: Scene, text: str) -> str:
+    """`text` on a method that holds at any step size, with the limit that the masses' damper still has."""
     return text + ("; the limit is that of the masses' damper" if projection_limit(scene) < inf else "")
 
 

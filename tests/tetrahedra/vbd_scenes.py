@@ -7,9 +7,9 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+from tetrahedra_scenes import moving
 
 from app.driver import open_simulation
-from model.core.build import build
 from model.core.simulation import State
 from model.scene.scene import Scene
 from model.tetrahedra.body_set import TetrahedraSet
@@ -36,15 +36,6 @@ def vbd_scene(body: dict[str, Any] = BODY, gravity: float = 9.81, **method: Any)
     """One body; `method`: other fields of it."""
     tables: dict[str, Any] = {"body": body, "method": METHOD | method}
     return Scene(tables | ({"gravity": {"acceleration": gravity}} if gravity else {}), "vbd")
-
-
-def moving(scene: Scene, apart: float = 0.01) -> State:
-    """Its beginning, out of shape and moving: differently at every particle."""
-    body, random = build(scene), np.random.default_rng(3)
-    free = (body.inverse_mass > 0)[:, None]
-    position = body.position + free * random.normal(0, apart, body.position.shape)
-    velocity = body.velocity + free * random.normal(0, 0.1, body.position.shape)
-    return State(position, velocity, body.inverse_mass, 0.0, 0)
 
 
 def end_state(scene: Scene, steps: int = 1, start: State | None = None, backend: str = "cpu", **options: Any) -> State:
