@@ -37,7 +37,7 @@ from labbook.claims import (
     throughput,
 )
 from labbook.facts import facts
-from labbook.tables import kernel_tables, machine_table, region_tables, scene_table
+from labbook.tables import machine_table, region_tables, scene_table
 from model.core.errors import BackendUnavailable, InputError
 from model.core.files import replacing
 from plots.core.data import Origin, Results, is_suspect
@@ -129,7 +129,6 @@ def book_data(results: Results) -> dict[str, Any]:
             "machines": [machine_table(source) for source in results.sources],
             "scene": [scene] if scene else [],
             "answer": answer_tables(results),
-            "kernels": kernel_tables(results),
             "regions": region_tables(results),
         },
     }

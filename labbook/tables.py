@@ -5,13 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from bench.store.results import Timing
 from labbook import words
-from labbook.words import number, percent
-from plots.core.backends import on_backends
-from plots.core.data import Results, Source, is_suspect, is_wrong
-from plots.core.ladder import fastest, in_order
-from plots.core.ladder import title as machine_title
+from labbook.words import number
+from plots.core.data import Results, Source
 
 Table = dict[str, Any]  # title, head: list of str, rows: list of list of str, left: columns that align left
 DASH = "\N{EN DASH}"
@@ -62,38 +58,6 @@ def scene_table(results: Results) -> Table | None:
                     shown = str(value).lower() if isinstance(value, bool) else str(value)
                     rows.append([f"{part}.{name}", shown, UNITS.get(name, "")])
     return table("Constants of the scene that was timed; its size varies", ["Field", "Value", "Unit"], rows, left=3)
-
-
-# ---------------------------------------------------------------------- of the kernels
-
-
-def _sizes(kernels: dict[str, list[Timing]]) -> list[tuple[int, int, int]]:
-    return sorted({(t.particles, t.rows, t.columns) for times in kernels.values() for t in times})
-
-
-def kernel_tables(results: Results) -> list[Table]:
-    """Time per step of every kernel at every square size, in float32, a table for each backend."""
-    return [_times(source, backend, kernels) for backend, source, kernels in on_backends(results, Source.ladder)]
-
-
-def _times(source: Source, backend: str, kernels: dict[str, list[Timing]]) -> Table:
-    names = [name for name, _ in in_order(kernels)]
-    cells = {(t.kernel, t.rows, t.columns): t for times in kernels.values() for t in times}
-    best = {t.particles: t.kernel for t in fastest(source, backend)}
-    rows = []
-    for masses, height, width in _sizes(kernels):
-        row = [f"{height} {words.TIMES} {width}", best.get(masses, DASH)]
-        rows.append([*row, *(short_cell(cells.get((name, height, width))) for name in names)])
-    head = ["Masses", "Fastest", *(f"{name} / \N{MICRO SIGN}s" for name in names)]
-    return table(f"Time per step of every kernel, float32. {machine_title(source, backend)}", head, rows, left=2)
-
-
-def short_cell(timing: Timing | None) -> str:
-    """The median and the spread: `1.39 (2 %)`; * where suspect, ! where the answer was wrong."""
-    if timing is None:
-        return DASH
-    mark = "!" if is_wrong(timing) else "*" if is_suspect(timing) else ""
-    return f"{number(1e6 * timing.median)} ({percent(timing.spread) if timing.spread >= 0.005 else '<1 %'}){mark}"
 
 
 def region_tables(results: Results) -> list[Table]:

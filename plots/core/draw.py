@@ -58,6 +58,7 @@ DRAWN: dict[str, tuple[str, Callable[[Results], Drawing | str]]] = {  # name -> 
     "roofline": (roofline.TITLE, roofline.draw),
     "joules": (joules.TITLE, joules.draw),
     "peers": (peers.TITLE, peers.draw),
+    "peers-sheets": (peers.SHEETS_TITLE, peers.draw_sheets),
     "stability-stiffness": (stability.TITLE_STIFFNESS, stability.draw_stiffness),
     "stability-damping": (stability.TITLE_DAMPING, stability.draw_damping),
     "findings-float32": (findings_float32.TITLE, findings_float32.draw),

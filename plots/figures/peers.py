@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from functools import partial
+from itertools import cycle
 from typing import Any
 
 import numpy as np
@@ -14,46 +17,69 @@ from plots.core.data import Results, Source
 from plots.core.style import Curve, Drawing, draw_band, legend_below, log_axes, new_figure, plain_ticks
 
 TITLE = "Side by side with what could be used instead"
+SHEETS_TITLE = "Cloth side by side with what could be used instead"
 PRECISION = "float32"
 LOOKS = (
     (BLUE, "o"), (ORANGE, "s"), (GREEN, "D"), (VERMILLION, "^"), (PURPLE, "v"), (SKY, "P"), (BLUE, "X"), (ORANGE, "*"),
     (GREEN, "p"),
 )  # fmt: skip
-SHOWN = [peer for peer in PEERS if "grid" in peer.scenes]
-CURVES = {peer.name: Curve(peer.label, *look) for peer, look in zip(SHOWN, LOOKS, strict=True)}
+SHEETS = {
+    "cloth": "cloth of springs",
+    "xpbd": "cloth by XPBD",
+}  # the words of bench/peers/scenes.py, and a panel's title
+Panel = tuple[str, Source, list[Ratio]]  # the title, the machine, what is drawn of it
 
 
-def square_ratios(source: Source, backend: str) -> list[Ratio]:
+def square_ratios(source: Source, backend: str, scene: str = "grid") -> list[Ratio]:
     """What one panel shows of a machine."""
-    wanted = ("grid", backend, PRECISION)
+    wanted = (scene, backend, PRECISION)
     return [r for r in source.peers if (r.scene, r.backend, r.precision) == wanted and r.rows == r.columns]
 
 
 def draw(results: Results) -> Drawing | str:
-    """The figure, or why there is none. A panel a backend, each of the first machine that holds it, own ones first."""
+    """The hand-out's grid, or why there is no figure. A panel a backend, each of the first machine that holds it, own ones
+    first."""
     chosen = on_backends(results, square_ratios)
-    if not chosen:
+    panels = [(_title(backend, source, found), source, found) for backend, source, found in chosen]
+    return _draw(panels, TITLE, ("grid",), "square grids")
+
+
+def draw_sheets(results: Results) -> Drawing | str:
+    """Cloth of springs and cloth by XPBD, as `draw`."""
+    panels = [
+        (f"{text}\n{name_of(backend, source)}", source, found)
+        for scene, text in SHEETS.items()
+        for backend, source, found in on_backends(results, partial(square_ratios, scene=scene))
+    ]
+    return _draw(panels, SHEETS_TITLE, tuple(SHEETS), "square sheets")
+
+
+def _draw(panels: Sequence[Panel], title: str, scenes: Sequence[str], squares: str) -> Drawing | str:
+    if not panels:
         return "nothing was timed beside peers (softlab sweep --peers)"
-    figure, axes = new_figure(len(chosen), share_y=False)
+    shown = [peer for peer in PEERS if set(scenes) & set(peer.scenes)]
+    looks = dict(zip(dict.fromkeys(peer.label for peer in shown), cycle(LOOKS), strict=False))  # one name, one line
+    curves = {peer.name: Curve(peer.label, *looks[peer.label]) for peer in shown}
+    figure, axes = new_figure(len(panels), share_y=False)
     marks: set[str] = set()
-    for ax, (backend, source, found) in zip(axes, chosen, strict=True):
+    for ax, (words, _, found) in zip(axes, panels, strict=True):
         for name in dict.fromkeys(r.peer for r in found):
             marks |= _draw_peer(
-                ax, [r for r in found if r.peer == name], CURVES.get(name) or Curve(label(name), GREY, ".")
+                ax, [r for r in found if r.peer == name], curves.get(name) or Curve(label(name), GREY, ".")
             )
         ax.axhline(1, color=BLACK, linewidth=1, zorder=1)
         ax.annotate("the lab", (0.99, 1), xycoords=("axes fraction", "data"), ha="right", va="bottom", fontsize=7)
         log_axes(ax)
         plain_ticks(ax.yaxis)
-        ax.set_title(_title(backend, source, found), fontsize=8)
-    axes[0].set_ylabel("time of the peer / time of the lab")
+        ax.set_title(words, fontsize=8)
+    axes[0].set_ylabel("time over the lab's")
     legend_below(figure, axes, columns=3, marks=marks)
     caption = (
-        f"Time of a step of other programs over the lab's own, same scene and step, {PRECISION}, square grids, measured in "
+        f"Time of a step of other programs over the lab's own, same scene and step, {PRECISION}, {squares}, measured in "
         "turn in one process: medians, and bands from the least to the greatest of paired repeats. Above 1 the lab is "
         "faster. Every state was first held against the lab's own in float64."
     )
-    return Drawing(figure, TITLE, caption, tuple(source for _, source, _ in chosen))
+    return Drawing(figure, title, caption, tuple(dict.fromkeys(source for _, source, _ in panels)))
 
 
 def _title(backend: str, source: Source, found: list[Ratio]) -> str:

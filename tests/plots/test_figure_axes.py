@@ -98,6 +98,7 @@ CURVES: list[tuple[str, int, str, Sequence[float], Callable[[], Any]]] = [
     ("roofline", 1, "graph", RUNGS, lambda: 100 * 32 * RUNGS / 4e12 / GRAPH),
     ("joules", 0, "graph", RUNGS, lambda: 1e6 * WATTS * GRAPH / RUNGS),
     ("peers", 1, "CUDA C++ in a graph", [n * n for n in SIZES], lambda: [2] * len(SIZES)),
+    ("peers-sheets", 1, "CUDA C++ in a graph", [n * n for n in SIZES], lambda: [2] * len(SIZES)),
     ("findings-float32", 1, "lab, float32", sorted(findings.OFFSETS),
      lambda: [1e-5 * (1 + offset / 100) for offset in sorted(findings.OFFSETS)]),
 ]  # fmt: skip

@@ -30,7 +30,6 @@ from labbook.claims import accuracy as accuracy_claims
 from labbook.claims import claim as claims
 from labbook.claims import comparison as comparison_claims
 from labbook.facts import constant, facts
-from labbook.tables import short_cell
 from model.core.errors import InputError
 from plots.core.data import Results
 from plots.core.read import load
@@ -154,8 +153,6 @@ def test_wrong_and_suspect_times_are_counted() -> None:
     assert comparison_claims.trust(load(store)).numbers == {
         "timed": 3, "wrong": 1, "suspect": 1, "checked": 3, "left out": 0,
     }  # fmt: skip
-    cells = [short_cell(timing) for timing in load(store).featured[0].timings]
-    assert [cell[-1] for cell in cells] == [")", "!", "*"]
 
 
 # ---------------------------------------------------------------------- words and facts

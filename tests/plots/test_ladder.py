@@ -154,14 +154,6 @@ def test_what_more_threads_than_cores_cost(cpu: Results) -> None:
     assert table["rows"][-1] == ["8", "160", "43.0"]
 
 
-def test_tables_hold_every_kernel_and_name_the_fastest(gpu: Results) -> None:
-    tables = book_tables.kernel_tables(gpu)
-    assert len(tables) == 2 and all(len(row) == len(made["head"]) for made in tables for row in made["rows"])
-    on_gpu = next(made for made in tables if "float32. GPU" in made["title"])
-    assert [row[1] for row in on_gpu["rows"]][:3] == ["one-block", "one-block", "resident"]
-    assert on_gpu["rows"][-1][2 + 3] == book_tables.DASH, "one-block holds no 4096 x 4096"
-
-
 def test_the_first_step(gpu: Results) -> None:
     made = kernel_claims.starts(gpu)
     assert made.numbers == {"cpu cold": 4.3, "cpu warm": 1.1, "gpu cold": 4.3, "gpu warm": 1.1}

@@ -81,8 +81,14 @@ def _raw() -> Iterator[Raw]:
     told = {key: json.loads(text) for key, text in store().query("SELECT hash, description FROM configuration")}
     for (key, sources), samples in found.items():
         what = told[key]
-        grid, method = what["scene"]["grid"], what["scene"]["method"]
-        if what["kernel"] != "auto" or what["peer"] or what["math"] != "fast" or method["integrator"] != "lab":
+        grid, method = what["scene"].get("grid"), what["scene"]["method"]
+        if (
+            grid is None
+            or what["kernel"] != "auto"
+            or what["peer"]
+            or what["math"] != "fast"
+            or method["integrator"] != "lab"
+        ):
             continue
         clean = [seconds for seconds, suspect in samples if not suspect]
         taken = clean if len(clean) >= 3 else [seconds for seconds, _ in samples]

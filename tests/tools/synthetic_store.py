@@ -5,6 +5,7 @@ that the lab book may make can be made to hold, to fail, or to be drowned in spr
 """
 
 from collections.abc import Callable, Iterable
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +19,7 @@ from bench.experiments.stability.points import EDGE, LIMIT, OUTCOME, STEP
 from bench.experiments.stability.runs import linear
 from bench.measure.case_timing import FINDINGS
 from bench.peers.registry import OURS, PEERS
+from bench.peers.scenes import SCENES
 from bench.store.database import Store
 from bench.store.results import configuration
 from bench.stress.bodies import OFF_LAW, OFF_NEWTON, OUT_OF_SHAPE, PARTING, SPIN_KEPT
@@ -26,7 +28,7 @@ from bench.stress.piles import BORNE, DEPTH, LOWERED, RATIO, SINKING
 from bench.stress.results import CHECK, CODES, SHAPE, VERDICT, bodies_as_text
 from model.core.families import stability_limit
 from model.core.integrators import INTEGRATORS
-from model.scene.scene import load_scene
+from model.scene.scene import Scene, load_scene
 
 SIZES = (16, 32, 64, 128, 256, 512)
 STEPS = (0.02, 0.01, 0.005, 0.0025)
@@ -94,10 +96,13 @@ class Maker:
         self.run = store.start_run(key, "softlab sweep", "abc123def456")
         self.sources = "sources"
 
-    def timing(self, shape: tuple[int, int], seconds: float, *, suspect: str | None = None, error: float = 1e-5, **how):
-        """Three repeats of a configuration, with its error."""
+    def timing(
+        self, shape: tuple[int, int], seconds: float, *, suspect: str | None = None, error: float = 1e-5,
+        of: Scene | None = None, **how,
+    ):  # fmt: skip
+        """Three repeats of a configuration (of the hand-out's grid, or `of` a scene), with its error."""
         rows, columns = shape
-        scene = load_scene("lab-grid").replace({"grid.rows": rows, "grid.columns": columns})
+        scene = of or load_scene("lab-grid").replace({"grid.rows": rows, "grid.columns": columns})
         description = configuration(scene, **how)
         for factor in (1, 1 + self.wobble, 1 - self.wobble):
             self.store.add_sample(self.run, description, self.sources, 1000 * factor * seconds, 1000, suspect=suspect)
@@ -154,17 +159,19 @@ class Maker:
                 self.store.add_measure(self.run, start, "sources", name, value, "s", "made up")
 
     def beside(self, sizes: Iterable[int] = SIZES) -> None:
-        """The lab and every peer of its backends at square sizes, in one run: each peer twice as slow as the one before."""
-        for backend in ("cpu", "gpu") if self.record["gpu"] else ("cpu",):
+        """The lab and every peer of its backends on squares of the grid and of cloth, in one run: each peer twice as slow as
+        the one before."""
+        backends = ("cpu", "gpu") if self.record["gpu"] else ("cpu",)
+        for backend, word in product(backends, ("grid", "cloth")):
             threads = {"threads": self.record["cores"], "wait_policy": "passive"} if backend == "cpu" else {}
-            known = [peer for peer in PEERS if peer.backend == backend and "grid" in peer.scenes]
+            known = [peer for peer in PEERS if peer.backend == backend and word in peer.scenes]
             peers = [OURS, *(peer.name for peer in known)]
             for n in sizes:
-                seconds = kernel_seconds(
-                    self.record, backend, "fused" if backend == "cpu" else "graph", n * n, "float32"
-                )
+                kernel = "fused" if backend == "cpu" else "graph"
+                seconds = kernel_seconds(self.record, backend, kernel, n * n, "float32")
+                scene = SCENES[word].make(n, n)
                 for k, peer in enumerate(peers):
-                    self.timing((n, n), 2**k * seconds, backend=backend, peer=peer, **threads)
+                    self.timing((n, n), 2**k * seconds, of=scene, backend=backend, peer=peer, **threads)
 
     def accuracy(self) -> None:
         """Both scenes, four integrators and one that diverges, at four step sizes."""
