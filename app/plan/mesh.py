@@ -51,5 +51,8 @@ def newton_on_cpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
 
 
 def newton_on_gpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
-    """There are no kernels yet."""
-    return BackendPlan("gpu", gpu_device()[0], "none", None, "the solver newton runs on the CPU alone so far", ())
+    """Also where there is no GPU. All passes are of one kernel, whose blocks meet after each."""
+    stages = [*dict.fromkeys(stages_of(plan))]
+    why = "whole steps a launch, blocks that meet after every pass; what follows is decided on the device"
+    made = merged_passes([[stage] for stage in stages], plan, precision, "all blocks")
+    return BackendPlan("gpu", gpu_device()[0], "cooperative", None, why, made)

@@ -9,7 +9,6 @@ from __future__ import annotations
 import numpy as np
 
 from cpu_backend.core.simulation import QuadsSimulation, chosen_kernel
-from cpu_backend.tetrahedra.newton_elements import SUMMED
 from cpu_backend.tetrahedra.newton_steps import DONE, SUMS, make_newton_advance
 from cpu_backend.xpbd.mesh_kernels import ALWAYS
 from model.core.plan import Executor
@@ -20,7 +19,7 @@ from model.scene.scene import Scene
 from model.tetrahedra.aggregates import MODES, aggregates
 from model.tetrahedra.block_rows import BLOCKS, block_rows
 from model.tetrahedra.material import material_of
-from model.tetrahedra.newton import DAMPED, element_values, holding, newton_plan, rounding_floor
+from model.tetrahedra.newton import DAMPED, SUMMED, element_values, holding, newton_plan, rounding_floor
 from model.tetrahedra.tables import surface_lists
 
 VECTORS = 8  # see newton_rows.py

@@ -144,7 +144,7 @@ def make_band(compiler: Compiler, real: Any) -> SimpleNamespace:
         for m in range(size):
             k = size - 1 - m
             total = found[0, k]
-            for j in range(1, np.int64(reach[k]) - k + 1):
+            for j in range(np.int64(reach[k]) - k, 0, -1):  # known first comes first: a GPU need not wait
                 total = total - band[k, j] * found[0, k + j]
             found[0, k] = band[k, 0] * total
 

@@ -10,9 +10,9 @@ from typing import Any
 
 from cpu_backend.contact.colliders import make_collide_mass
 from cpu_backend.core.compile import Compiler
-from cpu_backend.tetrahedra.newton_elements import SUMMED
 from model.formulas.elastic import newton
 from model.scene.cloth import COLLIDER_KINDS
+from model.tetrahedra.newton import SUMMED
 
 
 def make_contact(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:

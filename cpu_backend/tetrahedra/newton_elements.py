@@ -9,9 +9,7 @@ from cpu_backend.core.compile import Compiler
 from model.formulas.constraints.tetrahedron import HOOKEAN
 from model.formulas.elastic import deformation, newton, tangent
 from model.tetrahedra.block_rows import BLOCKS
-
-SUMMED = 64  # tetrahedra, or particles, whose sum is one number: whichever thread takes them
-AT_VOLUME, AT_MU, AT_LAME, AT_ALPHA, AT_DAMPING = range(9, 14)  # of a tetrahedron's values
+from model.tetrahedra.newton import AT_ALPHA, AT_DAMPING, AT_LAME, AT_MU, AT_VOLUME, SUMMED
 
 
 def make_elements(compiler: Compiler, real: Any) -> SimpleNamespace:

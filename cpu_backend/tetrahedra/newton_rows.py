@@ -12,8 +12,8 @@ from types import SimpleNamespace
 from typing import Any
 
 from cpu_backend.core.compile import Compiler
-from cpu_backend.tetrahedra.newton_elements import SUMMED
 from model.formulas.elastic import newton
+from model.tetrahedra.newton import SUMMED
 
 TARGET, CURRENT, GRADIENT, TRIAL, SOLUTION, RESIDUAL, DIRECTION, PRODUCT = range(8)
 AXES = 3
@@ -203,12 +203,12 @@ def make_moving(compiler: Compiler, real: Any, resist: Any, dot: Any, contact: S
                     continue
                 inertia = inertia_of(parameters.newton_inertia, before[k, 3])
                 x, y, z = position[k, 0] - target[k, 0], position[k, 1] - target[k, 1], position[k, 2] - target[k, 2]
-                total = total + kept(inertia, x, y, z)
+                own = kept(inertia, x, y, z)
                 x, y, z = inertia * x, inertia * y, inertia * z
                 if damped:
                     p, q, r = resist(k, rows, matrix[2], away)
                     p, q, r = parameters.newton_rate * p, parameters.newton_rate * q, parameters.newton_rate * r
-                    total = total + half * ((p * away[k, 0] + q * away[k, 1]) + r * away[k, 2])
+                    own = own + half * ((p * away[k, 0] + q * away[k, 1]) + r * away[k, 2])
                     x, y, z = x + p, y + q, z + r
                 for n in range(meets[k], meets[k + 1]):
                     tetrahedron, corner = corners[n] >> 2, AXES * (corners[n] & 3)
@@ -217,9 +217,10 @@ def make_moving(compiler: Compiler, real: Any, resist: Any, dot: Any, contact: S
                     z = z + forces[tetrahedron, corner + 2]
                 if has_bodies:
                     p, q, r, hard = within(k, number, position, before, matrix, given)
-                    total = total + kept(hard, p, q, r)
+                    own = own + kept(hard, p, q, r)
                     x, y, z = x + hard * p, y + hard * q, z + hard * r
                 gradient[k, 0], gradient[k, 1], gradient[k, 2] = x, y, z
+                total = total + own
             sums[0, group], sums[1, group] = total, zero
 
     @compiled

@@ -1,18 +1,126 @@
-"""Implicit tetrahedral bodies on CUDA: not there yet."""
+"""Bodies of tetrahedra on CUDA by implicit Euler: Newton's method, each step by preconditioned conjugate gradients.
+
+One launch does whole steps; nothing comes to the host (newton_kernel.py). In `exact` math the bits are the CPU's.
+"""
 
 from __future__ import annotations
 
-from gpu_backend.tetrahedra.solver import Tetrahedra
-from model.core.errors import BackendUnavailable
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from gpu_backend.core.device import simulated
+from gpu_backend.core.launch import prepare
+from gpu_backend.core.quad_simulation import QuadSimulation
+from gpu_backend.core.quads import SIZE
+from gpu_backend.mass_spring.cloth.kernels import make_cloth_tools
+from gpu_backend.tetrahedra.newton_kernel import DONE, WORKING, Lists, make_newton, packed
+from gpu_backend.tetrahedra.newton_sums import THREADS, UNIT
+from gpu_backend.xpbd.mesh_kernels import make_mesh_tools
+from model.core.options import unknown_kernel
+from model.core.plan import Executor
 from model.core.simulation import Options
+from model.mass_spring.cloth_parameters import collider_numbers
 from model.scene.scene import Scene
+from model.tetrahedra.aggregates import Couplings, aggregates, couplings
+from model.tetrahedra.block_rows import BLOCKS, block_rows
+from model.tetrahedra.constraints import ITERATED
+from model.tetrahedra.material import material_of
+from model.tetrahedra.newton import DAMPED, SUMMED, element_values, holding, newton_plan, rounding_floor
+from model.tetrahedra.tables import surface_lists
+
+STEPS = 64  # a launch, so that it can be interrupted
+CODELESS = {"gauss-seidel", ITERATED}  # parts that change no kernel
 
 
-class TetrahedraNewton(Tetrahedra):
-    """Raises BackendUnavailable."""
+class TetrahedraNewton(QuadSimulation):
+    """See model/core/simulation.py for the contract. `threads` is the number of threads a block."""
 
     def __init__(self, scene: Scene, options: Options):
-        raise BackendUnavailable(
-            "the solver newton has no CUDA kernels yet",
-            "--backend cpu runs it, --set method.solver=xpbd runs the scene on the GPU",
-        )
+        super().__init__(scene, options)
+        if options.kernel not in (None, "cooperative"):
+            raise unknown_kernel(options.kernel, ("cooperative",), "for implicit tetrahedral bodies on the gpu")
+        self.plan, self.kernel, self.threads = newton_plan(scene, options.live), "cooperative", THREADS
+        self._make_tables()
+        self._require_space()
+        self._start()
+
+    def _make_tables(self) -> None:
+        found, count = self.scene.tetrahedra_set, self.particle_count
+        rows = block_rows(found.tetrahedra, count)
+        groups = aggregates(found, rows, self.body.inverse_mass > 0)
+        pairs: Couplings = couplings(groups, rows)
+        of_pairs = pairs.starts, pairs.first, pairs.second, pairs.blocks, pairs.row, pairs.bodies
+        self._tables = Lists._make((found.tetrahedra, material_of(found), *rows.arrays, *groups.arrays, *of_pairs))
+        tetrahedra, blocks, size = len(found.tetrahedra), len(rows.columns), len(groups.reach)
+        dampers = blocks if DAMPED in self.plan.parts else 0
+        groups_of = -(-max(count, tetrahedra, SUMMED * len(pairs.bodies)) // SUMMED)
+        self._sizes = (  # of the arrays that are only worked in, as the kernel takes them
+            BLOCKS * 9 * tetrahedra, 9 * blocks, 9 * dampers, 6 * count, 4 * SIZE * tetrahedra,
+        )  # fmt: skip
+        self._coarse_sizes = SIZE * groups.count, size * groups.width, 3 * size
+        self._sum_size = 4 * groups_of
+
+    def _require_space(self) -> None:
+        item, found = np.dtype(self.real).itemsize, self.scene.tetrahedra_set
+        needed = (8 + WORKING) * SIZE * self.particle_count * item + sum(one.nbytes for one in self._tables)
+        needed += (sum(self._sizes) + sum(self._coarse_sizes) + 14 * len(found.tetrahedra)) * item
+        self._require_memory(needed, "tetrahedral_body", f"{len(found.tetrahedra)} tetrahedra")
+
+    def _allocate(self) -> None:
+        scene, real, found = self.scene, self.real, self.scene.tetrahedra_set
+        self._allocate_quads(collider_numbers(scene, real))
+        self._weight = (self.body.inverse_mass * scene.grid.mass).astype(real)
+        self._lists = [self.on_device(array) for array in surface_lists(found, False)]
+
+        def room(size: int) -> Any:
+            return self.on_device(np.zeros(size, real))
+
+        self._flags, self._done = self.on_device(np.zeros(1, np.int32)), self.on_device(np.zeros(len(DONE), np.int64))
+        self._arrays = (
+            room(WORKING * SIZE * self.particle_count), self.on_device(element_values(found).T.astype(real)),
+            *(room(size) for size in self._sizes), self.on_device(holding(found).astype(real)),
+            *(room(size) for size in self._coarse_sizes), self.on_device(packed(self._tables)), room(self._sum_size),
+        )  # fmt: skip
+        self._floor = real(rounding_floor(found, real))
+
+    def _build(self) -> None:
+        self._tools = SimpleNamespace(**vars(make_cloth_tools(self.real)) | vars(make_mesh_tools(self.real)))
+        self._steps = make_newton(self.real, self.options.math, self.plan.parts - CODELESS)
+        self._executor = Executor(self.plan, {}, self._advance_steps)
+        self.blocks = 1
+        if not simulated():
+            arguments = self._arguments(1)
+            prepare(self._steps, arguments, 0, cooperative=True)
+            compiled = self._steps.compile(tuple(self._steps.typeof_pyval(argument) for argument in arguments))
+            tetrahedra = len(self.scene.tetrahedra_set.tetrahedra)
+            wanted = max(-(-tetrahedra // UNIT), -(-self.particle_count // SUMMED))
+            self.blocks = min(wanted, compiled.max_cooperative_grid_blocks(THREADS))
+
+    def _arguments(self, steps: int) -> tuple[Any, ...]:
+        method = self.scene.method
+        return (
+            self.position[0], self.velocity[0], *self._arrays, self._flags, self._done, self.record, self.bodies,
+            self.integers, self._counter, np.int64(steps), np.int64(method.substeps), np.int64(method.iterations),
+            self._floor,
+        )  # fmt: skip
+
+    def _advance_steps(self, step: int, steps: int) -> None:
+        self._set_counter(step)
+        while steps > 0:
+            now = min(steps, STEPS)
+            self._flags.copy_to_device(np.zeros(1, np.int32), stream=self.stream)
+            self._steps[self.blocks, THREADS, self.stream](*self._arguments(now))
+            self._count_on(now)
+            steps -= now
+
+    @property
+    def done(self) -> np.ndarray:
+        """(substeps, looks, matrices, products, steps) so far: see newton_kernel.py."""
+        host: np.ndarray = self._done.copy_to_host(stream=self.stream)
+        self.synchronize()
+        return host
+
+    def _normal_arguments(self) -> tuple[Any, ...]:
+        return tuple(self._lists)

@@ -67,6 +67,39 @@ def aggregates(found: TetrahedraSet, rows: BlockRows, free: np.ndarray) -> Aggre
     ))  # fmt: skip
 
 
+@dataclass(frozen=True, eq=False)
+class Couplings:
+    """What the blocks of the coarse matrix on and above its diagonal are sums of: pair n, of the groups `first[n]` and
+    `second[n]` >= `first[n]`, of the blocks `blocks[starts[n]]` ... before `blocks[starts[n + 1]]`, in the order of rows;
+    block b is of the row `row[b]`. Groups `bodies[n]` to before `bodies[n + 1]` are coupled to no others. All int32."""
+
+    starts: np.ndarray
+    first: np.ndarray
+    second: np.ndarray
+    blocks: np.ndarray
+    row: np.ndarray
+    bodies: np.ndarray
+
+
+def couplings(groups: Aggregates, rows: BlockRows) -> Couplings:
+    """For those who sum up all pairs at once."""
+    row = np.repeat(np.arange(len(rows.starts) - 1), np.diff(rows.starts))
+    first, second = groups.group[row].astype(np.int64), groups.group[rows.columns].astype(np.int64)
+    chosen = np.flatnonzero((first >= 0) & (second >= first))
+    key = first[chosen] * max(groups.count, 1) + second[chosen]
+    order = np.argsort(key, kind="stable")
+    found, starts = np.unique(key[order], return_index=True)
+    furthest = groups.reach[MODES - 1 :: MODES] // MODES
+    ends = np.flatnonzero(furthest == np.arange(groups.count)) + 1
+    return Couplings(*(
+        np.ascontiguousarray(one, np.int32)
+        for one in (
+            np.append(starts, len(order)), found // max(groups.count, 1), found % max(groups.count, 1), chosen[order], row,
+            np.append(0, ends),
+        )
+    ))  # fmt: skip
+
+
 def _cut(position: np.ndarray, members: np.ndarray, count: int) -> list[np.ndarray]:
     """The `members` in so many groups, along the longest side of the box around them."""
     if count == 1:

@@ -5,7 +5,7 @@ A substep of h minimises the incremental potential (S. Martin et al., "Example-B
     sum m / (2 h^2) |x - y|^2 + sum V W(F(x)) + 1 / (2 h) (x - x_0)' tau K_0 (x - x_0),    y = x_0 + h v_0 + h^2 a,
 
 with K_0 the stiffness at the substep's start x_0, less its tetrahedra's negative eigenvalues, and tau the body's damping
-[s]. `iterations` Newton steps at most, each by conjugate gradients (cpu_backend/tetrahedra/newton.py).
+[s]. `iterations` Newton steps at most, each by conjugate gradients (cpu_backend/tetrahedra/newton.py, gpu_backend too).
 """
 
 from __future__ import annotations
@@ -32,6 +32,8 @@ from model.xpbd.parameters import XPBD_FIELDS, xpbd_values
 
 CONSTANTS = ("newton_inertia", "newton_rate")  # of the record: the mean mass over h^2 [kg/s^2], 1 / h [1/s]
 VALUES = 14  # of a tetrahedron: 9 of B [1/m], V [m^3], mu, lambda [Pa], alpha of the neo-Hookean material, tau [s]
+AT_VOLUME, AT_MU, AT_LAME, AT_ALPHA, AT_DAMPING = range(9, VALUES)
+SUMMED = 64  # tetrahedra, or particles, whose sum is one number: whichever thread takes them
 DAMPED = "tetrahedra-damping"  # of the parts
 PRODUCTS = "conjugate gradients, until the residual is small enough"
 

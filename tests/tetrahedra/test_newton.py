@@ -14,7 +14,7 @@ import pytest
 from app.driver import open_simulation
 from bench.reference import tetrahedra_newton as reference
 from model.core.energy import energies
-from model.core.errors import BackendUnavailable, SceneError
+from model.core.errors import SceneError
 from model.core.simulation import Simulation, State
 from model.scene.scene import Scene, load_scene
 from model.tetrahedra.block_rows import block_rows
@@ -238,6 +238,3 @@ def test_refusals() -> None:
         load_scene("lab-grid").replace({"method.solver": "newton"})
     with pytest.raises(SceneError, match="fused"):
         open_simulation(bar(), kernel="stages")
-    pytest.importorskip("numba_cuda", reason="needs numba-cuda")
-    with pytest.raises(BackendUnavailable, match="no CUDA kernels yet"):
-        open_simulation(bar(), "gpu")

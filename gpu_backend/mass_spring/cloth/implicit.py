@@ -15,11 +15,11 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from gpu_backend.core.blocks import read_flag
 from gpu_backend.core.compile import inlined, kernel_options, make_kernel, variant_name
 from gpu_backend.core.device import simulated
 from gpu_backend.core.formulas import device_formulas
 from gpu_backend.core.launch import prepare
+from gpu_backend.core.meeting import make_meet
 from gpu_backend.core.world import Cell, World
 from gpu_backend.mass_spring.cloth.implicit_point import make_implicit_point
 from gpu_backend.mass_spring.cloth.point import make_cloth_forces
@@ -45,25 +45,12 @@ STEPS = 64  # a launch, so that it can be interrupted
 
 @cache
 def make_meetings(real: Any, math: str) -> SimpleNamespace:
-    """What blocks and their threads do together: `meet(flags, wanted)`, the barrier of all blocks, which returns what is
-    wanted next; `add_segment(products, sums, g, width, count, parts)`, segment g's sums of the products of its masses;
-    `total(products, parts, offset, count)`: of all segments. `products` (SUMS * TREE,) is shared memory."""
+    """What a block's threads do together: `add_segment(products, sums, g, width, count, parts)`, segment g's sums of the
+    products of its masses; `total(products, sums, count, parts)`: of all segments. `products` (SUMS * TREE,) is shared
+    memory."""
     inline = inlined(math)
     zero, warps, whole_warp = real(0), not simulated(), 0xFFFFFFFF
     lanes, segment, tree, half_tree = np.int32(LANES), np.int32(SEGMENT), np.int32(TREE), np.int32(TREE // 2)
-
-    @inline
-    def meet(flags, wanted):
-        cuda.syncthreads()
-        if cuda.gridDim.x > 1:
-            if cuda.threadIdx.x == 0:
-                cuda.threadfence()
-                cuda.atomic.add(flags, 0, 1)
-                while np.int32(read_flag(flags, 0) - wanted) < 0:
-                    pass
-                cuda.threadfence()
-            cuda.syncthreads()
-        return np.int32(wanted + np.int32(cuda.gridDim.x))
 
     @inline
     def halved(products, sums, half, stride, last):
@@ -128,7 +115,7 @@ def make_meetings(real: Any, math: str) -> SimpleNamespace:
         lanes_halved(products, sums, tree)
         cuda.syncthreads()
 
-    return SimpleNamespace(meet=meet, add_segment=add_segment, total=total)
+    return SimpleNamespace(add_segment=add_segment, total=total)
 
 
 @cache
@@ -141,7 +128,7 @@ def make_cloth_implicit(real: Any, math: str, linear: bool, parts: frozenset[str
     point, meetings = make_implicit_point(real, math, parts), make_meetings(real, math)
     start, residual, product = point.start, point.residual, point.product
     update, move, finish, air_now = point.update, point.move, point.finish, point.air_now
-    meet, add_segment, total = meetings.meet, meetings.add_segment, meetings.total
+    meet, add_segment, total = make_meet(math), meetings.add_segment, meetings.total
     control = device_formulas(implicit.make_control, real, math, linear=linear)
     after_residual, after_product = control.after_residual, control.after_product
     current_step = make_cloth_forces(real, math, parts).current_step

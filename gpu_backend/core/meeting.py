@@ -1,0 +1,33 @@
+"""The barrier of all blocks of a cooperative launch."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+import numpy as np
+from numba import cuda
+
+from gpu_backend.core.blocks import read_flag
+from gpu_backend.core.compile import inlined
+
+
+@cache
+def make_meet(math: str) -> Any:
+    """meet(flags, wanted): every thread of every block must call it; what was written before is read after it. `flags` (1,)
+    int32, 0 before the launch; `wanted` is the number of blocks at first, then what the last call returned."""
+
+    @inlined(math)
+    def meet(flags, wanted):
+        cuda.syncthreads()
+        if cuda.gridDim.x > 1:
+            if cuda.threadIdx.x == 0:
+                cuda.threadfence()
+                cuda.atomic.add(flags, 0, 1)
+                while np.int32(read_flag(flags, 0) - wanted) < 0:
+                    pass
+                cuda.threadfence()
+            cuda.syncthreads()
+        return np.int32(wanted + np.int32(cuda.gridDim.x))
+
+    return meet

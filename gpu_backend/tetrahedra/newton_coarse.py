@@ -1,0 +1,227 @@
+"""The coarse level of Newton's method on tetrahedra, on CUDA: the sums of cpu_backend/tetrahedra/newton_coarse.py.
+
+A team takes a group of particles, or solves for a body; a block takes a pair of groups that the matrix couples, or factors a
+body's matrix, whose columns it goes through one after the other. `shared` is a block's memory (newton_sums.py).
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from types import SimpleNamespace
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba import cuda
+
+from gpu_backend.core.compile import inlined
+from gpu_backend.core.formulas import device_formulas
+from gpu_backend.core.quads import load_quad, store_quad
+from gpu_backend.tetrahedra.newton_elements import make_block_access
+from gpu_backend.tetrahedra.newton_sums import ROOM, TEAM, TEAMS, make_sums
+from model.formulas.elastic import coarse as formulas_of
+from model.formulas.elastic import newton, solving
+from model.tetrahedra.aggregates import MODES, MOST
+
+TILE = 64  # blocks of a pair of groups that are seen by rigid motions at once
+ENTRIES = MODES * MODES
+assert max((TILE + 1) * ENTRIES, TEAMS * MODES * MOST, TEAMS * MODES * TEAM) <= ROOM
+
+
+class Coarse(NamedTuple):
+    """Centres of the groups with their scales (quads); the band of the matrix, then of its factor, `width` numbers a row from
+    the diagonal on; of each row one over the factor's diagonal, the matrix's diagonal, what is solved for."""
+
+    centres: Any
+    band: Any
+    pivots: Any
+    entries: Any
+    solved: Any
+    width: Any
+
+
+@cache
+def make_coarse(real: Any, math: str) -> SimpleNamespace:
+    """`centre(group, v, lists, coarse, shared)`, `restrict(group, ...)`: of a team; `couple(pair, v, matrix, lists, coarse,
+    shared)`: of a block; `corrected(k, v, lists, coarse)`: three numbers to be added at particle k."""
+    inline, formulas = inlined(math), device_formulas(formulas_of.make, real, math)
+    scale_of, arm, moment, motion, columns = (
+        formulas.scale_of, formulas.arm, formulas.moment, formulas.motion, formulas.columns,
+    )  # fmt: skip
+    dot, load_block = device_formulas(solving.make, real, math).dot, make_block_access(math).load_block
+    sums = make_sums(real, math)
+    meet_team, add_team = sums.meet_team, sums.add_team
+    zero, one, next_one, none = real(0), real(1), np.int32(1), np.int32(0)
+    team, modes, tile, entries = np.int32(TEAM), np.int32(MODES), np.int32(TILE), np.int32(ENTRIES)
+    room, one_lane, three = np.int32(MODES * TEAM), np.int32(1), np.int32(3)
+
+    @inline
+    def place_of():
+        """(lane, where the team's part of the block's memory begins)"""
+        t = np.int32(cuda.threadIdx.x)
+        return np.int32(t % team), np.int32(t // team * room)
+
+    @inline
+    def arm_of(k, group, v, coarse):
+        p, c = load_quad(v.position, k), load_quad(coarse.centres, group)
+        return arm(p[0], p[1], p[2], c[0], c[1], c[2], c[3])
+
+    @inline
+    def centre(group, v, lists, coarse, shared):
+        lane, base = place_of()
+        first, last = lists.group_starts[group], lists.group_starts[group + next_one]
+        count, running = real(last - first), zero
+        for begin in range(first, last, team):
+            x, y, z = zero, zero, zero
+            if begin + lane < last:
+                p = load_quad(v.position, lists.members[begin + lane])
+                x, y, z = p[0], p[1], p[2]
+            shared[base + lane], shared[base + team + lane], shared[base + 2 * team + lane] = x, y, z
+            running = add_team(shared, base, three, lane, running)
+        if lane < three:
+            shared[base + lane] = running / count
+        meet_team()
+        cx, cy, cz = shared[base], shared[base + 1], shared[base + 2]
+        meet_team()
+        running = zero
+        for begin in range(first, last, team):
+            squared = zero
+            if begin + lane < last:
+                p = load_quad(v.position, lists.members[begin + lane])
+                p, q, r = arm(p[0], p[1], p[2], cx, cy, cz, one)
+                squared = dot(p, q, r, p, q, r)
+            shared[base + lane] = squared
+            running = add_team(shared, base, one_lane, lane, running)
+        if lane == none:
+            store_quad(coarse.centres, group, cx, cy, cz, scale_of(running, count))
+        width = coarse.width
+        for n in range(lane, modes * width, team):
+            coarse.band[modes * group * width + n] = zero
+
+    @inline
+    def couple(pair, v, matrix, lists, coarse, shared):
+        t, threads = np.int32(cuda.threadIdx.x), np.int32(cuda.blockDim.x)
+        group, other, width = lists.pair_first[pair], lists.pair_second[pair], coarse.width
+        first, last = lists.pair_starts[pair], lists.pair_starts[pair + next_one]
+        for e in range(t, entries, threads):
+            shared[tile * entries + e] = zero
+        for begin in range(first, last, tile):
+            many = np.int32(min(tile, np.int32(last - begin)))
+            cuda.syncthreads()
+            for n in range(t, many, threads):
+                b = lists.pair_blocks[begin + n]
+                d, e = arm_of(lists.block_row[b], group, v, coarse), arm_of(lists.columns[b], other, v, coarse)
+                found = columns(d, e, load_block(matrix.blocks, b))
+                for j in range(MODES):
+                    for i in range(MODES):
+                        shared[(modes * i + j) * tile + n] = found[j][i]
+            cuda.syncthreads()
+            for e in range(t, entries, threads):
+                running = shared[tile * entries + e]
+                for n in range(many):
+                    running = running + shared[e * tile + n]
+                shared[tile * entries + e] = running
+        for e in range(t, entries, threads):
+            i, j = np.int32(e // modes), np.int32(e % modes)
+            place = np.int32(modes * (other - group) + j - i)
+            if place >= none:
+                coarse.band[(modes * group + i) * width + place] = shared[tile * entries + e]
+                if place == none:
+                    coarse.entries[modes * group + i] = shared[tile * entries + e]
+        cuda.syncthreads()
+
+    @inline
+    def restrict(group, v, lists, coarse, shared):
+        lane, base = place_of()
+        first, last, running = lists.group_starts[group], lists.group_starts[group + next_one], zero
+        for begin in range(first, last, team):
+            a, b, c, d, e, f = zero, zero, zero, zero, zero, zero
+            if begin + lane < last:
+                k = lists.members[begin + lane]
+                r = load_quad(v.residual, k)
+                a, b, c, d, e, f = moment(arm_of(k, group, v, coarse), r[0], r[1], r[2])
+            at = np.int32(base + lane)
+            shared[at], shared[at + team], shared[at + 2 * team] = a, b, c
+            shared[at + 3 * team], shared[at + 4 * team], shared[at + 5 * team] = d, e, f
+            running = add_team(shared, base, modes, lane, running)
+        if lane < modes:
+            coarse.solved[modes * group + lane] = running
+
+    @inline
+    def corrected(k, v, lists, coarse):
+        group, found = lists.group[k], coarse.solved
+        at = np.int32(modes * group)
+        y = found[at], found[at + 1], found[at + 2], found[at + 3], found[at + 4], found[at + 5]
+        return motion(arm_of(k, group, v, coarse), y)
+
+    return SimpleNamespace(centre=centre, couple=couple, restrict=restrict, corrected=corrected)
+
+
+@cache
+def make_band(real: Any, math: str) -> SimpleNamespace:
+    """`factor(body, lists, coarse)`: of a block; 1 if the body's coarse matrix is not positive, else 0. `solve(body, lists,
+    coarse, shared)`: of a team; every entry is changed in the order in which the CPU changes it."""
+    inline, pivot = inlined(math), device_formulas(formulas_of.make, real, math).pivot
+    moved, times = device_formulas(newton.make, real, math).moved, device_formulas(solving.make, real, math).times
+    meet_team, zero, one = make_sums(real, math).meet_team, real(0), real(1)
+    team, modes, next_one, none, room = (
+        np.int32(TEAM),
+        np.int32(MODES),
+        np.int32(1),
+        np.int32(0),
+        np.int32(MODES * MOST),
+    )
+
+    @inline
+    def factor(body, lists, coarse):
+        t, threads = np.int32(cuda.threadIdx.x), np.int32(cuda.blockDim.x)
+        band, width, bad = coarse.band, coarse.width, zero
+        for k in range(modes * lists.bodies[body], modes * lists.bodies[body + next_one]):
+            cuda.syncthreads()
+            row, many = np.int32(k * width), np.int32(lists.reach[k] - k)
+            inverse, negative = pivot(band[row], coarse.entries[k])
+            if negative:
+                bad = one
+            if t == none:
+                coarse.pivots[k] = inverse
+            for j in range(t + next_one, many + next_one, threads):
+                band[row + j] = times(inverse, band[row + j])
+            cuda.syncthreads()
+            for i in range(t // team + next_one, many + next_one, threads // team):
+                share, target = -band[row + i], np.int32((k + i) * width)
+                for j in range(t % team, many - i + next_one, team):
+                    band[target + j] = moved(band[target + j], share, band[row + i + j])
+        cuda.syncthreads()
+        return bad
+
+    @inline
+    def solve(body, lists, coarse, shared):
+        t = np.int32(cuda.threadIdx.x)
+        lane, base = np.int32(t % team), np.int32(t // team * room)
+        band, width = coarse.band, coarse.width
+        first, last = np.int32(modes * lists.bodies[body]), np.int32(modes * lists.bodies[body + next_one])
+        for k in range(first + lane, last, team):
+            shared[base + k - first] = coarse.solved[k]
+        meet_team()
+        for k in range(first, last):
+            at, row, many = np.int32(base + k - first), np.int32(k * width), np.int32(lists.reach[k] - k)
+            y = times(coarse.pivots[k], shared[at])
+            for j in range(lane + next_one, many + next_one, team):
+                shared[at + j] = moved(shared[at + j], -y, band[row + j])
+            meet_team()
+            if lane == none:
+                shared[at] = y
+        meet_team()
+        for n in range(last - first):
+            k = np.int32(last - next_one - n)
+            at = np.int32(base + k - first)
+            y = times(coarse.pivots[k], shared[at])
+            i = np.int32(k - next_one - lane)
+            while i >= first and lists.reach[i] >= k:
+                shared[base + i - first] = moved(shared[base + i - first], -y, band[i * width + k - i])
+                i = np.int32(i - team)
+            meet_team()
+            if lane == none:
+                coarse.solved[k] = y
+        meet_team()
+
+    return SimpleNamespace(factor=factor, solve=solve)

@@ -1,0 +1,62 @@
+"""Colliders in Newton's method, on CUDA: as cpu_backend/tetrahedra/newton_contact.py, for one particle."""
+
+from __future__ import annotations
+
+from functools import cache
+from types import SimpleNamespace
+from typing import Any
+
+from gpu_backend.contact.colliders import make_collide
+from gpu_backend.core.compile import inlined
+from gpu_backend.core.formulas import device_formulas
+from gpu_backend.core.integers import COLLIDERS
+from model.formulas.elastic import newton, solving
+
+
+@cache
+def make_contact(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
+    """`has_bodies`; `within(b, p, holds, world, number)`: how far a particle at `p` is within the colliders (three numbers,
+    the way in), and how hard they are to it [N/m]; `b`: the quad of where it was, with its weight; `holds` [N/m]: what holds
+    it; `nearly_within(b, p, target, ...)`: where it is not, of where it is a little later; `pressed(b, p, v, ...)`: its
+    velocity with what colliders have pushed."""
+    inline, formulas = inlined(math), device_formulas(newton.make, real, math)
+    inertia_of, moved = formulas.inertia_of, formulas.moved
+    times = device_formulas(solving.make, real, math).times
+    touch, zero = make_collide(real, math, parts), real(0)
+    contact, soon = real(newton.CONTACT), real(newton.SOON)
+
+    @inline
+    def depth(b, x, y, z, holds, world, number):
+        p, q, r, _, _, _ = touch(b, x, y, z, zero, zero, zero, world, number)
+        hard = times(contact, holds + inertia_of(world.parameters.newton_inertia, b[3]))
+        return x - p, y - q, z - r, hard
+
+    @inline
+    def within(b, p, holds, world, number):
+        return depth(b, p[0], p[1], p[2], holds, world, number)
+
+    @inline
+    def nearly_within(b, p, target, holds, world, number):
+        x, y, z, hard = p[0], p[1], p[2], zero
+        dx, dy, dz, share = zero, zero, zero, zero
+        for _ in range(2):  # a loop, so that colliders are compiled once
+            if (dx == zero) & (dy == zero) & (dz == zero):
+                x, y, z = (
+                    moved(p[0], share, target[0] - p[0]),
+                    moved(p[1], share, target[1] - p[1]),
+                    moved(p[2], share, target[2] - p[2]),
+                )
+                dx, dy, dz, hard = depth(b, x, y, z, holds, world, number)
+                share = soon
+        return dx, dy, dz, hard
+
+    @inline
+    def pressed(b, p, v, holds, world, number):
+        x, y, z, hard = within(b, p, holds, world, number)
+        parameters = world.parameters
+        share = times(hard / inertia_of(parameters.newton_inertia, b[3]), parameters.newton_rate)
+        return moved(v[0], share, x), moved(v[1], share, y), moved(v[2], share, z)
+
+    return SimpleNamespace(
+        has_bodies=bool(parts & COLLIDERS), within=within, nearly_within=nearly_within, pressed=pressed
+    )  # fmt: skip

@@ -1,0 +1,165 @@
+"""What Newton's method asks of a tetrahedron, on CUDA: its energy, forces at its corners, blocks of its tangent.
+
+As cpu_backend/tetrahedra/newton_elements.py, for one tetrahedron. Its values lie column by column; its forces are quads, in
+the order of corners; its blocks nine numbers each, one after the other.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from gpu_backend.core.compile import inlined
+from gpu_backend.core.formulas import device_formulas
+from gpu_backend.core.quads import load_quad, store_quad
+from model.core.tuples import tuple_of
+from model.formulas.constraints.tetrahedron import HOOKEAN
+from model.formulas.elastic import deformation, newton, solving, tangent
+from model.tetrahedra.block_rows import BLOCKS
+from model.tetrahedra.newton import AT_ALPHA, AT_DAMPING, AT_LAME, AT_MU, AT_VOLUME
+
+
+@cache
+def make_block_access(math: str) -> SimpleNamespace:
+    """`load_block(array, place)`, `store_block(array, place, m)`: nine numbers, by rows; `transposed(m)`; `added(a, b)`."""
+    inline = inlined(math)
+    nine = np.int32(9)
+
+    @inline
+    def load_block(array, place):
+        k = np.int32(nine * place)
+        return (
+            array[k], array[k + 1], array[k + 2], array[k + 3], array[k + 4], array[k + 5], array[k + 6], array[k + 7],
+            array[k + 8],
+        )  # fmt: skip
+
+    @inline
+    def store_block(array, place, m):
+        k = np.int32(nine * place)
+        array[k], array[k + 1], array[k + 2], array[k + 3], array[k + 4] = m[0], m[1], m[2], m[3], m[4]
+        array[k + 5], array[k + 6], array[k + 7], array[k + 8] = m[5], m[6], m[7], m[8]
+
+    @inline
+    def transposed(m):
+        return m[0], m[3], m[6], m[1], m[4], m[7], m[2], m[5], m[8]
+
+    @inline
+    def added(a, b):
+        return (
+            a[0] + b[0], a[1] + b[1], a[2] + b[2], a[3] + b[3], a[4] + b[4], a[5] + b[5], a[6] + b[6], a[7] + b[7],
+            a[8] + b[8],
+        )  # fmt: skip
+
+    return SimpleNamespace(load_block=load_block, store_block=store_block, transposed=transposed, added=added)
+
+
+@cache
+def make_elements(real: Any, math: str) -> SimpleNamespace:
+    """`look(n, count, position, corners, materials, values, forces)` -> (energy, its doubt) [J], with the forces at the four
+    corners of tetrahedron n of `count`; `blocks(n, ..., damped, safe, found)`: its tangent, BLOCKS blocks, times the damping
+    time where `damped`."""
+    inline, one = inlined(math), real(1)
+    elastic = device_formulas(deformation.make_gradient, real, math)
+    gradient, at_corners = elastic.gradient, elastic.corners
+    rotation = device_formulas(deformation.make_rotation, real, math)
+    shape, doubt = device_formulas(tangent.make, real, math), device_formulas(newton.make, real, math).doubt
+    stress, frame, moduli, block, seen_in = shape.stress, shape.frame, shape.moduli, shape.block, shape.seen_in
+    products, access = device_formulas(solving.make, real, math), make_block_access(math)
+    times, scaled, weighted = products.times, products.scaled, products.weighted
+    store_block, transposed, added, zero = access.store_block, access.transposed, access.added, real(0)
+    four, every = np.int32(4), np.int32(BLOCKS)
+
+    def value_at(n: int) -> Any:
+        return inline(lambda values, unused, count, t: values[n * count + t])
+
+    rest_of = tuple_of(9, value_at, inline)
+
+    @inline
+    def xyz(quad):
+        return quad[0], quad[1], quad[2]
+
+    @inline
+    def deformed(n, position, corners, rest):
+        first = np.int32(four * n)
+        return gradient(
+            xyz(load_quad(position, corners[first])), xyz(load_quad(position, corners[first + 1])),
+            xyz(load_quad(position, corners[first + 2])), xyz(load_quad(position, corners[first + 3])), rest,
+        )  # fmt: skip
+
+    @inline
+    def put(forces, place, volume, g):
+        x, y, z = scaled(volume, g[0], g[1], g[2])
+        store_quad(forces, place, x, y, z, zero)
+
+    @inline
+    def look(n, count, position, corners, materials, values, forces):
+        material, rest, volume = materials[n], rest_of(values, n, count, n), values[AT_VOLUME * count + n]
+        mu, lame = values[AT_MU * count + n], values[AT_LAME * count + n]
+        f = deformed(n, position, corners, rest)
+        r = f
+        if material != HOOKEAN:
+            r = rotation(f)
+        held, p = stress(material, f, r, mu, lame, values[AT_ALPHA * count + n])
+        a, b, c, d = at_corners(p, rest)
+        first = np.int32(four * n)
+        put(forces, first, volume, a)
+        put(forces, np.int32(first + 1), volume, b)
+        put(forces, np.int32(first + 2), volume, c)
+        put(forces, np.int32(first + 3), volume, d)
+        return times(volume, held), doubt(held, volume, mu, lame, material == HOOKEAN)
+
+    @inline
+    def negative(a):
+        return -a[0], -a[1], -a[2], -a[3], -a[4], -a[5], -a[6], -a[7], -a[8]
+
+    @inline
+    def left(a, b, c):
+        """What makes the sum of the four nothing."""
+        return negative(added(added(a, b), c))
+
+    @inline
+    def blocks(n, count, position, corners, materials, values, damped, safe, found):
+        rest, weight = rest_of(values, n, count, n), values[AT_VOLUME * count + n]
+        if damped:
+            weight = times(weight, values[AT_DAMPING * count + n])
+        else:
+            weight = times(weight, one)
+        f = deformed(n, position, corners, rest)
+        s, u, v = frame(f, rotation(f))
+        axial, sums, offs = moduli(
+            materials[n], s, values[AT_MU * count + n], values[AT_LAME * count + n], values[AT_ALPHA * count + n], safe
+        )  # fmt: skip
+        b = seen_in(v, rest[0], rest[1], rest[2])
+        c = seen_in(v, rest[3], rest[4], rest[5])
+        d = seen_in(v, rest[6], rest[7], rest[8])
+        bb, bc = (
+            weighted(weight, block(u, axial, sums, offs, b, b)),
+            weighted(weight, block(u, axial, sums, offs, b, c)),
+        )
+        bd, cc = (
+            weighted(weight, block(u, axial, sums, offs, b, d)),
+            weighted(weight, block(u, axial, sums, offs, c, c)),
+        )
+        cd, dd = (
+            weighted(weight, block(u, axial, sums, offs, c, d)),
+            weighted(weight, block(u, axial, sums, offs, d, d)),
+        )
+        first = np.int32(every * n)
+        store_block(found, np.int32(first + 4), bb)
+        store_block(found, np.int32(first + 5), bc)
+        store_block(found, np.int32(first + 6), bd)
+        store_block(found, np.int32(first + 7), cc)
+        store_block(found, np.int32(first + 8), cd)
+        store_block(found, np.int32(first + 9), dd)
+        ab, ac, ad = (
+            left(bb, transposed(bc), transposed(bd)), left(bc, cc, transposed(cd)), left(bd, cd, dd)
+        )  # fmt: skip
+        store_block(found, first, left(ab, ac, ad))
+        store_block(found, np.int32(first + 1), ab)
+        store_block(found, np.int32(first + 2), ac)
+        store_block(found, np.int32(first + 3), ad)
+
+    return SimpleNamespace(look=look, blocks=blocks)

@@ -1,0 +1,201 @@
+"""The passes of implicit Euler on tetrahedra, on CUDA: over units of tetrahedra, groups of particles, the coarse level."""
+
+from __future__ import annotations
+
+from functools import cache
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+from numba import cuda
+
+from gpu_backend.core.compile import inlined
+from gpu_backend.core.forces import make_forces
+from gpu_backend.core.formulas import device_formulas
+from gpu_backend.core.quads import load_quad, store_quad
+from gpu_backend.tetrahedra.newton_coarse import make_band, make_coarse
+from gpu_backend.tetrahedra.newton_contact import make_contact
+from gpu_backend.tetrahedra.newton_elements import make_block_access, make_elements
+from gpu_backend.tetrahedra.newton_rows import make_moving, make_rows, make_solving
+from gpu_backend.tetrahedra.newton_sums import TEAM, UNIT, make_sums
+from gpu_backend.xpbd.mesh_kernels import AXES
+from gpu_backend.xpbd.point import make_motion
+from model.formulas.elastic import newton as passes
+from model.formulas.elastic.newton import (
+    BEGIN,
+    CENTRES,
+    COARSE,
+    CORRECT,
+    DAMPER_BLOCKS,
+    DAMPER_ROWS,
+    DIRECTION,
+    FINISH,
+    KINDS,
+    LOOK,
+    MOVE,
+    PRODUCT,
+    ROWS,
+    UPDATE,
+    WEIGH,
+)
+from model.tetrahedra.newton import DAMPED, SUMMED
+
+FACTOR, BACK = len(KINDS), len(KINDS) + 1  # what follows `coarse rows`, and `restrict`, before the next of KINDS
+
+
+@cache
+def make_substep_ends(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
+    """`begin(k, v, world, step)`: where inertia leads particle k; `finish(k, v, matrix, world, number)`: its velocity, and
+    what it meets."""
+    forces, motion = make_forces(real, math, parts), make_motion(real, math, parts, AXES)
+    add_gravity, add_own, predict = forces.add_gravity, forces.add_own, motion.predict
+    rate_of, collide = motion.rate_of, motion.collide
+    contact, zero = make_contact(real, math, parts), real(0)
+    has_bodies, pressed, inline = contact.has_bodies, contact.pressed, inlined(math)
+
+    @inline
+    def begin(k, v, world, step):
+        p, w = load_quad(v.position, k), load_quad(v.velocity, k)
+        ax, ay, az = add_gravity(zero, zero, zero, world.parameters)
+        ax, ay, az = add_own(ax, ay, az, k, p[3], world.parameters, world.integers, step)
+        x, y, z = predict(p, w, ax, ay, az, world.parameters)
+        store_quad(v.before, k, p[0], p[1], p[2], p[3])
+        store_quad(v.target, k, x, y, z, p[3])
+        store_quad(v.away, k, zero, zero, zero, zero)
+
+    @inline
+    def finish(k, v, matrix, world, number):
+        b, p = load_quad(v.before, k), load_quad(v.position, k)
+        x, y, z = p[0], p[1], p[2]
+        vx, vy, vz = zero, zero, zero
+        if b[3] != zero:
+            vx, vy, vz = rate_of(p, b, world.parameters)
+            if has_bodies:
+                vx, vy, vz = pressed(b, p, (vx, vy, vz), matrix.holding[k], world, number)
+                x, y, z, vx, vy, vz = collide(b, p, vx, vy, vz, world, number)
+        store_quad(v.position, k, x, y, z, b[3])
+        store_quad(v.velocity, k, vx, vy, vz, zero)
+
+    return SimpleNamespace(begin=begin, finish=finish)
+
+
+@cache
+def make_unit_passes(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
+    """`of_elements(kind, unit, count, ...)`: of a block, the passes over UNIT tetrahedra; `of_particles(kind, group, ...)`:
+    those over SUMMED particles; both leave sums of groups in `sums`."""
+    inline, elements, rows = inlined(math), make_elements(real, math), make_rows(real, math, parts)
+    look, blocks, gather, settle_row = elements.look, elements.blocks, rows.gather, rows.settle_row
+    solve, moving = make_solving(real, math, rows.apply), make_moving(real, math, parts, rows.resist)
+    weigh, move = moving.weigh, moving.move
+    ends, add_groups = make_substep_ends(real, math, parts), make_sums(real, math).add_groups
+    begin, finish, corrected = ends.begin, ends.finish, make_coarse(real, math).corrected
+    access, moved = make_block_access(math), device_formulas(passes.make, real, math).moved
+    load_block, store_block = access.load_block, access.store_block
+    damped, zero, summed, unit_size, both = DAMPED in parts, real(0), np.int32(SUMMED), np.int32(UNIT), np.int32(2)
+    next_one = np.int32(1)
+
+    @inline
+    def of_elements(kind, unit, count, v, matrix, lists, values, safe, shared, sums):
+        t, threads = np.int32(cuda.threadIdx.x), np.int32(cuda.blockDim.x)
+        for one in range(t, unit_size, threads):
+            n = np.int32(unit * unit_size + one)
+            held, unsure = zero, zero
+            if n < count:
+                if kind == LOOK:
+                    held, unsure = look(n, count, v.position, lists.tetrahedra, lists.materials, values, matrix.forces)
+                else:
+                    blocks(
+                        n, count, v.position, lists.tetrahedra, lists.materials, values, kind == DAMPER_BLOCKS,
+                        kind == DAMPER_BLOCKS or safe != 0, matrix.found,
+                    )  # fmt: skip
+            shared[one], shared[unit_size + one] = held, unsure
+        if kind == LOOK:
+            groups = np.int32((count + summed - 1) // summed)
+            width = np.int32(min(unit_size, np.int32(count - unit * unit_size)))
+            add_groups(shared, both, width, np.int32(unit * unit_size // summed), groups, sums)
+
+    @inline
+    def assemble(kind, group, particles, matrix, lists, world):
+        """The blocks of the group's rows, of the damper's too."""
+        t, threads = np.int32(cuda.threadIdx.x), np.int32(cuda.blockDim.x)
+        first, rate = np.int32(group * summed), world.parameters.newton_rate
+        last = np.int32(min(np.int32(first + summed), particles))
+        for n in range(lists.starts[first] + t, lists.starts[last], threads):
+            m = gather(n, lists, matrix.found)
+            if kind == DAMPER_ROWS:
+                store_block(matrix.damper, n, m)
+            else:
+                if damped:
+                    d = load_block(matrix.damper, n)
+                    m = (
+                        moved(m[0], rate, d[0]), moved(m[1], rate, d[1]), moved(m[2], rate, d[2]),
+                        moved(m[3], rate, d[3]), moved(m[4], rate, d[4]), moved(m[5], rate, d[5]),
+                        moved(m[6], rate, d[6]), moved(m[7], rate, d[7]), moved(m[8], rate, d[8]),
+                    )  # fmt: skip
+                store_block(matrix.blocks, n, m)
+        cuda.syncthreads()
+
+    @inline
+    def of_particles(kind, group, particles, v, matrix, lists, coarse, world, time, shares, shared, sums):
+        t, threads, step, number = np.int32(cuda.threadIdx.x), np.int32(cuda.blockDim.x), time[0], time[1]
+        alpha, beta, share = shares
+        if kind in (ROWS, DAMPER_ROWS):
+            assemble(kind, group, particles, matrix, lists, world)
+        for one in range(t, summed, threads):
+            k, total = np.int32(group * summed + one), zero
+            if k < particles:
+                if kind == BEGIN:
+                    begin(k, v, world, step)
+                elif kind == FINISH:
+                    finish(k, v, matrix, world, number)
+                elif kind == ROWS:
+                    total = settle_row(k, particles, v, matrix, lists, world, number)
+                elif load_quad(v.before, k)[3] != zero:
+                    if kind == WEIGH:
+                        total = weigh(k, v, matrix, lists, world, number)
+                    elif kind in (PRODUCT, UPDATE, CORRECT, DIRECTION):
+                        more = zero, zero, zero
+                        if kind == CORRECT:
+                            more = corrected(k, v, lists, coarse)
+                        total = solve(kind, k, particles, v, matrix, lists, more, alpha, beta)
+                    elif kind != DAMPER_ROWS:
+                        total = move(kind, k, v, share)
+            shared[one] = total
+        if kind in (WEIGH, ROWS, PRODUCT, CORRECT, MOVE):
+            groups = np.int32((particles + summed - 1) // summed)
+            add_groups(shared, next_one, summed, group, groups, sums)
+
+    return SimpleNamespace(of_elements=of_elements, of_particles=of_particles)
+
+
+@cache
+def make_coarse_passes(real: Any, math: str) -> Any:
+    """coarse_pass(kind, v, matrix, lists, coarse, shared, sums): of all blocks, over groups, pairs of them, or bodies."""
+    level, band, inline = make_coarse(real, math), make_band(real, math), inlined(math)
+    centre, couple, restrict, factor, solve = level.centre, level.couple, level.restrict, band.factor, band.solve
+    team, next_one = np.int32(TEAM), np.int32(1)
+
+    @inline
+    def coarse_pass(kind, v, matrix, lists, coarse, shared, sums):
+        block, blocks = np.int32(cuda.blockIdx.x), np.int32(cuda.gridDim.x)
+        t, teams = np.int32(cuda.threadIdx.x), np.int32(cuda.blockDim.x // team)
+        first_team = np.int32(block * teams + t // team)
+        if kind == COARSE:
+            for pair in range(block, len(lists.pair_first), blocks):
+                couple(pair, v, matrix, lists, coarse, shared)
+        elif kind == FACTOR:
+            for body in range(block, len(lists.bodies) - 1, blocks):
+                bad = factor(body, lists, coarse)
+                if t == 0:
+                    sums[body] = bad
+        elif kind == BACK:
+            for body in range(first_team, len(lists.bodies) - 1, blocks * teams):
+                solve(body, lists, coarse, shared)
+        else:
+            for group in range(first_team, len(lists.group_starts) - next_one, blocks * teams):
+                if kind == CENTRES:
+                    centre(group, v, lists, coarse, shared)
+                else:
+                    restrict(group, v, lists, coarse, shared)
+
+    return coarse_pass

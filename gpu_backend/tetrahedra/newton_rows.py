@@ -1,0 +1,238 @@
+"""What Newton's method does with one particle, on CUDA: its row of the matrix, and its part of each pass over particles.
+
+As cpu_backend/tetrahedra/newton_rows.py. Vectors are quads; those of a particle that is held stay nothing.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from types import SimpleNamespace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from gpu_backend.core.compile import inlined
+from gpu_backend.core.formulas import device_formulas
+from gpu_backend.core.quads import load_quad, store_quad
+from gpu_backend.tetrahedra.newton_contact import make_contact
+from gpu_backend.tetrahedra.newton_elements import make_block_access
+from model.formulas.elastic import newton, solving
+from model.formulas.elastic.newton import AHEAD, CORRECT, DIRECTION, MOVE, PRODUCT, RETURN, SOLVE, UPDATE
+from model.tetrahedra.newton import DAMPED
+
+
+class Vectors(NamedTuple):
+    """Quads of every particle: the state; where it was, with its weight; where inertia leads; where the last step led; the
+    potential's gradient there, and at a trial; a step; what of it is left to solve; the direction; the matrix times that;
+    what is preconditioned; the way since the substep's start."""
+
+    position: Any
+    velocity: Any
+    before: Any
+    target: Any
+    current: Any
+    gradient: Any
+    trial: Any
+    solution: Any
+    residual: Any
+    direction: Any
+    product: Any
+    better: Any
+    away: Any
+
+
+class Matrix(NamedTuple):
+    """Blocks of tetrahedra, of the matrix's rows, of the damper's; inverses of the diagonal (6 numbers a particle, column by
+    column); forces at corners (quads); what holds each particle [N/m]."""
+
+    found: Any
+    blocks: Any
+    damper: Any
+    inverses: Any
+    forces: Any
+    holding: Any
+
+
+@cache
+def make_rows(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
+    """`gather(n, lists, found)`: block n of the rows, of all tetrahedra that have a part in it; `apply(k, lists, blocks,
+    vector)`, `resist`: a row's product, of a matrix whose rows add up to nothing by differences; `settle_row(k, particles, v,
+    matrix, lists, world, number)`: the row's diagonal and its inverse: 1 if that is not positive, else 0."""
+    inline, formulas = inlined(math), device_formulas(newton.make, real, math)
+    products = device_formulas(solving.make, real, math)
+    inertia_of, inverse, outer, applied = formulas.inertia_of, formulas.inverse, formulas.outer, products.applied
+    access, contact = make_block_access(math), make_contact(real, math, parts)
+    load_block, store_block, transposed, added = access.load_block, access.store_block, access.transposed, access.added
+    has_bodies, nearly_within = contact.has_bodies, contact.nearly_within
+    zero, one, next_one = real(0), real(1), np.int32(1)
+
+    @inline
+    def gather(n, lists, found):
+        s = zero, zero, zero, zero, zero, zero, zero, zero, zero
+        for place in range(lists.sources[n], lists.sources[n + next_one]):
+            item = lists.items[place]
+            m = load_block(found, np.int32(item >> 1))
+            if item & 1:
+                m = transposed(m)
+            s = added(s, m)
+        return s
+
+    @inline
+    def apply(k, lists, blocks, vector):
+        x, y, z = zero, zero, zero
+        for n in range(lists.starts[k], lists.starts[k + next_one]):
+            d = load_quad(vector, lists.columns[n])
+            p, q, r = applied(load_block(blocks, n), d[0], d[1], d[2])
+            x, y, z = x + p, y + q, z + r
+        return x, y, z
+
+    @inline
+    def resist(k, lists, blocks, vector):
+        x, y, z = zero, zero, zero
+        own = load_quad(vector, k)
+        for n in range(lists.starts[k], lists.starts[k + next_one]):
+            d = load_quad(vector, lists.columns[n])
+            p, q, r = applied(load_block(blocks, n), d[0] - own[0], d[1] - own[1], d[2] - own[2])
+            x, y, z = x + p, y + q, z + r
+        return x, y, z
+
+    @inline
+    def settle_row(k, particles, v, matrix, lists, world, number):
+        b, n = load_quad(v.before, k), lists.diagonal[k]
+        bad = zero
+        if b[3] != zero:
+            inertia, m = inertia_of(world.parameters.newton_inertia, b[3]), load_block(matrix.blocks, n)
+            xx, xy, xz = m[0] + inertia, m[1], m[2]
+            yx, yy, yz = m[3], m[4] + inertia, m[5]
+            zx, zy, zz = m[6], m[7], m[8] + inertia
+            if has_bodies:
+                x, y, z, hard = nearly_within(
+                    b, load_quad(v.position, k), load_quad(v.target, k), matrix.holding[k], world, number
+                )
+                s, t, u, p, q, r = outer(x, y, z, hard)
+                xx, xy, xz, yx, yy, yz = xx + s, xy + t, xz + u, yx + t, yy + p, yz + q
+                zx, zy, zz = zx + u, zy + q, zz + r
+            store_block(matrix.blocks, n, (xx, xy, xz, yx, yy, yz, zx, zy, zz))
+            s, t, u, p, q, r, good = inverse(xx, xy, xz, yy, yz, zz)
+            store_six(matrix.inverses, particles, k, s, t, u, p, q, r)
+            if not good:
+                bad = one
+        return bad
+
+    @inline
+    def store_six(array, count, k, a, b, c, d, e, f):
+        array[k], array[count + k], array[2 * count + k] = a, b, c
+        array[3 * count + k], array[4 * count + k], array[5 * count + k] = d, e, f
+
+    return SimpleNamespace(gather=gather, apply=apply, resist=resist, settle_row=settle_row)
+
+
+@cache
+def make_solving(real: Any, math: str, apply: Any) -> Any:
+    """solving(kind, k, particles, v, matrix, lists, added, alpha, beta) -> what particle k adds to the sum of that pass of
+    conjugate gradients; `added`: what the coarse level does to the residual there."""
+    inline, moved = inlined(math), device_formulas(newton.make, real, math).moved
+    products, zero = device_formulas(solving.make, real, math), real(0)
+    preconditioned, dot = products.preconditioned, products.dot
+
+    @inline
+    def moved_3(a, share, b):
+        return moved(a[0], share, b[0]), moved(a[1], share, b[1]), moved(a[2], share, b[2])
+
+    @inline
+    def solve(kind, k, particles, v, matrix, lists, added, alpha, beta):
+        total = zero
+        if kind == PRODUCT:
+            x, y, z = apply(k, lists, matrix.blocks, v.direction)
+            store_quad(v.product, k, x, y, z, zero)
+            d = load_quad(v.direction, k)
+            total = dot(d[0], d[1], d[2], x, y, z)
+        elif kind == UPDATE:
+            d, q = load_quad(v.direction, k), load_quad(v.product, k)
+            x, y, z = moved_3(load_quad(v.solution, k), alpha, d)
+            store_quad(v.solution, k, x, y, z, zero)
+            x, y, z = moved_3(load_quad(v.residual, k), -alpha, q)
+            store_quad(v.residual, k, x, y, z, zero)
+        elif kind == CORRECT:
+            r, i = load_quad(v.residual, k), matrix.inverses
+            six = (
+                i[k], i[particles + k], i[2 * particles + k], i[3 * particles + k], i[4 * particles + k],
+                i[5 * particles + k],
+            )  # fmt: skip
+            x, y, z = preconditioned(six, r[0], r[1], r[2])
+            x, y, z = x + added[0], y + added[1], z + added[2]
+            store_quad(v.better, k, x, y, z, zero)
+            total = dot(r[0], r[1], r[2], x, y, z)
+        elif kind == DIRECTION:
+            x, y, z = moved_3(load_quad(v.better, k), beta, load_quad(v.direction, k))
+            store_quad(v.direction, k, x, y, z, zero)
+        return total
+
+    return solve
+
+
+@cache
+def make_moving(real: Any, math: str, parts: frozenset[str], resist: Any) -> SimpleNamespace:
+    """`weigh(k, v, matrix, lists, world, number)`: the potential's gradient at particle k, and its energy but for that of
+    tetrahedra; `move(kind, k, v, share)`: the passes that only move it; what it adds to the sum of MOVE."""
+    inline, formulas = inlined(math), device_formulas(newton.make, real, math)
+    products = device_formulas(solving.make, real, math)
+    inertia_of, kept, moved = formulas.inertia_of, formulas.kept, formulas.moved
+    scaled, half_of, dot = products.scaled, products.half_of, products.dot
+    contact, damped = make_contact(real, math, parts), DAMPED in parts
+    has_bodies, within, zero, next_one = contact.has_bodies, contact.within, real(0), np.int32(1)
+
+    @inline
+    def weigh(k, v, matrix, lists, world, number):
+        b, at, target = load_quad(v.before, k), load_quad(v.position, k), load_quad(v.target, k)
+        parameters = world.parameters
+        inertia = inertia_of(parameters.newton_inertia, b[3])
+        x, y, z = at[0] - target[0], at[1] - target[1], at[2] - target[2]
+        total = kept(inertia, x, y, z)
+        x, y, z = scaled(inertia, x, y, z)
+        if damped:
+            p, q, r = resist(k, lists, matrix.damper, v.away)
+            p, q, r = scaled(parameters.newton_rate, p, q, r)
+            away = load_quad(v.away, k)
+            total = total + half_of(p, q, r, away[0], away[1], away[2])
+            x, y, z = x + p, y + q, z + r
+        for n in range(lists.meets[k], lists.meets[k + next_one]):
+            f = load_quad(matrix.forces, lists.corners[n])
+            x, y, z = x + f[0], y + f[1], z + f[2]
+        if has_bodies:
+            p, q, r, hard = within(b, at, matrix.holding[k], world, number)
+            total = total + kept(hard, p, q, r)
+            x, y, z = moved(x, hard, p), moved(y, hard, q), moved(z, hard, r)
+        store_quad(v.trial, k, x, y, z, zero)
+        return total
+
+    @inline
+    def put(k, v, b, x, y, z):
+        store_quad(v.position, k, x, y, z, b[3])
+        store_quad(v.away, k, x - b[0], y - b[1], z - b[2], zero)
+
+    @inline
+    def move(kind, k, v, share):
+        b, total = load_quad(v.before, k), zero
+        if kind == MOVE:
+            c, s, g = load_quad(v.current, k), load_quad(v.solution, k), load_quad(v.gradient, k)
+            put(k, v, b, moved(c[0], share, s[0]), moved(c[1], share, s[1]), moved(c[2], share, s[2]))
+            total = dot(g[0], g[1], g[2], s[0], s[1], s[2])
+        elif kind == SOLVE:
+            g = load_quad(v.gradient, k)
+            store_quad(v.solution, k, zero, zero, zero, zero)
+            store_quad(v.residual, k, -g[0], -g[1], -g[2], zero)
+            store_quad(v.direction, k, zero, zero, zero, zero)
+        elif kind == RETURN:
+            c = load_quad(v.current, k)
+            put(k, v, b, c[0], c[1], c[2])
+        elif kind == AHEAD:
+            c = load_quad(v.target, k)
+            put(k, v, b, c[0], c[1], c[2])
+        else:
+            p, g = load_quad(v.position, k), load_quad(v.trial, k)
+            store_quad(v.current, k, p[0], p[1], p[2], zero)
+            store_quad(v.gradient, k, g[0], g[1], g[2], zero)
+        return total
+
+    return SimpleNamespace(weigh=weigh, move=move)

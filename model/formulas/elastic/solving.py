@@ -1,0 +1,46 @@
+"""Products that Newton's method on tetrahedra takes in its passes: here, so that none is contracted."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+from model.formulas import plain
+from model.formulas.lengths import make as make_lengths
+
+
+def make(real, compiled=plain):
+    """Of one particle, row or tetrahedron, in the arithmetic `real`."""
+    dot, half = make_lengths(real, compiled).dot, real(0.5)
+
+    @compiled
+    def times(a, b):
+        return a * b
+
+    @compiled
+    def scaled(s, x, y, z):
+        return s * x, s * y, s * z
+
+    @compiled
+    def weighted(s, m):
+        """Nine numbers."""
+        return s * m[0], s * m[1], s * m[2], s * m[3], s * m[4], s * m[5], s * m[6], s * m[7], s * m[8]
+
+    @compiled
+    def applied(m, x, y, z):
+        """A 3 x 3 block, by rows, times a vector."""
+        return dot(m[0], m[1], m[2], x, y, z), dot(m[3], m[4], m[5], x, y, z), dot(m[6], m[7], m[8], x, y, z)
+
+    @compiled
+    def preconditioned(m, x, y, z):
+        """A symmetric block (xx, xy, xz, yy, yz, zz) times a vector."""
+        return dot(m[0], m[1], m[2], x, y, z), dot(m[1], m[3], m[4], x, y, z), dot(m[2], m[4], m[5], x, y, z)
+
+    @compiled
+    def half_of(x, y, z, p, q, r):
+        """[J] of a force (x, y, z) that grew with the way (p, q, r)."""
+        return half * dot(x, y, z, p, q, r)
+
+    return SimpleNamespace(
+        times=times, scaled=scaled, weighted=weighted, applied=applied, preconditioned=preconditioned, half_of=half_of,
+        dot=dot,
+    )  # fmt: skip

@@ -1,0 +1,48 @@
+"""The CUDA kernel of implicit tetrahedral bodies, in plain Python, one block: the CPU's bits, and as many passes."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from newton_scenes import end_state, groups_and_bodies, newton_scene
+from tetrahedra_scenes import BODY
+
+from app.driver import open_simulation
+from model.core.errors import SceneError
+from model.core.simulation import State
+from model.scene.scene import Scene
+
+
+def held_against_the_cpu(scene: Scene, precision: str, steps: int, **options: Any) -> State:
+    expected, done = end_state(scene, "cpu", steps, precision=precision, math="exact", threads=1, **options)
+    state, found = end_state(scene, "gpu", steps, precision=precision, math="exact", **options)
+    assert found == done
+    assert np.array_equal(state.position, expected.position)
+    assert np.array_equal(state.velocity, expected.velocity)
+    return state
+
+
+@pytest.mark.parametrize(
+    "name,precision",
+    [("fixed-corotated", "float64"), ("corotated", "float32"), ("neo-hookean", "float64"), ("damped", "float32")],
+)
+def test_bits_are_the_cpus(name: str, precision: str) -> None:
+    held_against_the_cpu(newton_scene(name), precision, 2)
+
+
+@pytest.mark.parametrize("precision", ["float32", "float64"])
+def test_bits_of_groups_of_particles_and_of_bodies(precision: str) -> None:
+    held_against_the_cpu(groups_and_bodies(), precision, 1)
+
+
+def test_bits_where_all_is_held() -> None:
+    scene = newton_scene("fixed-corotated", body=BODY | {"pinned": ["bottom", "top"]})
+    state = held_against_the_cpu(scene, "float64", 1, initial=None)
+    assert not state.velocity.any()
+
+
+def test_another_kernel_is_refused() -> None:
+    with pytest.raises(SceneError, match="cooperative"):
+        open_simulation(newton_scene("fixed-corotated"), "gpu", kernel="graph")

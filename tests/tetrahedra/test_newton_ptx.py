@@ -1,0 +1,50 @@
+"""The CUDA kernel of implicit tetrahedral bodies compiles without a GPU where the compiler is there: no double in float32, no
+local memory, no function that is called, nothing contracted in exact math."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from model.core.parameters import record_type
+from model.tetrahedra.newton import CONSTANTS, DAMPED
+from model.xpbd.parameters import XPBD_PARAMETERS
+
+pytestmark = pytest.mark.usefixtures("ptx_compiler")
+
+FREE = frozenset({"gravity", "load"})
+EVERYTHING = FREE | {DAMPED, "pins", "damping", "external", "poke", "plane", "sphere", "capsule", "box", "friction"}
+
+
+def text(real: Any, math: str, parts: frozenset[str]) -> str:
+    """From its entry on."""
+    from numba import cuda, typeof, types
+
+    from gpu_backend.tetrahedra.newton_kernel import make_newton
+
+    one = types.float32 if real is np.float32 else types.float64
+    reals, whole, wide = one[::1], types.int32[::1], types.int64[::1]
+    record = typeof(np.zeros(1, record_type((*CONSTANTS, *XPBD_PARAMETERS), real)))
+    arguments = (
+        *(reals,) * 13, whole, reals, whole, wide, record, reals, types.uint64[::1], wide, types.int64, types.int64,
+        types.int64, one,
+    )  # fmt: skip
+    kernel = make_newton(real, math, parts)
+    found, _ = cuda.compile_ptx(kernel.py_func, arguments, cc=(9, 0), fastmath=math == "fast")
+    return str(found[found.index(".entry") :])
+
+
+@pytest.mark.parametrize("math", ["fast", "exact"])
+@pytest.mark.parametrize("parts", [FREE, EVERYTHING], ids=["free", "everything"])
+def test_float32_holds_no_double_and_no_local_memory(parts: frozenset[str], math: str) -> None:
+    found = text(np.float32, math, parts)
+    assert ".f64" not in found
+    assert ".local" not in found and "call" not in found
+
+
+def test_exact_math_contracts_nothing() -> None:
+    """In float64, whose quotients are an instruction: no product runs into a sum."""
+    found = text(np.float64, "exact", EVERYTHING - {"external"})
+    assert "fma.rn.f64" not in found and "mul.rn.f64" in found
