@@ -91,8 +91,11 @@ def caught_lines(report: dict[str, Any]) -> list[str]:
 def contact_report(simulation: Simulation, state: State) -> dict[str, Any]:
     """Of a cloth that meets itself: the least gaps [m] between layers and between edges (None: more than the thickness), what
     contacts of masses with triangles do not see (pairs of edges that are too near, edges through triangles), and contacts
-    that there was no room for. Seconds on large sheets."""
+    that there was no room for. Seconds on large sheets. Of tetrahedral bodies the last alone."""
     scene = simulation.scene
+    if scene.tetrahedra and scene.contact is not None:
+        surfaces: Any = simulation.contacts  # type: ignore[attr-defined]
+        return {"contacts_lost": surfaces.lost + surfaces.neighbours_lost}
     if scene.self_collision is None:
         return {}
     from model.contact.penetration import measure

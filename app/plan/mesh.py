@@ -6,6 +6,8 @@ from app.plan.passes import BackendPlan, Pass, cpu_plan, gpu_device, merged_pass
 from model.core.plan import Plan
 from model.scene.scene import Scene
 
+ONE_KERNEL = "all substeps of a call in one kernel"
+
 
 def _passes(plan: Plan, precision: str, note: str) -> tuple[Pass, ...]:
     """The stages of an iteration in the order of the plan, each a pass of its own; velocities and colliders are one."""
@@ -18,7 +20,9 @@ def mesh_on_cpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
     """Constraints through index arrays, a parallel loop a colour."""
     from cpu_backend.xpbd.mesh import choose_kernel
 
-    why = "index arrays sorted by colour, all substeps of a call in one kernel"
+    why = "index arrays sorted by colour, " + ONE_KERNEL
+    if scene.contact is not None:
+        why = "index arrays sorted by colour; a call a pass, surfaces' contacts between them"
     return cpu_plan(choose_kernel(None), why, _passes(plan, precision, "a loop over the threads"))
 
 
@@ -26,7 +30,7 @@ def vertices_on_cpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
     """Vertices through lists of their tetrahedra, a parallel loop a colour."""
     from cpu_backend.xpbd.mesh import choose_kernel
 
-    why = "vertices sorted by colour, each with its tetrahedra, all substeps of a call in one kernel"
+    why = "vertices sorted by colour, each with its tetrahedra, " + ONE_KERNEL
     return cpu_plan(choose_kernel(None), why, _passes(plan, precision, "a loop over the threads"))
 
 

@@ -13,38 +13,66 @@ from model.core.build import Body
 from model.scene.scene import Scene
 
 
-class Contacts:
-    """The contacts of a substep. `weights` (particles,): inverse masses in those of the sheet, 0 where pinned.
+class HeldContacts:
+    """Contacts of masses with triangles: room for the MAX_CONTACTS nearest of each, and the sweeps over them.
 
-    `find` makes them from the state before a substep and the predicted one; `project` sweeps over them. `found`
-    (particles,) is how many triangles each mass may come near; `lost` counts, since it was last set to 0, the contacts that
-    were beyond the MAX_CONTACTS nearest of a mass.
+    `found` (masses,): how many triangles each may come near; `lost` counts, since it was last set to 0, those that were
+    beyond the MAX_CONTACTS nearest; `weights` (masses,): inverse masses of any unit, 0 where pinned.
+    """
+
+    record: np.ndarray
+
+    def __init__(self, part: Any, real: Any, math: str, threads: int, weights: np.ndarray, values: int = VALUES):
+        self.real, self.sweeps, self._bands = real, part.sweeps, threads
+        self.weights = np.ascontiguousarray(weights, real)
+        masses = len(weights)
+        most = masses * MAX_CONTACTS
+        self.triangles, self.corners = np.zeros(most, np.int32), np.zeros((most, 3), np.int32)
+        self.values, self.found = np.zeros((most, values), real), np.zeros(masses, np.int32)
+        self._links = (np.zeros(masses + 1, np.int32), np.zeros(threads, np.int64), np.zeros(3 * most, np.int32))
+        self._scratch = (np.zeros((masses, 3), real), np.zeros(masses, real), np.zeros((most, FORCES), real))
+        self._project = make_project(real, math, part.static_friction > 0)
+        self.lost = 0
+        self._empty = True
+
+    def _link(self) -> None:
+        """Of what was found, which mass is a corner of which contact."""
+        self._empty = not self.found.any()
+        if not self._empty:
+            self._project.link_contacts(self._bands, self.found, self.corners, *self._links)
+
+    def _sweep(self, begin: np.ndarray, position: np.ndarray) -> None:
+        """All sweeps over the contacts of the substep that began at `begin` (masses, 3 ...), on (3, rows, columns) [m]."""
+        if self._empty:
+            return
+        starts, _, links = self._links
+        self._project.project_contacts(
+            self._bands, self.sweeps, position, begin, self.found, self.corners, self.values, starts, links,
+            self.weights, self.record[0], *self._scratch,
+        )  # fmt: skip
+
+
+class Contacts(HeldContacts):
+    """The contacts of a cloth with itself in a substep. `weights` in the masses of the sheet.
+
+    `find` makes them from the state before a substep and the predicted one; `project` sweeps over them.
     """
 
     def __init__(self, scene: Scene, body: Body, real: Any, math: str, threads: int, weights: np.ndarray):
         part = scene.self_collision
         assert part is not None
-        self.rows, self.columns, self.real = body.rows, body.columns, real
+        super().__init__(part, real, math, threads, weights)
+        self.rows, self.columns = body.rows, body.columns
         masses, cells = body.rows * body.columns, max(0, (body.rows - 1) * (body.columns - 1))
-        self.sweeps = part.sweeps
-        self.weights = np.ascontiguousarray(weights, real)
         self.change(scene)
-        self._bands, bands = threads, np.zeros(threads, np.int64)
+        bands = np.zeros(threads, np.int64)
         self._begin, move = np.zeros((masses, 3), real), np.zeros((masses, 3), real)
         boxes, keys = np.zeros((cells, 6), real), np.zeros(cells, np.int64)
         buckets, largest = np.zeros(cells, np.int32), np.zeros(max(1, body.rows - 1), real)
         starts, sorted_cells = np.zeros(table_size(max(1, cells)) + 1, np.int32), np.zeros(cells, np.int32)
         self._hashed = (self._begin, move, boxes, keys, buckets, largest, starts, bands, sorted_cells)
-        most = masses * MAX_CONTACTS
-        self.triangles, self.corners = np.zeros(most, np.int32), np.zeros((most, 3), np.int32)
-        self.values, self.found = np.zeros((most, VALUES), real), np.zeros(masses, np.int32)
         self._searched = (self._begin, move, boxes, keys, largest, starts, sorted_cells)
-        self._links = (np.zeros(masses + 1, np.int32), bands, np.zeros(3 * most, np.int32))
-        self._scratch = (np.zeros((masses, 3), real), np.zeros(masses, real), np.zeros((most, FORCES), real))
         self._find = make_find(real, math)
-        self._project = make_project(real, math, part.static_friction > 0)
-        self.lost = 0
-        self._empty = True
 
     def change(self, scene: Scene) -> None:
         """Take over what may change while running."""
@@ -58,17 +86,9 @@ class Contacts:
         self._find.find_contacts(
             self.rows, self.columns, self.record, *self._searched, self.triangles, self.corners, self.values, self.found
         )
-        self._empty = not self.found.any()
-        if not self._empty:
-            self.lost += int(np.maximum(self.found - MAX_CONTACTS, 0).sum())
-            self._project.link_contacts(self._bands, self.found, self.corners, *self._links)
+        self.lost += int(np.maximum(self.found - MAX_CONTACTS, 0).sum())
+        self._link()
 
     def project(self, position: np.ndarray) -> None:
         """All sweeps over the contacts of the substep, on (3, rows, columns) [m]."""
-        if self._empty:
-            return
-        starts, _, links = self._links
-        self._project.project_contacts(
-            self._bands, self.sweeps, position, self._begin, self.found, self.corners, self.values, starts, links,
-            self.weights, self.record[0], *self._scratch,
-        )  # fmt: skip
+        self._sweep(self._begin, position)

@@ -171,10 +171,9 @@ def make_project(real: Any, math: str, friction: bool) -> SimpleNamespace:
         masses = rows * columns
         for _ in range(sweeps):
             for band in shares(team, member, bands):
-                for i in range(rows * band // bands, rows * (band + 1) // bands):
-                    for j in range(columns):
-                        for axis in range(3):
-                            points[i * columns + j, axis] = position[axis, i, j]
+                for k in range(masses * band // bands, masses * (band + 1) // bands):
+                    for axis in range(3):
+                        points[k, axis] = position[axis, k // columns, k % columns]
             for band in shares(team, member, bands):
                 for k in range(masses * band // bands, masses * (band + 1) // bands):
                     for slot in range(k * MAX_CONTACTS, k * MAX_CONTACTS + min(found[k], MAX_CONTACTS)):
@@ -188,7 +187,7 @@ def make_project(real: Any, math: str, friction: bool) -> SimpleNamespace:
                         if forces[slot, F_DEPTH] > zero:
                             push(slot, k, points, begin, corners, values, weights, loads, parameters, forces)
             for band in shares(team, member, bands):
-                for k in range(rows * band // bands * columns, rows * (band + 1) // bands * columns):
+                for k in range(masses * band // bands, masses * (band + 1) // bands):
                     if loads[k] > zero and weights[k] > zero:
                         i, j = k // columns, k % columns
                         x, y, z = gather(k, found, values, starts, links, forces)

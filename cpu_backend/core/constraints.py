@@ -191,3 +191,14 @@ def make_constraint_stage(real: Any, math: str, projection: Projection, in_plane
         project(first, last, position, weights, before, corners, values, multipliers, fresh, parameters)
 
     return compiler.banded(stage)
+
+
+@cache
+def make_sweep_stage(real: Any, math: str, projections: tuple[Projection, ...]) -> Any:
+    """stage(bands, position, weights, before, sets, fresh, parameters): all constraints once, in one call, of particles as
+    rows; `sets`: those of the `projections`, at least one."""
+    compiler = Compiler(f"sweep_{np.dtype(real).name}_{math}", math)
+    rows = make_rows(compiler)
+    sweep = make_colours(compiler, [make_projections(compiler, real, projection, rows) for projection in projections])
+
+    return compiler.team(sweep)

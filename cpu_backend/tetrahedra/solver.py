@@ -1,16 +1,22 @@
 """Bodies of tetrahedra on CPU threads, position-based: two constraints a tetrahedron, sorted by colour.
 
 M. Macklin et al., "XPBD", MIG 2016, algorithm 1; M. Macklin et al., "Small Steps in Physics Simulation", SCA 2019. The loops
-are a mesh's (xpbd/mesh.py), what a tetrahedron does is model/formulas/constraints/tetrahedron.py.
+are a mesh's (xpbd/mesh.py), what a tetrahedron does is model/formulas/constraints/tetrahedron.py. Where surfaces meet, a step
+is a call for each of its passes: contacts are found and projected between them.
 """
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import numpy as np
 
+from cpu_backend.contact.surfaces import SurfaceContacts
+from cpu_backend.core.constraints import make_sweep_stage
 from cpu_backend.xpbd.mesh import MeshPositionBased
+from cpu_backend.xpbd.mesh_kernels import make_mesh_stages
 from model.core.constraints import ConstraintSet, Projection
-from model.core.plan import Plan
+from model.core.plan import Plan, StageRun
 from model.scene.scene import Scene
 from model.tetrahedra.constraints import constraint_sets, projections_of, tetrahedra_plan
 from model.tetrahedra.tables import surface_lists
@@ -29,3 +35,37 @@ class Tetrahedra(MeshPositionBased):
 
     def _wind_lists(self, wanted: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         return surface_lists(self.scene.tetrahedra_set, wanted)
+
+    @cached_property
+    def contacts(self) -> SurfaceContacts | None:
+        """Those between bodies, where the scene has them."""
+        if self.scene.contact is None:
+            return None
+        return SurfaceContacts(self.scene, self.real, self.options.math, self._bands, self._position[:, 3])
+
+    def _stages(self) -> dict[str, StageRun]:
+        found, contacts = super()._stages(), self.contacts
+        if contacts is not None:
+            position, before = self._position, self._before
+            found["find contacts"] = lambda moment: contacts.find(before, position)
+            found["project contacts"] = lambda moment: contacts.project(before, position)
+        return found
+
+    def _advance(self, step: int, steps: int) -> None:
+        contacts, method, bands = self.contacts, self.scene.method, self._bands
+        if contacts is None:
+            super()._advance(step, steps)
+            return
+        stage = make_mesh_stages(*self._variant())
+        sweep = make_sweep_stage(self.real, self.options.math, self._projections)
+        position, velocity, before, parameters = self._position, self._velocity, self._before, self.parameters
+        for number in range(step * method.substeps, (step + steps) * method.substeps):
+            now, lists = number // method.substeps, self._wind
+            stage.predict(bands, now, number, position, velocity, before, parameters, self.integers, lists)
+            contacts.find(before, position)
+            for iteration in range(method.iterations):
+                sweep(bands, position, position, before, self._set_arrays, iteration == 0, parameters)
+                contacts.project(before, position)
+            stage.update(bands, before, position, velocity, parameters)
+            if self.scene.colliders:
+                stage.collide(bands, number, before, position, velocity, parameters, self.bodies, self.kinds)

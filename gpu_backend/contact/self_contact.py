@@ -25,32 +25,23 @@ def contact_bytes(masses: int, item: int) -> int:
     return masses * (contacts + 2 * SIZE * item + 8 + 4 * (2 + 3 * 4) + 4 * 4 + 2 * item)
 
 
-class Contacts:
-    """See cpu_backend/contact/self_contact.py. `before`, `predicted`, `position`: quads of masses, on the device."""
+class HeldContacts:
+    """See cpu_backend/contact/self_contact.py. `position`, `before`: quads of masses, on the device."""
 
-    def __init__(self, scene: Scene, body: Body, real: Any, math: str, weights: np.ndarray, stream: Any):
-        part = scene.self_collision
-        assert part is not None
+    record: Any
+
+    def __init__(self, part: Any, real: Any, math: str, weights: np.ndarray, stream: Any):
         self._real, self._stream, self._sweeps = real, stream, part.sweeps
-        self._shape = (np.int32(body.rows), np.int32(body.columns))
-        masses, cells = body.rows * body.columns, (body.rows - 1) * (body.columns - 1)
-        self._touches = cells > 0
-        cells, most = max(1, cells), masses * MAX_CONTACTS
-        table = table_size(cells)
-        self.record = self._new(contact_record(scene, real))
+        masses = len(weights)
+        most = masses * MAX_CONTACTS
         self._weights = self._new(np.ascontiguousarray(weights, real))
-        self._boxes, self._largest = self._new(np.zeros(2 * SIZE * cells, real)), self._new(np.zeros(1, real))
-        self._keys, self._buckets = self._new(np.zeros(cells, np.int64)), self._integers(cells)
-        self._counts, self._starts, self._cursors = (self._integers(table) for _ in range(3))
-        self._sorted = self._integers(cells)
         self.triangles, self.corners = self._integers(most), self._integers(3 * most)
         self._normals, self.shares, self._forces = (self._new(np.zeros(SIZE * most, real)) for _ in range(3))
         self.found, self._loads = self._integers(masses), self._new(np.zeros(masses, real))
         self._link_counts, self._link_starts, self._link_cursors = (self._integers(masses) for _ in range(3))
         self._links, self._lost = self._integers(3 * most), self._new(np.zeros(1, np.int64))
-        self._scan, self._link_scan = Scan(table, stream), Scan(masses, stream)
-        self._find, self._project = make_find(real, math), make_project(real, math, part.static_friction > 0)
-        self._of_masses, self._of_cells, self._of_table = (self._launch(n) for n in (masses, cells, max(table, masses)))
+        self._link_scan = Scan(masses, stream)
+        self._project, self._of_masses = make_project(real, math, part.static_friction > 0), self._launch(masses)
 
     def _new(self, array: np.ndarray) -> Any:
         return cuda.to_device(array, stream=self._stream)
@@ -62,19 +53,65 @@ class Contacts:
         return (threads + THREADS - 1) // THREADS, THREADS, self._stream
 
     @property
+    def projecting(self) -> int:
+        """Launches of `project`."""
+        return 4 * self._sweeps
+
+    @property
+    def lost(self) -> int:
+        """How many contacts were beyond the MAX_CONTACTS nearest of a mass, since this was last read on the device."""
+        return int(self._lost.copy_to_host(stream=self._stream)[0])
+
+    def _link(self) -> None:
+        """Of what was found and counted, which mass is a corner of which contact."""
+        self._link_scan.run(self._link_counts, self._link_starts, self._link_cursors)
+        self._project.fill_links[self._of_masses](self.found, self.corners, self._link_cursors, self._links)
+        self._project.sort_links[self._of_masses](self._link_starts, self._link_counts, self._links)
+
+    def project(self, before: Any, position: Any) -> None:
+        """All sweeps over the contacts of the substep that began at `before`."""
+        kernels, flat = self._project, self._of_masses
+        links = self._link_starts, self._link_counts, self._links
+        for _ in range(self._sweeps):
+            kernels.deepen[flat](position, self.found, self.corners, self._normals, self.shares, self._forces)
+            kernels.load_up[flat](self.found, self.shares, *links, self._forces, self._loads)
+            kernels.push[flat](
+                position, before, self.found, self.corners, self._normals, self.shares, self._weights, self._loads,
+                self.record, self._forces,
+            )  # fmt: skip
+            kernels.gather[flat](
+                position, self.found, self.shares, *links, self._weights, self._loads, self._forces
+            )  # fmt: skip
+
+
+class Contacts(HeldContacts):
+    """See cpu_backend/contact/self_contact.py. `before`, `predicted`, `position`: quads of masses, on the device."""
+
+    def __init__(self, scene: Scene, body: Body, real: Any, math: str, weights: np.ndarray, stream: Any):
+        part = scene.self_collision
+        assert part is not None
+        super().__init__(part, real, math, weights, stream)
+        self._shape = (np.int32(body.rows), np.int32(body.columns))
+        masses, cells = body.rows * body.columns, (body.rows - 1) * (body.columns - 1)
+        self._touches = cells > 0
+        cells = max(1, cells)
+        table = table_size(cells)
+        self.record = self._new(contact_record(scene, real))
+        self._boxes, self._largest = self._new(np.zeros(2 * SIZE * cells, real)), self._new(np.zeros(1, real))
+        self._keys, self._buckets = self._new(np.zeros(cells, np.int64)), self._integers(cells)
+        self._counts, self._starts, self._cursors = (self._integers(table) for _ in range(3))
+        self._sorted = self._integers(cells)
+        self._scan, self._find = Scan(table, stream), make_find(real, math)
+        self._of_cells, self._of_table = self._launch(cells), self._launch(max(table, masses))
+
+    @property
     def finding(self) -> int:
         """Launches of `find`."""
         return 12 if self._touches else 0
 
     @property
     def projecting(self) -> int:
-        """Launches of `project`."""
-        return 4 * self._sweeps if self._touches else 0
-
-    @property
-    def lost(self) -> int:
-        """How many contacts were beyond the MAX_CONTACTS nearest of a mass, since this was last read on the device."""
-        return int(self._lost.copy_to_host(stream=self._stream)[0])
+        return super().projecting if self._touches else 0
 
     def change(self, scene: Scene) -> None:
         """Take over what may change while running."""
@@ -96,23 +133,8 @@ class Contacts:
             self._largest, self.triangles, self.corners, self._normals, self.shares, self.found, self._link_counts,
             self._lost, *self._shape,
         )  # fmt: skip
-        self._link_scan.run(self._link_counts, self._link_starts, self._link_cursors)
-        self._project.fill_links[self._of_masses](self.found, self.corners, self._link_cursors, self._links)
-        self._project.sort_links[self._of_masses](self._link_starts, self._link_counts, self._links)
+        self._link()
 
     def project(self, before: Any, position: Any) -> None:
-        """All sweeps over the contacts of the substep that began at `before`."""
-        if not self._touches:
-            return
-        kernels, flat = self._project, self._of_masses
-        links = self._link_starts, self._link_counts, self._links
-        for _ in range(self._sweeps):
-            kernels.deepen[flat](position, self.found, self.corners, self._normals, self.shares, self._forces)
-            kernels.load_up[flat](self.found, self.shares, *links, self._forces, self._loads)
-            kernels.push[flat](
-                position, before, self.found, self.corners, self._normals, self.shares, self._weights, self._loads,
-                self.record, self._forces,
-            )  # fmt: skip
-            kernels.gather[flat](
-                position, self.found, self.shares, *links, self._weights, self._loads, self._forces
-            )  # fmt: skip
+        if self._touches:
+            super().project(before, position)

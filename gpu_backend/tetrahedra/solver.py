@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from gpu_backend.contact.surfaces import SurfaceContacts, surface_contact_bytes
 from gpu_backend.xpbd.mesh import MeshPositionBased
 from model.core.constraints import ConstraintSet, Projection
 from model.core.plan import Plan
@@ -29,3 +30,13 @@ class Tetrahedra(MeshPositionBased):
 
     def _surface_lists(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         return surface_lists(self.scene.tetrahedra_set)
+
+    def _contacts(self) -> SurfaceContacts | None:
+        if self.scene.contact is None:
+            return None
+        return SurfaceContacts(self.scene, self.real, self.options.math, self._weight, self.stream)
+
+    def _require_memory(self, needed: int, field: str, value: str) -> None:
+        if self.scene.contact is not None:
+            needed += surface_contact_bytes(self.scene, np.dtype(self.real).itemsize)
+        super()._require_memory(needed, field, value)

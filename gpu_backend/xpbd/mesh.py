@@ -75,6 +75,10 @@ class MeshPositionBased(SubstepSimulation):
         assert self.scene.mesh is not None
         return wind_lists(mesh_of(self.scene.mesh))
 
+    def _contacts(self) -> Any:
+        """Those of surfaces, or None."""
+        return None
+
     # ------------------------------------------------------------------ arrays
 
     def _allocate(self) -> None:
@@ -82,6 +86,7 @@ class MeshPositionBased(SubstepSimulation):
         self._allocate_quads(collider_numbers(scene, real))
         self._weight = (self.body.inverse_mass * scene.grid.mass).astype(real)
         self._lists = [self.on_device(array) for array in self._surface_lists()]
+        self.contacts = self._contacts()
 
     # ------------------------------------------------------------------ kernels
 
@@ -98,6 +103,7 @@ class MeshPositionBased(SubstepSimulation):
             return
         self._executor = Executor(self.plan, {}, self._advance_steps)
         if not simulated():
+            self._upload(self.body.position, self.body.velocity)  # surfaces in one place would all be in contact
             self._advance_steps(0, 1)
             cuda.synchronize()
         if self.kernel == "graph" and can_capture():
@@ -129,16 +135,22 @@ class MeshPositionBased(SubstepSimulation):
         now, new_velocity = self.position[self._current], self.velocity[self._current]
         time = self._counter, np.int64(place), np.int64(self.scene.method.substeps), np.int64(substep)
         self._begin[self._flat](before, velocity, now, *self._lists, self.record, self.integers, *time)
+        if self.contacts:
+            self.contacts.find(before, now)
         for iteration in range(self.scene.method.iterations):
             for _, project in self._colours:
                 project(before, now, iteration == 0)
+            if self.contacts:
+                self.contacts.project(before, now)
         self._end[self._flat](before, now, new_velocity, self.record, self.bodies, self.integers, *time)
 
     @property
     def _launches(self) -> int:
         """Of a step."""
-        method = self.scene.method
-        return method.substeps * (2 + method.iterations * len(self._colours))
+        method, find, project = self.scene.method, 0, 0
+        if self.contacts:
+            find, project = self.contacts.finding, self.contacts.projecting
+        return method.substeps * (2 + find + method.iterations * (len(self._colours) + project))
 
     def _stages(self) -> dict[str, StageRun]:
         """What runs each stage of the plan by itself. The state keeps its buffer; a substep's first one is copied aside."""
@@ -163,11 +175,20 @@ class MeshPositionBased(SubstepSimulation):
                 before, position, velocity, self.record, self.bodies, self.integers, np.int64(moment.number)
             )
 
-        return {name: colour(project) for name, project in self._colours} | {
-            "predict": predict,
-            "update velocity": update,
-            "collide": collide,
-        }
+        contacts = self.contacts
+        touching: dict[str, StageRun] = {}
+        if contacts:
+            touching["find contacts"] = lambda moment: contacts.find(before, position)
+            touching["project contacts"] = lambda moment: contacts.project(before, position)
+        return (
+            {name: colour(project) for name, project in self._colours}
+            | touching
+            | {
+                "predict": predict,
+                "update velocity": update,
+                "collide": collide,
+            }
+        )
 
     # ------------------------------------------------------------------ the contract
 

@@ -16,7 +16,9 @@ from model.geometry.sheets import cell_corners, sheet_triangles
 from model.geometry.surface_nets import Field, surface
 from model.scene.parts import Count, Part, Positive
 
-ShapeName = Literal["star", "torus", "beam", "blob", "octopus", "letters", "sheet", "terrain", "box"]
+ShapeName = Literal[
+    "star", "torus", "beam", "blob", "octopus", "letters", "sheet", "terrain", "box", "ball", "pipe", "creature"
+]  # fmt: skip
 
 FINEST, FINEST_TERRAIN = 200, 40
 COARSEST = {
@@ -29,9 +31,13 @@ COARSEST = {
     "sheet": 1,
     "terrain": 2,
     "box": 1,
+    "ball": 8,
+    "pipe": 8,
+    "creature": 40,
 }  # what their thinnest parts ask for
 BEAM, BOX = (1.0, 0.25, 0.25), (1.0, 1.0, 1.0)  # m
 TORUS = (0.35, 0.15)  # m: of the ring, of its tube
+BALL, PIPE = 0.5, (0.2, 0.35, 1.0)  # m: its radius; the inner, the outer radius, the length
 STAR_DEPTH, STAR_TIP, STAR_NOTCH = 0.24, 0.52, 0.25  # m: from front to back; from the middle
 LETTER_DEPTH, LETTER_WIDTH = 0.22, 0.22  # m: from front to back; of a stroke
 EDGE = 0.05  # m: the radius of edges of what is cut from a plate
@@ -41,7 +47,8 @@ GAP = 0.25  # m: between letters: clusters of up to that radius do not reach acr
 
 class Shape(Part):
     """One of the lab's meshes: a star of five points, a torus, a beam 1 m x 0.25 m x 0.25 m, a blob with ears, an octopus,
-    letters a metre tall, a sheet of a square metre, a terrain of gentle hills, 8 m x 8 m, with a raised rim, or a box.
+    letters a metre tall, a sheet of a square metre, a terrain of gentle hills, 8 m x 8 m, with a raised rim, a box, a ball, a
+    pipe, or a creature that stands, with fingers.
 
     `resolution`: edges of triangles to a metre, roughly; `scale`: times its size; `text` of letters: any of LETTERS; `sides`
     of a box [m]: a cube of a metre unless given.
@@ -94,6 +101,29 @@ def _star(shape: Shape) -> tuple[np.ndarray, np.ndarray]:
     corners = np.array([(r * cos(a), r * sin(a)) for r, a in zip(radii, angles, strict=True)])
     field = extruded(polygon(corners, EDGE), STAR_DEPTH, EDGE)
     return _net(field, (-STAR_TIP, -STAR_TIP, -STAR_DEPTH / 2), (STAR_TIP, STAR_TIP, STAR_DEPTH / 2), shape.resolution)
+
+
+def _ball(shape: Shape) -> tuple[np.ndarray, np.ndarray]:
+    end = BALL + 0.05
+    return _net(tube([(0, 0, 0), (0, 0, 1e-3)], [BALL, BALL]), (-end, -end, -end), (end, end, end), shape.resolution)
+
+
+def _pipe(shape: Shape) -> tuple[np.ndarray, np.ndarray]:
+    """A rectangle that goes round the y axis: a parametric surface, both ways round."""
+    inner, outer, length = PIPE
+    along, thick = (max(1, round(n * shape.resolution)) for n in (length, outer - inner))
+    up, out = np.linspace(-length / 2, length / 2, along + 1), np.linspace(inner, outer, thick + 1)
+    profile = np.concatenate([
+        np.stack([np.full(along, outer), up[:-1]], 1), np.stack([out[:0:-1], np.full(thick, up[-1])], 1),
+        np.stack([np.full(along, inner), up[:0:-1]], 1), np.stack([out[:-1], np.full(thick, up[0])], 1),
+    ])  # fmt: skip
+    around = max(3, round(2 * pi * outer * shape.resolution))
+    u = (2 * pi / around * np.arange(around))[:, None]
+    far, height = profile[:, 0][None], profile[:, 1][None]
+    position = np.stack([far * np.cos(u), height + 0 * u, far * np.sin(u)], axis=-1)
+    a = np.arange(around * len(profile)).reshape(around, len(profile))
+    b, d = np.roll(a, -1, axis=0), np.roll(a, -1, axis=1)
+    return position.reshape(-1, 3), _halves(a, d, np.roll(b, -1, axis=1), b).astype(np.int32)
 
 
 def _torus(shape: Shape) -> tuple[np.ndarray, np.ndarray]:
@@ -169,6 +199,29 @@ def _octopus(shape: Shape) -> tuple[np.ndarray, np.ndarray]:
     return _net(blended(parts, 0.03), (-0.6, -0.5, -0.6), (0.6, 0.4, 0.6), shape.resolution)
 
 
+def _creature(shape: Shape) -> tuple[np.ndarray, np.ndarray]:
+    """It stands on two feet and its tail and stretches out both arms; 2 to 4 cm lie between its fingers, and its toes."""
+    parts = [
+        tube([(0, 0.0, -0.02), (0, 0.24, 0.02)], [0.2, 0.15]),
+        tube([(0, 0.44, 0.07), (0, 0.41, 0.22)], [0.12, 0.06]),
+        tube([(0, -0.1, -0.15), (0, -0.36, -0.34), (0, -0.47, -0.56)], [0.11, 0.07, 0.03]),
+    ]
+    for x in (-1, 1):
+        parts.append(tube([(x * 0.07, 0.53, 0.04), (x * 0.13, 0.64, 0.0)], [0.05, 0.03]))
+        parts.append(tube([(x * 0.13, 0.28, 0.02), (x * 0.36, 0.2, 0.1), (x * 0.45, 0.2, 0.3)], [0.08, 0.06, 0.07]))
+        parts.append(tube([(x * 0.13, -0.1, 0.0), (x * 0.17, -0.28, 0.06), (x * 0.17, -0.46, 0.0)], [0.12, 0.09, 0.08]))
+        parts.append(tube([(x * 0.17, -0.48, 0.0), (x * 0.18, -0.49, 0.14)], [0.06, 0.06]))
+    fingers = []
+    for x in (-1, 1):
+        for n in (-1, 0, 1):
+            hand, tip = (x * 0.45, 0.2 + 0.06 * n, 0.26), (x * 0.45, 0.2 + 0.11 * n, 0.52)
+            fingers.append(tube([hand, tip], [0.03, 0.026]))
+            toe, end = (x * 0.18 + 0.05 * n, -0.51, 0.1), (x * 0.18 + 0.11 * n, -0.51, 0.3)
+            fingers.append(tube([toe, end], [0.03, 0.026]))
+    field = union([blended(parts, 0.03), *fingers])
+    return _net(lambda points: field(points / 0.85), (-0.5, -0.5, -0.55), (0.5, 0.6, 0.5), shape.resolution)
+
+
 def _letters(shape: Shape) -> tuple[np.ndarray, np.ndarray]:
     """Each letter by itself, on a lattice of its own, so that it is the same in every text."""
     found, triangles, x, used = [], [], 0.0, 0
@@ -209,4 +262,7 @@ MAKERS: dict[str, Callable[[Shape], tuple[np.ndarray, np.ndarray]]] = {
     "terrain": _terrain,
     "sheet": _sheet,
     "box": _box,
+    "ball": _ball,
+    "pipe": _pipe,
+    "creature": _creature,
 }

@@ -21,7 +21,13 @@ GRID_ONLY = ("springs", "manufactured")
 MATCHED = ("grid", "springs", "damping", "gravity", "external", "perturbation", "method")  # by clusters of masses
 SOLVERS_OF_TETRAHEDRA = ("xpbd", *TETRAHEDRAL_SOLVERS)
 SUBSTEPS = 20  # of tetrahedra, unless told: a beam of 1e6 Pa then sags as its mesh says, to a fifth
-OF_TETRAHEDRA = (*TETRAHEDRAL_KINDS, "damping", "external", "gravity", "method", *COLLIDER_KINDS)
+OF_TETRAHEDRA = (*TETRAHEDRAL_KINDS, "contact", "damping", "external", "gravity", "method", *COLLIDER_KINDS)
+OF_PARTICLES = (
+    "restitution",
+    "adhesion_reach",
+    "maximum_speed",
+    "sleeping_speed",
+)  # what surfaces do not know of contacts
 OF_BODIES = (*BODY_KINDS, "contact", "damping", "gravity", "method", *COLLIDER_KINDS)  # what goes with them
 
 
@@ -78,6 +84,25 @@ def _check_tetrahedra(scene: SceneParts) -> None:
                 raise SceneError(
                     f"{name}.material", part.material, "has no blocks: its rows balance each other at rest"
                 )
+    _check_surfaces(scene)
+
+
+def _check_surfaces(scene: SceneParts) -> None:
+    """Raise SceneError for contacts that surfaces of tetrahedral bodies do not know, or a solver of them does not."""
+    part, name = scene.contact, scene.name_of("contact", default="contact")
+    if part is None:
+        for body, of_body in scene.tetrahedra.items():
+            if of_body.self_collision:
+                raise SceneError(f"{body}.self_collision", True, "needs contacts: add a table [contact]")
+        return
+    if scene.method.solver != "xpbd":
+        told = "tetrahedral bodies meet under xpbd alone so far; without a [contact] they pass through each other"
+        raise SceneError(f"{name}.kind", "contact", f"is not known to the solver {scene.method.solver}: {told}")
+    if len(scene.tetrahedra) > MAX_KINDS:
+        raise SceneError(name, len(scene.tetrahedra), f"at most {MAX_KINDS} tetrahedral bodies that meet")
+    for field in OF_PARTICLES:
+        if getattr(part, field) != type(part).model_fields[field].default:
+            raise SceneError(f"{name}.{field}", getattr(part, field), "is for bodies of particles; leave it out")
 
 
 def check_solver(scene: SceneParts) -> None:
@@ -170,6 +195,9 @@ def _check_contact(scene: SceneParts) -> None:
     """Raise SceneError where bodies ask for contacts that the scene does not have, or has too many kinds of."""
     if scene.contact is not None and len(scene.bodies) > MAX_KINDS:
         raise SceneError("contact", len(scene.bodies), f"at most {MAX_KINDS} kinds of bodies; use copies")
+    if scene.contact is not None and scene.contact.distance is not None:
+        told = "is between tetrahedral bodies; particles have a radius"
+        raise SceneError(f"{scene.name_of('contact')}.distance", scene.contact.distance, told)
     for name, body in scene.bodies.items():
         if scene.contact is None:
             for field in ("group", "avoids", "adhesion", "self_collision", "radius"):

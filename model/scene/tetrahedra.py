@@ -23,7 +23,8 @@ class TetrahedralBody(MeshSource):
     tetrahedra (.msh, .vtk, .ele with .node, .npz) as they are. Of `material`: energies per
     volume of the stretches s and the volume ratio J, mu sum (s - 1)^2 + lambda / 2 (J - 1)^2 (`fixed-corotated`), with
     (sum (s - 1))^2 in place of (J - 1)^2 (`corotated`), or the stable neo-Hookean one. `damping` is a time: a stress damping
-    * the rate at which the elastic one changes. `pinned`: sides of the mesh's box whose vertices stay where they are.
+    * the rate at which the elastic one changes. `pinned`: sides of the mesh's box whose vertices stay where they are. With a
+    `[contact]` bodies meet one another, and themselves where `self_collision` says so.
     """
 
     such_as: ClassVar[str] = "beam"
@@ -39,6 +40,7 @@ class TetrahedralBody(MeshSource):
     poisson_ratio: Annotated[float, Field(ge=0, le=LARGEST_RATIO, strict=True)] = 0.45
     density: Positive = 1000.0  # kg/m^3
     damping: NotNegative = 0.0  # s
+    self_collision: Annotated[bool, Field(strict=True)] = False  # its far parts meet
     pinned: tuple[Side, ...] = ()  # of left, right (x), bottom, top (y), back, front (z)
     velocity: Vector = ZERO  # m/s
     spin: Vector = ZERO  # rad/s, about its centre
@@ -58,7 +60,8 @@ class TetrahedralBody(MeshSource):
         return young / (2 * (1 + poisson)), young * poisson / ((1 + poisson) * (1 - 2 * poisson))
 
     def _idle_fields(self) -> set[str]:
-        return super()._idle_fields() | {"voxels" if self.edge is not None else "edge"}
+        idle = {"voxels" if self.edge is not None else "edge"} | (set() if self.self_collision else {"self_collision"})
+        return super()._idle_fields() | idle
 
 
 TETRAHEDRAL_KINDS: dict[str, type[MeshSource]] = {"tetrahedral_body": TetrahedralBody}

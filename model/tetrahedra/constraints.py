@@ -68,6 +68,13 @@ def _coloured(found: TetrahedraSet, chosen: np.ndarray) -> ConstraintSet:
     return ConstraintSet("tetrahedra", name, corners, constraint_values(found, chosen), colours.starts)
 
 
+def through_note(scene: Scene) -> str:
+    """What is added to a note on a method where a scene's bodies do not meet."""
+    if len(scene.tetrahedra) < 2 or scene.contact is not None:
+        return ""
+    return "; its bodies pass through each other, since it has no [contact]"
+
+
 def tetrahedra_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
     """Substeps and iterations as in model/xpbd/plan.py; of an iteration the tetrahedra of each material, colour by colour."""
     parts = tetrahedra_parts(scene, live)

@@ -12,7 +12,7 @@ from model.core.parameters import rounded_record
 from model.geometry.measures import edge_lengths
 from model.scene.cloth import COLLIDER_KINDS
 from model.scene.scene import Scene
-from model.tetrahedra.constraints import CONSTANTS, tetrahedra_plan
+from model.tetrahedra.constraints import CONSTANTS, tetrahedra_plan, through_note
 from model.tetrahedra.material import energies
 from model.xpbd.family import projection_limit, projection_note
 from model.xpbd.parameters import XPBD_FIELDS, xpbd_values
@@ -38,13 +38,13 @@ def _strain(scene: Scene, position: np.ndarray, kind: str, plastic: np.ndarray |
 
 TETRAHEDRA = SolverFamily(
     name="tetrahedral body",
-    knows=frozenset({"tetrahedral_body", "gravity", "external", "damping", "method", *COLLIDER_KINDS}),
+    knows=frozenset({"tetrahedral_body", "contact", "gravity", "external", "damping", "method", *COLLIDER_KINDS}),
     accepts=lambda scene: bool(scene.tetrahedra) and scene.method.solver == "xpbd",
     plan=tetrahedra_plan,
     record=tetrahedra_record,
     limit=projection_limit,
     limited_by_net=False,
-    note=projection_note,
+    note=lambda scene: projection_note(scene) + through_note(scene),
     stored=_stored,
     strain=_strain,
     spring_count=lambda scene: len(scene.tetrahedra_set.tetrahedra),

@@ -24,7 +24,7 @@ from model.formulas.constraints.tetrahedron import MATERIALS
 from model.formulas.elastic import deformation, tangent
 from model.scene.scene import Scene
 from model.tetrahedra.body_set import TetrahedraSet
-from model.tetrahedra.constraints import tetrahedra_parts
+from model.tetrahedra.constraints import tetrahedra_parts, through_note
 from model.tetrahedra.family import TETRAHEDRA
 from model.tetrahedra.material import rest_ratio
 from model.xpbd.family import with_limit
@@ -107,7 +107,8 @@ def newton_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
 
 def newton_note(scene: Scene) -> str:
     """A line on what the method does to a motion, and whether the step size has a limit."""
-    return with_limit(scene, "implicit Euler by Newton's method, at any step size: first order, and damped by it")
+    text = "implicit Euler by Newton's method, at any step size: first order, and damped by it"
+    return with_limit(scene, text) + through_note(scene)
 
 
 TETRAHEDRA_NEWTON = replace(

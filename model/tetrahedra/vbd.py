@@ -17,6 +17,7 @@ import numpy as np
 from model.core.clock import START, Clock
 from model.core.parameters import rounded_record
 from model.scene.scene import Scene
+from model.tetrahedra.constraints import through_note
 from model.tetrahedra.descent import SCALE, vbd_plan
 from model.tetrahedra.family import TETRAHEDRA
 from model.xpbd.family import with_limit
@@ -33,9 +34,8 @@ def vbd_record(scene: Scene, real: Any, poke: tuple[float, ...] = (0.0, 0.0, 0.0
 
 def vbd_note(scene: Scene) -> str:
     """A line on what the method does to a motion."""
-    return with_limit(
-        scene, "backward Euler's energy, vertex by vertex, at any step size; first order, and damped by it"
-    )
+    text = "backward Euler's energy, vertex by vertex, at any step size; first order, and damped by it"
+    return with_limit(scene, text) + through_note(scene)
 
 
 TETRAHEDRA_VBD = replace(

@@ -7,11 +7,11 @@ from collections.abc import Sequence
 from model.core.constraints import ConstraintSet
 from model.core.own_forces import own_forces
 from model.core.plan import Node, Plan, Stage
-from model.formulas import colliders, distance
+from model.formulas import colliders, contact, distance
 from model.mass_spring.plan import WIND
 from model.scene.scene import Scene
 from model.xpbd.mesh_constraints import constraint_sets, model_of, operations_of, projection_of, wanted
-from model.xpbd.plan import xpbd_parts
+from model.xpbd.plan import LOOKED_AT, xpbd_parts
 
 
 def mesh_parts(scene: Scene, live: frozenset[str] = frozenset()) -> frozenset[str]:
@@ -57,8 +57,13 @@ def constrained_plan(scene: Scene, parts: frozenset[str], sets: Sequence[tuple[C
     if "attachments" in parts and scene.attachments:
         operations = scene.attachments.anchors * distance.OPERATIONS_ATTACHMENT
         colours.append(Stage(stage_name("attachments", "tether", 0), 1, 1, operations))
+    search: list[Stage] = []
+    if scene.contact:  # of surfaces
+        search.append(Stage("find contacts", 3, 2, LOOKED_AT * contact.OPERATIONS_NEAREST))
+        colours.append(Stage("project contacts", 2, 1, scene.contact.sweeps * contact.OPERATIONS_CONTACT))
     stages: list[Node | Stage] = [
         Stage("predict", 2, 2, forces),
+        *search,
         Node("iteration", tuple(colours), method.iterations),
         Stage("update velocity", 2, 1, 3 * distance.OPERATIONS_UPDATE),
     ]

@@ -20,8 +20,11 @@ SHAPES = {
     "blob": {},
     "octopus": {},
     "letters": {"text": "SOFT"},
+    "ball": {},
+    "pipe": {},
+    "creature": {},
 }
-EULER = {"torus": 0}  # of the others 2 a piece
+EULER = {"torus": 0, "pipe": 0}  # of the others 2 a piece
 HOLES = {"A": 1, "B": 2, "O": 1}
 
 

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from model.contact.self_contact_parameters import SELF_CONTACT_PARAMETERS
+from model.contact.surface_parameters import SURFACE_CONTACT_PARAMETERS
 from model.core.parameters import PARAMETERS, record_type
 from model.mass_spring.implicit_parameters import SYSTEM_PARAMETERS
 from model.tetrahedra.constraints import CONSTANTS
@@ -16,6 +17,7 @@ RECORDS = {  # of a grid; of all solvers of quads, a cloth's names among others;
     "grid": PARAMETERS,
     "quads": XPBD_PARAMETERS,
     "contacts": SELF_CONTACT_PARAMETERS,
+    "surfaces": SURFACE_CONTACT_PARAMETERS,
     "matrix": SYSTEM_PARAMETERS,
     "tetrahedra": (*CONSTANTS, *XPBD_PARAMETERS),
 }

@@ -1,0 +1,66 @@
+"""Contacts between surfaces of tetrahedral bodies on CPU threads: the stages "find contacts" and "project contacts"."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from cpu_backend.contact.neighbours import Neighbours
+from cpu_backend.contact.self_contact import HeldContacts
+from cpu_backend.contact.surfaces_find import VALUES, make_find
+from model.contact.particle_parameters import G_REACH
+from model.contact.surface_parameters import contact_surface, neighbour_record, surface_pairs, surface_record
+from model.scene.scene import Scene
+
+AXES = 3
+
+
+class SurfaceContacts(HeldContacts):
+    """The contacts of a substep: vertices against the triangles of other bodies, and of their own body's far parts where it
+    meets itself. Particles are rows of numbers, positions first; `weights` (particles,): their inverse masses.
+
+    `find` makes them from the state before a substep and the predicted one; `project` sweeps over them.
+    """
+
+    def __init__(self, scene: Scene, real: Any, math: str, threads: int, weights: np.ndarray):
+        super().__init__(scene.contact, real, math, threads, weights, VALUES)
+        surface = contact_surface(scene.tetrahedra_set)
+        self._vertices, self._body, count = surface.vertices, surface.body, len(surface.vertices)
+        self._rest = np.ascontiguousarray(surface.rest, real)
+        self._at_vertex = surface.at_vertex.offsets, surface.at_vertex.indices
+        self._surface = np.ascontiguousarray(surface.triangles), surface.owned
+        own = np.ascontiguousarray(surface.body[surface.vertices])
+        rest = np.ascontiguousarray(self._rest[surface.vertices].T).reshape(-1)
+        self._neighbours = Neighbours(real, math, own, own, rest, len(scene.tetrahedra), threads)
+        self._places, self._ones = np.zeros(AXES * count, real), np.ones(count, real)
+        self._missed = np.zeros(threads, np.int64)
+        self._find = make_find(real, math)
+        self.change(scene)
+
+    def change(self, scene: Scene) -> None:
+        """Take over what may change while running."""
+        self.record, self._pairs = surface_record(scene, self.real), neighbour_record(scene, self.real)
+        self._reach = self.real(surface_pairs(scene)[:, :, G_REACH].max())
+
+    def find(self, before: np.ndarray, predicted: np.ndarray) -> None:
+        """Both (particles, 3 or more) [m]."""
+        self._places.reshape(AXES, -1)[...] = before[self._vertices, :AXES].T
+        self._neighbours.find(self._places, self._ones, self._pairs, self._reach)
+        self.found[...] = 0
+        self._find(
+            self._bands, before, predicted, self._rest, self._body, self._vertices, self._neighbours.found,
+            self._at_vertex, self._surface, self.record[0], self.triangles, self.corners, self.values, self.found,
+            self._missed,
+        )  # fmt: skip
+        self.lost += int(self._missed.sum())
+        self._link()
+
+    def project(self, before: np.ndarray, position: np.ndarray) -> None:
+        """All sweeps over the contacts of the substep that began at `before`."""
+        self._sweep(before, position[:, :AXES].T[:, None])
+
+    @property
+    def neighbours_lost(self) -> int:
+        """How many vertices in reach there was no room for, since it was made."""
+        return self._neighbours.lost

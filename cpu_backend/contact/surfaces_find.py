@@ -1,0 +1,170 @@
+"""Which triangles of other bodies' surfaces a vertex may come near within a substep, on CPU threads: those at the vertices
+that the search for neighbours found (contact/neighbours.py). What is found does not depend on the number of threads."""
+
+from __future__ import annotations
+
+from functools import cache
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from cpu_backend.contact.self_find import V_B, V_C, V_DISTANCE, V_HELD, V_NX, V_NY, V_NZ
+from cpu_backend.contact.self_find import VALUES as OF_SHEETS
+from cpu_backend.core.compile import Compiler
+from model.contact.particle_parameters import MAX_NEIGHBOURS
+from model.contact.self_contact_parameters import MAX_CONTACTS
+from model.formulas import contact, surface_contact
+
+V_INSIDE = OF_SHEETS  # not 0 where the vertex lies inside
+VALUES = OF_SHEETS + 1
+
+
+def _make_slots(compiler: Compiler, real: Any) -> SimpleNamespace:
+    """Of a vertex's contacts in their order: `place_of` a new one, `copy` one, `one_side`."""
+
+    @compiler.compiled
+    def place_of(first, last, distance, triangle, triangles, values):
+        """Where it belongs: by distance, of equal ones the lower number first; -1 where it is there."""
+        place = last
+        while place > first and (
+            distance < values[place - 1, V_DISTANCE]
+            or (distance == values[place - 1, V_DISTANCE] and triangle < triangles[place - 1])
+        ):
+            place -= 1
+        if place > first and triangles[place - 1] == triangle:
+            return np.int64(-1)
+        return place
+
+    @compiler.compiled
+    def copy(source, target, triangles, corners, values):
+        triangles[target] = triangles[source]
+        for axis in range(3):
+            corners[target, axis] = corners[source, axis]
+        for value in range(VALUES):
+            values[target, value] = values[source, value]
+
+    @compiler.compiled
+    def one_side(first, last, body, triangles, corners, values):
+        """How many are left: of each body the nearest triangle tells on which side a vertex lies. Inside, it alone leads out;
+        outside, what is seen from behind is no contact."""
+        zero, end = real(0), first
+        for slot in range(first, last):
+            kept, own = True, body[corners[slot, 0]]
+            for lead in range(first, end):
+                if body[corners[lead, 0]] == own:
+                    kept = values[lead, V_INSIDE] == zero and values[slot, V_INSIDE] == zero
+                    break
+            if kept:
+                if end != slot:
+                    copy(slot, end, triangles, corners, values)
+                end += 1
+        return end - first
+
+    return SimpleNamespace(place_of=place_of, copy=copy, one_side=one_side)
+
+
+def _make_triangle(compiler: Compiler, real: Any, slots: SimpleNamespace) -> Any:
+    """meet(k, triangle, before, predicted, rest, body, surface, parameters, triangles, corners, values, found): see the inner
+    function."""
+    formulas = contact.make(real, compiler.compiled)
+    outward = surface_contact.make(real, compiler.compiled).outward
+    nearest, away, length, dot = formulas.nearest, formulas.away, formulas.length, formulas.dot
+    held_distance, mixed = formulas.held_distance, formulas.mixed
+    place_of, copy = slots.place_of, slots.copy
+    zero, one = real(0), real(1)
+
+    @compiler.compiled
+    def motion(before, predicted, k, m):
+        return length(
+            (predicted[k, 0] - before[k, 0]) - (predicted[m, 0] - before[m, 0]),
+            (predicted[k, 1] - before[k, 1]) - (predicted[m, 1] - before[m, 1]),
+            (predicted[k, 2] - before[k, 2]) - (predicted[m, 2] - before[m, 2]),
+        )
+
+    @compiler.compiled
+    def rest_distance(rest, k, a, b, c, s, t):
+        """From the vertex to the triangle's point at rest."""
+        return length(
+            rest[k, 0] - mixed(rest[a, 0], rest[b, 0], rest[c, 0], s, t),
+            rest[k, 1] - mixed(rest[a, 1], rest[b, 1], rest[c, 1], s, t),
+            rest[k, 2] - mixed(rest[a, 2], rest[b, 2], rest[c, 2], s, t),
+        )
+
+    @compiler.compiled
+    def meet(k, triangle, before, predicted, rest, body, surface, parameters, triangles, corners, values, found):
+        """`found` and 1 more if vertex k may come near the triangle, which then is put among its nearest."""
+        corners_of, owned = surface
+        a, b, c = corners_of[triangle, 0], corners_of[triangle, 1], corners_of[triangle, 2]
+        if a == k or b == k or c == k:
+            return found
+        ux, uy, uz = before[b, 0] - before[a, 0], before[b, 1] - before[a, 1], before[b, 2] - before[a, 2]
+        vx, vy, vz = before[c, 0] - before[a, 0], before[c, 1] - before[a, 1], before[c, 2] - before[a, 2]
+        px, py, pz = before[k, 0] - before[a, 0], before[k, 1] - before[a, 1], before[k, 2] - before[a, 2]
+        feature, s, t = nearest(ux, uy, uz, vx, vy, vz, px, py, pz)
+        if (owned[triangle] >> feature) & 1 == 0:
+            return found
+        rx, ry, rz = away(px, ux, vx, s, t), away(py, uy, vy, s, t), away(pz, uz, vz, s, t)
+        distance = length(rx, ry, rz)
+        nearer = max(motion(before, predicted, k, a), motion(before, predicted, k, b))
+        nearer = max(nearer, motion(before, predicted, k, c))
+        if not distance < parameters.thickness + parameters.margin + nearer:
+            return found
+        first, last = k * MAX_CONTACTS, k * MAX_CONTACTS + min(found, MAX_CONTACTS)
+        place = place_of(first, last, distance, triangle, triangles, values)
+        if place < 0:
+            return found
+        if place == first + MAX_CONTACTS:
+            return found + 1
+        for slot in range(min(last, first + MAX_CONTACTS - 1), place, -1):
+            copy(slot - 1, slot, triangles, corners, values)
+        rest_gap = parameters.thickness
+        if body[a] == body[k]:
+            rest_gap = rest_distance(rest, k, a, b, c, s, t)
+        inside, nx, ny, nz = outward(
+            rx, ry, rz, distance, ux, uy, uz, vx, vy, vz, parameters.normal_distance
+        )  # fmt: skip
+        triangles[place] = triangle
+        corners[place, 0], corners[place, 1], corners[place, 2] = a, b, c
+        values[place, V_B], values[place, V_C], values[place, V_DISTANCE] = s, t, distance
+        values[place, V_NX], values[place, V_NY], values[place, V_NZ] = nx, ny, nz
+        gap = dot(nx, ny, nz, rx, ry, rz)
+        values[place, V_HELD] = held_distance(parameters.thickness, rest_gap, gap, parameters.push)
+        values[place, V_INSIDE] = one if inside else zero
+        return found + 1
+
+    return meet
+
+
+@cache
+def make_find(real: Any, math: str) -> Any:
+    """find_contacts(bands, before, predicted, rest, body, vertices, neighbours, at_vertex, surface, parameters, triangles,
+    corners, values, found, lost): of each vertex that has neighbours; `neighbours`: what their search found, `at_vertex`,
+    `surface`: (offsets, triangles at vertices), (corners, owned features). `found` is 0 before."""
+    compiler = Compiler(f"surfaces_{np.dtype(real).name}_{math}", math)
+    slots = _make_slots(compiler, real)
+    meet, one_side = _make_triangle(compiler, real, slots), slots.one_side
+
+    def find_contacts(
+        band, bands, before, predicted, rest, body, vertices, neighbours, at_vertex, surface, parameters, triangles, corners,
+        values, found, lost,
+    ):  # fmt: skip
+        who, numbers, entries, _, begins, active, _ = neighbours
+        offsets, lists = at_vertex
+        entry, missed = begins[band] * MAX_NEIGHBOURS, np.int64(0)
+        for n in range(begins[band], begins[band] + active[band]):
+            k, count = np.int64(vertices[who[n]]), np.int64(0)
+            for e in range(entry, entry + np.int64(numbers[n])):
+                j = np.int64(entries[e])
+                for at in range(offsets[j], offsets[j + 1]):
+                    count = meet(
+                        k, np.int64(lists[at]), before, predicted, rest, body, surface, parameters, triangles, corners,
+                        values, count,
+                    )  # fmt: skip
+            entry += np.int64(numbers[n])
+            kept, first = min(count, np.int64(MAX_CONTACTS)), k * MAX_CONTACTS
+            missed += count - kept
+            found[k] = one_side(first, first + kept, body, triangles, corners, values)
+        lost[band] = missed
+
+    return compiler.banded(find_contacts)

@@ -1,0 +1,77 @@
+"""Contacts between surfaces of tetrahedral bodies on CUDA: two stages that the solver launches, and what they keep. Launches
+alone, so that they can be captured in a graph; in `exact` math to the bits of cpu_backend/contact/surfaces.py."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from gpu_backend.contact.neighbours import Neighbours, neighbour_bytes
+from gpu_backend.contact.self_contact import HeldContacts, contact_bytes
+from gpu_backend.contact.surfaces_find import make_find
+from gpu_backend.core.quads import SIZE
+from model.contact.particle_parameters import G_OWN, G_REACH
+from model.contact.surface_parameters import contact_surface, neighbour_record, surface_pairs, surface_record
+from model.scene.scene import Scene
+
+
+def surface_contact_bytes(scene: Scene, item: int) -> int:
+    """Device memory for the contacts of a scene's bodies, `item` bytes a scalar."""
+    surface = contact_surface(scene.tetrahedra_set)
+    particles, vertices = len(surface.rest), len(surface.vertices)
+    lists = 4 * (4 * len(surface.triangles) + 2 * vertices + len(surface.at_vertex.indices) + particles)
+    own = neighbour_bytes(vertices, True, item) + SIZE * item * (vertices + particles)
+    return contact_bytes(particles, item) + own + lists
+
+
+class SurfaceContacts(HeldContacts):
+    """See cpu_backend/contact/surfaces.py. `before`, `predicted`, `position`: quads of particles, on the device."""
+
+    def __init__(self, scene: Scene, real: Any, math: str, weights: np.ndarray, stream: Any):
+        super().__init__(scene.contact, real, math, weights, stream)
+        surface = contact_surface(scene.tetrahedra_set)
+        vertices, bodies = surface.vertices, len(scene.tetrahedra)
+        self._vertices, self._body = self._new(vertices), self._new(surface.body)
+        rest = np.zeros((len(surface.rest), SIZE), real)
+        rest[:, :3] = surface.rest
+        self._rest, self._points = self._new(rest.reshape(-1)), self._new(np.zeros(SIZE * len(vertices), real))
+        lists = surface.at_vertex.offsets, surface.at_vertex.indices, surface.triangles.reshape(-1), surface.owned
+        self._surface = tuple(self._new(np.ascontiguousarray(one)) for one in lists)
+        pairs = self._new(surface.body[vertices]), self._new(np.arange(bodies, dtype=np.int32)), np.int32(bodies)
+        meets_itself = bool((surface_pairs(scene)[:, :, G_OWN] > 0).any())
+        self._neighbours = Neighbours(real, len(vertices), pairs, rest[vertices, :3] if meets_itself else None, stream)
+        self._find, self._of_vertices = make_find(real, math), self._launch(len(vertices))
+        self.record, self._pairs = self._new(surface_record(scene, real)), self._new(self._pairs_of(scene))
+
+    def _pairs_of(self, scene: Scene) -> np.ndarray:
+        """What the search reads, and the longest reach."""
+        reach = surface_pairs(scene)[:, :, G_REACH].max()
+        return np.append(neighbour_record(scene, self._real), reach).astype(self._real)
+
+    @property
+    def finding(self) -> int:
+        """Launches of `find`."""
+        return self._neighbours.launches + 8
+
+    @property
+    def neighbours_lost(self) -> int:
+        """How many vertices in reach there was no room for, over all substeps so far."""
+        return self._neighbours.lost
+
+    def change(self, scene: Scene) -> None:
+        """Take over what may change while running."""
+        self.record.copy_to_device(surface_record(scene, self._real), stream=self._stream)
+        self._pairs.copy_to_device(self._pairs_of(scene), stream=self._stream)
+
+    def find(self, before: Any, predicted: Any) -> None:
+        kernels = self._find
+        kernels.take[self._of_vertices](before, self._vertices, self._points)
+        self._neighbours.find(self._points, self._pairs)
+        kernels.clear[self._of_masses](self.found, self._link_counts)
+        kernels.find_contacts[self._of_vertices](
+            before, predicted, self._rest, self._body, self._vertices, self._neighbours.table, self._neighbours.found,
+            *self._surface, self.record, self.triangles, self.corners, self._normals, self.shares, self.found,
+            self._link_counts, self._lost,
+        )  # fmt: skip
+        self._link()

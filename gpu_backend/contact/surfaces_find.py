@@ -1,0 +1,191 @@
+"""Which triangles of other bodies' surfaces a vertex may come near within a substep, on CUDA: a thread for each vertex at a
+surface looks at those of the vertices that the search for neighbours found (contact/neighbours.py)."""
+
+from __future__ import annotations
+
+from functools import cache
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+from numba import cuda
+
+from gpu_backend.core.compile import kernel_options, make_kernels, variant_name
+from gpu_backend.core.formulas import device_formulas
+from gpu_backend.core.quads import load_quad, store_quad
+from model.contact.particle_parameters import MAX_NEIGHBOURS
+from model.contact.self_contact_parameters import MAX_CONTACTS
+from model.formulas import contact, surface_contact
+
+# Slots and quads of a contact as in contact/self_find.py; the last number of its weights: not 0 where the vertex lies inside.
+
+
+@cache
+def _make_slots(real: Any, math: str) -> SimpleNamespace:
+    """`place_of`, `copy`, `one_side`: see cpu_backend/contact/surfaces_find.py."""
+    device, zero = cuda.jit(device=True, **kernel_options(math)), real(0)
+
+    @device
+    def place_of(first, last, distance, triangle, triangles, weights):
+        place = last
+        while place > first:
+            other = load_quad(weights, place - 1)[2]
+            if not (distance < other or (distance == other and triangle < triangles[place - 1])):
+                break
+            place -= 1
+        if place > first and triangles[place - 1] == triangle:
+            return np.int64(-1)
+        return place
+
+    @device
+    def copy(source, target, triangles, corners, normals, weights):
+        triangles[target] = triangles[source]
+        for axis in range(3):
+            corners[3 * target + axis] = corners[3 * source + axis]
+        n, w = load_quad(normals, source), load_quad(weights, source)
+        store_quad(normals, target, n[0], n[1], n[2], n[3])
+        store_quad(weights, target, w[0], w[1], w[2], w[3])
+
+    @device
+    def one_side(first, last, body, triangles, corners, normals, weights):
+        end = first
+        for slot in range(first, last):
+            kept, own = True, body[corners[3 * slot]]
+            for lead in range(first, end):
+                if body[corners[3 * lead]] == own:
+                    kept = load_quad(weights, lead)[3] == zero and load_quad(weights, slot)[3] == zero
+                    break
+            if kept:
+                if end != slot:
+                    copy(slot, end, triangles, corners, normals, weights)
+                end += 1
+        return end - first
+
+    return SimpleNamespace(place_of=place_of, copy=copy, one_side=one_side)
+
+
+@cache
+def _make_meet(real: Any, math: str) -> Any:
+    """meet(k, p, moved, triangle, before, predicted, rest, body, corners_of, owned, parameters, triangles, corners, normals,
+    weights, found): see cpu_backend/contact/surfaces_find.py."""
+    device, slots = cuda.jit(device=True, **kernel_options(math)), _make_slots(real, math)
+    formulas, outward = (
+        device_formulas(contact.make, real, math),
+        device_formulas(surface_contact.make, real, math).outward,
+    )
+    nearest, away, length, dot = formulas.nearest, formulas.away, formulas.length, formulas.dot
+    held_distance, mixed = formulas.held_distance, formulas.mixed
+    place_of, copy = slots.place_of, slots.copy
+    zero, one = real(0), real(1)
+
+    @device
+    def motion(other, moved, was):
+        return length(
+            moved[0] - (other[0] - was[0]), moved[1] - (other[1] - was[1]), moved[2] - (other[2] - was[2])
+        )  # fmt: skip
+
+    @device
+    def rest_distance(rest, k, a, b, c, s, t):
+        p, qa, qb, qc = load_quad(rest, k), load_quad(rest, a), load_quad(rest, b), load_quad(rest, c)
+        return length(
+            p[0] - mixed(qa[0], qb[0], qc[0], s, t),
+            p[1] - mixed(qa[1], qb[1], qc[1], s, t),
+            p[2] - mixed(qa[2], qb[2], qc[2], s, t),
+        )
+
+    @device
+    def meet(
+        k, p, moved, triangle, before, predicted, rest, body, corners_of, owned, parameters, triangles, corners, normals,
+        weights, found,
+    ):  # fmt: skip
+        a, b, c = corners_of[3 * triangle], corners_of[3 * triangle + 1], corners_of[3 * triangle + 2]
+        if a == k or b == k or c == k:
+            return found
+        qa, qb, qc = load_quad(before, a), load_quad(before, b), load_quad(before, c)
+        ux, uy, uz = qb[0] - qa[0], qb[1] - qa[1], qb[2] - qa[2]
+        vx, vy, vz = qc[0] - qa[0], qc[1] - qa[1], qc[2] - qa[2]
+        px, py, pz = p[0] - qa[0], p[1] - qa[1], p[2] - qa[2]
+        feature, s, t = nearest(ux, uy, uz, vx, vy, vz, px, py, pz)
+        if (owned[triangle] >> feature) & 1 == 0:
+            return found
+        rx, ry, rz = away(px, ux, vx, s, t), away(py, uy, vy, s, t), away(pz, uz, vz, s, t)
+        distance = length(rx, ry, rz)
+        nearer = max(motion(load_quad(predicted, a), moved, qa), motion(load_quad(predicted, b), moved, qb))
+        nearer = max(nearer, motion(load_quad(predicted, c), moved, qc))
+        if not distance < parameters.thickness + parameters.margin + nearer:
+            return found
+        first = k * MAX_CONTACTS
+        last = first + min(found, MAX_CONTACTS)
+        place = place_of(first, last, distance, triangle, triangles, weights)
+        if place < 0:
+            return found
+        if place == first + MAX_CONTACTS:
+            return found + 1
+        slot = min(last, first + MAX_CONTACTS - 1)
+        while slot > place:
+            copy(slot - 1, slot, triangles, corners, normals, weights)
+            slot -= 1
+        rest_gap = parameters.thickness
+        if body[a] == body[k]:
+            rest_gap = rest_distance(rest, k, a, b, c, s, t)
+        inside, nx, ny, nz = outward(
+            rx, ry, rz, distance, ux, uy, uz, vx, vy, vz, parameters.normal_distance
+        )  # fmt: skip
+        triangles[place] = triangle
+        corners[3 * place], corners[3 * place + 1], corners[3 * place + 2] = a, b, c
+        held = held_distance(parameters.thickness, rest_gap, dot(nx, ny, nz, rx, ry, rz), parameters.push)
+        store_quad(normals, place, nx, ny, nz, held)
+        store_quad(weights, place, s, t, distance, one if inside else zero)
+        return found + 1
+
+    return meet
+
+
+@cache
+def make_find(real: Any, math: str) -> SimpleNamespace:
+    """The kernels `take(before, vertices, points)`: quads of the vertices, each of weight 1; `clear(found, link_counts)`;
+    `find_contacts(before, predicted, rest, body, vertices, table, numbers, offsets, at_vertex, corners_of, owned, record,
+    triangles, corners, normals, weights, found, link_counts, lost)`: `table`, `numbers`: the neighbours of each vertex."""
+    meet, one_side = _make_meet(real, math), _make_slots(real, math).one_side
+    one, many = real(1), np.int64(MAX_NEIGHBOURS)
+
+    def take(before, vertices, points):
+        i = np.int64(cuda.grid(1))  # type: ignore[call-arg]
+        if i < vertices.size:
+            p = load_quad(before, vertices[i])
+            store_quad(points, i, p[0], p[1], p[2], one)
+
+    def clear(found, link_counts):
+        k = np.int64(cuda.grid(1))  # type: ignore[call-arg]
+        if k < found.size:
+            found[k] = 0
+            link_counts[k] = 0
+
+    def find_contacts(
+        before, predicted, rest, body, vertices, table, numbers, offsets, at_vertex, corners_of, owned, record, triangles,
+        corners, normals, weights, found, link_counts, lost,
+    ):  # fmt: skip
+        i = np.int64(cuda.grid(1))  # type: ignore[call-arg]
+        if i < vertices.size:
+            parameters = record[0]
+            k, count = np.int64(vertices[i]), np.int64(0)
+            p, now = load_quad(before, k), load_quad(predicted, k)
+            moved = now[0] - p[0], now[1] - p[1], now[2] - p[2]
+            for n in range(min(np.int64(numbers[i]), many)):
+                j = table[n * vertices.size + i]
+                for at in range(offsets[j], offsets[j + 1]):
+                    count = meet(
+                        k, p, moved, np.int64(at_vertex[at]), before, predicted, rest, body, corners_of, owned, parameters,
+                        triangles, corners, normals, weights, count,
+                    )  # fmt: skip
+            kept, first = min(count, np.int64(MAX_CONTACTS)), k * MAX_CONTACTS
+            if count > kept:
+                cuda.atomic.add(lost, 0, count - kept)
+            kept = one_side(first, first + kept, body, triangles, corners, normals, weights)
+            found[k] = kept
+            for place in range(3 * first, 3 * (first + kept)):
+                cuda.atomic.add(link_counts, corners[place], 1)
+
+    return make_kernels(
+        (take, clear, find_contacts), f"surfaces_{variant_name(real, math)}", **kernel_options(math)
+    )  # fmt: skip

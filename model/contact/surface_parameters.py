@@ -1,0 +1,171 @@
+"""Surfaces of tetrahedral bodies that meet: their vertices and triangles as both backends read them, and the constants."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from weakref import WeakKeyDictionary
+
+import numpy as np
+
+from model.contact.particle_parameters import (
+    G_DISTANCE,
+    G_NEIGHBOURS,
+    G_OWN,
+    G_REACH,
+    H_INVERSE_CELL,
+    PAIR_FIELDS,
+    PAIRS,
+)
+from model.core.parameters import rounded_record
+from model.formulas.contact import (
+    FACE,
+    FIRST,
+    FIRST_SECOND,
+    FIRST_THIRD,
+    SECOND,
+    SECOND_THIRD,
+    THIRD,
+)
+from model.geometry.lists import Lists, grouped
+from model.scene.scene import Scene
+from model.tetrahedra.body_set import TetrahedraSet
+
+SURFACE_CONTACT_PARAMETERS = (
+    "thickness",  # m, that surfaces keep
+    "margin",  # m: how much nearer than predicted a vertex may come within a substep, through constraints
+    "normal_distance",  # m: nearer than this a triangle's own normal is used
+    "push",  # m: how far an overlap is reduced within a substep
+    "static_friction",
+    "dynamic_friction",
+)
+SHARE = 0.25  # of the shortest body's mean edge: the distance, unless told
+MARGIN = 0.1  # distances
+FLAT = 0.0625  # distances: there an ulp of a coordinate is still small beside a distance in float32
+APPROACH = 1.0  # distances: what comes nearer by more in a substep may not be seen before it is inside
+STRETCH = 1.2  # of a triangle's edges: until then its corners are found from wherever it is
+APART = 2.0  # mean edges: parts of a body nearer than that at rest do not meet
+FEATURES = {
+    (0,): FIRST, (1,): SECOND, (2,): THIRD, (0, 1): FIRST_SECOND, (0, 2): FIRST_THIRD, (1, 2): SECOND_THIRD,
+}  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class ContactSurface:
+    """`vertices` (s,) int32: the particles at surfaces, ascending, which know each other by their places here;
+    `triangles` (t, 3) int32: particles; `owned` (t,) int32: a bit for each feature that a triangle answers for, the first of
+    those that share it; `at_vertex`: triangles at each of the vertices; `body` (particles,) int32; `rest` (particles, 3) [m];
+    `edge`, `corner` (bodies,) [m]: the mean edge of a surface, and how far a point of a triangle lies from the nearest of its
+    corners at most."""
+
+    vertices: np.ndarray
+    triangles: np.ndarray
+    owned: np.ndarray
+    at_vertex: Lists
+    body: np.ndarray
+    rest: np.ndarray
+    edge: np.ndarray
+    corner: np.ndarray
+
+
+_known: WeakKeyDictionary[TetrahedraSet, ContactSurface] = WeakKeyDictionary()
+
+
+def contact_surface(found: TetrahedraSet) -> ContactSurface:
+    """Of all bodies. Kept with them."""
+    if found not in _known:
+        _known[found] = _made(found)
+    return _known[found]
+
+
+def _made(found: TetrahedraSet) -> ContactSurface:
+    triangles, position = found.surface, found.position
+    vertices = np.unique(triangles)
+    place = np.full(found.particle_count, -1)
+    place[vertices] = np.arange(len(vertices))
+    first = np.append(found.first_particle, found.particle_count)
+    body = np.repeat(np.arange(len(found.parts), dtype=np.int32), np.diff(first))
+    sides = np.stack([np.linalg.norm(position[triangles[:, b]] - position[triangles[:, a]], axis=1) for a, b in _SIDES])
+    of_body = body[triangles[:, 0]]
+    many = np.bincount(of_body, minlength=len(found.parts))
+    edge = np.bincount(of_body, sides.mean(axis=0), len(found.parts)) / np.maximum(many, 1)
+    corner = np.zeros(len(found.parts))
+    np.maximum.at(corner, of_body, _farthest(sides))
+    corners = triangles.ravel()
+    at_vertex = grouped(place[corners], np.arange(len(corners), dtype=np.int32) // 3, len(vertices))
+    return ContactSurface(
+        vertices.astype(np.int32), triangles, _owners(triangles), at_vertex, body, position, edge, corner
+    )
+
+
+_SIDES = ((0, 1), (1, 2), (2, 0))
+
+
+def _farthest(sides: np.ndarray) -> np.ndarray:
+    """(t,) [m]: no point of a triangle with these `sides` (3, t) lies farther from its nearest corner: its circumradius, or,
+    where an angle is over 90 degrees, half the longest side, which then bounds it."""
+    a, b, c = np.sort(sides, axis=0)
+    area = np.sqrt(np.maximum((a + b + c) * (b + c - a) * (c + a - b) * (a + b - c), 0.0)) / 4
+    with np.errstate(divide="ignore", invalid="ignore"):
+        radius = a * b * c / (4 * area)
+    return np.where(a * a + b * b > c * c, radius, c / 2)
+
+
+def _owners(triangles: np.ndarray) -> np.ndarray:
+    """(t,) int32. No feature is lost by asking owners alone: the one of the feature on which a nearest point lies is as near,
+    and is found by the same corners."""
+    owned = np.full(len(triangles), 1 << FACE)
+    for length in (1, 2):
+        places = [corners for corners in FEATURES if len(corners) == length]
+        keys = np.sort(np.concatenate([triangles[:, corners] for corners in places]), axis=1)
+        number = np.tile(np.arange(len(triangles)), len(places))
+        order = np.lexsort((number, *keys.T))
+        fresh = np.ones(len(order), bool)
+        fresh[1:] = (keys[order[1:]] != keys[order[:-1]]).any(axis=1)
+        features = np.repeat([FEATURES[corners] for corners in places], len(triangles))
+        np.bitwise_or.at(owned, number[order[fresh]], 1 << features[order[fresh]])
+    return owned.astype(np.int32)
+
+
+def contact_distance(scene: Scene) -> float:
+    """What surfaces keep from each other [m]."""
+    assert scene.contact is not None
+    return scene.contact.distance or SHARE * float(contact_surface(scene.tetrahedra_set).edge.min())
+
+
+def surface_record(scene: Scene, real: type) -> np.ndarray:
+    """(1,): SURFACE_CONTACT_PARAMETERS in the arithmetic `real`: computed in float64, rounded once. Raises SceneError."""
+    part, distance = scene.contact, contact_distance(scene)
+    assert part is not None
+    h = scene.method.dt / scene.method.substeps
+    values = {
+        "thickness": distance,
+        "margin": MARGIN * distance,
+        "normal_distance": FLAT * distance,
+        "push": part.separation_speed * h,
+        "static_friction": part.static_friction,
+        "dynamic_friction": part.dynamic_friction,
+    }
+    assert tuple(values) == SURFACE_CONTACT_PARAMETERS
+    fields = {name: "contact.distance" for name in values} | {"push": "contact.separation_speed"}
+    return rounded_record(scene, values, fields, real)
+
+
+def surface_pairs(scene: Scene) -> np.ndarray:
+    """(bodies, bodies, PAIR_FIELDS) float64, for the neighbours of surface vertices (model/contact/particle_parameters.py):
+    how far a vertex of one body looks for the corners of another's triangles. Not symmetric. The way to the nearest point and
+    that from there to a corner are at right angles."""
+    found, distance = contact_surface(scene.tetrahedra_set), contact_distance(scene)
+    rows = np.zeros((len(found.edge), len(found.edge), PAIR_FIELDS))
+    rows[:, :, G_DISTANCE] = distance
+    rows[:, :, G_REACH] = np.hypot(distance * (1 + MARGIN + APPROACH), STRETCH * found.corner)
+    rows[:, :, G_NEIGHBOURS] = APART * found.edge
+    meets_itself = [part.self_collision for part in scene.tetrahedra.values()]
+    rows[:, :, G_OWN] = np.diag(np.where(meets_itself, distance, 0.0))
+    return rows
+
+
+def neighbour_record(scene: Scene, real: type) -> np.ndarray:
+    """(PAIRS + bodies^2 * PAIR_FIELDS,) in the arithmetic `real`: what the search for neighbours reads."""
+    rows, head = surface_pairs(scene), np.zeros(PAIRS)
+    head[H_INVERSE_CELL] = 1 / rows[:, :, G_REACH].max()
+    return np.concatenate([head, rows.reshape(-1)]).astype(real)
