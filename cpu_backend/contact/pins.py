@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from cpu_backend.core.compile import Compiler
-from model.formulas import motion
+from model.formulas import cloth, motion
 from model.mass_spring.cloth_parameters import (
     M_DURATION,
     M_SPIN,
@@ -26,6 +26,7 @@ from model.mass_spring.cloth_parameters import (
     P_X,
     P_Y,
     P_Z,
+    PIN_FIELDS,
 )  # fmt: skip
 
 
@@ -46,3 +47,23 @@ def make_follow(compiler: Compiler, real: Any) -> Any:
         )  # fmt: skip
 
     return follow
+
+
+def make_drive(compiler: Compiler, real: Any) -> Any:
+    """drive(first, last, number, position, velocity, parameters, bodies, driven): where their motion has pinned particles,
+    and how fast, as substep `number` ends: of `driven` (pins,), all that are pinned, `first` to before `last`. Their rows are
+    the last of `bodies`; those that follow nothing stay as they are."""
+    follow, instant = make_follow(compiler, real), cloth.make(real, compiler.compiled).instant
+
+    @compiler.compiled
+    def drive(first, last, number, position, velocity, parameters, bodies, driven):
+        time = instant(number + 1, parameters.dt, parameters.first_step, parameters.first_time)
+        begin = bodies.size - PIN_FIELDS * driven.size
+        for n in range(first, last):
+            k, pin = driven[n], begin + PIN_FIELDS * n
+            if bodies[pin + P_MOTION] >= 0:
+                x, y, z, vx, vy, vz = follow(bodies, pin, time)
+                position[k, 0], position[k, 1], position[k, 2] = x, y, z
+                velocity[k, 0], velocity[k, 1], velocity[k, 2] = vx, vy, vz
+
+    return drive

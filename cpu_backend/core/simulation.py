@@ -18,8 +18,10 @@ from cpu_backend.core.threads import thread_count
 from model.core.options import unknown_kernel
 from model.core.plan import Executor
 from model.core.simulation import Options, Simulation
+from model.mass_spring.cloth_parameters import pin_velocity
 from model.scene.cloth import COLLIDER_KINDS
 from model.scene.scene import Scene
+from model.tetrahedra.targets import Targeted
 
 WIDTH = 4  # numbers of a particle in space: x, y, z and, of positions, its weight
 
@@ -144,7 +146,7 @@ class ParticlesSimulation(CpuSimulation):
         return int(bad[0]) if len(bad) else -1
 
 
-class QuadsSimulation(ParticlesSimulation):
+class QuadsSimulation(Targeted, ParticlesSimulation):
     """Of particles in space, each a row of WIDTH numbers; `_allocate` makes the arrays, `_before` where a substep began."""
 
     def _allocate(self, shares: int) -> None:
@@ -155,6 +157,21 @@ class QuadsSimulation(ParticlesSimulation):
         self._kept = np.zeros((2, count, WIDTH), real)
         self._bands = max(1, min(self.threads, shares))
         self._bad, self._slots = np.zeros(self._bands, np.int64), WIDTH * np.arange(count)
+
+    def _set_driven(self) -> None:
+        """What particles meet, and what those that are pinned follow: `driven` (pins,) int32, all of them where any moves."""
+        rows, self._first_pin = self._driven_rows()
+        self._set_colliders(rows)
+        self.driven = self.body.pinned[: len(self.body.pinned) if self._first_pin else 0].astype(np.int32)
+
+    def _send_rows(self, rows: np.ndarray) -> None:
+        self.bodies[...] = rows
+
+    def _pin_velocity(self, step: int) -> Any:
+        if not self._first_pin:
+            return 0
+        number = step * self.scene.method.substeps
+        return pin_velocity(self.bodies, self._first_pin, len(self.driven), number, self._record)
 
     def _keep(self) -> None:
         self._kept[0], self._kept[1] = self._position, self._velocity

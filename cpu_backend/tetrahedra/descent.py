@@ -53,6 +53,7 @@ class VertexBlockDescent(Tetrahedra):
         make_descent_advance(*self._variant(), made, self._damped)(
             self._bands, steps, step, method.substeps, method.iterations, self._position, self._velocity, self._before,
             self._inertial, self.parameters, self.integers, self._wind, self._descents, self.bodies, self.kinds,
+            self.driven,
         )  # fmt: skip
 
     def _stages(self) -> dict[str, StageRun]:

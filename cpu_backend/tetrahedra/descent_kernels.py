@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from cpu_backend.contact.pins import make_drive
 from cpu_backend.core.compile import Compiler
 from cpu_backend.core.progress import shares
 from cpu_backend.mass_spring.cloth.scratch import cloth_variant
@@ -183,17 +184,18 @@ def make_descent_stages(real: Any, math: str, material: int, damped: bool) -> Si
 @cache
 def make_descent_advance(real: Any, math: str, parts: frozenset[str], made: tuple[int, ...], damped: bool) -> Any:
     """advance(bands, steps, step, substeps, iterations, position, velocity, before, inertial, parameters, integers,
-    wind_lists, descents, bodies, kinds): many steps in one call; `made`: the materials of the `descents`."""
+    wind_lists, descents, bodies, kinds, driven): many steps in one call; `made`: the materials of the `descents`."""
     compiler = Compiler(cloth_variant("descent", real, math, parts), math)
     begin, ends = make_begin(compiler, real, parts), make_end(compiler, real, parts)
     update, collide = ends.update, ends.collide
     all_materials = make_material(compiler, [make_visits(real, math, one, damped) for one in made], damped)
     prepare, sweep = all_materials.prepare, all_materials.sweep
-    has_bodies = bool(parts & set(COLLIDER_KINDS))
+    has_bodies, has_motion = bool(parts & set(COLLIDER_KINDS)), "motion" in parts
+    drive = make_drive(compiler, real)
 
     def advance(
         team, member, bands, steps, step, substeps, iterations, position, velocity, before, inertial, parameters, integers,
-        wind_lists, descents, bodies, kinds,
+        wind_lists, descents, bodies, kinds, driven,
     ):  # fmt: skip
         count = len(position)
         for pass_number in range(steps * substeps):
@@ -206,6 +208,9 @@ def make_descent_advance(real: Any, math: str, parts: frozenset[str], made: tupl
             for band in shares(team, member, bands):
                 first, last = count * band // bands, count * (band + 1) // bands
                 begin(first, last, frame, number, before, velocity, inertial, parameters, integers, wind_lists)
+                if has_motion:
+                    first, last = driven.size * band // bands, driven.size * (band + 1) // bands
+                    drive(first, last, number, position, velocity, parameters, bodies, driven)
             prepare(team, member, bands, before, velocity, inertial, position, descents, parameters)
             for _ in range(iterations):
                 sweep(team, member, bands, position, inertial, descents, parameters)
@@ -214,5 +219,9 @@ def make_descent_advance(real: Any, math: str, parts: frozenset[str], made: tupl
                 update(first, last, before, position, velocity, parameters)
                 if has_bodies:
                     collide(first, last, number, before, position, velocity, parameters, bodies, kinds)
+            if has_motion:
+                for band in shares(team, member, bands):
+                    first, last = driven.size * band // bands, driven.size * (band + 1) // bands
+                    drive(first, last, number, position, velocity, parameters, bodies, driven)
 
     return compiler.team(advance)

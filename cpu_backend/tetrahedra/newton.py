@@ -14,7 +14,6 @@ from cpu_backend.xpbd.mesh_kernels import ALWAYS
 from model.core.plan import Executor
 from model.core.simulation import Options
 from model.formulas.elastic import newton as passes
-from model.mass_spring.cloth_parameters import collider_numbers
 from model.scene.scene import Scene
 from model.tetrahedra.aggregates import MODES, aggregates
 from model.tetrahedra.block_rows import BLOCKS, block_rows
@@ -34,7 +33,7 @@ class TetrahedraNewton(QuadsSimulation):
         self.kernel = chosen_kernel(options.kernel, "implicit tetrahedral bodies", ("fused",))
         self.plan, self.integers = newton_plan(scene, options.live), self._seeds()
         real, found = self.real, scene.tetrahedra_set
-        self._set_colliders(collider_numbers(scene, real))
+        self._set_driven()
         count, tetrahedra = found.particle_count, len(found.tetrahedra)
         rows = block_rows(found.tetrahedra, count)
         blocks, dampers = len(rows.columns), len(rows.columns) if DAMPED in self.plan.parts else 0
@@ -64,6 +63,6 @@ class TetrahedraNewton(QuadsSimulation):
         make_newton_advance(self.real, self.options.math, self.plan.parts - ALWAYS)(
             self._bands, steps, step, method.substeps, method.iterations, self._floor,
             (self._position, self._velocity, self._before),
-            (self.parameters, self.integers, self._lists, self.bodies, self.kinds), self._solver, self._control,
+            (self.parameters, self.integers, self._lists, self.bodies, self.kinds, self.driven), self._solver, self._control,
             self._values, self.done,
         )  # fmt: skip

@@ -28,7 +28,7 @@ def make_contact(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simple
 
     @compiled
     def depth(k, number, x, y, z, before, matrix, given):
-        parameters, _, _, bodies, kinds = given
+        parameters, _, _, bodies, kinds, _ = given
         p, q, r, _, _, _ = touch(
             bodies, kinds, number, parameters, before[k, 0], before[k, 1], before[k, 2], x, y, z, zero, zero, zero
         )  # fmt: skip

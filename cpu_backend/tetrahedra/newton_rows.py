@@ -173,6 +173,8 @@ def make_solving(compiler: Compiler, real: Any, apply: Any, corrected: Any) -> S
                     x, y, z = corrected(k, position, groups, coarse)
                     into[k, 0], into[k, 1], into[k, 2] = into[k, 0] + x, into[k, 1] + y, into[k, 2] + z
                     total = total + dot(residual, into, k)
+                else:  # its way in this substep lies there
+                    into[k, 0], into[k, 1], into[k, 2] = zero, zero, zero
             sums[0, group] = total
 
     @compiled
@@ -193,6 +195,10 @@ def make_moving(compiler: Compiler, real: Any, resist: Any, dot: Any, contact: S
     zero, half = real(0), real(0.5)
 
     @compiled
+    def still(away, k):
+        return (away[k, 0] == zero) & (away[k, 1] == zero) & (away[k, 2] == zero)
+
+    @compiled
     def weigh(first, last, number, position, before, rows, vectors, matrix, given, damped, sums):
         target, gradient, away, parameters = vectors[0], vectors[3], vectors[7], given[0]
         meets, corners, forces = rows[5], rows[6], matrix[4]
@@ -200,6 +206,10 @@ def make_moving(compiler: Compiler, real: Any, resist: Any, dot: Any, contact: S
             total = zero
             for k in range(group * SUMMED, min((group + 1) * SUMMED, len(position))):
                 if before[k, 3] == zero:
+                    if damped and not still(away, k):  # one that is moved works against dampers, too
+                        p, q, r = resist(k, rows, matrix[2], away)
+                        p, q, r = parameters.newton_rate * p, parameters.newton_rate * q, parameters.newton_rate * r
+                        total = total + half * ((p * away[k, 0] + q * away[k, 1]) + r * away[k, 2])
                     continue
                 inertia = inertia_of(parameters.newton_inertia, before[k, 3])
                 x, y, z = position[k, 0] - target[k, 0], position[k, 1] - target[k, 1], position[k, 2] - target[k, 2]
@@ -232,8 +242,9 @@ def make_moving(compiler: Compiler, real: Any, resist: Any, dot: Any, contact: S
                 if before[k, 3] > zero:
                     for axis in range(AXES):
                         position[k, axis] = moved(current[k, axis], share, solution[k, axis])
-                        away[k, axis] = position[k, axis] - before[k, axis]
                     total = total + dot(gradient, solution, k)
+                for axis in range(AXES):
+                    away[k, axis] = position[k, axis] - before[k, axis]
             sums[0, group] = total
 
     @compiled
@@ -246,11 +257,13 @@ def make_moving(compiler: Compiler, real: Any, resist: Any, dot: Any, contact: S
 
     @compiled
     def put(first, last, position, before, source, vectors):
-        """The places in `source` are the positions, and how far they are from those at the substep's start is kept."""
+        """The places in `source` are the positions, but of pins, and how far they are from those at the substep's start is
+        kept."""
         away = vectors[7]
         for k in range(first * SUMMED, min(last * SUMMED, len(position))):
             for axis in range(AXES):
-                position[k, axis] = source[k, axis]
+                if before[k, 3] > zero:
+                    position[k, axis] = source[k, axis]
                 away[k, axis] = position[k, axis] - before[k, axis]
 
     return SimpleNamespace(weigh=weigh, move=move, accept=accept, put=put)

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from cpu_backend.contact.pins import make_drive
 from cpu_backend.core.compile import Compiler
 from cpu_backend.core.progress import shares
 from cpu_backend.mass_spring.cloth.scratch import cloth_variant
@@ -30,20 +31,33 @@ DONE = ("substeps", "looks", "matrices", "products", "steps")  # that a simulati
 def make_substep_ends(
     compiler: Compiler, real: Any, parts: frozenset[str], put: Any, contact: SimpleNamespace
 ) -> SimpleNamespace:
-    """`begin_groups`: where inertia leads; `finish_groups`: velocities, and what particles meet. Of groups."""
+    """`begin_groups`: where inertia leads, or a motion; `finish_groups`: velocities, and what particles meet. Of groups,
+    and of the pins among them."""
     begin, ends = make_begin(compiler, real, parts), make_end(compiler, real, parts)
     update_velocity, collide = ends.update, ends.collide
     has_bodies, pressed = contact.has_bodies, contact.pressed
+    drive, has_motion = make_drive(compiler, real), "motion" in parts
+
+    @compiler.compiled
+    def drive_between(low, high, number, state, given):
+        """The pins among the particles `low` to before `high`."""
+        position, velocity, _ = state
+        parameters, bodies, driven = given[0], given[3], given[5]
+        for n in range(driven.size):
+            if low <= driven[n] and driven[n] < high:
+                drive(n, n + 1, number, position, velocity, parameters, bodies, driven)
 
     @compiler.compiled
     def begin_groups(first, last, frame, number, state, given, vectors):
         position, velocity, before = state
-        parameters, integers, wind_lists, _, _ = given
+        parameters, integers, wind_lists, _, _, _ = given
         low, high = first * SUMMED, min(last * SUMMED, len(position))
         for k in range(low, high):
             for axis in range(position.shape[1]):
                 before[k, axis] = position[k, axis]
         begin(low, high, frame, number, before, velocity, position, parameters, integers, wind_lists)
+        if has_motion:
+            drive_between(low, high, number, state, given)
         target = vectors[0]
         for k in range(low, high):
             for axis in range(3):
@@ -53,9 +67,11 @@ def make_substep_ends(
     @compiler.compiled
     def finish_groups(first, last, number, state, given, matrix):
         position, velocity, before = state
-        parameters, _, _, bodies, kinds = given
+        parameters, _, _, bodies, kinds, _ = given
         low, high = first * SUMMED, min(last * SUMMED, len(position))
         update_velocity(low, high, before, position, velocity, parameters)
+        if has_motion:
+            drive_between(low, high, number, state, given)
         if has_bodies:
             pressed(first, last, number, position, velocity, before, matrix, given)
             collide(low, high, number, before, position, velocity, parameters, bodies, kinds)
@@ -66,8 +82,8 @@ def make_substep_ends(
 def make_pass(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
     """one_pass(kind, band, bands, frame, number, safe, alpha, beta, share, state, given, solver): a pass on a band.
 
-    `state`: (position, velocity, before); `given`: (parameters, integers, wind lists, bodies, kinds); `solver`: (elements,
-    rows, vectors, matrix, sums, groups, coarse), see newton_elements.py, newton_rows.py and newton_coarse.py.
+    `state`: (position, velocity, before); `given`: (parameters, integers, wind lists, bodies, kinds, driven); `solver`:
+    (elements, rows, vectors, matrix, sums, groups, coarse), see newton_elements.py, newton_rows.py and newton_coarse.py.
     """
     contact = make_contact(compiler, real, parts)
     elements, of_rows = make_elements(compiler, real), make_matrix_rows(compiler, real, contact)

@@ -19,7 +19,6 @@ from model.core.plan import Executor, Moment, Plan, StageRun
 from model.core.simulation import Options
 from model.geometry.tables import wind_lists
 from model.geometry.topology import mesh_of
-from model.mass_spring.cloth_parameters import collider_numbers
 from model.scene.scene import Scene
 from model.xpbd.mesh_constraints import attachment_set, constraint_sets, projections_of
 from model.xpbd.mesh_plan import stage_name, xpbd_mesh_plan
@@ -43,7 +42,7 @@ class MeshPositionBased(QuadsSimulation):
         super().__init__(scene, options, threads)
         self.kernel, self.plan = choose_kernel(options.kernel, self.what), self._plan_of(scene, options.live)
         real, self.integers = self.real, self._seeds()
-        self._set_colliders(collider_numbers(scene, real))
+        self._set_driven()
         self._allocate(len(self.body.position))
         self._wind = self._wind_lists("wind" in self.plan.parts)
         self._sets, self._projections = self._constraints()
@@ -75,6 +74,7 @@ class MeshPositionBased(QuadsSimulation):
         make_mesh_advance(*self._variant(), self._projections)(
             self._bands, steps, step, method.substeps, method.iterations, self._position, self._velocity, self._before,
             self.parameters, self.integers, self._wind, self._set_arrays or no_sets(self.real), self.bodies, self.kinds,
+            self.driven,
         )  # fmt: skip
 
     def _stages(self) -> dict[str, StageRun]:
@@ -104,6 +104,9 @@ class MeshPositionBased(QuadsSimulation):
             "predict": predict,
             "update velocity": lambda moment: stage.update(bands, before, position, velocity, self.parameters),
             "collide": collide,
+            "pins": lambda moment: stage.pins(
+                bands, moment.number, position, velocity, self.parameters, self.bodies, self.driven
+            ),
         }
         for place, one in enumerate(self._sets):
             for colour in range(one.colours):

@@ -11,6 +11,7 @@ from types import SimpleNamespace
 from typing import Any
 
 from cpu_backend.contact.colliders import make_collide_mass
+from cpu_backend.contact.pins import make_drive
 from cpu_backend.core.compile import Compiler
 from cpu_backend.core.constraints import make_colours, make_projections, make_rows
 from cpu_backend.core.own_forces import make_own_force
@@ -114,11 +115,11 @@ def make_end(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleName
 
 @cache
 def make_mesh_stages(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
-    """The stages, a parallel loop each: `predict`; `update` and `collide` as in the functions that they call, with the number
-    of `bands` that a loop falls into instead of its bounds. Those of constraints: core/constraints.py."""
+    """The stages, a parallel loop each: `predict`; `update`, `collide` and `pins` as in the functions that they call, with
+    the number of `bands` that a loop falls into instead of its bounds. Those of constraints: core/constraints.py."""
     compiler = Compiler(cloth_variant("mesh_stages", real, math, parts), math)
     begin, ends = make_begin(compiler, real, parts), make_end(compiler, real, parts)
-    update_some, collide_some = ends.update, ends.collide
+    update_some, collide_some, drive = ends.update, ends.collide, make_drive(compiler, real)
 
     def predict(team, member, bands, step, substep, position, velocity, before, parameters, integers, wind_lists):
         count = len(position)
@@ -139,27 +140,31 @@ def make_mesh_stages(real: Any, math: str, parts: frozenset[str]) -> SimpleNames
         first, last = count * band // bands, count * (band + 1) // bands
         collide_some(first, last, substep, before, position, velocity, parameters, bodies, kinds)
 
-    return SimpleNamespace(
-        predict=compiler.team(predict), update=compiler.banded(update), collide=compiler.banded(collide)
-    )
+    def pins(band, bands, number, position, velocity, parameters, bodies, driven):
+        many = driven.size
+        drive(many * band // bands, many * (band + 1) // bands, number, position, velocity, parameters, bodies, driven)
+
+    banded = {one.__name__: compiler.banded(one) for one in (update, collide, pins)}
+    return SimpleNamespace(predict=compiler.team(predict), **banded)
 
 
 @cache
 def make_mesh_advance(real: Any, math: str, parts: frozenset[str], projections: tuple[Projection, ...]) -> Any:
     """advance(bands, steps, step, substeps, iterations, position, velocity, before, parameters, integers, wind_lists, sets,
-    bodies, kinds): many steps in one call; `sets`: (corners, values, multipliers, starts) of each set of constraints, in the
-    order of `projections`."""
+    bodies, kinds, driven): many steps in one call; `sets`: (corners, values, multipliers, starts) of each set of constraints,
+    in the order of `projections`."""
     compiler = Compiler(cloth_variant("mesh", real, math, parts), math)
     begin, ends = make_begin(compiler, real, parts), make_end(compiler, real, parts)
     update, collide = ends.update, ends.collide
     rows = make_rows(compiler)
     projects = [make_projections(compiler, real, projection, rows) for projection in projections]
     sweep, has_constraints = make_colours(compiler, projects), bool(projects)
-    has_bodies = bool(parts & set(COLLIDER_KINDS))
+    has_bodies, has_motion = bool(parts & set(COLLIDER_KINDS)), "motion" in parts
+    drive = make_drive(compiler, real)
 
     def advance(
         team, member, bands, steps, step, substeps, iterations, position, velocity, before, parameters, integers, wind_lists,
-        sets, bodies, kinds,
+        sets, bodies, kinds, driven,
     ):  # fmt: skip
         count = len(position)
         for pass_number in range(steps * substeps):
@@ -172,6 +177,9 @@ def make_mesh_advance(real: Any, math: str, parts: frozenset[str], projections: 
             for band in shares(team, member, bands):
                 first, last = count * band // bands, count * (band + 1) // bands
                 begin(first, last, frame, number, before, velocity, position, parameters, integers, wind_lists)
+                if has_motion:
+                    first, last = driven.size * band // bands, driven.size * (band + 1) // bands
+                    drive(first, last, number, position, velocity, parameters, bodies, driven)
             if has_constraints:
                 for iteration in range(iterations):
                     sweep(team, member, bands, position, position, before, sets, iteration == 0, parameters)
@@ -180,5 +188,9 @@ def make_mesh_advance(real: Any, math: str, parts: frozenset[str], projections: 
                 update(first, last, before, position, velocity, parameters)
                 if has_bodies:
                     collide(first, last, number, before, position, velocity, parameters, bodies, kinds)
+            if has_motion:
+                for band in shares(team, member, bands):
+                    first, last = driven.size * band // bands, driven.size * (band + 1) // bands
+                    drive(first, last, number, position, velocity, parameters, bodies, driven)
 
     return compiler.team(advance)

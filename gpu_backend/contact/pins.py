@@ -11,9 +11,11 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
+from numba import cuda
 
-from gpu_backend.core.compile import inlined
+from gpu_backend.core.compile import inlined, kernel_options, make_kernel, variant_name
 from gpu_backend.core.formulas import device_formulas
+from gpu_backend.core.quads import load_quad, store_quad
 from model.core.build import Body
 from model.core.errors import SceneError
 from model.formulas import cloth, motion
@@ -93,3 +95,28 @@ def make_pins(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
         return x, y, z, vx, vy, vz
 
     return SimpleNamespace(follow=follow, hold=hold)
+
+
+@cache
+def make_drive(real: Any, math: str) -> Any:
+    """drive(position, velocity, record, bodies, driven, first, pins, counter, place, substeps, substep): where their motion
+    has pinned particles, and how fast, as a substep ends: of `driven` (pins,), all that are pinned, whose rows begin at
+    `first` of `bodies`; those that follow nothing stay as they are."""
+    follow = make_pins(real, math, frozenset({"motion"})).follow
+    instant = device_formulas(cloth.make, real, math).instant
+    zero, one, nobody, wide = real(0), np.int64(1), real(0), np.int32(PIN_FIELDS)
+
+    def drive(position, velocity, record, bodies, driven, first, pins, counter, place, substeps, substep):
+        parameters = record[0]
+        n = np.int32(cuda.grid(1))  # type: ignore[call-arg]
+        if n < pins:
+            pin = np.int32(first + wide * n)
+            if bodies[pin + P_MOTION] >= nobody:
+                number = (counter[0] + place) * substeps + substep
+                time = instant(number + one, parameters.dt, parameters.first_step, parameters.first_time)
+                x, y, z, vx, vy, vz = follow(bodies, pin, time)
+                k = driven[n]
+                store_quad(position, k, x, y, z, load_quad(position, k)[3])
+                store_quad(velocity, k, vx, vy, vz, zero)
+
+    return make_kernel(drive, f"pins_{variant_name(real, math)}", **kernel_options(math))

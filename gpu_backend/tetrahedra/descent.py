@@ -94,15 +94,18 @@ class VertexBlockDescent(Tetrahedra):
         self._begin[self._flat](before, velocity, self._inertial, *self._lists, self.record, self.integers, *time)
         for _, launch in self._first:
             launch(before, velocity, now)
+        self._drive(now, new_velocity, time)
         for _ in range(self.scene.method.iterations):
             for _, launch in self._visits:
                 launch(before, velocity, now)
         self._end[self._flat](before, now, new_velocity, self.record, self.bodies, self.integers, *time)
+        self._drive(now, new_velocity, time)
 
     @property
     def _launches(self) -> int:
         method = self.scene.method
-        return method.substeps * (2 + len(self._first) + method.iterations * len(self._visits))
+        pins = 2 * (self._pins is not None)
+        return method.substeps * (2 + pins + len(self._first) + method.iterations * len(self._visits))
 
     def _stages(self) -> dict[str, StageRun]:
         position, velocity, before = self.position[0], self.velocity[0], self.position[1]

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
+from gpu_backend.contact.pins import make_drive
 from gpu_backend.core.constraints import make_projections
 from gpu_backend.core.device import simulated
 from gpu_backend.core.launch import Graphs, can_capture
@@ -29,15 +30,16 @@ from model.core.plan import Executor, Moment, Plan, StageRun
 from model.core.simulation import Options
 from model.geometry.tables import wind_lists
 from model.geometry.topology import mesh_of
-from model.mass_spring.cloth_parameters import collider_numbers
+from model.mass_spring.cloth_parameters import pin_velocity
 from model.scene.scene import Scene
+from model.tetrahedra.targets import Targeted
 from model.xpbd.mesh_constraints import attachment_set, constraint_sets, projections_of
 from model.xpbd.mesh_plan import stage_name, xpbd_mesh_plan
 
 THREADS = 128  # a block: small ones leave more of a colour's few thousand constraints to every processor
 
 
-class MeshPositionBased(SubstepSimulation):
+class MeshPositionBased(Targeted, SubstepSimulation):
     """See model/core/simulation.py for the contract. `threads` is the number of threads a block.
 
     Other particles that constraints hold say which those are, and what their surface is: `_plan_of`, `_constraints`,
@@ -83,7 +85,9 @@ class MeshPositionBased(SubstepSimulation):
 
     def _allocate(self) -> None:
         scene, real = self.scene, self.real
-        self._allocate_quads(collider_numbers(scene, real))
+        self._rows, self._first_pin = self._driven_rows()
+        self._allocate_quads(self._rows)
+        self.driven = self.on_device(self.body.pinned.astype(np.int32)) if self._first_pin else None
         self._weight = (self.body.inverse_mass * scene.grid.mass).astype(real)
         self._lists = [self.on_device(array) for array in self._surface_lists()]
         self.contacts = self._contacts()
@@ -95,6 +99,7 @@ class MeshPositionBased(SubstepSimulation):
         self._tools = SimpleNamespace(**vars(make_cloth_tools(self.real)) | vars(make_mesh_tools(self.real)))
         variant, parts = (self.real, self.options.math), forces_of(self.plan.parts)
         self._begin, self._end = make_mesh_begin(*variant, parts), make_end(*variant, parts, AXES)
+        self._pins = make_drive(*variant) if self._first_pin else None
         self._colours: list[tuple[str, Callable[[Any, Any, bool], None]]] = []
         for found, projection in zip(*self._constraints(), strict=True):
             self._colours += self._projections(found, projection)
@@ -128,6 +133,16 @@ class MeshPositionBased(SubstepSimulation):
 
     # ------------------------------------------------------------------ a step
 
+    def _drive(self, position: Any, velocity: Any, time: tuple[Any, ...]) -> None:
+        """Launch what puts pins where their motion has them as a substep ends, where there are such; `time`: counter, place,
+        substeps, substep."""
+        if self._pins is not None:
+            count = len(self.body.pinned)
+            first = np.int32(self._first_pin), np.int32(count)
+            self._pins[self._over(count, THREADS)](
+                position, velocity, self.record, self.bodies, self.driven, *first, *time
+            )
+
     def _substep(self, place: int, substep: int) -> None:
         """Launch one substep, from the current buffers into the others; `place`: the step's after the counter."""
         before, velocity = self.position[self._current], self.velocity[self._current]
@@ -135,6 +150,7 @@ class MeshPositionBased(SubstepSimulation):
         now, new_velocity = self.position[self._current], self.velocity[self._current]
         time = self._counter, np.int64(place), np.int64(self.scene.method.substeps), np.int64(substep)
         self._begin[self._flat](before, velocity, now, *self._lists, self.record, self.integers, *time)
+        self._drive(now, new_velocity, time)
         if self.contacts:
             self.contacts.find(before, now)
         for iteration in range(self.scene.method.iterations):
@@ -143,6 +159,7 @@ class MeshPositionBased(SubstepSimulation):
             if self.contacts:
                 self.contacts.project(before, now)
         self._end[self._flat](before, now, new_velocity, self.record, self.bodies, self.integers, *time)
+        self._drive(now, new_velocity, time)
 
     @property
     def _launches(self) -> int:
@@ -150,7 +167,8 @@ class MeshPositionBased(SubstepSimulation):
         method, find, project = self.scene.method, 0, 0
         if self.contacts:
             find, project = self.contacts.finding, self.contacts.projecting
-        return method.substeps * (2 + find + method.iterations * (len(self._colours) + project))
+        pins = 2 * (self._pins is not None)
+        return method.substeps * (2 + pins + find + method.iterations * (len(self._colours) + project))
 
     def _stages(self) -> dict[str, StageRun]:
         """What runs each stage of the plan by itself. The state keeps its buffer; a substep's first one is copied aside."""
@@ -175,6 +193,10 @@ class MeshPositionBased(SubstepSimulation):
                 before, position, velocity, self.record, self.bodies, self.integers, np.int64(moment.number)
             )
 
+        def pins(moment: Moment) -> None:
+            time = self._counter, np.int64(0), np.int64(moment.substeps), np.int64(moment.substep)
+            self._drive(position, velocity, time)
+
         contacts = self.contacts
         touching: dict[str, StageRun] = {}
         if contacts:
@@ -183,14 +205,21 @@ class MeshPositionBased(SubstepSimulation):
         return (
             {name: colour(project) for name, project in self._colours}
             | touching
-            | {
-                "predict": predict,
-                "update velocity": update,
-                "collide": collide,
-            }
+            | {"predict": predict, "pins": pins, "update velocity": update, "collide": collide}
         )
 
     # ------------------------------------------------------------------ the contract
+
+    def _send_rows(self, rows: np.ndarray) -> None:
+        self._rows[...] = rows
+        self.bodies.copy_to_device(self._rows, stream=self.stream)
+        self.synchronize()
+
+    def _pin_velocity(self, step: int) -> Any:
+        if not self._first_pin:
+            return 0
+        number = step * self.scene.method.substeps
+        return pin_velocity(self._rows, self._first_pin, len(self.body.pinned), number, self._record)
 
     def _normal_arguments(self) -> tuple[Any, ...]:
         return tuple(self._lists)

@@ -20,6 +20,7 @@ LIVE_PATHS = {  # what may be named in `live=`, and the stage that then is compi
     "dt": ("method.dt",),
     "stiffness": ("springs.stiffness", *(f"{kind}.stiffness" for kind in CONSTRAINT_KINDS)),
     "damping": ("damping.coefficient",),
+    "targets": (),
     "wind": ("wind.velocity", "wind.density", "wind.drag", "wind.lift"),
 }
 

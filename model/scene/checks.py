@@ -14,6 +14,7 @@ from model.scene.parts import Elastic, Method
 from model.scene.scene_parts import KINDS, SceneParts
 from model.scene.tetrahedra import TETRAHEDRAL_KINDS
 from model.scene.xpbd import XPBD_KINDS
+from model.tetrahedra.selection import check_word
 
 OF_MESHES = tuple(kind for kind in CONSTRAINT_KINDS if kind not in SPRING_KINDS)
 NOT_OF_MESHES = ("shear", "fold", "motion", "load", "self_collision")
@@ -21,13 +22,10 @@ GRID_ONLY = ("springs", "manufactured")
 MATCHED = ("grid", "springs", "damping", "gravity", "external", "perturbation", "method")  # by clusters of masses
 SOLVERS_OF_TETRAHEDRA = ("xpbd", *TETRAHEDRAL_SOLVERS)
 SUBSTEPS = 20  # of tetrahedra, unless told: a beam of 1e6 Pa then sags as its mesh says, to a fifth
-OF_TETRAHEDRA = (*TETRAHEDRAL_KINDS, "contact", "damping", "external", "gravity", "method", *COLLIDER_KINDS)
-OF_PARTICLES = (
-    "restitution",
-    "adhesion_reach",
-    "maximum_speed",
-    "sleeping_speed",
-)  # what surfaces do not know of contacts
+OF_TETRAHEDRA = (
+    *TETRAHEDRAL_KINDS, "contact", "damping", "external", "gravity", "method", "motion", "region", *COLLIDER_KINDS,
+)  # fmt: skip
+OF_PARTICLES = ("restitution", "adhesion_reach", "maximum_speed", "sleeping_speed")  # surfaces know nothing of these
 OF_BODIES = (*BODY_KINDS, "contact", "damping", "gravity", "method", *COLLIDER_KINDS)  # what goes with them
 
 
@@ -39,6 +37,7 @@ def check_fit(scene: SceneParts) -> None:
     if scene.bodies:
         _check_bodies(scene)
         return
+    _refuse(scene, ("region",), "is for tetrahedral bodies; leave it out")
     of_cloth = {*CLOTH_KINDS, *COLLIDER_KINDS, "self_collision"} - {"cloth", *OF_MESHES}
     _refuse(
         scene,
@@ -70,6 +69,9 @@ def _check_tetrahedra(scene: SceneParts) -> None:
     """Raise SceneError for what does not go with tetrahedral bodies, or not yet."""
     told = ", ".join(OF_TETRAHEDRA)
     _refuse(scene, KINDS.keys() - OF_TETRAHEDRA, f"does not go with tetrahedral bodies, which have {told}")
+    for name, part in scene.tetrahedra.items():
+        for word in part.pinned:
+            check_word(f"{name}.pinned", word, scene.regions)
     method = scene.one("method")
     if method is None:
         scene.parts["method"], scene.kinds["method"] = Method(solver="xpbd", substeps=SUBSTEPS), "method"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from math import hypot, inf
+from typing import Any
 
 import numpy as np
 from pydantic import field_validator, model_validator
@@ -20,9 +21,11 @@ class Motion(Part):
 
     At t seconds after `start` a mass that rests at p is at center + R(angular_velocity t) (p - center) + velocity t, R the
     rotation about `axis` (anticlockwise seen from where it points to). Before, it rests at p; after `duration`, where it is.
+    Of tetrahedral bodies `pins` is a side, a region or `all`: the pinned vertices there, of one `body` or of every one.
     """
 
-    pins: Pins  # pinned masses of the sheet, as its `pinned`
+    pins: Pins  # pinned masses of the sheet, as its `pinned`; of tetrahedral bodies a side, a region or all
+    body: str | None = None  # a tetrahedral one; of all of them unless given
     velocity: Vector = (0.0, 0.0, 0.0)  # m/s
     axis: Vector = (1.0, 0.0, 0.0)
     center: Vector = (0.0, 0.0, 0.0)  # m
@@ -33,8 +36,8 @@ class Motion(Part):
     @field_validator("pins", mode="before")
     @classmethod
     def _pins_are_a_word_or_a_list(cls, value: object) -> object:
-        pins = checked_pins(value)
-        if pins in ("none", []):
+        pins = value if isinstance(value, str) else checked_pins(value)  # what words there are hangs on what has pins
+        if pins in ("none", "", []):
             raise ValueError(f"must name a mass: {PIN_RULE.removeprefix('none, ')}")
         return pins
 
@@ -47,21 +50,35 @@ class Motion(Part):
             raise ValueError(f"angular_velocity: turns by {radians:.3g} rad in all, at most {MAX_RADIANS:g}")
         return self
 
+    def _idle_fields(self) -> set[str]:
+        return super()._idle_fields() | ({"body"} if self.body is None else set())
+
     @property
     def moves(self) -> bool:
         """Whether it is a motion at all."""
         return self.angular_velocity != 0 or any(self.velocity)
 
 
-def motions_of_pins(sheet: Grid, motions: Mapping[str, Motion]) -> np.ndarray:
+def motions_of_pins(sheet: Grid | Any, motions: Mapping[str, Motion]) -> np.ndarray:
     """(pins,) int64: for each pinned mass of the sheet, by index, the number of its motion in `motions`, -1: it has none.
+    What is no sheet of rows says so itself: `pin_motions`.
 
     Raises SceneError for a motion of masses that are not pinned, or of one that another motion moves.
     """
+    if not isinstance(sheet, Grid):
+        found: np.ndarray = sheet.pin_motions(motions)
+        return found
     pinned = pin_indices(sheet.pinned, sheet.rows, sheet.columns)
     numbers = np.full(len(pinned), -1, np.int64)
     names = list(motions)
     for number, (name, motion) in enumerate(motions.items()):
+        if motion.body is not None:
+            raise SceneError(f"{name}.body", motion.body, "is for tetrahedral bodies; leave it out")
+        if isinstance(motion.pins, str):
+            try:
+                checked_pins(motion.pins)
+            except ValueError as error:
+                raise SceneError(f"{name}.pins", motion.pins, str(error)) from None
         if isinstance(motion.pins, list):
             for row, column in motion.pins:
                 if not (0 <= row < sheet.rows and 0 <= column < sheet.columns):

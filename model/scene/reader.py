@@ -16,10 +16,11 @@ from model.geometry.mesh_files import FORMATS
 from model.geometry.topology import is_file, own_meshes
 from model.scene.bodies import BODY_KINDS
 from model.scene.cloth import SURFACE_KINDS
+from model.scene.tetrahedra import TETRAHEDRAL_KINDS
 from model.scene.words import suggestion
 
 TOO_LONG = re.compile(r"[0-9_]{1000,}")  # digits of a whole number that Python may refuse to read
-OF_MESHES = ("mesh", *SURFACE_KINDS, *BODY_KINDS)  # kinds of part that may name a file
+OF_MESHES = ("mesh", "region", *SURFACE_KINDS, *BODY_KINDS, *TETRAHEDRAL_KINDS)  # kinds of part that may name a file
 
 
 def catalogue() -> dict[str, Path]:

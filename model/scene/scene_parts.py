@@ -43,6 +43,7 @@ from model.scene.parts import (
     Perturbation,
     Springs,
 )
+from model.scene.regions import Region
 from model.scene.self_collision import SelfCollision
 from model.scene.tetrahedra import TETRAHEDRAL_KINDS, TetrahedralBody
 from model.scene.words import scene_error, suggestion
@@ -58,7 +59,7 @@ KINDS: dict[str, type[Part]] = (
     | XPBD_KINDS
     | BODY_KINDS
     | TETRAHEDRAL_KINDS
-    | {"contact": Contact}
+    | {"contact": Contact, "region": Region}
 )
 SHEETS = ("grid", "cloth", "mesh")  # a scene has one of them
 SEVERAL = (
@@ -68,6 +69,7 @@ SEVERAL = (
     *COLLIDER_KINDS,
     "load",
     "motion",
+    "region",
 )  # may be more than one, or are refused otherwise
 
 
@@ -148,7 +150,7 @@ class SceneParts:
     @cached_property
     def tetrahedra_set(self) -> TetrahedraSet:
         """All of them together, cut when first asked for. Raises SceneError, InputError (a body)."""
-        return make_tetrahedra_set(self.tetrahedra)
+        return make_tetrahedra_set(self.tetrahedra, self.regions)
 
     @property
     def cloth(self) -> Cloth | None:
@@ -179,6 +181,11 @@ class SceneParts:
     def motions(self) -> dict[str, Motion]:
         """What pinned masses follow, by the part's name."""
         return self.all_of("motion")
+
+    @property
+    def regions(self) -> dict[str, Region]:
+        """Parts of tetrahedral bodies, by the part's name."""
+        return self.all_of("region")
 
     @property
     def loads(self) -> dict[str, Load]:

@@ -11,8 +11,6 @@ from model.scene.mesh_source import MeshSource
 from model.scene.parts import ZERO, Count, NotNegative, Positive, Vector
 
 MaterialName = Literal["fixed-corotated", "corotated", "neo-hookean"]
-Side = Literal["left", "right", "bottom", "top", "back", "front"]  # of x, y and z: the lower one first
-SIDES: tuple[Side, ...] = ("left", "right", "bottom", "top", "back", "front")
 LARGEST_RATIO = 0.499  # above it lambda / mu is over 500, and a linear tetrahedron does nothing but lock
 
 
@@ -23,8 +21,9 @@ class TetrahedralBody(MeshSource):
     tetrahedra (.msh, .vtk, .ele with .node, .npz) as they are. Of `material`: energies per
     volume of the stretches s and the volume ratio J, mu sum (s - 1)^2 + lambda / 2 (J - 1)^2 (`fixed-corotated`), with
     (sum (s - 1))^2 in place of (J - 1)^2 (`corotated`), or the stable neo-Hookean one. `damping` is a time: a stress damping
-    * the rate at which the elastic one changes. `pinned`: sides of the mesh's box whose vertices stay where they are. With a
-    `[contact]` bodies meet one another, and themselves where `self_collision` says so.
+    * the rate at which the elastic one changes. `pinned`: sides of the mesh's box, regions or `all`, whose vertices stay
+    where they are, or follow a motion. With a `[contact]` bodies meet one another, and themselves where `self_collision`
+    says so.
     """
 
     such_as: ClassVar[str] = "beam"
@@ -41,7 +40,7 @@ class TetrahedralBody(MeshSource):
     density: Positive = 1000.0  # kg/m^3
     damping: NotNegative = 0.0  # s
     self_collision: Annotated[bool, Field(strict=True)] = False  # its far parts meet
-    pinned: tuple[Side, ...] = ()  # of left, right (x), bottom, top (y), back, front (z)
+    pinned: tuple[str, ...] = ()  # of left, right (x), bottom, top (y), back, front (z), all, and names of regions
     velocity: Vector = ZERO  # m/s
     spin: Vector = ZERO  # rad/s, about its centre
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -16,12 +16,15 @@ from model.geometry.lists import Lists, grouped
 from model.geometry.measures import edge_lengths, rotation_matrix
 from model.geometry.tetrahedra.mesh import TetrahedralMesh, rest_inverse
 from model.geometry.topology import mesh_path
-from model.scene.tetrahedra import SIDES, TetrahedralBody
+from model.scene.motion import Motion
+from model.scene.regions import Region
+from model.scene.tetrahedra import TetrahedralBody
+from model.tetrahedra.selection import body_numbers, check_word, motion_numbers, vertices_of
 
-AT_THE_SIDE = 1e-6  # of the longest side: so near to a side of its box a vertex lies in it
 ELEMENT_BYTES = (
     400  # on the host, of a tetrahedron: corners, values in float64 and in the kernels' arithmetic, multipliers
 )
+NO_REGIONS: Mapping[str, Region] = {}
 PAIRS = ((0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3))  # corners that an edge joins
 
 
@@ -56,7 +59,8 @@ class TetrahedraSet:
 
     `position`, `velocity` (particles, 3) float64 [m], [m/s] at the start, where nothing is strained; `masses` (particles,)
     [kg]; `pinned_vertices`, ascending; `body` (tetrahedra,) int32: which of `parts` each is of; `tetrahedra` (tetrahedra, 4)
-    int32; `rest_inverse` (tetrahedra, 3, 3): of the matrix with the edges from the first corner as columns; `volume`
+    int32; `own` (particles, 3) [m]: where the meshes themselves have them, neither turned nor moved; `regions`: of the scene;
+    `rest_inverse` (tetrahedra, 3, 3): of the matrix with the edges from the first corner as columns; `volume`
     (tetrahedra,) [m^3]; `surface` (triangles, 3) int32; `first_particle` of each body; `skin`. To the rest of the lab it is a
     row of masses: `rows` 1, `columns` all, `spacing` the mean edge [m], `mass` the mean one.
     """
@@ -74,6 +78,8 @@ class TetrahedraSet:
     surface: np.ndarray
     first_particle: np.ndarray
     skin: Skin
+    own: np.ndarray
+    regions: Mapping[str, Region] = field(default_factory=dict)
     rows: int = 1
     spring_count: int = 0
 
@@ -120,6 +126,27 @@ class TetrahedraSet:
         """Its longest side [m]."""
         return float(np.ptp(self.position, axis=0).max())
 
+    def chosen(self, word: str, body: str | None = None, field: str = "pinned") -> np.ndarray:
+        """(vertices,) int64, ascending: those of a body, or of every one, that a side, a region or `all` means. Raises
+        SceneError, which names the `field` where there is no such body."""
+        ends = [*self.first_particle[1:], self.particle_count]
+        found = [np.zeros(0, np.int64)]
+        for number in body_numbers(field, body, self.names):
+            some = slice(self.first_particle[number], ends[number])
+            found.append(vertices_of(word, self.own[some], self.position[some], self.regions) + some.start)
+        return np.concatenate(found)
+
+    def pin_motions(self, motions: Mapping[str, Motion]) -> np.ndarray:
+        """(pins,) int64: of each pinned vertex the number of its motion in `motions`, -1: it has none. Raises SceneError."""
+        chosen = {}
+        for name, motion in motions.items():
+            if not isinstance(motion.pins, str):
+                raise SceneError(f"{name}.pins", motion.pins, "must be a side, a region or all for tetrahedral bodies")
+            check_word(f"{name}.pins", motion.pins, self.regions)
+            there = self.chosen(motion.pins, motion.body, f"{name}.body")
+            chosen[name] = np.intersect1d(there, self.pinned_vertices) if motion.pins == "all" else there
+        return motion_numbers(motions, self.pinned_vertices, self.names, chosen)
+
     def __str__(self) -> str:
         """`5289 particles and 19 875 tetrahedra of 4 bodies`."""
         bodies = "1 body" if len(self.parts) == 1 else f"{len(self.parts)} bodies"
@@ -131,14 +158,16 @@ class TetrahedraSet:
         return both[:, 0], both[:, 1]
 
 
-def make_tetrahedra_set(parts: Mapping[str, TetrahedralBody]) -> TetrahedraSet:
-    """The set of a scene's bodies, by name. Raises SceneError, InputError, which name the body."""
+def make_tetrahedra_set(
+    parts: Mapping[str, TetrahedralBody], regions: Mapping[str, Region] = NO_REGIONS
+) -> TetrahedraSet:
+    """The set of a scene's bodies, by name; `regions`: the scene's. Raises SceneError, InputError, which name the body."""
     made: list[tuple[TetrahedralMesh, np.ndarray, np.ndarray]] = []
     bodies: list[CookedBody] = []
     for name, part in parts.items():
         try:
             bodies.append(cut(part))
-            made.append(_placed(part, bodies[-1].mesh))
+            made.append(_placed(part, bodies[-1].mesh, regions))
         except SceneError as error:
             raise SceneError(f"{name}.{error.field}", error.value, error.allowed) from None
         except InputError as error:
@@ -165,6 +194,8 @@ def make_tetrahedra_set(parts: Mapping[str, TetrahedralBody]) -> TetrahedraSet:
         np.concatenate([mesh.surface + start for mesh, start in zip(meshes, first, strict=False)]).astype(np.int32),
         first[:-1],
         _skin(bodies, first),
+        np.concatenate([one.mesh.position for one in bodies]),
+        regions,
     )
 
 
@@ -189,25 +220,17 @@ def _skin(bodies: list[CookedBody], first: np.ndarray) -> Skin:
     )
 
 
-def _placed(part: TetrahedralBody, mesh: TetrahedralMesh) -> tuple[TetrahedralMesh, np.ndarray, np.ndarray]:
+def _placed(
+    part: TetrahedralBody, mesh: TetrahedralMesh, regions: Mapping[str, Region]
+) -> tuple[TetrahedralMesh, np.ndarray, np.ndarray]:
     """(mesh where the scene has it, velocities (particles, 3) [m/s], pinned vertices)."""
-    pinned = _at_sides(mesh.position, part.pinned)
     axis = np.asarray(part.axis, dtype=np.float64)
     turn = rotation_matrix(axis / (float(np.linalg.norm(axis)) or 1.0), np.radians(part.angle))
     here = mesh.position @ turn.T + part.origin
+    held = [vertices_of(word, mesh.position, here, regions) for word in part.pinned]
+    pinned = np.unique(np.concatenate([np.zeros(0, np.int64), *held]))
     mass = mesh.masses(part.density)[:, None]
     centre = (mass * here).sum(axis=0) / mass.sum()
     moving = np.asarray(part.velocity) + np.cross(np.asarray(part.spin), here - centre)
     moving[pinned] = 0.0
     return TetrahedralMesh(here, mesh.tetrahedra), moving, pinned
-
-
-def _at_sides(position: np.ndarray, sides: tuple[str, ...]) -> np.ndarray:
-    """(pins,) int64, ascending: the vertices in these sides of the box around `position`, before it is turned."""
-    low, high = position.min(axis=0), position.max(axis=0)
-    near = AT_THE_SIDE * float((high - low).max())
-    held = np.zeros(len(position), bool)
-    for side in sides:
-        axis, upper = divmod(SIDES.index(side), 2)
-        held |= position[:, axis] >= high[axis] - near if upper else position[:, axis] <= low[axis] + near
-    return np.flatnonzero(held)

@@ -28,7 +28,9 @@ def tetrahedra_parts(scene: Scene, live: frozenset[str] = frozenset()) -> frozen
     damped = {DAMPED} if any(part.damping > 0 for part in bodies) else set()
     blocks = {BLOCKS} if scene.method.rows == "blocks" else set()
     iterated = {ITERATED} if scene.method.iterations > 1 else set()
-    return xpbd_parts(scene, live) | {"load"} | {part.material for part in bodies} | damped | blocks | iterated
+    told = {"motion"} if "targets" in live and len(scene.tetrahedra_set.pinned_vertices) else set()
+    parts = xpbd_parts(scene, live) | {"load"} | {part.material for part in bodies}
+    return parts | damped | blocks | iterated | told
 
 
 def materials(parts: frozenset[str]) -> tuple[str, ...]:

@@ -161,6 +161,7 @@ def vbd_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
             colours.append(Stage(stage_name("descend", found.material, colour), 2, 1, round(float(operations))))
     (substep,) = bare.root.children
     assert isinstance(substep, Node)
-    predict, _, *end = substep.children
-    steps = predict, *begin, Node("iteration", tuple(colours), method.iterations), *end
+    at = next(place for place, one in enumerate(substep.children) if isinstance(one, Node))
+    (predict, *pins), end = substep.children[:at], substep.children[at + 1 :]
+    steps = predict, *begin, *pins, Node("iteration", tuple(colours), method.iterations), *end
     return Plan(Node("step", (Node("substep", steps, method.substeps),)), bare.fused_scalars, parts, dimensions=3)

@@ -38,7 +38,9 @@ def _strain(scene: Scene, position: np.ndarray, kind: str, plastic: np.ndarray |
 
 TETRAHEDRA = SolverFamily(
     name="tetrahedral body",
-    knows=frozenset({"tetrahedral_body", "contact", "gravity", "external", "damping", "method", *COLLIDER_KINDS}),
+    knows=frozenset(
+        {"tetrahedral_body", "contact", "gravity", "external", "damping", "method", "motion", "region", *COLLIDER_KINDS}
+    ),
     accepts=lambda scene: bool(scene.tetrahedra) and scene.method.solver == "xpbd",
     plan=tetrahedra_plan,
     record=tetrahedra_record,

@@ -28,6 +28,7 @@ from model.tetrahedra.constraints import tetrahedra_parts, through_note
 from model.tetrahedra.family import TETRAHEDRA
 from model.tetrahedra.material import rest_ratio
 from model.xpbd.family import with_limit
+from model.xpbd.mesh_plan import PINS
 from model.xpbd.parameters import XPBD_FIELDS, xpbd_values
 
 CONSTANTS = ("newton_inertia", "newton_rate")  # of the record: the mean mass over h^2 [kg/s^2], 1 / h [1/s]
@@ -96,11 +97,12 @@ def newton_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
         ),
     )
     newton = Node("iteration", (rows, solve, Stage("move", 2, 1, 6), look), method.iterations)
-    last: list[Node | Stage] = [Stage("update velocity", 2, 1, 3 * distance.OPERATIONS_UPDATE)]
+    pins = (PINS,) if "motion" in parts else ()
+    last: list[Node | Stage] = [Stage("update velocity", 2, 1, 3 * distance.OPERATIONS_UPDATE), *pins]
     if scene.colliders:
         touched = sum(colliders.OPERATIONS[kind] for kind, _ in scene.colliders)
         last.append(Stage("collide", 2, 2, touched, 1.0))
-    substep = Node("substep", (Stage("predict", 2, 3, forces), look, newton, *last), method.substeps)
+    substep = Node("substep", (Stage("predict", 2, 3, forces), *pins, look, newton, *last), method.substeps)
     root = Node("step", (substep,))
     return Plan(root, sum(stage.reads + stage.writes for stage in root.stages()), parts, dimensions=3)
 

@@ -13,6 +13,8 @@ from model.scene.scene import Scene
 from model.xpbd.mesh_constraints import constraint_sets, model_of, operations_of, projection_of, wanted
 from model.xpbd.plan import LOOKED_AT, xpbd_parts
 
+PINS = Stage("pins", 0, 0, 0, 1.0)  # that follow a motion: where they are as a substep ends, and how fast
+
 
 def mesh_parts(scene: Scene, live: frozenset[str] = frozenset()) -> frozenset[str]:
     """The parts that need code: a sheet's (model/xpbd/plan.py), and the model of each kind of constraint, as
@@ -57,15 +59,18 @@ def constrained_plan(scene: Scene, parts: frozenset[str], sets: Sequence[tuple[C
     if "attachments" in parts and scene.attachments:
         operations = scene.attachments.anchors * distance.OPERATIONS_ATTACHMENT
         colours.append(Stage(stage_name("attachments", "tether", 0), 1, 1, operations))
+    pins = (PINS,) if "motion" in parts else ()
     search: list[Stage] = []
     if scene.contact:  # of surfaces
         search.append(Stage("find contacts", 3, 2, LOOKED_AT * contact.OPERATIONS_NEAREST))
         colours.append(Stage("project contacts", 2, 1, scene.contact.sweeps * contact.OPERATIONS_CONTACT))
     stages: list[Node | Stage] = [
         Stage("predict", 2, 2, forces),
+        *pins,
         *search,
         Node("iteration", tuple(colours), method.iterations),
         Stage("update velocity", 2, 1, 3 * distance.OPERATIONS_UPDATE),
+        *pins,
     ]
     if scene.colliders:
         touched = sum(colliders.OPERATIONS[kind] for kind, _ in scene.colliders)

@@ -54,3 +54,18 @@ def test_blocks_compile_likewise() -> None:
 def test_multipliers_are_only_there_where_they_are_kept() -> None:
     once, kept = (text_of("fixed-corotated", np.float32, "fast", *more) for more in ((), (ITERATED,)))
     assert once.count("st.global.f32") == 0 and kept.count("st.global.f32") == 2
+
+
+@pytest.mark.parametrize("real,math", [(np.float32, "fast"), (np.float32, "exact"), (np.float64, "exact")])
+def test_pins_that_move_compile_likewise(real: Any, math: str) -> None:
+    from numba import cuda, types
+
+    from gpu_backend.contact.pins import make_drive
+
+    reals = (types.float32 if real is np.float32 else types.float64)[::1]
+    i, n, wide = types.int32, types.int32[::1], types.int64
+    arguments = reals, reals, record_of(real, "tetrahedra"), reals, n, i, i, wide[::1], wide, wide, wide
+    text, _ = cuda.compile_ptx(make_drive(real, math).py_func, arguments, cc=(9, 0), fastmath=math == "fast")
+    body = str(text[text.index(".entry") :])
+    assert ".local" not in body and "call" not in body
+    assert ".f64" not in body if real is np.float32 else "fma.rn.f64" not in body

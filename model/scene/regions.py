@@ -1,0 +1,117 @@
+"""Parts of bodies by where they are when a scene begins: boxes, balls, capsules, half-spaces, and what is within a mesh."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from math import hypot
+from typing import ClassVar, Literal
+
+import numpy as np
+from pydantic import model_validator
+
+from model.core.errors import InputError
+from model.geometry.measures import rotation_matrix
+from model.geometry.mesh import TriangleMesh, read_mesh
+from model.geometry.shapes import Shape
+from model.geometry.solid import solid
+from model.geometry.topology import file_digest, mesh_path
+from model.geometry.voxels import winding_numbers
+from model.scene.parts import ZERO, Number, Part, Positive, Vector
+
+Side = Literal["left", "right", "bottom", "top", "back", "front"]  # of x, y and z: the lower one first
+SIDES: tuple[Side, ...] = ("left", "right", "bottom", "top", "back", "front")
+WORDS = (*SIDES, "all")
+WAYS = (("low", "high"), ("center",), ("start", "end"), ("point", "normal"), ("shape",), ("file",))  # to tell a region
+OF_MESHES = ("scale", "origin", "angle", "axis")
+
+
+class Region(Part):
+    """What lies there when the scene begins: tables of bodies name a region to say which of their vertices or tetrahedra.
+
+    One of: a box from `low` to `high`, without one of them unbounded; a ball of `radius` about `center`; a capsule, all
+    points within `radius` of the segment from `start` to `end`; the side of the plane through `point` to which `normal`
+    points; or what a closed mesh encloses, one of the lab's `shape`s or a `file`, turned by `angle` about `axis` and
+    moved to `origin`.
+    """
+
+    told_by: ClassVar[str] = "low and high, center and radius, start, end and radius, point and normal, shape, or file"
+
+    low: Vector | None = None  # m
+    high: Vector | None = None  # m
+    center: Vector | None = None  # m
+    start: Vector | None = None  # m
+    end: Vector | None = None  # m
+    radius: Positive | None = None  # m
+    point: Vector | None = None  # m
+    normal: Vector | None = None
+    shape: Shape | None = None  # of the lab's own
+    file: str | None = None  # .obj, .stl or .ply
+    digest: str | None = None  # of the file's bytes, written where the scene is: it must still be that file
+    scale: Positive = 1.0  # m per unit of the file
+    origin: Vector = ZERO  # m
+    angle: Number = 0.0  # degrees
+    axis: Vector = (0.0, 1.0, 0.0)
+
+    @model_validator(mode="after")
+    def _is_one_of_them(self) -> Region:
+        given = [way for way in WAYS if any(getattr(self, field) is not None for field in way)]
+        if len(given) != 1:
+            raise ValueError(f"shape: a region is told by one of: {self.told_by}")
+        (way,) = given
+        missing = [field for field in way if getattr(self, field) is None and way != ("low", "high")]
+        round_one = way in (("center",), ("start", "end"))
+        if missing or round_one != (self.radius is not None):
+            field = (missing or ["radius"])[0]
+            raise ValueError(f"{field}: a region is told by one of: {self.told_by}")
+        if self.normal is not None and hypot(*self.normal) == 0:
+            raise ValueError("normal: must not be zero")
+        if self.angle != 0 and not any(self.axis):
+            raise ValueError("axis: must point somewhere, such as [0.0, 1.0, 0.0]")
+        if self.low and self.high and any(a > b for a, b in zip(self.low, self.high, strict=True)):
+            raise ValueError(f"high: must be at least low, {list(self.low)}")
+        if self.shape is not None and self.shape.name in ("sheet", "terrain"):
+            raise ValueError(f"shape: a {self.shape.name} has no inside; take a box, a beam, a torus ...")
+        if self.file is None and self.scale != 1:
+            raise ValueError("scale: belongs to a file; a shape has a scale of its own")
+        if self.file is not None:
+            digest = file_digest(mesh_path(self.file))
+            if self.digest not in (None, digest):
+                raise ValueError(f"digest: {self.file} is another file by now ({digest}); leave it out")
+            self.__dict__["digest"] = digest  # the part is frozen for everyone else
+        return self
+
+    def _idle_fields(self) -> set[str]:
+        idle = {name for name in type(self).model_fields if getattr(self, name) is None}
+        return idle if self.shape or self.file else idle | set(OF_MESHES)
+
+    def holds(self, position: np.ndarray, near: float) -> np.ndarray:
+        """(points,) bool: which of `position` (points, 3) [m] lie in it, or at most `near` [m] outside; of a mesh, inside.
+
+        Raises InputError for a mesh without an inside."""
+        if self.point is not None and self.normal is not None:
+            normal = np.asarray(self.normal) / hypot(*self.normal)
+            return np.asarray((position - self.point) @ normal >= -near)
+        if self.radius is not None:
+            start = np.asarray(self.start or self.center)
+            way = np.asarray(self.end or start) - start
+            squared = float(way @ way)
+            share = np.clip((position - start) @ way / squared, 0, 1) if squared else np.zeros(len(position))
+            apart = position - start - share[:, None] * way
+            return np.asarray(np.linalg.norm(apart, axis=1) <= self.radius + near)
+        if self.shape is not None or self.file is not None:
+            return np.asarray(winding_numbers(position, *self._surface) > 0.5)
+        low = -np.inf if self.low is None else np.asarray(self.low) - near
+        high = np.inf if self.high is None else np.asarray(self.high) + near
+        return np.asarray(((position >= low) & (position <= high)).all(axis=1))
+
+    @cached_property
+    def _surface(self) -> tuple[np.ndarray, np.ndarray]:
+        """(vertices (n, 3) [m], triangles), where the scene has it. Raises InputError."""
+        mesh: TriangleMesh = self.shape.mesh() if self.shape else read_mesh(mesh_path(self.file or ""), self.scale)
+        try:
+            found = solid(mesh, 0.0, "a box, a ball or a capsule")
+        except InputError as error:
+            raise InputError(f"{self.file or 'shape'}: {error}") from None
+        axis = np.asarray(self.axis, np.float64)
+        turn = rotation_matrix(axis / (float(np.linalg.norm(axis)) or 1.0), np.radians(self.angle))
+        return found.position @ turn.T + self.origin, found.triangles

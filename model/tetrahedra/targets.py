@@ -1,0 +1,146 @@
+"""Where pinned vertices are told to be, step by step, by whoever advances the simulation: an animated skin, a function.
+
+Each pinned vertex without a motion of the scene has one of its own, from where it is to its target within the next step, in
+the rows that kernels read anyway (model/mass_spring/cloth_parameters.py); in later steps it rests there.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from model.core.build import Body
+from model.core.errors import SceneError
+from model.core.simulation import Simulation
+from model.core.state import State
+from model.mass_spring.cloth_parameters import (
+    M_DURATION,
+    M_START,
+    M_V,
+    M_VX,
+    M_VZ,
+    MOTION_FIELDS,
+    P_MOTION,
+    PIN_FIELDS,
+    body_rows,
+    collider_numbers,
+    motion_rows,
+    pin_rows,
+)
+from model.scene.scene import Scene
+
+LIVE = "targets"
+
+
+class Targets:
+    """`rows`: what masses meet, motions of the scene, those of pins, pins, flat; the last begin at `first`. `own` (pins,)
+    bool: which pins have targets; `held`, `wanted` (pins, 3) float64 [m]: where they were, and are to be as `step` ends."""
+
+    def __init__(self, scene: Scene, body: Body, real: Any):
+        colliders, motions = collider_numbers(scene, real), motion_rows(scene, real)
+        pins = pin_rows(scene, body, real, colliders.size)
+        self.own, count = pins[:, P_MOTION] < 0, len(pins)
+        begin = colliders.size + motions.size
+        self.first = begin + MOTION_FIELDS * count
+        most = 2 ** (np.finfo(real).nmant + 1)  # whole numbers up to there
+        if self.first > most:
+            told = f"{np.dtype(real).name} counts to {most}, and a pin takes {MOTION_FIELDS} numbers: use float64"
+            raise SceneError("live", f"{count} pins with targets", told)
+        moving = np.zeros((count, MOTION_FIELDS), real)
+        moving[:, M_V], moving[:, M_DURATION] = 1, 1  # an axis and a time, which say nothing without a speed
+        pins[self.own, P_MOTION] = (begin + MOTION_FIELDS * np.arange(count))[self.own]
+        self.rows = np.concatenate([colliders, motions.reshape(-1), moving.reshape(-1), pins.reshape(-1)])
+        self._moving = self.rows[begin : self.first].reshape(count, MOTION_FIELDS)
+        self._pins = self.rows[self.first :].reshape(count, PIN_FIELDS)
+        self.hold(body.position[body.pinned])
+
+    def hold(self, position: np.ndarray) -> None:
+        """All rest at `position` (pins, 3) [m]."""
+        self.held, self.wanted, self.step = position, position, -1
+        self._pins[self.own, :P_MOTION] = position[self.own]
+        self.rest()
+
+    def rest(self) -> None:
+        """None has a speed."""
+        self._moving[:, M_VX : M_VZ + 1] = 0
+
+    def send(self, position: np.ndarray, step: int, time: float, dt: float) -> None:
+        """From where they are to `position` (pins, 3) [m] within the step of that number, which begins at `time` [s]."""
+        self.wanted, self.step = position, step
+        self._pins[self.own, :P_MOTION] = self.held[self.own]
+        self._moving[:, M_VX : M_VZ + 1] = (position - self.held) / dt
+        self._moving[:, M_START], self._moving[:, M_DURATION] = time, 2 * dt  # as the step ends it moves yet
+
+
+class Targeted(Simulation):
+    """A simulation whose pinned vertices can be told where to go (`live` names targets). A backend sets what `_driven_rows`
+    gives, and sends rows that change to where kernels read them."""
+
+    _goals: Targets | None = None
+    body: Body
+
+    def _driven_rows(self) -> tuple[np.ndarray, int]:
+        """(what kernels read of colliders, motions and pins, where its pins begin; 0 where none moves)."""
+        if LIVE in self.options.live and self.scene.tetrahedra and len(self.body.pinned):
+            self._goals = Targets(self.scene, self.body, self.real)
+            return self._goals.rows.copy(), self._goals.first
+        return body_rows(self.scene, self.body, self.real)
+
+    def _send_rows(self, rows: np.ndarray) -> None:
+        """Take other numbers in the rows."""
+        raise NotImplementedError
+
+    def targets(self, position: np.ndarray) -> None:
+        """Where pinned vertices are to be as the next step ends: `position` (particles, 3) [m] of all particles, of which
+        those count that are pinned and follow no motion of the scene. They move there at a constant velocity, and then rest.
+
+        Raises SceneError: another shape, a place that is not finite, no pinned vertex, or targets that are not live.
+        """
+        place = np.asarray(position, np.float64)
+        if self._goals is None:
+            told = (
+                "no vertex is pinned"
+                if LIVE in self.options.live
+                else "not live; open the simulation with live=targets"
+            )
+            raise SceneError("targets", None, told)
+        if place.shape != self.body.position.shape:
+            told = f"must be {self.body.position.shape}: a place for every particle"
+            raise SceneError("targets", place.shape, told)
+        wanted = place[self.body.pinned]
+        bad = np.flatnonzero(~np.isfinite(wanted).all(axis=1) & self._goals.own)
+        if len(bad):
+            vertex = int(self.body.pinned[bad[0]])
+            raise SceneError("targets", place[vertex].tolist(), f"of vertex {vertex}, which is pinned: must be finite")
+        self._settle()
+        self.check()  # so that a replay never spans a change
+        wanted = np.where(self._goals.own[:, None], wanted, self._goals.held)
+        self._goals.send(wanted, self.step, self.time, self.scene.method.dt)
+        self._send_rows(self._goals.rows)
+
+    def advance(self, steps: int) -> None:
+        """The first step takes pinned vertices to their targets, in those after it they rest there."""
+        self._settle()
+        if self._goals is not None and self._goals.step == self.step and steps > 1:
+            super().advance(1)
+            self._settle()
+            steps -= 1
+        super().advance(steps)
+
+    def _settle(self) -> None:
+        """Once the step is over that had targets, their vertices rest."""
+        if self._goals is not None and -1 < self._goals.step != self.step:
+            self.check()
+            self._goals.hold(self._goals.wanted)
+            self._send_rows(self._goals.rows)
+
+    def load(self, state: State) -> None:
+        """Pinned vertices rest where the state has them."""
+        if self._goals is not None:
+            self._goals.rest()
+            self._send_rows(self._goals.rows)
+        super().load(state)
+        if self._goals is not None:
+            self._goals.hold(np.asarray(state.position, np.float64)[self.body.pinned])
+            self._send_rows(self._goals.rows)

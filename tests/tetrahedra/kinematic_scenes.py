@@ -1,0 +1,34 @@
+"""A small bar whose ends are pinned, and move, for the tests of every solver of tetrahedra."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from app.driver import open_simulation
+from model.core.simulation import State
+from model.scene.scene import Scene
+
+SOLVERS = ("xpbd", "vbd", "newton")
+BAR: dict[str, Any] = {
+    "kind": "tetrahedral_body", "shape": {"name": "box", "sides": [0.3, 0.1, 0.1]}, "edge": 0.05, "young_modulus": 2e4,
+    "poisson_ratio": 0.3, "pinned": ["left", "right"],
+}  # fmt: skip
+ENDS: dict[str, Any] = {
+    "left_end": {"kind": "motion", "pins": "left", "angular_velocity": 2.0},
+    "right_end": {
+        "kind": "motion", "pins": "right", "body": "bar", "angular_velocity": -3.0, "velocity": [0.2, 0.0, 0.0],
+    },
+}  # fmt: skip
+
+
+def kinematic_scene(solver: str, **parts: Any) -> Scene:
+    """The bar and such parts."""
+    method = {"solver": solver, "dt": 0.01, "substeps": 2, "iterations": 3}
+    return Scene({"bar": BAR, "method": method} | parts, "bar")
+
+
+def run(scene: Scene, steps: int, backend: str = "cpu", **options: Any) -> State:
+    """After so many steps."""
+    with open_simulation(scene, backend, **options) as simulation:
+        simulation.advance(steps)
+        return simulation.state()
