@@ -20,6 +20,7 @@ def table(text: str) -> dict[str, str]:
 # others they run as plain Python (cpu_backend/core/plain.py), whose bits are the same. Tables: file -> patterns of tests'
 # names.
 COMPILED = {
+    "test_advise_tetrahedra.py": "test_what_is_advised*",  # seconds of motion
     "test_compiled.py": "*", "test_bar.py": "test_springs_are_a_chain*", "test_stability.py": "test_the_measured_edge*",
     "test_cpu_kernels.py": "*",  # wide and tall grids, threads that wait for each other, another threading layer
     "test_kernel_sweep.py": "test_arithmetic_rates*",
@@ -105,6 +106,7 @@ test_accuracy_s6.py test_errors_of_the_rope test_implicit_euler_among* test_the_
 test_accuracy_xpbd.py test_the_published_errors* test_two_errors* test_iterations*xpbd?jacobi?
 test_ablate.py test_of_chaos* test_over_the_limit* test_dropping_a_random* test_dropped_parts*
 test_advise.py test_the_command_writes* test_no_cheaper*0.0001?
+test_advise_tetrahedra.py test_what_is_advised*solver2* test_what_is_advised*solver3* test_float32*
 test_bar.py test_windows*cpu-1? test_bodies_keep*
 test_reading.py test_neither_figures*
 test_labbook.py test_the_book*None*
