@@ -27,7 +27,7 @@ COMPILED = {
     "test_xpbd_cpu_reference.py": "test_fast_math*",
     "test_newton.py": "*",  # statics take hundreds of steps
     "test_kernel_cache.py": "*", "test_rotation.py": "*",  # machine code itself, a hundred thousand matrices
-    "test_tetrahedra_cpu.py": "test_b21*",  # seconds of motion
+    "test_tetrahedra_cpu.py": "test_b21*", "test_hard_tetrahedra.py": "test_the_laws*",  # seconds of motion
     "test_accuracy.py": "*", "test_accuracy_s6.py": "*", "test_accuracy_xpbd.py": "*",  # to the end
 }  # fmt: skip
 
@@ -81,6 +81,7 @@ test_bodies_catalogue.py test_bodies_fall*plastic? test_bodies_fall*jelly-drop? 
     test_bodies_fall*two-worlds? test_bodies_fall*two-worlds-moon?
 test_hard_bodies.py test_the_laws*S7?16* test_the_laws*B20* test_the_laws*flight* test_laws_see* test_the_laws*A10?point*
     test_the_laws*A10?plane* test_the_laws*A10?line*
+test_hard_tetrahedra.py test_the_laws*vbd* test_the_laws*float32*
 test_hard_xpbd.py test_a_thousandfold* test_they_hold*implicit* test_they_hold*B23*
 test_hard_cloth.py test_the_laws*rk4*
 test_contacts_scenes.py test_layers*

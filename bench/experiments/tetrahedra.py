@@ -85,10 +85,10 @@ def bending_frequency(young: float) -> float:
     return float(1.8751040687**2 / (2 * pi * LENGTH**2) * sqrt(young * SIDE**2 / (12 * DENSITY)))
 
 
-def continuum_sag(young: float) -> float:
+def continuum_sag(young: float, poisson: float = POISSON) -> float:
     """Of the tip [m]: q L^4 / (8 E I) + q L^2 / (2 kappa G A), q the weight of a metre."""
     area, second = SIDE**2, SIDE**4 / 12
-    load, shear = DENSITY * area * WEIGHT * young, young / (2 * (1 + POISSON))
+    load, shear = DENSITY * area * WEIGHT * young, young / (2 * (1 + poisson))
     return load * LENGTH**4 / (8 * young * second) + load * LENGTH**2 / (2 * SHEAR * shear * area)
 
 
