@@ -258,7 +258,7 @@ def bar(
 @measuring.command(cls=Timed, epilog="Example: softlab advise lab-curtain --error 1e-3 --write fast.toml")
 def advise(
     scene: SceneName,
-    error: Annotated[float, typer.Option("--error", help="The error to reach, in spacings of the grid.")],
+    error: Annotated[float, typer.Option("--error", help="In spacings; of tetrahedral bodies relative.")],
     time: Time = None,
     backend: Backends = None,
     precision: Precisions = None,
@@ -273,23 +273,22 @@ def advise(
 ) -> None:
     """Measure which method, step size, precision and backend reaches an error soonest on this machine."""
     from app.command.scene_file import check_scene_target, write_scene
-    from bench.experiments.advise.check import brute_force
-    from bench.experiments.advise.experiment import advise as find
+    from bench.experiments.advise.answer import answer, checked
     from bench.store.database import Store
 
     if write is not None:
         check_scene_target(write, force)  # before the work whose result it holds
     with Store(store) as opened:
-        advice = find(
+        advice = answer(
             opened, scene_of(scene, settings), error, backends=backend, time=time, precisions=precisions_of(precision),
-            total_seconds=total_seconds, command=typed(),
+            total_seconds=total_seconds, check=check, command=typed(),
         )  # fmt: skip
         out.print(str(advice), markup=False, soft_wrap=True)
         if advice.best is None:
             raise typer.Exit(2)
         if check:
-            found = brute_force(opened, advice, backends=backend, precisions=precisions_of(precision), progress=True)
-            out.print(str(found), markup=False, soft_wrap=True)
+            found = checked(opened, advice, backends=backend, precisions=precisions_of(precision))
+            out.print(found, markup=False, soft_wrap=True)
     if write is not None:
         path = write_scene(write, advice.configured(), advice.heading(), force=force)
         out.print(f"{path}: softlab run {path} --time {advice.time:g} {advice.options()}", markup=False, soft_wrap=True)

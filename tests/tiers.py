@@ -20,13 +20,14 @@ def table(text: str) -> dict[str, str]:
 # others they run as plain Python (cpu_backend/core/plain.py), whose bits are the same. Tables: file -> patterns of tests'
 # names.
 COMPILED = {
+    "test_advise_tetrahedra.py": "test_what_is_advised*",  # seconds of motion
     "test_compiled.py": "*", "test_bar.py": "test_springs_are_a_chain*", "test_stability.py": "test_the_measured_edge*",
     "test_cpu_kernels.py": "*",  # wide and tall grids, threads that wait for each other, another threading layer
     "test_kernel_sweep.py": "test_arithmetic_rates*",
     "test_xpbd_cpu_reference.py": "test_fast_math*",
     "test_newton.py": "*",  # statics take hundreds of steps
     "test_kernel_cache.py": "*", "test_rotation.py": "*",  # machine code itself, a hundred thousand matrices
-    "test_tetrahedra_cpu.py": "test_b21*",  # seconds of motion
+    "test_tetrahedra_cpu.py": "test_b21*", "test_hard_tetrahedra.py": "test_the_laws*",  # seconds of motion
     "test_accuracy.py": "*", "test_accuracy_s6.py": "*", "test_accuracy_xpbd.py": "*",  # to the end
 }  # fmt: skip
 
@@ -80,6 +81,7 @@ test_bodies_catalogue.py test_bodies_fall*plastic? test_bodies_fall*jelly-drop? 
     test_bodies_fall*two-worlds? test_bodies_fall*two-worlds-moon?
 test_hard_bodies.py test_the_laws*S7?16* test_the_laws*B20* test_the_laws*flight* test_laws_see* test_the_laws*A10?point*
     test_the_laws*A10?plane* test_the_laws*A10?line*
+test_hard_tetrahedra.py test_the_laws*vbd* test_the_laws*float32*
 test_hard_xpbd.py test_a_thousandfold* test_they_hold*implicit* test_they_hold*B23*
 test_hard_cloth.py test_the_laws*rk4*
 test_contacts_scenes.py test_layers*
@@ -105,6 +107,7 @@ test_accuracy_s6.py test_errors_of_the_rope test_implicit_euler_among* test_the_
 test_accuracy_xpbd.py test_the_published_errors* test_two_errors* test_iterations*xpbd?jacobi?
 test_ablate.py test_of_chaos* test_over_the_limit* test_dropping_a_random* test_dropped_parts*
 test_advise.py test_the_command_writes* test_no_cheaper*0.0001?
+test_advise_tetrahedra.py test_what_is_advised*solver2* test_what_is_advised*solver3* test_float32*
 test_bar.py test_windows*cpu-1? test_bodies_keep*
 test_reading.py test_neither_figures*
 test_labbook.py test_the_book*None*

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from bench.experiments.accuracy.methods import MATCHING, XPBD
+from bench.experiments.accuracy.methods import MATCHING, TETRAHEDRAL, XPBD
 from bench.stress.laws import Law
 from model.core.integrators import INTEGRATORS
 from model.scene.scene import Scene, load_scene
@@ -46,6 +46,11 @@ class HardCase:
     def of_bodies(self) -> bool:
         """Whether it is about soft and rigid bodies, not about a sheet."""
         return self.methods == BODIES
+
+    @property
+    def of_tetrahedra(self) -> bool:
+        """Whether it is about tetrahedral bodies."""
+        return self.methods == TETRAHEDRAL
 
     def base(self) -> Scene:
         """The scene before `changes`."""

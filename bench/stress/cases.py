@@ -1,8 +1,8 @@
 """The hard cases: the rows B1 to B24 of the lab's collection, as scenes with a law that each must keep.
 
 Those that concern the mass-spring grid and cloth have a scene in the catalogue under `hard/` and a law of
-bench/stress/laws.py, numbers.py, stiff.py or cloth.py there; those of bodies are in bench/stress/body_cases.py. What waits
-for other solvers is NOT_YET. docs/method.md names the rows.
+bench/stress/laws.py, numbers.py, stiff.py or cloth.py there; those of bodies are in bench/stress/body_cases.py, of tetrahedra
+in tetrahedral_cases.py. docs/method.md names the rows.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from bench.stress.body_cases import BODY_CASES
 from bench.stress.case import ANY, FORCES, POSITIONS, SEIDEL, HardCase
 from bench.stress.cloth import ball_inside, comes_to_rest_in_layers, fast_ball
 from bench.stress.stiff import stiff_chain_hangs, too_stiff
+from bench.stress.tetrahedral_cases import TETRAHEDRAL_CASES
 from bench.stress.xpbd import bounded, heavy_end, one_iteration, small_steps_rope, tethered_chain
 
 LAB_FAR = "the hand-out's velocity is the difference of two rounded positions over dt: an ulp becomes ulp / dt"
@@ -80,9 +81,5 @@ CASES = (
              {"grid.rows": 2, "grid.columns": 3, "grid.pinned": "edges"}, methods=FORCES + POSITIONS),
     HardCase("B24 empty", "no masses", "hard/b24", laws.empty, expect="refused", methods=FORCES + POSITIONS),
     *BODY_CASES,
+    *TETRAHEDRAL_CASES,
 )  # fmt: skip
-
-NOT_YET = {
-    "B21": "is of tetrahedra: tests/tetrahedra hold them to it, this command does not yet",
-    "B22": "is of tetrahedra, likewise",
-}

@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from bench.experiments.accuracy.methods import MATCHING, METHODS, changes
+from bench.experiments.accuracy.methods import MATCHING, METHODS, TETRAHEDRAL, changes
 from bench.measure.costs_timing import Measures
 from bench.measure.experiment import Tell, backends_here, chosen, ending_cleanly, host_of, keep, resume, source_hash
 from bench.measure.progress import progress_bar
@@ -27,6 +27,7 @@ from bench.store.results import configuration, measures_of
 from bench.stress.case import HardCase
 from bench.stress.cases import CASES
 from bench.stress.results import CHECK, CODES, SHAPE, VERDICT, HardSummary, as_text, bodies_as_text, rows_of
+from bench.stress.tetrahedral_cases import tetrahedral_budget
 from bench.stress.trial import Check, Endless, SilentNaN, Trial
 from model.core.digest import source_digest
 from model.core.errors import Diverged, SceneError, SoftlabError, UnstableTimeStep
@@ -56,6 +57,7 @@ class Outcome:
 LIVE = ("gravity",)  # so that scenes without weight share kernels with the others
 # files of bench/stress by which a case is judged
 LAWS = ("cases", "cloth", "laws", "numbers", "stiff", "trial", "xpbd")
+TETRAHEDRAL_LAWS = ("tetrahedra", "tetrahedral_cases", "trial")
 BODY_LAWS = (  # and of bench/experiments, one of bodies
     "../experiments/body_laws", "../experiments/body_scenes", "../experiments/clusters_by_hand", "bodies", "body_cases",
     "piles", "rotations", "trial",
@@ -66,7 +68,10 @@ def case_scene(case: HardCase, method: str) -> tuple[Scene, str]:
     """The scene of a case under a method, and what is to be said of its step size."""
     base = case.base()
     own = base.method.position_based  # then substeps and iterations are the scene's
-    solved = {} if case.of_bodies else {"method.ordering": method.split()[-1]} if own else changes(method)
+    if case.of_tetrahedra:
+        solved = tetrahedral_budget(case, method)
+    else:
+        solved = {} if case.of_bodies else {"method.ordering": method.split()[-1]} if own else changes(method)
     scene = base.replace({**solved, **case.changes})
     limit, dt = stability_limit(scene), scene.method.dt
     if not case.own_step or dt <= limit or limit <= 0:
@@ -129,21 +134,22 @@ class _Work:
         return f"{self.case.name} {self.method} {self.precision} {self.backend}"
 
 
-def _digest(of_bodies: bool) -> str:
-    """A hash of the laws of a kind: a case that judges otherwise is run anew."""
-    return source_digest(*(Path(__file__).parent / f"{name}.py" for name in (BODY_LAWS if of_bodies else LAWS)))
+def _digest(case: HardCase) -> str:
+    """A hash of the laws of its kind: a case that judges otherwise is run anew."""
+    names = BODY_LAWS if case.of_bodies else TETRAHEDRAL_LAWS if case.of_tetrahedra else LAWS
+    return source_digest(*(Path(__file__).parent / f"{name}.py" for name in names))
 
 
 def _work(
     cases: Sequence[HardCase], methods: Sequence[str], backends: Sequence[str], precisions: Sequence[str]
 ) -> list[_Work]:
     """All runs, those that share machine code one after another."""
-    found, laws = [], {of_bodies: _digest(of_bodies) for of_bodies in (False, True)}
+    found, laws = [], {case.name: _digest(case) for case in cases}
     for backend, precision, method, case in product(backends, precisions, methods, cases):
         if method in case.methods:
             scene, _ = case_scene(case, method)
             description = configuration(scene, backend=backend, precision=precision, **host_of(backend))
-            sources = f"{source_hash(backend)}-{laws[case.of_bodies]}"
+            sources = f"{source_hash(backend)}-{laws[case.name]}"
             found.append(_Work(case, method, backend, precision, description | {"hard": case.name}, sources))
     return found
 
@@ -169,7 +175,9 @@ def run_hard(
     Raises SceneError (an unknown name), BackendUnavailable (a backend that is not here), InputError (the store).
     """
     wanted = chosen(cases, [case.name for case in CASES], "--case", rows=True)
-    names = chosen(integrators or (QUICK if quick else None), (*METHODS, MATCHING), "--integrator", rows=True)
+    names = chosen(
+        integrators or (QUICK if quick else None), (*METHODS, MATCHING, *TETRAHEDRAL[1:]), "--integrator", rows=True
+    )
     accurate = chosen(precisions or (QUICK_PRECISIONS if quick else None), list(PRECISIONS), "--precision")
     here, summary = backends_here(backends), HardSummary.begun(store, "hard cases")
     everything = _work([case for case in CASES if case.name in wanted], names, here, accurate)
@@ -220,6 +228,8 @@ def _judge(store: Store, summary: HardSummary, work: _Work, first: str, ends: li
 def _shape(scene: Scene, end: Any) -> str:
     if scene.bodies:
         return bodies_as_text(end, scene.body_set.body)
+    if scene.tetrahedra:
+        return bodies_as_text(end, np.zeros(len(end), int))
     return as_text(end, scene.grid.rows, scene.grid.columns)
 
 

@@ -17,22 +17,22 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Column, Table
 
-from bench.experiments.accuracy.methods import MATCHING, METHODS, name_of
+from bench.experiments.accuracy.methods import MATCHING, METHODS, TETRAHEDRAL, name_of
 from bench.measure.experiment import Summary
 from bench.store.results import Measure
 from bench.store.schema import tables_by_kind
-from bench.stress.cases import CASES, NOT_YET
+from bench.stress.cases import CASES
 
 VERDICT, CHECK, SHAPE = "hard_verdict", "hard_check: ", "hard_shape"  # names of measures; CHECK is a prefix
 AIM = "aim <="
-FEW = 10  # cases: who asks for so few is not told what there is not
 CODES = {"fail": 0.0, "pass": 1.0, "refused": 2.0, "known": 3.0}  # verdict -> its value in the store
 WORDS = {"pass": "pass", "fail": "FAIL", "refused": "refused", "known": "fails"}
 STYLES = {"pass": "green", "fail": "bold red", "refused": "cyan", "known": "yellow"}
 TITLES = {case.name: case.title for case in CASES}
 BASES = {case.name: case.basis for case in CASES}
 BODIES = {case.name for case in CASES if case.of_bodies}
-NAMES = (*METHODS, MATCHING)
+OF_TETRAHEDRA = {case.name for case in CASES if case.of_tetrahedra}
+NAMES = (*METHODS, MATCHING, *TETRAHEDRAL[1:])
 ORDER = {case.name: place for place, case in enumerate(CASES)}
 
 
@@ -92,6 +92,11 @@ class HardRow:
     @property
     def of_bodies(self) -> bool:
         return self.case in BODIES
+
+    @property
+    def kind(self) -> str:
+        """What it is about: `sheet`, `body` or `tetrahedra`; each has a table of its own."""
+        return "body" if self.of_bodies else "tetrahedra" if self.case in OF_TETRAHEDRA else "sheet"
 
     def __str__(self) -> str:
         return f"{self.case}, {self.integrator}, {self.precision}, {self.backend}"
@@ -224,10 +229,10 @@ def _print_table(console: Console, rows: Sequence[HardRow]) -> None:
 
 
 def print_hard(console: Console, summary: HardSummary) -> None:
-    """The verdict table, what failed and why, what differs between backends, and which rows wait for other solvers."""
+    """The verdict table, what failed and why, and what differs between backends."""
     rows = summary.rows
-    for of_bodies in (False, True):
-        _print_table(console, [row for row in rows if row.of_bodies == of_bodies])
+    for kind in ("sheet", "body", "tetrahedra"):
+        _print_table(console, [row for row in rows if row.kind == kind])
     for verdict, heading in (("known", "fails by its method"), ("refused", "refused")):
         told: dict[str, list[str]] = {}
         for row in rows:
@@ -246,8 +251,6 @@ def print_hard(console: Console, summary: HardSummary) -> None:
         console.print(f"backends differ, a bug of the lab: {text}", markup=False, soft_wrap=True, style="red")
     for text in rounding_differences(rows):
         console.print(f"rounding shows on one backend alone: {text}", markup=False, soft_wrap=True, style="yellow")
-    if len({row.case for row in rows}) > FEW:
-        console.print("not yet: " + "; ".join(f"{name} {reason}" for name, reason in NOT_YET.items()), soft_wrap=True)
     if not rows:
         console.print(
             "none of the chosen cases is run by the chosen methods; softlab hard --help names both", markup=False

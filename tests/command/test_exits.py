@@ -63,7 +63,7 @@ MEASURING = {  # command -> what does its work
 }
 EVERY = MEASURING | {
     "hard": "bench.stress.experiment.run_hard",
-    "advise lab-grid --error 1e-3": "bench.experiments.advise.experiment.advise",
+    "advise lab-grid --error 1e-3": "bench.experiments.advise.answer.answer",
     "run lab-grid --no-judge": "app.command.run.run_scene",
     "run lab-grid": "bench.experiments.accuracy.judge.judge_run",
     "demo": "app.window.viewer.run_demo",

@@ -18,6 +18,7 @@ XPBD = ("xpbd gauss-seidel", "xpbd jacobi", "xpbd averaged-jacobi")
 WRONG = {"xpbd averaged-jacobi": "another stiffness"}  # what a method converges to that is not the scene's
 METHODS = (*INTEGRATORS, *XPBD)  # of every sheet
 MATCHING = "shape-matching"  # of bodies
+TETRAHEDRAL = (XPBD[0], "vbd", "newton")  # of tetrahedral ones
 OF_CLOTHS = tuple(IMPLICIT)
 XPBD_ORDER = 1  # of the error at a fixed time: converged, it is implicit Euler
 

@@ -1,0 +1,42 @@
+"""Who answers `softlab advise`: a search that measures errors, or the laws of tetrahedral bodies, which have no reference."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from bench.experiments.advise.advice import Advice
+from bench.experiments.advise.check import brute_force
+from bench.experiments.advise.experiment import TOTAL_SECONDS, advise
+from bench.experiments.advise.tetrahedra import advise_tetrahedra
+from bench.experiments.advise.tetrahedra_advice import TetrahedraAdvice
+from bench.store.database import Store
+from model.core.errors import SceneError
+from model.scene.scene import Scene
+
+
+def answer(
+    store: Store,
+    scene: Scene,
+    error: float,
+    *,
+    time: float | None = None,
+    total_seconds: float = TOTAL_SECONDS,
+    check: bool = False,
+    **how: Any,
+) -> Advice | TetrahedraAdvice:
+    """See `advise` and `advise_tetrahedra`, which take `how`. Raises SceneError, too, for options of the other."""
+    if not scene.tetrahedra:
+        return advise(store, scene, error, time=time, total_seconds=total_seconds, **how)
+    if time is not None:
+        raise SceneError(
+            "--time", time, "tetrahedral bodies are judged at rest and after half a vibration; leave it out"
+        )
+    if check:
+        raise SceneError("--check", True, "is for sheets; softlab tetrahedra measures bars beside what the laws say")
+    return advise_tetrahedra(store, scene, error, **how)
+
+
+def checked(store: Store, advice: Advice | TetrahedraAdvice, **how: Any) -> str:
+    """What brute force says of an advice. See `brute_force`."""
+    assert isinstance(advice, Advice)
+    return str(brute_force(store, advice, progress=True, **how))

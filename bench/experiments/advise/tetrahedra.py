@@ -1,0 +1,253 @@
+"""`softlab advise` of tetrahedral bodies: which solver, how many substeps and iterations reach a relative error soonest.
+
+A body has no converged reference. What is asked for is the error of the solver, on the very mesh that the scene has: of the
+sag at rest, and of the way made in half of its slowest vibration. The budgets follow from laws with measured constants
+(bench/experiments/advise/tetrahedra_laws.py) and the frequencies of the scene's own meshes; what they promise is then timed
+on the scene itself, side by side. Bars that the store has of `softlab tetrahedra` are told beside it: what the law says of
+them, and what was measured. The mesh's own error is not in it.
+"""
+
+from __future__ import annotations
+
+import time as clock
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack
+from math import inf, pi, sqrt
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from app.driver import open_simulation
+from bench.experiments.advise.tetrahedra_advice import Budget, TetrahedraAdvice
+from bench.experiments.advise.tetrahedra_laws import (
+    LARGEST,
+    LEAST,
+    MOST,
+    Stiff,
+    fewest,
+    gravity_lost,
+    least_substep,
+)
+from bench.experiments.tetrahedra import DENSITY, FRAME, LENGTH, POISSON, SIDE, Bar, bars
+from bench.measure.costs_timing import QUICK, SECONDS, Record, in_turn
+from bench.measure.experiment import backends_here, cost_sources, described
+from bench.measure.machine import enter_machine
+from bench.measure.timing import Subject, prepare
+from bench.reference.finite_elements import mode_shapes
+from bench.store.database import Store
+from bench.store.results import measures
+from bench.store.versions import code_version
+from model.core.errors import SceneError, SoftlabError
+from model.core.simulation import PRECISIONS
+from model.scene.scene import Scene
+
+FINDING = "advise tetrahedra"  # value of `finding`
+FACTORED = 20_000  # tetrahedra of a body whose frequency is asked of its own mesh: a few seconds
+RIGID = 1e-4  # of the frequency of waves along a body: a motion without strain
+PER_VOXEL = 5  # tetrahedra, for which the laws were measured
+SWEEPS = {1: "one sweep", 2: "two sweeps"}
+
+
+def advise_tetrahedra(
+    store: Store,
+    scene: Scene,
+    error: float,
+    *,
+    backends: Sequence[str] | None = None,
+    precisions: Sequence[str] = tuple(PRECISIONS),
+    command: str = "softlab advise",
+) -> TetrahedraAdvice:
+    """The soonest way to at most `error` of the sag at rest and of the way made in motion, both relative, a step of the
+    scene's dt. Raises SceneError (an error that the laws were not held against), BackendUnavailable, InputError (the store).
+    """
+    begin = clock.perf_counter()
+    if not LEAST <= error <= LARGEST:
+        raise SceneError("--error", error, f"of tetrahedral bodies it is relative, {LEAST:g} to {LARGEST:g}")
+    chosen = backends_here(backends)
+    stiff, basis = bodies(scene)
+    budgets, beaten = [], []
+    for budget in budgets_by_law(scene, stiff, error):
+        if isinstance(budget, tuple):
+            beaten.append(budget)
+            continue
+        for precision in sorted(precisions, reverse=True):
+            lost = _lost(scene, scene.method.dt / budget.substeps) if precision == "float32" else 0.0
+            if lost > error:
+                beaten.append((f"{budget.words}, float32", _loses(scene, budget, lost, error)))
+            else:
+                budgets += [budget.on(backend, precision) for backend in chosen]
+    revision = code_version()
+    machine = enter_machine(store)
+    timed, failed = _timed(store, store.start_run(machine, command, revision), scene, budgets) if budgets else ([], [])
+    slowest = min(one.frequency for one in stiff)
+    return TetrahedraAdvice(
+        scene, error, pi / slowest, tuple(sorted(timed, key=lambda budget: budget.seconds)), (*beaten, *failed),
+        (basis, *_beside(store, machine)), clock.perf_counter() - begin,
+    )  # fmt: skip
+
+
+def bodies(scene: Scene) -> tuple[list[Stiff], str]:
+    """(the scene's bodies as the laws see them, where their frequencies are from)."""
+    found = scene.tetrahedra_set
+    fixed = np.zeros(found.particle_count, bool)
+    fixed[found.pinned_vertices] = True
+    surface = np.zeros(found.particle_count, bool)
+    surface[found.surface.ravel()] = True
+    ends = [*found.first_particle[1:], found.particle_count]
+    result, coarser = [], 0
+    for number, (part, first, last) in enumerate(zip(found.parts, found.first_particle, ends, strict=True)):
+        own = found.body == number
+        mesh = found.position[first:last], found.tetrahedra[own] - first
+        waves = sqrt(part.young_modulus / part.density) / float(np.ptp(mesh[0], axis=0).max())  # 1/s, from end to end
+        frequency = pi * waves
+        if own.sum() <= FACTORED:
+            some = mode_shapes(*mesh, part.young_modulus, part.poisson_ratio, part.density, fixed[first:last], 7)[0]
+            frequency = 2 * pi * next((f for f in some if f > RIGID * waves), waves / 2)
+        else:
+            coarser += 1
+        edge = float(np.cbrt(PER_VOXEL * found.volume[own].mean()))
+        stiff = Stiff(
+            part.young_modulus, part.poisson_ratio, part.density, edge, part.damping, float(frequency),
+            bool(surface[first:last].all()),
+        )  # fmt: skip
+        result.append(stiff)
+    basis = "frequencies are those of the scene's own meshes, masses lumped, by inverse iteration"
+    if coarser:
+        basis += f"; of {coarser} too large for it, of waves along it, which is too quick and so asks for more"
+    return result, basis
+
+
+# ---------------------------------------------------------------------- what the laws ask for
+
+
+def budgets_by_law(scene: Scene, stiff: Sequence[Stiff], error: float) -> Iterator[Budget | tuple[str, str]]:
+    """What reaches the error by the laws, and (words, why not) of what does not."""
+    dt = scene.method.dt
+    quick, rows = max(stiff, key=lambda one: one.frequency), None
+    wave = f"w = {quick.frequency:.3g} 1/s of the quickest body's slowest vibration"
+
+    def damped(substeps: int) -> float:
+        return max(one.damped(dt / substeps) for one in stiff)
+
+    steps = fewest(lambda n: damped(n) <= error)
+    if steps is None:
+        yield "newton", f"would take more than {MOST} substeps a step: a vibration is shorter than that"
+    else:
+        why = f"in motion implicit Euler's damping, 1.5 pi w h / 4, {wave}"
+        yield Budget("newton", steps, 1, 0.0, damped(steps), f"rests where it should, by its own end; {why}")
+        yield _descent(dt, stiff, error, damped)
+    others = _outside(scene)
+    for sweeps, name in SWEEPS.items():
+        if others or (sweeps > 1 and any(part.material == "neo-hookean" for part in scene.tetrahedra.values())):
+            yield f"xpbd of {name}", others or "neo-Hookean rows of several sweeps have no law"
+            continue
+
+        def excess(substeps: int, sweeps: int = sweeps) -> float:
+            return max(one.excess(dt / substeps, sweeps) for one in stiff)
+
+        rows = fewest(lambda n, ask=excess: max(ask(n), damped(n)) <= error)  # type: ignore[misc]
+        if rows is None:
+            yield f"xpbd of {name}", f"would take more than {MOST} substeps a step"
+            continue
+        worst = max(stiff, key=lambda one: one.excess(dt / rows, sweeps))
+        law = "the excess of rows, as (h^2 E / (rho a^2))" + ("" if sweeps == 1 else "^2 and less")
+        told = f"{law}, here {worst.stiffness(dt / rows):.3g}" + ", more by the damper" * (worst.damping > 0)
+        yield Budget("xpbd", rows, sweeps, excess(rows), max(damped(rows), excess(rows)), told)
+
+
+def _descent(dt: float, stiff: Sequence[Stiff], error: float, damped: Any) -> Budget | tuple[str, str]:
+    """Vertex block descent: half of the error for its damping, half for what sweeps leave; the fewest sweeps of all."""
+    least = fewest(lambda n: damped(n) <= error / 2)
+    best = (inf, 0, 0)
+    substeps = least or MOST
+    while least and substeps <= MOST:
+        sweeps = max(one.sweeps_of_descent(dt / substeps, error / 2) for one in stiff)
+        best = min(best, (substeps * sweeps, substeps, sweeps))
+        substeps *= 2
+    if best[0] == inf:
+        return "vbd", f"would take more than {MOST} substeps a step"
+    _, substeps, sweeps = best
+    why = "rests where it should; in motion its damping, and as much by what sweeps leave (creep)"
+    return Budget("vbd", substeps, sweeps, 0.0, damped(substeps) + error / 2, why)
+
+
+def _outside(scene: Scene) -> str:
+    """Why the laws of rows do not hold for a scene; or nothing."""
+    cuts = {part.tetrahedra for part in scene.tetrahedra.values()} - {PER_VOXEL}
+    if cuts:
+        return f"its law is of {PER_VOXEL} tetrahedra to a voxel; of {', '.join(map(str, cuts))} none is known"
+    return ""
+
+
+def _place(scene: Scene) -> float:
+    """[m]: how far from 0 along gravity particles are."""
+    return float(np.abs(scene.tetrahedra_set.position[:, 1]).max())
+
+
+def _lost(scene: Scene, h: float) -> float:
+    pull = scene.gravity.acceleration if scene.gravity is not None and scene.gravity.enabled else 0.0
+    return gravity_lost(_place(scene), pull, h)
+
+
+def _loses(scene: Scene, budget: Budget, lost: float, error: float) -> str:
+    h = scene.method.dt / budget.substeps
+    assert scene.gravity is not None
+    least = least_substep(_place(scene), scene.gravity.acceleration, error)
+    return (
+        f"may lose {min(lost, 1.0):.0%} of gravity: substeps of {h:.2g} s move a particle by less than its place is known "
+        f"to; over {least:.2g} s float32 would do"
+    )
+
+
+# ---------------------------------------------------------------------- what it costs, and what was measured
+
+
+def _timed(
+    store: Store, run: str, scene: Scene, budgets: Sequence[Budget]
+) -> tuple[list[Budget], list[tuple[str, str]]]:
+    """(the budgets with the time of a step, (words, why not) of those that cannot be run here)."""
+    failed, ready = [], []
+    with ExitStack() as stack:
+        for budget in budgets:
+            asked = scene.replace(budget.changes)
+            told = described(asked, budget.backend, FINDING, precision=budget.precision)
+            try:
+                simulation = stack.enter_context(
+                    open_simulation(asked, budget.backend, precision=budget.precision, allow_unstable=True)
+                )
+                subject = Subject(simulation, told, start=simulation.state())
+                ready.append((budget, prepare(subject, QUICK.seconds, QUICK.most)))
+            except SoftlabError as problem:
+                failed.append((str(budget), str(problem)))
+        if not ready:
+            return [], failed
+        record = Record(store, run, cost_sources(ready[0][0].backend, __file__, str(Path(__file__).parent)))
+        numbers = in_turn(record, [subject for _, subject in ready], QUICK.repeats)
+    return [one.taking(found[SECONDS][0] or inf) for (one, _), found in zip(ready, numbers, strict=True)], failed
+
+
+def _law_of(bar: Bar) -> float:
+    """What the laws say of a measured bar at rest."""
+    across = round(sqrt(bar.elements / PER_VOXEL / (LENGTH / SIDE)) ** (2 / 3))
+    stiff = Stiff(bar.young, POISSON, DENSITY, SIDE / across, 0.0, 0.0, across == 1)
+    return stiff.excess(FRAME / bar.substeps, bar.iterations)
+
+
+def _beside(store: Store, machine: str) -> Iterator[str]:
+    """What the store's own bars say of the law of rows: the most of them that it promises too little for."""
+    held = [
+        (bar.solver_error, _law_of(bar), bar)
+        for bar in bars(measures(store, machine=machine))
+        if bar.solver == "xpbd" and bar.precision == "float64" and bar.iterations in SWEEPS
+    ]
+    held = [one for one in held if one[1] <= LARGEST]
+    if held:
+        found, law, bar = max(held, key=lambda one: one[0] / one[1])
+        many = "1 bar" if len(held) == 1 else f"{len(held)} bars"
+        yield (
+            f"{many} measured here (softlab tetrahedra) beside the law of rows: at most {found / law:.2f} of what it says "
+            f"({bar.substeps} x {bar.iterations} at {bar.young:.0e} Pa: {found:.2%}, the law {law:.2%})"
+        )
+    else:
+        yield "no bar was measured on this machine to hold the laws against; softlab tetrahedra does"

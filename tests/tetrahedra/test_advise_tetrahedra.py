@@ -1,0 +1,188 @@
+"""`softlab advise` of tetrahedral bodies: what its laws promise is held by runs, its words say where numbers are from."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import softlab
+from app.driver import open_simulation
+from bench.experiments import tetrahedra as experiment
+from bench.experiments.advise.answer import answer
+from bench.experiments.advise.tetrahedra import advise_tetrahedra, bodies, budgets_by_law
+from bench.experiments.advise.tetrahedra_advice import Budget, TetrahedraAdvice
+from bench.experiments.advise.tetrahedra_laws import LARGEST, MOST, Stiff, fewest, gravity_lost, least_substep
+from bench.experiments.tetrahedra import BLOCKS, bars, cantilever, drop, exact_drop, exact_rest, sag, settle
+from bench.measure.experiment import described
+from bench.reference.finite_elements import modes
+from bench.store.database import Store
+from bench.store.results import measures
+from model.core.errors import SceneError
+from model.scene.scene import Scene, load_scene
+
+JUDGE = 1e-3  # of the way: what the bar's judge in motion, linear vibrations, is itself off by
+
+
+def bar(young: float = 1e6) -> Scene:
+    """400 tetrahedra, two voxels across."""
+    return cantilever(2, young, "xpbd", 20, 1)
+
+
+def advised(scene: Scene, error: float) -> dict[tuple[str, int], Budget]:
+    """(solver, sweeps or 0) -> the budget, of all that reach the error."""
+    found = [one for one in budgets_by_law(scene, bodies(scene)[0], error) if isinstance(one, Budget)]
+    return {(one.solver, one.iterations if one.solver == "xpbd" else 0): one for one in found}
+
+
+@pytest.mark.parametrize("young", [1e5, 1e6, 1e7])
+@pytest.mark.parametrize("solver", [("xpbd", 2), ("newton", 0), ("xpbd", 1), ("vbd", 0)])
+def test_what_is_advised_meets_its_error(solver: tuple[str, int], young: float) -> None:
+    """1 % at 400 tetrahedra, run: at rest and half a vibration after it was let go."""
+    budget = advised(bar(young), 0.01)[solver]
+    scene = bar(young).replace(budget.changes)
+    with open_simulation(scene, precision="float64") as braked:
+        found = settle(braked, 2, young) / sag(scene, exact_rest(2, young)) - 1
+    with open_simulation(experiment.let_go(scene), precision="float64") as free:
+        moved = drop(free, 2, young) / exact_drop(2, young)[1] - 1
+    assert abs(found) <= 0.01
+    assert abs(moved) <= 0.01 + JUDGE
+    assert max(abs(found), abs(moved)) > 0.001  # and is no waste
+
+
+def test_two_sweeps_are_a_bargain() -> None:
+    """Of the same stiffness error rows of two sweeps ask for far fewer sweeps, the more so the smaller it is."""
+    for error, least in ((0.01, 1.5), (0.001, 2.0)):
+        found = advised(bar(), error)
+        assert found["xpbd", 1].substeps > least * 2 * found["xpbd", 2].substeps
+
+
+@pytest.mark.parametrize("young", [1e5, 1e7])
+def test_frequencies_are_the_meshs(young: float) -> None:
+    """The first bending vibration of the clamped bar, and of a free one its first that is no rigid motion."""
+    (held,), basis = bodies(bar(young))
+    assert held.frequency / (2 * np.pi) == pytest.approx(
+        0.6188 * (young / 1e6) ** 0.5, rel=1e-3
+    )  # as on this mesh elsewhere
+    assert "own meshes" in basis
+    assert (held.edge, held.coarse) == (pytest.approx(0.05), False)
+    free = bar(young).replace({"beam.pinned": []})
+    found = free.tetrahedra_set
+    want = modes(found.position, found.tetrahedra, young, 0.3, 1000.0, np.zeros(found.particle_count, bool), 7)[6]
+    assert bodies(free)[0][0].frequency == pytest.approx(2 * np.pi * want, rel=1e-6)
+
+
+def test_the_laws_are_laws() -> None:
+    """Half the substep, a quarter of the first law's excess and a sixteenth of the second's; a damper of the body's own adds
+    to it; more sweeps are asked of stiffer bodies; what rounding takes falls with the square."""
+    body = Stiff(1e6, 0.3, 1000.0, 0.05, 0.0, 3.9, False)
+    assert body.excess(1e-3, 1) == pytest.approx(4 * body.excess(5e-4, 1))
+    assert body.excess(1e-3, 2) == pytest.approx(16 * body.excess(5e-4, 2))
+    damped = Stiff(1e6, 0.3, 1000.0, 0.05, 1e-3, 3.9, False)
+    assert damped.excess(1e-3, 1) == pytest.approx(2 * body.excess(1e-3, 1))
+    stiffer = Stiff(1e7, 0.3, 1000.0, 0.05, 0.0, 3.9, False)
+    assert stiffer.sweeps_of_descent(1e-3, 0.01) > body.sweeps_of_descent(1e-3, 0.01) >= 1
+    assert gravity_lost(1.0, 9.81, 1e-3) == pytest.approx(2.0**-24 / 9.81e-6)
+    assert gravity_lost(1.0, 9.81, least_substep(1.0, 9.81, 0.01)) == pytest.approx(0.01)
+    assert gravity_lost(1.0, 0.0, 1e-3) == 0
+
+
+@pytest.mark.parametrize("wanted", [1, 2, 3, 7, 1000, MOST])
+def test_the_fewest_are_found(wanted: int) -> None:
+    assert fewest(lambda n: n >= wanted) == wanted
+
+
+def test_none_are_found() -> None:
+    assert fewest(lambda n: n > MOST) is None
+
+
+@pytest.fixture
+def store(tmp_path: Path) -> Iterator[Store]:
+    with Store(tmp_path / "results.sqlite") as opened:
+        yield opened
+
+
+def test_an_answer_in_words(store: Store) -> None:
+    """A coarse bar, really timed: soonest first, what a scene lacks, and the basis of every number."""
+    scene = cantilever(1, 1e5, "xpbd", 20, 1)
+    found = advise_tetrahedra(store, scene, 0.1, backends=["cpu"], precisions=["float64"])
+    assert found.best is not None
+    assert [one.seconds for one in found.choices] == sorted(one.seconds for one in found.choices)
+    assert {one.solver for one in found.choices} == {"xpbd", "newton", "vbd"}
+    text = str(found)
+    told = ("soonest", "runner-up", "timed here", "basis", "excess of rows", "implicit Euler's damping")
+    for part in (*told, "mesh's own error", "no bar was measured on this machine", "--precision float64"):
+        assert part in text
+    configured = found.configured()
+    assert (configured.method.solver, configured.method.substeps) == (found.best.solver, found.best.substeps)
+    assert "by its laws" in found.heading()
+
+
+def test_float32_is_not_advised_where_it_loses_gravity(store: Store) -> None:
+    """The bar's gravity is weak, and 128 substeps of it were measured to sag a third too little in float32."""
+    found = advise_tetrahedra(store, bar(), 0.01, backends=["cpu"])
+    left_out = dict(found.beaten)
+    assert any(
+        name.startswith("xpbd") and name.endswith("float32") and "of gravity" in left_out[name] for name in left_out
+    )
+    assert all(one.precision == "float64" for one in found.choices if one.solver == "xpbd")
+
+
+def test_what_the_laws_do_not_know_is_left_out() -> None:
+    """Six tetrahedra to a voxel; several sweeps of neo-Hookean rows; too stiff a body."""
+    six = bar().replace({"beam.tetrahedra": 6})
+    assert advised(six, 0.01).keys() == {("newton", 0), ("vbd", 0)}
+    neo = bar().replace({"beam.material": "neo-hookean"})
+    assert ("xpbd", 2) not in advised(neo, 0.01) and ("xpbd", 1) in advised(neo, 0.01)
+    steel = bar().replace({"beam.young_modulus": 1e14})
+    assert advised(steel, 0.01) == {}
+
+
+def test_measured_bars_are_told_beside_the_law(store: Store) -> None:
+    """Those of the store, of this machine."""
+    from bench.measure.machine import enter_machine
+
+    machine = enter_machine(store)
+    run = store.start_run(machine, "made up", None)
+    scene = cantilever(2, 1e6, "xpbd", 64, 1)
+    description = described(scene, "cpu", experiment.TETRAHEDRA, precision="float64")
+    told = {
+        experiment.SOLVER_ERROR: 0.0185, experiment.MOTION_ERROR: 0.016, experiment.MESH_ERROR: -0.33,
+        experiment.ELEMENTS: 400.0, experiment.SECONDS: 0.01,
+    }  # fmt: skip
+    for name, value in told.items():
+        store.add_measure(run, description, "s", name, value, "", "of 9 pairs")
+    assert bars(measures(store))[0].solver != BLOCKS
+    notes = " ".join(advise_tetrahedra(store, cantilever(1, 1e5, "xpbd", 20, 1), LARGEST, backends=["cpu"]).notes)
+    assert "1 bar measured here" in notes and "64 x 1 at 1e+06 Pa: 1.85%" in notes
+
+
+@pytest.mark.parametrize(("options", "field"), [
+    ({"error": 0.5}, "--error"), ({"error": 1e-6}, "--error"), ({"error": 0.01, "time": 1.0}, "--time"),
+    ({"error": 0.01, "check": True}, "--check"),
+])  # fmt: skip
+def test_what_has_no_answer_is_refused(store: Store, options: dict[str, float], field: str) -> None:
+    with pytest.raises(SceneError) as refused:
+        answer(store, bar(), **options)  # type: ignore[arg-type]
+    assert refused.value.field == field
+
+
+def test_the_command_writes_what_it_advises(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    found: list[TetrahedraAdvice] = []
+
+    def made_up(store: Store, scene: Scene, error: float, **how: object) -> TetrahedraAdvice:
+        budget = Budget("newton", 7, 1, 0.0, error, "made up").taking(1e-3)
+        found.append(TetrahedraAdvice(scene, error, 0.5, (budget,), (), (), 1.0))
+        return found[0]
+
+    monkeypatch.setattr("bench.experiments.advise.answer.advise_tetrahedra", made_up)
+    target = tmp_path / "fast.toml"
+    monkeypatch.setattr("sys.argv", ["softlab", "advise", "fem-cantilever", "--error", "0.02", "--write", str(target),
+                                     "--store", str(tmp_path / "s.sqlite")])  # fmt: skip
+    with pytest.raises(SystemExit) as left:
+        softlab.main()
+    assert left.value.code in (0, None)
+    assert load_scene(target).method.substeps == 7
+    assert found[0].error == 0.02

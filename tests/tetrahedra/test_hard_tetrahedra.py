@@ -1,0 +1,101 @@
+"""Hard cases of tetrahedra: every row keeps its law by every solver, and each law sees what it is about."""
+
+from __future__ import annotations
+
+from math import pi, sqrt
+from typing import Any
+
+import numpy as np
+import pytest
+
+from bench.experiments.accuracy.methods import TETRAHEDRAL
+from bench.store.database import Store
+from bench.stress.cases import CASES
+from bench.stress.experiment import case_scene, judge_case, run_hard
+from bench.stress.tetrahedra import MOMENTUM, RATIO, SPIN, STORED, STRETCH, VOLUME, spin_kept
+from bench.stress.tetrahedral_cases import SWEPT, TETRAHEDRAL_CASES
+from bench.stress.trial import Trial
+from model.core.simulation import State
+
+NAMES = {case.name: case for case in TETRAHEDRAL_CASES}
+HOST: dict[str, Any] = {"threads": 1, "math": "exact"}
+
+
+@pytest.mark.parametrize("precision", ["float64", "float32"])
+@pytest.mark.parametrize("method", TETRAHEDRAL)
+@pytest.mark.parametrize("name", NAMES)
+def test_the_laws_hold(name: str, method: str, precision: str) -> None:
+    case = NAMES[name]
+    outcome = judge_case(case, method, "cpu", precision, **HOST)
+    if case.known_failure(method, precision):
+        assert outcome.verdict == "known" and outcome.diagnosis == SWEPT
+        assert 1e-5 < outcome.checks[0].value < 1e-3  # the momentum, after a second of 20 sweeps a substep
+        return
+    assert outcome.verdict == "pass" and not outcome.diagnosis, outcome.diagnosis
+    assert outcome.checks[0].relation and outcome.end is not None and np.isfinite(outcome.end).all()
+
+
+def test_rows_are_of_tetrahedra() -> None:
+    for case in CASES:
+        assert case.of_tetrahedra == (case in TETRAHEDRAL_CASES) == ("vbd" in case.methods)
+        assert not case.of_tetrahedra or case.base().tetrahedra
+    assert {case.row for case in TETRAHEDRAL_CASES} == {"A8", "B21", "B22", "B23"}
+
+
+@pytest.mark.parametrize("method", TETRAHEDRAL)
+def test_scenes_are_solved_as_the_method_says(method: str) -> None:
+    for case in TETRAHEDRAL_CASES:
+        scene, note = case_scene(case, method)
+        assert scene.method.solver == method.split()[0] and not note
+        assert (scene.method.substeps * scene.method.iterations == 1) == (case.row == "B23")
+
+
+def test_spin_follows_the_law_of_rigid_bodies() -> None:
+    """omega(t) = omega_0 / sqrt(1 + 2 omega_0^2 h t), of small turns; of 2 pi rad/s at 1/60 s 0.656777 after 1 s."""
+    assert spin_kept(2 * pi / 60, 60) == pytest.approx(0.656777, abs=2e-3)
+    for h in (1e-3, 1e-4):
+        assert spin_kept(2 * pi * h, round(1 / h)) == pytest.approx(1 / sqrt(1 + 8 * pi**2 * h), rel=4 * h)
+
+
+class Idle(Trial):
+    """Nothing moves: the state stays the one that it began with, whatever the solver does."""
+
+    def run(self, initial: State | None, seconds: float, *, allow_unstable: bool = False) -> State:
+        found = self.scene.tetrahedra_set
+        return initial or State(found.position, np.zeros_like(found.position), np.ones(found.particle_count), 0.0, 0)
+
+
+class Growing(Trial):
+    """It flies apart, a tenth more in each step."""
+
+    def watch(self, looks: Any, initial: State | None = None, **how: Any) -> Any:
+        assert initial is not None
+        for step in looks:
+            yield State(initial.position * 1.1**step, initial.velocity, initial.inverse_mass, 0.0, step)
+
+
+@pytest.mark.parametrize(("name", "trial", "seen"), [
+    ("B21 flat", Idle, {RATIO, STRETCH}), ("B21 inside out", Idle, {RATIO, STRETCH}), ("B21 random", Idle, {RATIO, STRETCH}),
+    ("B22", Idle, {VOLUME}), ("A8 tumbling", Idle, {MOMENTUM, SPIN}), ("B23 bar", Growing, {STORED}),
+])  # fmt: skip
+def test_laws_see_what_they_are_about(name: str, trial: type[Trial], seen: set[str]) -> None:
+    scene, _ = case_scene(NAMES[name], "newton")
+    assert seen <= {check.name for check in NAMES[name].law(trial(scene)) if not check.good}
+
+
+def test_verdicts_go_into_the_store_and_the_table(capsys: pytest.CaptureFixture[str]) -> None:
+    from rich.console import Console
+
+    from bench.stress.results import print_hard
+
+    with Store(":memory:") as store:
+        how: dict[str, Any] = {
+            "cases": ["B23 bar"], "integrators": ["newton"], "precisions": ["float64"], "backends": ["cpu"]
+        }  # fmt: skip
+        summary = run_hard(store, progress=False, pictures=False, **how)
+        assert [(row.verdict, row.integrator, row.kind) for row in summary.rows] == [("pass", "newton", "tetrahedra")]
+        again = run_hard(store, progress=False, pictures=False, **how)
+        assert (again.measured, again.held) == (0, 1)
+    print_hard(Console(width=200), summary)
+    told = capsys.readouterr().out
+    assert "B23 bar" in told and "newton" in told and "1 passed" in told
