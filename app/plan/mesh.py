@@ -38,7 +38,7 @@ def vertices_on_gpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
 
 def mesh_on_gpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
     """Also where there is no GPU."""
-    why = "a thread a constraint, a launch a colour, captured"
+    why = "a thread a constraint, or a voxel of them, a launch a colour, captured"
     return BackendPlan("gpu", gpu_device()[0], "graph", None, why, _passes(plan, precision, "a launch"))
 
 

@@ -1,4 +1,5 @@
-"""Bodies of tetrahedra on CUDA, position-based: two constraints a tetrahedron, a thread for each tetrahedron of a colour.
+"""Bodies of tetrahedra on CUDA, position-based: two constraints a tetrahedron, a thread for each tetrahedron of a colour, or
+for each voxel.
 
 M. Macklin et al., "XPBD", MIG 2016, algorithm 1; M. Macklin et al., "Small Steps in Physics Simulation", SCA 2019. Launches
 are a mesh's (xpbd/mesh.py), what a tetrahedron does is model/formulas/constraints/tetrahedron.py.

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from gpu_backend.core.constraints import make_projections
+from gpu_backend.core.constraints import make_projections, places
 from gpu_backend.core.device import simulated
 from gpu_backend.core.launch import Graphs, can_capture
 from gpu_backend.core.quads import SIZE
@@ -109,10 +109,15 @@ class MeshPositionBased(SubstepSimulation):
         """(stage, project(before, position, fresh)) of every colour of a set of constraints."""
         kernel, count = make_projections(self.real, self.options.math, projection), len(found.corners)
         multipliers = self.on_device(np.zeros(max(1, projection.soft * projection.multipliers * count), self.real))
-        corners, values = self.on_device(found.corners.T), self.on_device(found.values.T.astype(self.real))
+        order, run = places(found), found.run
+        corners = self.on_device(found.corners[order].T)
+        values = self.on_device(found.values[order].T.astype(self.real))
 
         def project(start: int, stop: int) -> Callable[[Any, Any, bool], None]:
-            launch, bounds = self._over(stop - start, THREADS), (np.int32(start), np.int32(stop), np.int32(count))
+            launch, bounds = (
+                self._over((stop - start) // run, THREADS),
+                (np.int32(start), np.int32(stop), np.int32(count)),
+            )
             return lambda before, position, fresh: kernel[launch](
                 position, before, corners, values, multipliers, *bounds, np.int32(fresh), self.record
             )

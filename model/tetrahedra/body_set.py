@@ -57,8 +57,10 @@ class TetrahedraSet:
     `position`, `velocity` (particles, 3) float64 [m], [m/s] at the start, where nothing is strained; `masses` (particles,)
     [kg]; `pinned_vertices`, ascending; `body` (tetrahedra,) int32: which of `parts` each is of; `tetrahedra` (tetrahedra, 4)
     int32; `rest_inverse` (tetrahedra, 3, 3): of the matrix with the edges from the first corner as columns; `volume`
-    (tetrahedra,) [m^3]; `surface` (triangles, 3) int32; `first_particle` of each body; `skin`. To the rest of the lab it is a
-    row of masses: `rows` 1, `columns` all, `spacing` the mean edge [m], `mass` the mean one.
+    (tetrahedra,) [m^3]; `surface` (triangles, 3) int32; `first_particle` of each body; `skin`; `voxel` (tetrahedra, 3) int32:
+    the place of each one's voxel in its body, along the longest side first, 0 of those that are of none; `run` (tetrahedra,)
+    int32: how many tetrahedra, itself among them, its voxel is, which stand one after the other; 1 of those of none. To the
+    rest of the lab it is a row of masses: `rows` 1, `columns` all, `spacing` the mean edge [m], `mass` the mean one.
     """
 
     names: tuple[str, ...]
@@ -74,6 +76,8 @@ class TetrahedraSet:
     surface: np.ndarray
     first_particle: np.ndarray
     skin: Skin
+    voxel: np.ndarray
+    run: np.ndarray
     rows: int = 1
     spring_count: int = 0
 
@@ -165,7 +169,20 @@ def make_tetrahedra_set(parts: Mapping[str, TetrahedralBody]) -> TetrahedraSet:
         np.concatenate([mesh.surface + start for mesh, start in zip(meshes, first, strict=False)]).astype(np.int32),
         first[:-1],
         _skin(bodies, first),
+        np.concatenate([_voxels(one) for one in bodies]),
+        np.repeat(
+            np.array([max(1, one.per_voxel) for one in bodies], np.int32), [len(one.mesh.tetrahedra) for one in bodies]
+        ),
     )
+
+
+def _voxels(body: CookedBody) -> np.ndarray:
+    """(tetrahedra, 3) int32: the place of each one's voxel, along the longest side first; 0 where there are none."""
+    if not body.per_voxel:
+        return np.zeros((len(body.mesh.tetrahedra), 3), np.int32)
+    longest_first = np.argsort(-np.ptp(body.voxel, axis=0), kind="stable")
+    found: np.ndarray = body.voxel[:, longest_first]
+    return found
 
 
 def cut(part: TetrahedralBody) -> CookedBody:

@@ -9,7 +9,7 @@ import pytest
 from kernel_text import record_of
 
 from model.formulas.constraints.tetrahedron import MATERIALS
-from model.tetrahedra.constraints import BLOCKS, DAMPED, ITERATED, projections_of
+from model.tetrahedra.constraints import BLOCKS, DAMPED, ITERATED, part_of_run, projections_of
 
 pytestmark = pytest.mark.usefixtures("ptx_compiler")
 
@@ -35,6 +35,14 @@ def test_float32_projections_hold_no_double_and_no_local_memory(material: str, m
     text = text_of(material, np.float32, math, DAMPED, ITERATED)
     assert ".f64" not in text
     assert ".local" not in text and "call" not in text
+
+
+@pytest.mark.parametrize("run", [5, 6])
+def test_those_of_voxels_are_a_loop(run: int) -> None:
+    text = text_of("fixed-corotated", np.float32, "fast", DAMPED, ITERATED, part_of_run("fixed-corotated", run))
+    one = text_of("fixed-corotated", np.float32, "fast", DAMPED, ITERATED)
+    assert ".f64" not in text and ".local" not in text and "call" not in text
+    assert text.count("sqrt") == one.count("sqrt")  # not the code of each tetrahedron
 
 
 @pytest.mark.parametrize("material", MATERIALS)
