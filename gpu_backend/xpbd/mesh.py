@@ -48,10 +48,14 @@ class MeshPositionBased(SubstepSimulation):
 
     def __init__(self, scene: Scene, options: Options):
         super().__init__(scene, options)
-        self.plan, self.kernel = self._plan_of(scene, options.live), launched_kernel(options.kernel, self.what)
-        self.threads = THREADS
+        self.plan = self._plan_of(scene, options.live)
+        self.kernel, self.threads = self._choose_kernel(options.kernel), THREADS
         self._require_space()
         self._start(THREADS)
+
+    def _choose_kernel(self, wanted: str | None) -> str:
+        """The kernel `wanted`, or the fastest. Raises SceneError."""
+        return launched_kernel(wanted, self.what)
 
     def _require_space(self) -> None:
         item = np.dtype(self.real).itemsize
@@ -87,7 +91,7 @@ class MeshPositionBased(SubstepSimulation):
 
     def _build(self) -> None:
         """Compile and load every kernel, by running it once on arrays that `reset` then overwrites."""
-        self._tools = SimpleNamespace(**vars(make_cloth_tools(self.real)) | vars(make_mesh_tools(self.real)))
+        self._make_tools()
         variant, parts = (self.real, self.options.math), forces_of(self.plan.parts)
         self._begin, self._end = make_mesh_begin(*variant, parts), make_end(*variant, parts, AXES)
         self._colours: list[tuple[str, Callable[[Any, Any, bool], None]]] = []
@@ -102,6 +106,9 @@ class MeshPositionBased(SubstepSimulation):
             cuda.synchronize()
         if self.kernel == "graph" and can_capture():
             self._graphs = Graphs(self.stream, self._launch, self._count_on)
+
+    def _make_tools(self) -> None:
+        self._tools = SimpleNamespace(**vars(make_cloth_tools(self.real)) | vars(make_mesh_tools(self.real)))
 
     def _projections(
         self, found: ConstraintSet, projection: Projection

@@ -24,7 +24,9 @@ KINDS = {
     5: "voxels",
     6: "Kuhn voxels",
 }  # of sets, by how many tetrahedra are taken one after the other
-_known: WeakKeyDictionary[TetrahedraSet, tuple[ConstraintSet, ...]] = WeakKeyDictionary()  # colouring is slow
+_known: WeakKeyDictionary[TetrahedraSet, tuple[tuple[ConstraintSet, np.ndarray], ...]] = (
+    WeakKeyDictionary()
+)  # colouring is slow
 
 
 def tetrahedra_parts(scene: Scene, live: frozenset[str] = frozenset()) -> frozenset[str]:
@@ -64,7 +66,15 @@ def projections_of(parts: frozenset[str]) -> tuple[Projection, ...]:
 
 def constraint_sets(scene: Scene) -> tuple[ConstraintSet, ...]:
     """The tetrahedra of each material, those of voxels by themselves, sorted by colours. Kept with the bodies."""
-    found = scene.tetrahedra_set
+    return tuple(one for one, _ in _sets(scene.tetrahedra_set))
+
+
+def tetrahedra_of_sets(found: TetrahedraSet) -> tuple[np.ndarray, ...]:
+    """(n,) int64 of each of the constraint sets: which tetrahedron each of its constraints is."""
+    return tuple(chosen for _, chosen in _sets(found))
+
+
+def _sets(found: TetrahedraSet) -> tuple[tuple[ConstraintSet, np.ndarray], ...]:
     if found not in _known:
         kinds = np.stack([material_of(found), found.run])
         each = (np.flatnonzero((kinds == kind[:, None]).all(axis=0)) for kind in np.unique(kinds, axis=1).T)
@@ -72,9 +82,9 @@ def constraint_sets(scene: Scene) -> tuple[ConstraintSet, ...]:
     return _known[found]
 
 
-def _coloured(found: TetrahedraSet, chosen: np.ndarray) -> ConstraintSet:
-    """The chosen tetrahedra, all of one material and run. Those of a large volume are as good as any other: only places
-    count."""
+def _coloured(found: TetrahedraSet, chosen: np.ndarray) -> tuple[ConstraintSet, np.ndarray]:
+    """The chosen tetrahedra, all of one material and run, and which they are in its order. Those of a large volume are as
+    good as any other: only places count."""
     run = int(found.run[chosen[0]])
     if run > 1:
         order, starts = voxel_order(found, chosen, run)
@@ -84,7 +94,7 @@ def _coloured(found: TetrahedraSet, chosen: np.ndarray) -> ConstraintSet:
     chosen = chosen[order]
     name = found.parts[found.body[chosen[0]]].material
     corners = np.ascontiguousarray(found.tetrahedra[chosen])
-    return ConstraintSet(KINDS[run], name, corners, constraint_values(found, chosen), starts, run)
+    return ConstraintSet(KINDS[run], name, corners, constraint_values(found, chosen), starts, run), chosen
 
 
 def tetrahedra_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
