@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from app.plan.passes import BackendPlan, Pass, cpu_plan, gpu_device, merged_passes, stages_of
+from model.core.options import PRECISIONS
 from model.core.plan import Plan
 from model.scene.scene import Scene
 
@@ -42,8 +43,21 @@ def vertices_on_gpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
 
 def mesh_on_gpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
     """Also where there is no GPU."""
-    why = "a thread a constraint, a launch a colour, captured"
+    why = "a thread a constraint, or a voxel of them, a launch a colour, captured"
     return BackendPlan("gpu", gpu_device()[0], "graph", None, why, _passes(plan, precision, "a launch"))
+
+
+def tetrahedra_on_gpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
+    """Also where there is no GPU."""
+    from gpu_backend.tetrahedra.resident_launch import default_slabs
+
+    device, limits = gpu_device("that slabs are cut for")
+    slabs = default_slabs(scene, PRECISIONS[precision], limits)
+    if not slabs:
+        return mesh_on_gpu(scene, precision, plan)
+    blocks = sum(one.count for one in slabs)
+    why = f"kept on the chip in {blocks} slab{'' if blocks == 1 else 's'}, a block each; neighbours meet twice a sweep"
+    return BackendPlan("gpu", device, "resident", None, why, _passes(plan, precision, "on the chip"))
 
 
 def newton_on_cpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:

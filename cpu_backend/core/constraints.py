@@ -1,7 +1,7 @@
 """The executor of position-based constraints on CPU threads: some of a colour, one after the other.
 
 Corners, values and multipliers are rows of arrays, a row a constraint; what a projection computes is in
-model/formulas/constraints. Of a colour no two constraints move the same particle, so that threads take any part of it.
+model/formulas/constraints. Of a colour no two runs move the same particle, so that threads take any runs of it.
 """
 
 from __future__ import annotations
@@ -19,6 +19,9 @@ from model.core.constraints import ConstraintSet, Projection
 from model.core.tuples import each_of, tuple_of
 
 ALONE = 256  # constraints of a colour that one thread does sooner than threads come together: some microseconds
+# Runs of a colour that take turns: the processor begins the next one's constraint before the last one's is through, which
+# constraints of one run, that wait for each other, do not let it.
+TOGETHER = 16
 SetArrays = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 
 
@@ -86,6 +89,7 @@ def make_projections(compiler: Compiler, real: Any, projection: Projection, part
     one = compiler.inlined(projection.make(real, compiled, **dict(projection.flags)).project.py_func)
     point, weight, put = particles.point, particles.weight, particles.put
     is_soft, is_damped = projection.soft, projection.damped
+    run, together = projection.run, projection.run * TOGETHER if projection.run > 1 else 1 << 30
     zero, neutral = real(0), real(1)
     has_constants = projection.constants is not None
     c_compliance, c_damping, c_stiffening = projection.constants or ("", "", "")
@@ -136,31 +140,33 @@ def make_projections(compiler: Compiler, real: Any, projection: Projection, part
         constants = zero, zero, neutral
         if has_constants:
             constants = parameters[c_compliance], parameters[c_damping], parameters[c_stiffening]
-        for k in range(first, last):
-            points = points_of(position, weights, corners, k)
-            old = points_of(before, weights, corners, k) if is_damped else points
-            so_far = multipliers_of(multipliers, fresh, values, k)
-            moved, total = one(
-                points, old, weights_of(position, weights, corners, k), values_of(values, fresh, values, k), so_far,
-                constants,
-            )  # fmt: skip
-            put_all(position, weights, corners, k, moved)
-            if is_soft:
-                keep_all(multipliers, fresh, values, k, total)
+        for block in range(first, last, together):
+            for member in range(run):
+                for k in range(block + member, min(block + together, last), run):
+                    points = points_of(position, weights, corners, k)
+                    old = points_of(before, weights, corners, k) if is_damped else points
+                    so_far = multipliers_of(multipliers, fresh, values, k)
+                    moved, total = one(
+                        points, old, weights_of(position, weights, corners, k), values_of(values, fresh, values, k),
+                        so_far, constants,
+                    )  # fmt: skip
+                    put_all(position, weights, corners, k, moved)
+                    if is_soft:
+                        keep_all(multipliers, fresh, values, k, total)
 
     return project
 
 
-def make_colours(compiler: Compiler, projects: Sequence[Any]) -> Any:
+def make_colours(compiler: Compiler, projects: Sequence[Any], runs: Sequence[int]) -> Any:
     """sweep(team, member, bands, position, weights, before, sets, fresh, parameters): all constraints once, set by set and
-    colour by colour. `projects`: make_projections of each set; `sets`: their set_arrays; at least one."""
+    colour by colour. `projects`: make_projections of each set; `runs`: of each; `sets`: their set_arrays; at least one."""
     found: Any = None
     for number in range(len(projects) - 1, -1, -1):
-        found = _of_set(compiler, number, projects[number], found)
+        found = _of_set(compiler, number, projects[number], runs[number], found)
     return found
 
 
-def _of_set(compiler: Compiler, number: int, project: Any, others: Any) -> Any:
+def _of_set(compiler: Compiler, number: int, project: Any, run: int, others: Any) -> Any:
     """The sweep of set `number`, and then of the `others`."""
     has_others = others is not None
 
@@ -168,10 +174,10 @@ def _of_set(compiler: Compiler, number: int, project: Any, others: Any) -> Any:
     def sweep(team, member, bands, position, weights, before, sets, fresh, parameters):
         corners, values, multipliers, starts = sets[number]
         for colour in range(starts.size - 1):
-            start, many = np.int64(starts[colour]), starts[colour + 1] - starts[colour]
-            parts = bands if many >= ALONE else 1
+            start, runs = np.int64(starts[colour]), (starts[colour + 1] - starts[colour]) // run
+            parts = bands if runs * run >= ALONE else 1
             for part in shares(team, member, parts):
-                first, last = start + many * part // parts, start + many * (part + 1) // parts
+                first, last = start + run * (runs * part // parts), start + run * (runs * (part + 1) // parts)
                 project(first, last, position, weights, before, corners, values, multipliers, fresh, parameters)
         if has_others:
             others(team, member, bands, position, weights, before, sets, fresh, parameters)
@@ -183,11 +189,13 @@ def _of_set(compiler: Compiler, number: int, project: Any, others: Any) -> Any:
 def make_constraint_stage(real: Any, math: str, projection: Projection, in_planes: bool) -> Any:
     """stage(bands, start, stop, position, weights, before, corners, values, multipliers, fresh, parameters): a parallel loop
     over one colour, by itself."""
+    run = projection.run
     compiler = Compiler(f"{projection.name}_{np.dtype(real).name}_{math}", math)
     project = make_projections(compiler, real, projection, (make_planes if in_planes else make_rows)(compiler))
 
     def stage(band, bands, start, stop, position, weights, before, corners, values, multipliers, fresh, parameters):
-        first, last = start + (stop - start) * band // bands, start + (stop - start) * (band + 1) // bands
+        runs = (stop - start) // run
+        first, last = start + run * (runs * band // bands), start + run * (runs * (band + 1) // bands)
         project(first, last, position, weights, before, corners, values, multipliers, fresh, parameters)
 
     return compiler.banded(stage)
@@ -199,6 +207,6 @@ def make_sweep_stage(real: Any, math: str, projections: tuple[Projection, ...]) 
     rows; `sets`: those of the `projections`, at least one."""
     compiler = Compiler(f"sweep_{np.dtype(real).name}_{math}", math)
     rows = make_rows(compiler)
-    sweep = make_colours(compiler, [make_projections(compiler, real, projection, rows) for projection in projections])
-
+    projects = [make_projections(compiler, real, projection, rows) for projection in projections]
+    sweep = make_colours(compiler, projects, [projection.run for projection in projections])
     return compiler.team(sweep)

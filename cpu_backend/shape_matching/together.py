@@ -110,7 +110,8 @@ def make_bodies_together(real: Any, math: str, parts: frozenset[str]) -> Any:
     of_one, made = make_particles(compiler, real, parts), make_matching(real, math, shaping(parts))
     begin, rate, collide, match, move = of_one.begin, of_one.rate, of_one.collide, made.match, made.move
     has_bodies, has_links = bool(parts & set(COLLIDER_KINDS)), "links" in parts
-    sweep_links = make_colours(compiler, [make_projections(compiler, real, LINKS, make_planes(compiler))])
+    project_links = make_projections(compiler, real, LINKS, make_planes(compiler))
+    sweep_links = make_colours(compiler, [project_links], [LINKS.run])
     find, has_contacts = make_find(real, math), "contacts" in parts
     take_out = make_project(real, math, "contact-friction" in parts, "contact-adhesion" in parts)
     windows, has_lattices = make_lattice_matching(real, math), "lattices" in parts

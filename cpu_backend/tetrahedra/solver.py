@@ -59,9 +59,12 @@ class Tetrahedra(MeshPositionBased):
         stage = make_mesh_stages(*self._variant())
         sweep = make_sweep_stage(self.real, self.options.math, self._projections)
         position, velocity, before, parameters = self._position, self._velocity, self._before, self.parameters
+        driven = "motion" in self.plan.parts
         for number in range(step * method.substeps, (step + steps) * method.substeps):
             now, lists = number // method.substeps, self._wind
             stage.predict(bands, now, number, position, velocity, before, parameters, self.integers, lists)
+            if driven:
+                stage.pins(bands, number, position, velocity, parameters, self.bodies, self.driven)
             contacts.find(before, position)
             for iteration in range(method.iterations):
                 sweep(bands, position, position, before, self._set_arrays, iteration == 0, parameters)
@@ -69,3 +72,5 @@ class Tetrahedra(MeshPositionBased):
             stage.update(bands, before, position, velocity, parameters)
             if self.scene.colliders:
                 stage.collide(bands, number, before, position, velocity, parameters, self.bodies, self.kinds)
+            if driven:
+                stage.pins(bands, number, position, velocity, parameters, self.bodies, self.driven)

@@ -158,7 +158,8 @@ def make_mesh_advance(real: Any, math: str, parts: frozenset[str], projections: 
     update, collide = ends.update, ends.collide
     rows = make_rows(compiler)
     projects = [make_projections(compiler, real, projection, rows) for projection in projections]
-    sweep, has_constraints = make_colours(compiler, projects), bool(projects)
+    sweep = make_colours(compiler, projects, [projection.run for projection in projections])
+    has_constraints = bool(projects)
     has_bodies, has_motion = bool(parts & set(COLLIDER_KINDS)), "motion" in parts
     drive = make_drive(compiler, real)
 

@@ -1,8 +1,9 @@
-"""The executor of position-based constraints on CUDA: a thread for each constraint of a colour, no two of which move the
-same particle.
+"""The executor of position-based constraints on CUDA: a thread for each run of constraints of a colour, no two of which move
+the same particle.
 
-Corners, values and multipliers are flat and lie column by column, so that neighbouring threads read neighbouring numbers;
-what a projection computes is in model/formulas/constraints.
+Corners, values and multipliers are flat and lie column by column, of a colour the first constraints of all runs before the
+second ones (`places`), so that neighbouring threads read neighbouring numbers; what a projection computes is in
+model/formulas/constraints.
 """
 
 from __future__ import annotations
@@ -16,20 +17,60 @@ from numba import cuda
 from gpu_backend.core.compile import inlined, kernel_options, make_kernel, variant_name
 from gpu_backend.core.formulas import device_formulas
 from gpu_backend.core.quads import load_quad, store_quad
-from model.core.constraints import Projection
+from model.core.constraints import ConstraintSet, Projection
 from model.core.tuples import each_of, tuple_of
+
+
+def places(found: ConstraintSet) -> np.ndarray:
+    """(constraints,) int64: which constraint of the set stands at each place on the device."""
+    return np.concatenate([np.zeros(0, np.int64), *found.sweep])
 
 
 @cache
 def make_projections(real: Any, math: str, projection: Projection) -> Any:
-    """project(position, before, corners, values, multipliers, start, stop, count, fresh, record): constraints `start` to
-    before `stop` of a set of `count`; positions are quads with the particles' weights. `multipliers` count as 0 where
-    `fresh`."""
-    one = device_formulas(projection.make, real, math, **dict(projection.flags)).project
-    inline, is_soft, is_damped = inlined(math), projection.soft, projection.damped
-    zero, neutral = real(0), real(1)
-    has_constants = projection.constants is not None
+    """project(position, before, corners, values, multipliers, start, stop, count, fresh, record): the colour from place
+    `start` to before `stop` of a set of `count`; positions are quads with the particles' weights. `multipliers` count as 0
+    where `fresh`."""
+    one, constants_of, run = make_one(real, math, projection), make_constants(real, math, projection), projection.run
+
+    def project(position, before, corners, values, multipliers, start, stop, size, fresh, record):
+        parameters = record[0]
+        runs, mine = np.int32((stop - start) // run), np.int32(cuda.grid(1))  # type: ignore[call-arg]
+        if mine < runs:
+            constants = constants_of(parameters)
+            place, count = np.int32(start + mine), np.int32(size)
+            if run == 1:
+                one(position, before, corners, values, multipliers, place, count, fresh, constants)
+            else:
+                for _ in range(run):
+                    one(position, before, corners, values, multipliers, place, count, fresh, constants)
+                    place = np.int32(place + runs)
+
+    return make_kernel(project, f"{projection.name}_{variant_name(real, math)}", **kernel_options(math))
+
+
+@cache
+def make_constants(real: Any, math: str, projection: Projection) -> Any:
+    """constants_of(parameters): compliance, damping and stiffening, as the projection takes them."""
+    has_constants, zero, neutral = projection.constants is not None, real(0), real(1)
     c_compliance, c_damping, c_stiffening = projection.constants or ("", "", "")
+
+    @inlined(math)
+    def constants_of(parameters):
+        if has_constants:
+            return parameters[c_compliance], parameters[c_damping], parameters[c_stiffening]
+        return zero, zero, neutral
+
+    return constants_of
+
+
+@cache
+def make_one(real: Any, math: str, projection: Projection) -> Any:
+    """one(position, before, corners, values, multipliers, place, count, fresh, constants): the constraint at a place of a set
+    of `count`, whose `corners` are quads of `position` and `before`."""
+    project = device_formulas(projection.make, real, math, **dict(projection.flags)).project
+    inline, is_soft, is_damped = inlined(math), projection.soft, projection.damped
+    zero = real(0)
 
     def quad_at(n: int) -> Any:
         return inline(lambda position, corners, count, k: load_quad(position, corners[n * count + k]))
@@ -83,24 +124,19 @@ def make_projections(real: Any, math: str, projection: Projection) -> Any:
     )
     keep_all = each_of(projection.multipliers, keep_at, inline)
 
-    def project(position, before, corners, values, multipliers, start, stop, size, fresh, record):
-        parameters = record[0]
-        k, count = np.int32(start + cuda.grid(1)), np.int32(size)  # type: ignore[call-arg]
-        if k < stop:
-            constants = zero, zero, neutral
-            if has_constants:
-                constants = parameters[c_compliance], parameters[c_damping], parameters[c_stiffening]
-            quads = quads_of(position, corners, count, k)
-            points = points_of(quads, count, count, k)
-            old = points
-            if is_damped:
-                old = points_of(quads_of(before, corners, count, k), count, count, k)
-            moved, total = one(
-                points, old, weights_of(quads, count, count, k), values_of(values, fresh, count, k),
-                multipliers_of(multipliers, fresh, count, k), constants,
-            )  # fmt: skip
-            put_all(position, corners, count, k, moved_of(moved, quads, count, k))
-            if is_soft:
-                keep_all(multipliers, fresh, count, k, total)
+    @inline
+    def one(position, before, corners, values, multipliers, k, count, fresh, constants):
+        quads = quads_of(position, corners, count, k)
+        points = points_of(quads, count, count, k)
+        old = points
+        if is_damped:
+            old = points_of(quads_of(before, corners, count, k), count, count, k)
+        moved, total = project(
+            points, old, weights_of(quads, count, count, k), values_of(values, fresh, count, k),
+            multipliers_of(multipliers, fresh, count, k), constants,
+        )  # fmt: skip
+        put_all(position, corners, count, k, moved_of(moved, quads, count, k))
+        if is_soft:
+            keep_all(multipliers, fresh, count, k, total)
 
-    return make_kernel(project, f"{projection.name}_{variant_name(real, math)}", **kernel_options(math))
+    return one

@@ -16,10 +16,11 @@ LARGEST_CHUNK = 256  # steps of one graph
 KERNELS = ("graph", "launch", "stages")
 
 
-def launched_kernel(wanted: str | None, what: str) -> str:
-    """The kernel `wanted`, or the fastest there is, of solvers that only launch. Raises SceneError for any other."""
+def launched_kernel(wanted: str | None, what: str, more: tuple[str, ...] = ()) -> str:
+    """The kernel `wanted`, or the fastest there is, of solvers that only launch; `more`: kernels that are there besides, for
+    the message. Raises SceneError for any other."""
     if wanted is not None and wanted not in KERNELS:
-        raise unknown_kernel(wanted, KERNELS, f"for {what} on the gpu")
+        raise unknown_kernel(wanted, (*more, *KERNELS), f"for {what} on the gpu")
     return wanted or ("graph" if can_capture() else "launch")
 
 

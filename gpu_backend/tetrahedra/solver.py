@@ -1,26 +1,37 @@
-"""Bodies of tetrahedra on CUDA, position-based: two constraints a tetrahedron, a thread for each tetrahedron of a colour.
+"""Bodies of tetrahedra on CUDA, position-based: two constraints a tetrahedron, a thread for each tetrahedron of a colour, or
+for each voxel.
 
 M. Macklin et al., "XPBD", MIG 2016, algorithm 1; M. Macklin et al., "Small Steps in Physics Simulation", SCA 2019. Launches
-are a mesh's (xpbd/mesh.py), what a tetrahedron does is model/formulas/constraints/tetrahedron.py.
+are a mesh's (xpbd/mesh.py), what a tetrahedron does is model/formulas/constraints/tetrahedron.py. Kernels besides a mesh's:
+`resident`, all steps in one launch, of bodies of voxels that fit on the chip (resident.py); `resident:4` in slabs of 4
+layers. In `exact` math all give the same bits, and the CPU's.
 """
 
 from __future__ import annotations
 
 import numpy as np
+from numba import cuda
 
 from gpu_backend.contact.surfaces import SurfaceContacts, surface_contact_bytes
+from gpu_backend.core.device import simulated
+from gpu_backend.core.substeps import launched_kernel
+from gpu_backend.tetrahedra.resident_launch import ResidentSet, chosen_slabs, default_slabs, layers_of
 from gpu_backend.xpbd.mesh import MeshPositionBased
 from model.core.constraints import ConstraintSet, Projection
-from model.core.plan import Plan
+from model.core.errors import SceneError
+from model.core.plan import Executor, Plan
 from model.scene.scene import Scene
 from model.tetrahedra.constraints import constraint_sets, projections_of, tetrahedra_plan
 from model.tetrahedra.tables import surface_lists
+
+LAUNCHED_ONLY = ("wind", "motion", "attachments")  # parts of a plan
 
 
 class Tetrahedra(MeshPositionBased):
     """See model/core/simulation.py for the contract. `threads` is the number of threads a block."""
 
     what, named = "tetrahedral bodies", "tetrahedral_body"
+    _residents: tuple[ResidentSet, ...] = ()
 
     def _plan_of(self, scene: Scene, live: frozenset[str]) -> Plan:
         return tetrahedra_plan(scene, live)
@@ -40,3 +51,49 @@ class Tetrahedra(MeshPositionBased):
         if self.scene.contact is not None:
             needed += surface_contact_bytes(self.scene, np.dtype(self.real).itemsize)
         super()._require_memory(needed, field, value)
+
+    # ------------------------------------------------------------------ the kernel `resident`
+
+    def _launched_only(self) -> str | None:
+        """What of the scene `resident` does not do."""
+        if self.scene.contact is not None:
+            return "contacts"
+        return next((part for part in LAUNCHED_ONLY if part in self.plan.parts), None)
+
+    def _choose_kernel(self, wanted: str | None) -> str:
+        alone = self._launched_only()
+        if wanted is not None and wanted.partition(":")[0] == "resident":
+            if alone:
+                raise SceneError("--kernel", wanted, f"knows no {alone}; use graph")
+            self._slabs = chosen_slabs(self.scene, self.real, layers_of(wanted))
+            return wanted
+        if wanted is None and not alone and not simulated():
+            self._slabs = default_slabs(self.scene, self.real)
+            if self._slabs:
+                return "resident"
+        return launched_kernel(wanted, self.what, ("resident",))
+
+    def _build(self) -> None:
+        if not self.kernel.startswith("resident"):
+            super()._build()
+            return
+        self._make_tools()
+        sets = zip(self._slabs, *self._constraints(), strict=True)
+        self._residents = tuple(ResidentSet(self, *one) for one in sets)
+        self.threads = max(one.slabs.threads for one in self._residents)
+        self._executor = Executor(self.plan, {}, self._advance_resident)
+        if not simulated():
+            self._advance_resident(0, 1)
+            cuda.synchronize()
+
+    def _advance_resident(self, step: int, steps: int) -> None:
+        self._set_counter(step)
+        for one in self._residents:
+            one.launch(steps)
+        self._current = 1 - self._current
+        self._count_on(steps)
+
+    def _first_diverged(self) -> int:
+        for one in self._residents:
+            one.require_exchange()
+        return super()._first_diverged()

@@ -16,7 +16,7 @@ import numpy as np
 from numba import cuda
 
 from gpu_backend.contact.pins import make_drive
-from gpu_backend.core.constraints import make_projections
+from gpu_backend.core.constraints import make_projections, places
 from gpu_backend.core.device import simulated
 from gpu_backend.core.launch import Graphs, can_capture
 from gpu_backend.core.quads import SIZE
@@ -50,10 +50,14 @@ class MeshPositionBased(Targeted, SubstepSimulation):
 
     def __init__(self, scene: Scene, options: Options):
         super().__init__(scene, options)
-        self.plan, self.kernel = self._plan_of(scene, options.live), launched_kernel(options.kernel, self.what)
-        self.threads = THREADS
+        self.plan = self._plan_of(scene, options.live)
+        self.kernel, self.threads = self._choose_kernel(options.kernel), THREADS
         self._require_space()
         self._start(THREADS)
+
+    def _choose_kernel(self, wanted: str | None) -> str:
+        """The kernel `wanted`, or the fastest. Raises SceneError."""
+        return launched_kernel(wanted, self.what)
 
     def _require_space(self) -> None:
         item = np.dtype(self.real).itemsize
@@ -96,7 +100,7 @@ class MeshPositionBased(Targeted, SubstepSimulation):
 
     def _build(self) -> None:
         """Compile and load every kernel, by running it once on arrays that `reset` then overwrites."""
-        self._tools = SimpleNamespace(**vars(make_cloth_tools(self.real)) | vars(make_mesh_tools(self.real)))
+        self._make_tools()
         variant, parts = (self.real, self.options.math), forces_of(self.plan.parts)
         self._begin, self._end = make_mesh_begin(*variant, parts), make_end(*variant, parts, AXES)
         self._pins = make_drive(*variant) if self._first_pin else None
@@ -114,16 +118,24 @@ class MeshPositionBased(Targeted, SubstepSimulation):
         if self.kernel == "graph" and can_capture():
             self._graphs = Graphs(self.stream, self._launch, self._count_on)
 
+    def _make_tools(self) -> None:
+        self._tools = SimpleNamespace(**vars(make_cloth_tools(self.real)) | vars(make_mesh_tools(self.real)))
+
     def _projections(
         self, found: ConstraintSet, projection: Projection
     ) -> list[tuple[str, Callable[[Any, Any, bool], None]]]:
         """(stage, project(before, position, fresh)) of every colour of a set of constraints."""
         kernel, count = make_projections(self.real, self.options.math, projection), len(found.corners)
         multipliers = self.on_device(np.zeros(max(1, projection.soft * projection.multipliers * count), self.real))
-        corners, values = self.on_device(found.corners.T), self.on_device(found.values.T.astype(self.real))
+        order, run = places(found), found.run
+        corners = self.on_device(found.corners[order].T)
+        values = self.on_device(found.values[order].T.astype(self.real))
 
         def project(start: int, stop: int) -> Callable[[Any, Any, bool], None]:
-            launch, bounds = self._over(stop - start, THREADS), (np.int32(start), np.int32(stop), np.int32(count))
+            launch, bounds = (
+                self._over((stop - start) // run, THREADS),
+                (np.int32(start), np.int32(stop), np.int32(count)),
+            )
             return lambda before, position, fresh: kernel[launch](
                 position, before, corners, values, multipliers, *bounds, np.int32(fresh), self.record
             )

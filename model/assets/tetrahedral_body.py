@@ -37,6 +37,14 @@ class CookedBody:
     embedding: Embedding
     report: Report
 
+    @property
+    def per_voxel(self) -> int:
+        """Tetrahedra a voxel, 5 (the first is twice as large as the others) or 6; 0 of a body that is not of voxels."""
+        if not len(self.voxel):
+            return 0
+        first, second = self.mesh.volumes[:2]
+        return 5 if first > 1.5 * second else 6
+
     def with_density(self, density: float) -> CookedBody:
         """The body with another density [kg/m^3]. Raises SceneError."""
         check_density(density)

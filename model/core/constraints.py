@@ -1,7 +1,8 @@
 """Constraints as data: what a backend's executor of position-based constraints needs to know of them.
 
-A constraint is corners, values, a colour and a projection function (model/formulas/constraints). No two constraints of a
-colour move the same particle, so that all of a colour are projected at once, in any order, to the same bits.
+A constraint is corners, values, a colour and a projection function (model/formulas/constraints). Constraints come in runs,
+often of one: those of a run are projected one after the other, and no two runs of a colour move the same particle, so that
+all runs of a colour are projected at once, in any order, to the same bits.
 """
 
 from __future__ import annotations
@@ -20,7 +21,8 @@ class Projection:
     `make`, `flags`: the factory in model/formulas/constraints, and its flags. Of one constraint: how many `corners`, of which
     the first `moves` are moved (None: all); `values`; `multipliers`, which are kept through a substep's iterations where it
     is `soft`. `damped`: it asks where its corners were when the substep began. `constants`: what in the solver's record
-    compliance, damping and stiffening lie; None: it takes none of them.
+    compliance, damping and stiffening lie; None: it takes none of them. `run`: how many constraints one thread projects one
+    after the other.
     """
 
     name: str
@@ -33,6 +35,7 @@ class Projection:
     damped: bool = False
     flags: tuple[tuple[str, int], ...] = ()
     constants: tuple[str, str, str] | None = None
+    run: int = 1
 
     @property
     def moved(self) -> int:
@@ -42,7 +45,7 @@ class Projection:
 
 @dataclass(frozen=True, eq=False)
 class ConstraintSet:
-    """Constraints of one kind: colour c is those from `starts[c]` to before `starts[c + 1]`.
+    """Constraints of one kind: colour c is those from `starts[c]` to before `starts[c + 1]`, `run` after `run`.
 
     `kind`: of the scene's part; `model`: its name among MODELS (model/xpbd/mesh_constraints.py); `corners` (constraints,
     corners) int32: particles; `values` (constraints, values) float64, as the projection takes them.
@@ -53,8 +56,15 @@ class ConstraintSet:
     corners: np.ndarray
     values: np.ndarray
     starts: np.ndarray
+    run: int = 1
 
     @property
     def colours(self) -> int:
         """How many."""
         return len(self.starts) - 1
+
+    @property
+    def sweep(self) -> list[np.ndarray]:
+        """Constraints no two of which move the same particle, one such set after the other: an iteration."""
+        colours = (np.arange(*self.starts[c : c + 2]).reshape(-1, self.run) for c in range(self.colours))
+        return [members for colour in colours for members in colour.T]

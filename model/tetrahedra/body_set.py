@@ -61,8 +61,10 @@ class TetrahedraSet:
     [kg]; `pinned_vertices`, ascending; `body` (tetrahedra,) int32: which of `parts` each is of; `tetrahedra` (tetrahedra, 4)
     int32; `own` (particles, 3) [m]: where the meshes themselves have them, neither turned nor moved; `regions`: of the scene;
     `rest_inverse` (tetrahedra, 3, 3): of the matrix with the edges from the first corner as columns; `volume`
-    (tetrahedra,) [m^3]; `surface` (triangles, 3) int32; `first_particle` of each body; `skin`. To the rest of the lab it is a
-    row of masses: `rows` 1, `columns` all, `spacing` the mean edge [m], `mass` the mean one.
+    (tetrahedra,) [m^3]; `surface` (triangles, 3) int32; `first_particle` of each body; `skin`; `voxel` (tetrahedra, 3) int32:
+    the place of each one's voxel in its body, along the longest side first, 0 of those that are of none; `run` (tetrahedra,)
+    int32: how many tetrahedra, itself among them, its voxel is, which stand one after the other; 1 of those of none. To the
+    rest of the lab it is a row of masses: `rows` 1, `columns` all, `spacing` the mean edge [m], `mass` the mean one.
     """
 
     names: tuple[str, ...]
@@ -78,6 +80,8 @@ class TetrahedraSet:
     surface: np.ndarray
     first_particle: np.ndarray
     skin: Skin
+    voxel: np.ndarray
+    run: np.ndarray
     own: np.ndarray
     regions: Mapping[str, Region] = field(default_factory=dict)
     rows: int = 1
@@ -194,9 +198,22 @@ def make_tetrahedra_set(
         np.concatenate([mesh.surface + start for mesh, start in zip(meshes, first, strict=False)]).astype(np.int32),
         first[:-1],
         _skin(bodies, first),
+        np.concatenate([_voxels(one) for one in bodies]),
+        np.repeat(
+            np.array([max(1, one.per_voxel) for one in bodies], np.int32), [len(one.mesh.tetrahedra) for one in bodies]
+        ),
         np.concatenate([one.mesh.position for one in bodies]),
         regions,
     )
+
+
+def _voxels(body: CookedBody) -> np.ndarray:
+    """(tetrahedra, 3) int32: the place of each one's voxel, along the longest side first; 0 where there are none."""
+    if not body.per_voxel:
+        return np.zeros((len(body.mesh.tetrahedra), 3), np.int32)
+    longest_first = np.argsort(-np.ptp(body.voxel, axis=0), kind="stable")
+    found: np.ndarray = body.voxel[:, longest_first]
+    return found
 
 
 def cut(part: TetrahedralBody) -> CookedBody:

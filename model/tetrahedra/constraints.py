@@ -12,13 +12,21 @@ from model.formulas.constraints import tetrahedron
 from model.scene.scene import Scene
 from model.tetrahedra.body_set import TetrahedraSet
 from model.tetrahedra.material import constraint_values, material_of
+from model.tetrahedra.voxel_order import voxel_order
 from model.xpbd.colouring import colour
 from model.xpbd.mesh_plan import constrained_plan
 from model.xpbd.plan import xpbd_parts
 
 CONSTANTS = ("elastic_compliance", "elastic_damping", "elastic_stiffening")  # of the record: m / h^2, 1 / h, 1
 DAMPED, BLOCKS, ITERATED = "tetrahedra-damping", "tetrahedra-blocks", "tetrahedra-iterated"
-_known: WeakKeyDictionary[TetrahedraSet, tuple[ConstraintSet, ...]] = WeakKeyDictionary()  # colouring is slow
+KINDS = {
+    1: "tetrahedra",
+    5: "voxels",
+    6: "Kuhn voxels",
+}  # of sets, by how many tetrahedra are taken one after the other
+_known: WeakKeyDictionary[TetrahedraSet, tuple[tuple[ConstraintSet, np.ndarray], ...]] = (
+    WeakKeyDictionary()
+)  # colouring is slow
 
 
 def tetrahedra_parts(scene: Scene, live: frozenset[str] = frozenset()) -> frozenset[str]:
@@ -38,36 +46,57 @@ def materials(parts: frozenset[str]) -> tuple[str, ...]:
     return tuple(name for name in tetrahedron.MATERIALS if name in parts)
 
 
+def part_of_run(material: str, run: int) -> str:
+    """The part of a scene whose tetrahedra of a material are taken so many in a run."""
+    return f"{material}-runs-{run}"
+
+
 def projections_of(parts: frozenset[str]) -> tuple[Projection, ...]:
-    """Of a scene of such parts, one a material."""
+    """Of a scene of such parts, one a material and number of tetrahedra in a run (1, unless they say so)."""
     damped, blocks = DAMPED in parts, BLOCKS in parts
     multipliers = tetrahedron.BLOCKS if blocks else tetrahedron.ROWS
+    runs = {name: [run for run in KINDS if part_of_run(name, run) in parts] for name in materials(parts)}
     return tuple(
         Projection(
             f"tetrahedra_{name.replace('-', '_')}", tetrahedron.make, 4, tetrahedron.COUNT, multipliers, damped=damped,
             soft=ITERATED in parts, constants=CONSTANTS,
-            flags=(("material", tetrahedron.MATERIALS.index(name)), ("damped", damped), ("blocks", blocks)),
+            flags=(("material", tetrahedron.MATERIALS.index(name)), ("damped", damped), ("blocks", blocks)), run=run,
         )
-        for name in materials(parts)
+        for name in runs for run in runs[name] or [1]
     )  # fmt: skip
 
 
 def constraint_sets(scene: Scene) -> tuple[ConstraintSet, ...]:
-    """The tetrahedra of each material, sorted by colours. Kept with the bodies."""
-    found = scene.tetrahedra_set
+    """The tetrahedra of each material, those of voxels by themselves, sorted by colours. Kept with the bodies."""
+    return tuple(one for one, _ in _sets(scene.tetrahedra_set))
+
+
+def tetrahedra_of_sets(found: TetrahedraSet) -> tuple[np.ndarray, ...]:
+    """(n,) int64 of each of the constraint sets: which tetrahedron each of its constraints is."""
+    return tuple(chosen for _, chosen in _sets(found))
+
+
+def _sets(found: TetrahedraSet) -> tuple[tuple[ConstraintSet, np.ndarray], ...]:
     if found not in _known:
-        made = material_of(found)
-        _known[found] = tuple(_coloured(found, np.flatnonzero(made == kind)) for kind in np.unique(made))
+        kinds = np.stack([material_of(found), found.run])
+        each = (np.flatnonzero((kinds == kind[:, None]).all(axis=0)) for kind in np.unique(kinds, axis=1).T)
+        _known[found] = tuple(_coloured(found, chosen) for chosen in each)
     return _known[found]
 
 
-def _coloured(found: TetrahedraSet, chosen: np.ndarray) -> ConstraintSet:
-    """The chosen tetrahedra, all of one material. Those of a large volume are as good as any other: only places count."""
-    colours = colour(found.tetrahedra[chosen], found.particle_count)
-    chosen = chosen[colours.order]
+def _coloured(found: TetrahedraSet, chosen: np.ndarray) -> tuple[ConstraintSet, np.ndarray]:
+    """The chosen tetrahedra, all of one material and run, and which they are in its order. Those of a large volume are as
+    good as any other: only places count."""
+    run = int(found.run[chosen[0]])
+    if run > 1:
+        order, starts = voxel_order(found, chosen, run)
+    else:
+        colours = colour(found.tetrahedra[chosen], found.particle_count)
+        order, starts = colours.order, colours.starts
+    chosen = chosen[order]
     name = found.parts[found.body[chosen[0]]].material
     corners = np.ascontiguousarray(found.tetrahedra[chosen])
-    return ConstraintSet("tetrahedra", name, corners, constraint_values(found, chosen), colours.starts)
+    return ConstraintSet(KINDS[run], name, corners, constraint_values(found, chosen), starts, run), chosen
 
 
 def through_note(scene: Scene) -> str:
@@ -79,6 +108,7 @@ def through_note(scene: Scene) -> str:
 
 def tetrahedra_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
     """Substeps and iterations as in model/xpbd/plan.py; of an iteration the tetrahedra of each material, colour by colour."""
-    parts = tetrahedra_parts(scene, live)
+    sets = constraint_sets(scene)
+    parts = tetrahedra_parts(scene, live) | {part_of_run(found.model, found.run) for found in sets}
     operations = [tetrahedron.operations(dict(one.flags)["material"], 4) for one in projections_of(parts)]
-    return constrained_plan(scene, parts, list(zip(constraint_sets(scene), operations, strict=True)))
+    return constrained_plan(scene, parts, list(zip(sets, operations, strict=True)))

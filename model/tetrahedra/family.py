@@ -51,7 +51,7 @@ TETRAHEDRA = SolverFamily(
     strain=_strain,
     spring_count=lambda scene: len(scene.tetrahedra_set.tetrahedra),
     solvers={"cpu": "cpu_backend.tetrahedra.solver:Tetrahedra", "gpu": "gpu_backend.tetrahedra.solver:Tetrahedra"},
-    passes={"cpu": "app.plan.mesh:mesh_on_cpu", "gpu": "app.plan.mesh:mesh_on_gpu"},
+    passes={"cpu": "app.plan.mesh:mesh_on_cpu", "gpu": "app.plan.mesh:tetrahedra_on_gpu"},
     reference="bench.reference.tetrahedra",
     unknown="no converged motion of tetrahedra is known; softlab tetrahedra tells how far a bar is from rest",
 )

@@ -31,6 +31,7 @@ def end_state(scene: Scene, backend: str, **options: Any) -> State:
         ("corotated", "float64"),
         ("damped blocks", "float32"),
         ("once", "float32"),
+        ("free", "float32"),
     ],
 )
 def test_bits_are_the_cpus(name: str, precision: str) -> None:

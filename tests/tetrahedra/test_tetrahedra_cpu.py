@@ -38,10 +38,9 @@ def test_states_are_the_references(name: str) -> None:
     found, part, begin = scene.tetrahedra_set, scene.tetrahedra["body"], moving(scene)
     (rows,) = constraint_sets(scene)
     body = Body.of(found.position, rows.corners, part.material, part.young_modulus, part.poisson_ratio)
-    order = [np.arange(*rows.starts[c : c + 2]) for c in range(rows.colours)]
     method = scene.method
     position, velocity = reference.simulate(
-        body, begin.position, begin.velocity, begin.inverse_mass, order, method.dt, method.substeps, method.iterations,
+        body, begin.position, begin.velocity, begin.inverse_mass, rows.sweep, method.dt, method.substeps, method.iterations,
         STEPS, gravity=(0.0, -9.81, 0.0), damping_time=part.damping,
         way="blocks" if method.rows == "blocks" else "rows",
     )  # fmt: skip

@@ -9,7 +9,7 @@ import pytest
 from kernel_text import record_of
 
 from model.formulas.constraints.tetrahedron import MATERIALS
-from model.tetrahedra.constraints import BLOCKS, DAMPED, ITERATED, projections_of
+from model.tetrahedra.constraints import BLOCKS, DAMPED, ITERATED, part_of_run, projections_of
 
 pytestmark = pytest.mark.usefixtures("ptx_compiler")
 
@@ -37,11 +37,50 @@ def test_float32_projections_hold_no_double_and_no_local_memory(material: str, m
     assert ".local" not in text and "call" not in text
 
 
+@pytest.mark.parametrize("run", [5, 6])
+def test_those_of_voxels_are_a_loop(run: int) -> None:
+    text = text_of("fixed-corotated", np.float32, "fast", DAMPED, ITERATED, part_of_run("fixed-corotated", run))
+    one = text_of("fixed-corotated", np.float32, "fast", DAMPED, ITERATED)
+    assert ".f64" not in text and ".local" not in text and "call" not in text
+    assert text.count("sqrt") == one.count("sqrt")  # not the code of each tetrahedron
+
+
 @pytest.mark.parametrize("material", MATERIALS)
 def test_exact_projections_contract_nothing(material: str) -> None:
     """In float64, whose quotients are an instruction: no product runs into a sum."""
     text = text_of(material, np.float64, "exact", ITERATED)
     assert "fma.rn.f64" not in text and "mul.rn.f64" in text
+
+
+@pytest.mark.parametrize("math", ["fast", "exact"])
+@pytest.mark.parametrize("material", MATERIALS)
+def test_the_resident_kernel_holds_no_double_and_no_local_memory(material: str, math: str) -> None:
+    text = resident_text(material, np.float32, math, DAMPED, ITERATED, "gravity", "damping", "pins", "load")
+    assert ".f64" not in text
+    assert ".local" not in text and "call" not in text
+    assert "st.relaxed.gpu.global.b128" in text and "ld.shared.v4.f32" in text
+
+
+def test_the_resident_kernel_contracts_nothing_in_exact_math() -> None:
+    text = resident_text("corotated", np.float64, "exact", ITERATED, "gravity", "load")
+    assert "fma.rn.f64" not in text and "mul.rn.f64" in text
+
+
+def resident_text(material: str, real: Any, math: str, *more: str) -> str:
+    from numba import cuda, types
+
+    from gpu_backend.tetrahedra.resident import make_tetrahedra_resident
+
+    parts = frozenset({material, part_of_run(material, 5), *more})
+    (projection,) = projections_of(parts)
+    reals, i, n = (types.float32 if real is np.float32 else types.float64)[::1], types.int32, types.int32[::1]
+    kernel, long = make_tetrahedra_resident(real, math, parts, projection), types.int64
+    arguments = (
+        reals, reals, reals, reals, n, n, reals, reals, reals, i, i, n, record_of(real, "tetrahedra"), reals,
+        types.uint64[::1], types.int64[::1], i, i, i, i, long, long, i,
+    )  # fmt: skip
+    text, _ = cuda.compile_ptx(kernel.py_func, arguments, cc=(9, 0), fastmath=math == "fast")
+    return str(text[text.index(".entry") :])
 
 
 def test_blocks_compile_likewise() -> None:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import tempfile
+from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -32,6 +35,7 @@ PARTS: dict[str, dict[str, Any]] = {
         "body": BODY | {"damping": 0.02, "material": "corotated"}, "gravity": {},
         "method": METHOD | {"rows": "blocks", "iterations": 3},
     },
+    "free": {"gravity": {}},  # and a body of no voxels
     "everything": {
         "body": BODY | {"damping": 0.02}, "second": FREE | {"material": "neo-hookean", "young_modulus": 5e4},
         "third": FREE | {"material": "corotated", "origin": [0.5, 0.2, 0.0], "angle": 30.0},
@@ -41,7 +45,30 @@ PARTS: dict[str, dict[str, Any]] = {
 
 def tetrahedra_scene(name: str, **changes: Any) -> Scene:
     """A scene of PARTS."""
-    return Scene({"method": METHOD} | PARTS[name] | changes, "bodies")
+    bodies = {"body": BODY | {"file": str(free_file())}} if name == "free" else {}
+    for field in ("shape", "edge") if bodies else ():
+        del bodies["body"][field]
+    return Scene({"method": METHOD} | bodies | PARTS[name] | changes, "bodies")
+
+
+@cache
+def folder() -> tempfile.TemporaryDirectory[str]:
+    """Gone when the tests are."""
+    return tempfile.TemporaryDirectory(prefix="softlab-test-")
+
+
+@cache
+def free_file() -> Path:
+    """BODY's tetrahedra in a file that says nothing of voxels."""
+    found = Scene({"body": BODY}).tetrahedra_set
+    points, cells = found.position.tolist(), found.tetrahedra.tolist()
+    text = ["# vtk DataFile Version 3.0", "body", "ASCII", "DATASET UNSTRUCTURED_GRID", f"POINTS {len(points)} double"]
+    text += [" ".join(map(repr, point)) for point in points]
+    text += [f"CELLS {len(cells)} {5 * len(cells)}", *(" ".join(map(str, [4, *cell])) for cell in cells)]
+    text += [f"CELL_TYPES {len(cells)}", *["10"] * len(cells)]
+    file = Path(folder().name) / "body.vtk"
+    file.write_text("\n".join(text) + "\n")
+    return file
 
 
 def moving(scene: Scene, apart: float = 0.01) -> State:

@@ -1,0 +1,132 @@
+"""Launching the kernel `resident` of tetrahedra: how thick slabs are, what lies on the device, a launch a set."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numba import cuda
+
+from gpu_backend.core.launch import prepare
+from gpu_backend.core.messages import message_size
+from gpu_backend.mass_spring.grid import tile_launch
+from gpu_backend.tetrahedra.resident import make_tetrahedra_resident
+from gpu_backend.tetrahedra.slabs import MOST_THREADS, Slabs, make_slabs
+from gpu_backend.xpbd.mesh_kernels import forces_of
+from model.core.constraints import ConstraintSet, Projection
+from model.core.errors import BackendUnavailable, SceneError
+from model.scene.scene import Scene
+from model.tetrahedra.constraints import constraint_sets, tetrahedra_of_sets
+
+RUNS = 1 << 17  # voxels of a set that one is tried to be cut into slabs at most
+
+
+def layers_of(kernel: str) -> int | None:
+    """Of a slab, in `resident:4`; None in `resident`. Raises SceneError."""
+    _, _, number = kernel.partition(":")
+    if kernel == "resident":
+        return None
+    if not number.isdecimal() or int(number) < 2 or int(number) % 2:
+        raise SceneError(
+            "--kernel", kernel, "resident, or resident:N for slabs of N layers of voxels, N even and at least 2"
+        )
+    return int(number)
+
+
+def chosen_slabs(
+    scene: Scene, real: Any, layers: int | None, limits: tuple[int, int] | None = None
+) -> list[Slabs]:  # fmt: skip
+    """Of each set, of so many `layers`, or the thinnest of which all run at once on this GPU, or on one of `limits` (see
+    `device_limits`). Raises SceneError where there are none."""
+    found = scene.tetrahedra_set
+    limits = limits or tile_launch.device_limits()
+    both = zip(constraint_sets(scene), tetrahedra_of_sets(found), strict=True)
+    return [_slabs(found, *each, real, layers, limits) for each in both]
+
+
+def default_slabs(scene: Scene, real: Any, limits: tuple[int, int] | None = None) -> list[Slabs]:
+    """The slabs with which `resident` is the scene's own choice; none where it does not run, or where a block would take a
+    colour in several turns: what is launched does those as soon."""
+    try:
+        slabs = chosen_slabs(scene, real, None, limits)
+    except SceneError:
+        return []
+    return slabs if max(some.widest for some in slabs) <= MOST_THREADS else []
+
+
+def _slabs(
+    found: Any, one: ConstraintSet, tetrahedra: np.ndarray, real: Any, layers: int | None, limits: tuple[int, int]
+) -> Slabs:
+    """Raises SceneError."""
+    most_blocks, most_shared = limits
+    asked = "resident" if layers is None else f"resident:{layers}"
+    if one.run == 1:
+        raise SceneError("--kernel", asked, "takes bodies of voxels, of which some here are not; use graph")
+    if len(tetrahedra) > RUNS * one.run:
+        raise SceneError("--kernel", asked, f"takes at most {RUNS} voxels; use graph")
+    deepest = int(found.voxel[tetrahedra, 0].max()) + 1
+    bodies = len(np.unique(found.body[tetrahedra]))
+    thick = layers or 2
+    while True:
+        made = make_slabs(found, one, tetrahedra, thick)
+        if made.count <= most_blocks or layers is not None or thick >= deepest:
+            break
+        thick += 2 * max(1, round(thick * (made.count / most_blocks - 1) / 2))
+    if made.count > most_blocks:
+        raise SceneError(
+            "--kernel", asked,
+            f"{made.count} slabs of {bodies} bodies cannot run at once, of which this GPU takes {most_blocks}; use graph",
+        )  # fmt: skip
+    if made.shared_bytes(real) > most_shared:
+        raise SceneError(
+            "--kernel", asked,
+            f"a slab of {thick} layers needs {made.shared_bytes(real)} bytes of shared memory, a block has {most_shared}; "
+            "use graph",
+        )  # fmt: skip
+    return made
+
+
+class ResidentSet:
+    """The launches of one set of constraints for a simulation, whose state it reads and writes."""
+
+    def __init__(self, simulation: Any, slabs: Slabs, one: ConstraintSet, projection: Projection):
+        self.simulation, self.slabs, self._epoch = simulation, slabs, 0
+        real, put = simulation.real, simulation.on_device
+        self._kernel = make_tetrahedra_resident(
+            real, simulation.options.math, forces_of(simulation.plan.parts), projection
+        )
+        multipliers = np.zeros(max(1, projection.soft * projection.multipliers * len(one.corners)), real)
+        self._arrays = (
+            put(slabs.tables), put(slabs.corners.T), put(one.values[slabs.order].T.astype(real)), put(multipliers),
+            put(np.zeros(3 * max(1, slabs.borders) * message_size(real), real)),
+        )  # fmt: skip
+        self._failed = cuda.to_device(np.zeros(1, np.int32), stream=simulation.stream)
+        shared = slabs.shared_bytes(real)
+        self._grid = slabs.count, slabs.threads, simulation.stream, shared
+        prepare(self._kernel, self._arguments(1), shared, cooperative=True)
+
+    def _arguments(self, steps: int) -> tuple[Any, ...]:
+        s, slabs, method = self.simulation, self.slabs, self.simulation.scene.method
+        source, target = s._current, 1 - s._current
+        return (
+            s.position[source], s.velocity[source], s.position[target], s.velocity[target], *self._arrays,
+            np.int32(slabs.borders), np.int32(self._epoch), self._failed, s.record, s.bodies, s.integers, s._counter,
+            np.int32(slabs.early), np.int32(slabs.colours), np.int32(len(slabs.order)), np.int32(slabs.largest),
+            np.int64(steps), np.int64(method.substeps), np.int32(method.iterations),
+        )  # fmt: skip
+
+    def launch(self, steps: int) -> None:
+        """Of so many steps, from the current state into the other buffers, which stay the others."""
+        self._kernel[self._grid](*self._arguments(steps))
+        sweeps = steps * self.simulation.scene.method.substeps * self.simulation.scene.method.iterations
+        self._epoch = (
+            self._epoch + sweeps + 2**31
+        ) % 2**32 - 2**31  # tags are compared for being the same: may wrap around
+
+    def require_exchange(self) -> None:
+        """Raises BackendUnavailable if a block waited in vain for others."""
+        if self.simulation.fetch(self._failed) != 0:
+            self._failed.copy_to_device(np.zeros(1, np.int32), stream=self.simulation.stream)
+            raise BackendUnavailable(
+                "the blocks of kernel resident did not run together (is the GPU shared?)", "use --kernel graph"
+            )

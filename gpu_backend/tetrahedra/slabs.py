@@ -1,0 +1,121 @@
+"""Bodies of voxels cut into slabs of whole layers across their longest side, a block of threads each.
+
+A slab begins with an even layer. Even layers share no vertex with one another, nor do odd ones, and all even layers are
+projected before all odd ones (model/tetrahedra/voxel_order.py); so a slab does its even layers by itself, hears from the next
+slab where the vertices of their common side are by then, does its odd layers, and tells the next slab where those are now.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from model.core.constraints import ConstraintSet
+from model.tetrahedra.body_set import TetrahedraSet
+
+HEADER = 8  # numbers of a slab in `tables`, by place:
+OWN, ALL, LIST, SHARED, BORDER_BEFORE, BORDER_AFTER, STARTS = range(7)
+MOST_THREADS = 512  # of a block: a thread may take 128 registers then
+QUADS = 3  # of a vertex in shared memory: where it is, where it was, how it moves
+
+
+@dataclass(frozen=True, eq=False)
+class Slabs:
+    """A set of constraints by slabs. Constraint `order[p]` of the set stands at place p: slab by slab, colour by colour, in
+    each the first constraints of all runs before the second ones. `corners` (constraints, 4) int32: vertices by their numbers
+    in the slab: those that it shares with the slab before it, then the rest of its own, then those of the next slab that it
+    needs, in the order in which that one has them.
+
+    `tables` int32: of each slab HEADER numbers: how many vertices it owns, how many it knows, where in `tables` the particles
+    are that these are, how many of its own it shares with the slab before it, the first message about those and about
+    vertices of the next slab, where in `tables` its colours begin: places, and where the last one ends. `early`: how many
+    colours are of even layers; `borders`: of how many vertices slabs tell each other; `largest`: the most vertices that a
+    slab knows; `widest`: the most runs of a colour in a slab.
+    """
+
+    count: int
+    order: np.ndarray
+    corners: np.ndarray
+    tables: np.ndarray
+    colours: int
+    early: int
+    borders: int
+    largest: int
+    widest: int
+
+    @property
+    def threads(self) -> int:
+        """Of a block: whole warps, a thread a run of a colour, or a vertex, but no more than MOST_THREADS."""
+        return min(MOST_THREADS, -(-max(self.widest, self.largest) // 32) * 32)
+
+    def shared_bytes(self, real: type) -> int:
+        """Of a block's shared memory."""
+        return QUADS * 4 * self.largest * np.dtype(real).itemsize
+
+
+def make_slabs(found: TetrahedraSet, one: ConstraintSet, tetrahedra: np.ndarray, layers: int) -> Slabs:
+    """The slabs, of `layers` each, an even number, of a set of voxels; `tetrahedra` (n,): which its constraints are."""
+    first = tetrahedra[:: one.run]
+    layer, body = found.voxel[first, 0].astype(np.int64), found.body[first].astype(np.int64)
+    vertices = one.corners.reshape(len(first), -1)
+    _, slab = np.unique(np.column_stack([body, layer // layers]), axis=0, return_inverse=True)
+    slab = slab.reshape(-1)
+    count = int(slab.max()) + 1
+    owner = np.full(found.particle_count, -1)
+    odd = layer % 2 == 1
+    owner[vertices[odd]] = slab[odd, None]
+    owner[vertices[~odd]] = slab[~odd, None]
+    lists, borders = _lists(vertices, slab, owner, count)
+    colour = np.repeat(np.arange(one.colours), np.diff(one.starts) // one.run)
+    order, starts = _places(slab * one.colours + colour, count * one.colours, one.run)
+    corners = np.empty((len(tetrahedra), 4), np.int32)
+    number = np.empty(found.particle_count, np.int32)
+    for k in range(count):
+        number[np.concatenate(lists[k])] = np.arange(sum(map(len, lists[k])))
+        own = order[starts[k * one.colours] : starts[(k + 1) * one.colours]]
+        corners[starts[k * one.colours] : starts[(k + 1) * one.colours]] = number[one.corners[own]]
+    return Slabs(
+        count, order, corners, _tables(lists, borders, starts, one.colours), one.colours,
+        int((~odd[one.starts[:-1] // one.run]).sum()), int(borders[-1]),
+        max(sum(map(len, some)) for some in lists), int(np.diff(starts).max()) // one.run,
+    )  # fmt: skip
+
+
+def _lists(
+    vertices: np.ndarray, slab: np.ndarray, owner: np.ndarray, count: int
+) -> tuple[list[tuple[np.ndarray, np.ndarray, np.ndarray]], np.ndarray]:
+    """(of each slab its particles: shared with the one before, the rest of its own, of the next one, ascending; where in the
+    messages those of each border begin (slabs + 1,): border k lies before slab k)."""
+    known = [np.unique(vertices[slab == k]) for k in range(count)]
+    foreign = [some[owner[some] != k] for k, some in enumerate(known)]
+    assert all((owner[some] == k + 1).all() for k, some in enumerate(foreign))
+    shared = [known[0][:0], *foreign[:-1]]
+    lists = [(shared[k], np.setdiff1d(some[owner[some] == k], shared[k]), foreign[k]) for k, some in enumerate(known)]
+    return lists, np.cumsum([0, *map(len, shared)])
+
+
+def _places(group: np.ndarray, groups: int, run: int) -> tuple[np.ndarray, np.ndarray]:
+    """(constraint at each place; where each group's places begin (groups + 1,)) of runs in groups."""
+    runs = np.argsort(group, kind="stable")
+    bounds = np.concatenate([[0], np.cumsum(np.bincount(group, minlength=groups))])
+    parts = [(runs[first:last] * run + np.arange(run)[:, None]).ravel() for first, last in pairwise(bounds)]
+    return np.concatenate(parts), run * bounds
+
+
+def _tables(
+    lists: list[tuple[np.ndarray, np.ndarray, np.ndarray]], borders: np.ndarray, starts: np.ndarray, colours: int
+) -> np.ndarray:
+    """See Slabs."""
+    head = np.zeros((len(lists), HEADER), np.int32)
+    rest: list[np.ndarray] = []
+    at = head.size
+    for k, (shared, own, foreign) in enumerate(lists):
+        places = starts[k * colours : (k + 1) * colours + 1]
+        known = len(shared) + len(own) + len(foreign)
+        head[k, [OWN, ALL, LIST, SHARED]] = known - len(foreign), known, at, len(shared)
+        head[k, [BORDER_BEFORE, BORDER_AFTER, STARTS]] = borders[k], borders[k + 1], at + known
+        rest += [shared, own, foreign, places]
+        at += known + len(places)
+    return np.concatenate([head.ravel(), *rest]).astype(np.int32)
