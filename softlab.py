@@ -251,6 +251,12 @@ def cook(
     tetrahedra: Annotated[
         str, typer.Option(help="5 a voxel, or 6; conforming: follow the surface (extra: tets).")
     ] = "5",
+    unite: Annotated[
+        bool, typer.Option("--unite", help="First make one surface of closed pieces that overlap (extra: meshing).")
+    ] = False,
+    simplify: Annotated[
+        int | None, typer.Option(help="Then leave at most so many triangles (extra: meshing).", metavar="N")
+    ] = None,
     scale: Annotated[float, typer.Option(help="Metres per unit of the file; a shape times so much.")] = 1.0,
     density: Annotated[float, typer.Option(help="Of the reported mass, in kg/m^3.")] = 1000.0,
 ) -> None:
@@ -258,8 +264,9 @@ def cook(
     from app.command.cook import cook_body
 
     cook_body(
-        source, target, out, errors, edge=edge, voxels=voxels, tetrahedra=tetrahedra, scale=scale, density=density
-    )
+        source, target, out, errors, edge=edge, voxels=voxels, tetrahedra=tetrahedra, unite=unite, simplify=simplify,
+        scale=scale, density=density,
+    )  # fmt: skip
 
 
 @app.command(epilog="Example: softlab doctor")

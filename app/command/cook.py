@@ -25,6 +25,8 @@ def cook_body(
     edge: float | None = None,
     voxels: int | None = None,
     tetrahedra: str = "5",
+    unite: bool = False,
+    simplify: int | None = None,
     scale: float = 1.0,
     density: float = DENSITY,
 ) -> None:
@@ -39,8 +41,9 @@ def cook_body(
             status.update(f"{source}: {what}")
 
         body = cooked(
-            source, edge=edge, voxels=voxels, per_voxel=CHOICES[tetrahedra], scale=scale, density=density, tell=tell
-        )
+            source, edge=edge, voxels=voxels, per_voxel=CHOICES[tetrahedra], unite=unite, simplify=simplify, scale=scale,
+            density=density, tell=tell,
+        )  # fmt: skip
         status.update(f"{source}: writing {target}")
         save(target, body)
     for line in body.report.lines():

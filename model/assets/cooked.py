@@ -27,9 +27,10 @@ from model.core.disk_cache import cache_folder, read_arrays
 from model.core.disk_cache import write_arrays as write_in_silence
 from model.core.errors import InputError, SceneError, SoftlabError
 from model.core.files import check_source, is_there, read_archive
-from model.geometry.mesh import TriangleMesh, read_mesh
+from model.geometry.mesh import TriangleMesh, read_mesh, triangle_mesh
 from model.geometry.mesh_files import FORMATS
 from model.geometry.mesh_files import read_arrays as read_mesh_arrays
+from model.geometry.repair import simplified, united
 from model.geometry.shapes import Shape, ShapeName
 from model.geometry.tetrahedra.embedding import Embedding
 from model.geometry.tetrahedra.files import READERS, files_of, read_tetrahedra, write_arrays
@@ -54,6 +55,8 @@ def cooked(
     edge: float | None = None,
     voxels: int | None = None,
     per_voxel: PerVoxel | Literal["conforming"] = 5,
+    unite: bool = False,
+    simplify: int | None = None,
     scale: float = 1.0,
     density: float = DENSITY,
     folder: Path | None = None,
@@ -62,7 +65,9 @@ def cooked(
 ) -> CookedBody:
     """The tetrahedral body of a closed mesh (`voxel_mesh` tells `edge`, `voxels`, `per_voxel`; "conforming": tetrahedra of
     that edge which follow the surface, closed or not, by `conforming_mesh`): one of the lab's shapes, by name or as a Shape,
-    a file, or the mesh itself; or of a file of tetrahedra, as they are. Coordinates of files, and shapes, times `scale`. From
+    a file, or the mesh itself; or of a file of tetrahedra, as they are. `unite`: pieces that overlap become one first;
+    `simplify`: then no more than so many triangles are left (geometry/repair.py). Coordinates of files, and shapes, times
+    `scale`. From
     `folder` (the user's cache) where it was made before, else made and put there: the same bits (which of "conforming" ones
     nobody makes twice).
 
@@ -75,6 +80,11 @@ def cooked(
     if settled and (edge is not None or voxels is not None):
         field, value = ("edge", edge) if edge is not None else ("voxels", voxels)
         raise SceneError(field, value, "a file of tetrahedra is taken as it is; leave it out")
+    prepared = unite or simplify is not None
+    if settled and prepared:
+        raise SceneError(
+            *(("--unite", unite) if unite else ("--simplify", simplify)), "a file of tetrahedra has no use for it"
+        )
 
     def make() -> CookedBody:
         if tell:
@@ -82,8 +92,10 @@ def cooked(
             tell("reading the tetrahedra" if settled else filled or "cutting the body into voxels")
         if settled:
             return _body_of_file(Path(source), scale)  # type: ignore[arg-type]
-        mesh = _triangles(source, scale, raw=per_voxel == "conforming")
+        mesh = _triangles(source, scale, raw=unite or (per_voxel == "conforming" and not prepared))
         try:
+            if prepared:
+                mesh = _prepared(mesh, unite, simplify)
             if per_voxel == "conforming":
                 return body_of_surface(mesh, edge, voxels)
             return body_of_voxels(mesh, edge, voxels, per_voxel)
@@ -92,7 +104,8 @@ def cooked(
 
     if not keep:
         return make().with_density(density)
-    key = body_key(source, scale, "as it is" if settled else f"{edge!r} {voxels!r} {per_voxel!r}")
+    cut = f"{edge!r} {voxels!r} {per_voxel!r}" + (f" {unite!r} {simplify!r}" if prepared else "")
+    key = body_key(source, scale, "as it is" if settled else cut)
     file = (folder or cache_folder("tetrahedra")) / f"body-{key}.npz"
     held = read_arrays(file)
     found = _unpacked(held) if held and str(held.get("key")) == key else None
@@ -174,6 +187,16 @@ def _triangles(source: Source, scale: float, raw: bool) -> TriangleMesh | tuple[
             return position * scale, triangles
         return read_mesh(source, scale)
     return source
+
+
+def _prepared(given: TriangleMesh | tuple[np.ndarray, np.ndarray], unite: bool, simplify: int | None) -> TriangleMesh:
+    """The mesh united, then simplified, as wanted."""
+    position, triangles = given if isinstance(given, tuple) else (given.position, given.triangles)
+    if unite:
+        mesh = united(np.asarray(position, dtype=np.float64), np.asarray(triangles, dtype=np.int64))
+    else:
+        mesh = triangle_mesh(position, triangles) if isinstance(given, tuple) else given
+    return mesh if simplify is None else simplified(mesh, simplify)
 
 
 def _body_of_file(path: Path, scale: float) -> CookedBody:
