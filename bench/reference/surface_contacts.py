@@ -68,7 +68,8 @@ def find(scene: Scene, distance: float, before: np.ndarray, predicted: np.ndarra
     h = scene.method.dt / scene.method.substeps
     held = np.minimum(distance, np.einsum("nk,nk->n", normal, r) + part.separation_speed * h)
     order = np.lexsort((triangle, length, vertex))
-    kept, leads = [], {}
+    kept: list[int] = []
+    leads: dict[tuple[int, int], int] = {}
     for n in order.tolist():
         pair = int(vertex[n]), int(body[corners[n, 0]])
         if leads.setdefault(pair, n) == n or not (inside[leads[pair]] or inside[n]):
