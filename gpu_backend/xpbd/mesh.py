@@ -192,5 +192,10 @@ class MeshPositionBased(SubstepSimulation):
 
     # ------------------------------------------------------------------ the contract
 
+    def _parameters_changed(self) -> None:
+        if self.contacts:
+            self.contacts.change(self.scene)
+        super()._parameters_changed()
+
     def _normal_arguments(self) -> tuple[Any, ...]:
         return tuple(self._lists)

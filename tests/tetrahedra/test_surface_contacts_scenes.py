@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 
 from app.driver import open_simulation
@@ -13,8 +15,8 @@ from model.tetrahedra.body_set import cut
 
 
 def test_the_heap_comes_to_rest_and_stays() -> None:
-    """Five seconds and one more: it moves by centimetres a second, no body farther than two voxels; nothing was left out of the
-    contacts, and what is inside another body lies there by no more than half a voxel."""
+    """Five seconds and one more: it moves by centimetres a second, no body farther than two voxels; nothing was left out of
+    the contacts, and what is inside another body lies there by no more than half a voxel."""
     scene = load_scene("fem-drop")
     assert len(scene.tetrahedra) == 20
     with open_simulation(scene, "cpu") as simulation:
@@ -26,8 +28,7 @@ def test_the_heap_comes_to_rest_and_stays() -> None:
     assert np.sqrt((speed**2).mean()) < 0.05
     ends = np.append(found.first_particle, found.particle_count)
     moved = [
-        float(np.linalg.norm((state.position - before)[first:last].mean(axis=0)))
-        for first, last in zip(ends[:-1], ends[1:], strict=True)
+        float(np.linalg.norm((state.position - before)[first:last].mean(axis=0))) for first, last in pairwise(ends)
     ]
     assert max(moved) < 0.12, moved
     assert contacts.neighbours_lost == 0 and contacts.lost < 10
