@@ -171,7 +171,7 @@ GPU: tuple[Mistake, ...] = (
         "test_surface_contacts.py::test_contacts_are_the_references",
         {
             "every triangle at a side answers for it": ("if (owned[triangle] >> feature) & 1 == 0:", "if triangle < 0:"),
-            "a triangle is found by each of its corners": ("if place > first and triangles[place - 1] == triangle:", "if place < first:"),
+            "a triangle is found by each of its corners": ("if seen[band, triangle] != k:", "if seen[band, triangle] != k + 1:"),
         },
     ),
     *in_file(
