@@ -85,6 +85,7 @@ test_hard_tetrahedra.py test_the_laws*vbd* test_the_laws*float32*
 test_hard_xpbd.py test_a_thousandfold* test_they_hold*implicit* test_they_hold*B23*
 test_hard_cloth.py test_the_laws*rk4*
 test_contacts_scenes.py test_layers*
+test_surface_contacts_scenes.py test_the_heap_comes* test_the_creature*
 test_links.py test_a_sheet_hangs*
 test_distance_field_scenes.py *mill
 test_vbd_cpu.py test_b21*neo* test_b21*recovers?corotated*

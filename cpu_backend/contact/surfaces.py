@@ -35,6 +35,7 @@ class SurfaceContacts(HeldContacts):
         self._neighbours = Neighbours(real, math, own, own, rest, len(scene.tetrahedra), threads)
         self._places, self._ones = np.zeros(AXES * count, real), np.ones(count, real)
         self._missed = np.zeros(threads, np.int64)
+        self._seen = np.zeros((threads, len(surface.triangles)), np.int32)
         self._find = make_find(real, math)
         self.change(scene)
 
@@ -51,7 +52,7 @@ class SurfaceContacts(HeldContacts):
         self._find(
             self._bands, before, predicted, self._rest, self._body, self._vertices, self._neighbours.found,
             self._at_vertex, self._surface, self.record[0], self.triangles, self.corners, self.values, self.found,
-            self._missed,
+            self._missed, self._seen,
         )  # fmt: skip
         self.lost += int(self._missed.sum())
         self._link()

@@ -25,15 +25,13 @@ def _make_slots(compiler: Compiler, real: Any) -> SimpleNamespace:
 
     @compiler.compiled
     def place_of(first, last, distance, triangle, triangles, values):
-        """Where it belongs: by distance, of equal ones the lower number first; -1 where it is there."""
+        """Where it belongs: by distance, of equal ones the lower number first."""
         place = last
         while place > first and (
             distance < values[place - 1, V_DISTANCE]
             or (distance == values[place - 1, V_DISTANCE] and triangle < triangles[place - 1])
         ):
             place -= 1
-        if place > first and triangles[place - 1] == triangle:
-            return np.int64(-1)
         return place
 
     @compiler.compiled
@@ -112,8 +110,6 @@ def _make_triangle(compiler: Compiler, real: Any, slots: SimpleNamespace) -> Any
             return found
         first, last = k * MAX_CONTACTS, k * MAX_CONTACTS + min(found, MAX_CONTACTS)
         place = place_of(first, last, distance, triangle, triangles, values)
-        if place < 0:
-            return found
         if place == first + MAX_CONTACTS:
             return found + 1
         for slot in range(min(last, first + MAX_CONTACTS - 1), place, -1):
@@ -139,28 +135,34 @@ def _make_triangle(compiler: Compiler, real: Any, slots: SimpleNamespace) -> Any
 @cache
 def make_find(real: Any, math: str) -> Any:
     """find_contacts(bands, before, predicted, rest, body, vertices, neighbours, at_vertex, surface, parameters, triangles,
-    corners, values, found, lost): of each vertex that has neighbours; `neighbours`: what their search found, `at_vertex`,
-    `surface`: (offsets, triangles at vertices), (corners, owned features). `found` is 0 before."""
+    corners, values, found, lost, seen): of each vertex that has neighbours; `neighbours`: what their search found,
+    `at_vertex`, `surface`: (offsets, triangles at vertices), (corners, owned features). `found` is 0 before; `seen` (bands,
+    triangles): which vertex a triangle was last looked at for, which it is by each of its corners."""
     compiler = Compiler(f"surfaces_{np.dtype(real).name}_{math}", math)
     slots = _make_slots(compiler, real)
     meet, one_side = _make_triangle(compiler, real, slots), slots.one_side
 
     def find_contacts(
         band, bands, before, predicted, rest, body, vertices, neighbours, at_vertex, surface, parameters, triangles, corners,
-        values, found, lost,
+        values, found, lost, seen,
     ):  # fmt: skip
         who, numbers, entries, _, begins, active, _ = neighbours
         offsets, lists = at_vertex
         entry, missed = begins[band] * MAX_NEIGHBOURS, np.int64(0)
+        for t in range(seen.shape[1]):
+            seen[band, t] = -1
         for n in range(begins[band], begins[band] + active[band]):
             k, count = np.int64(vertices[who[n]]), np.int64(0)
             for e in range(entry, entry + np.int64(numbers[n])):
                 j = np.int64(entries[e])
                 for at in range(offsets[j], offsets[j + 1]):
-                    count = meet(
-                        k, np.int64(lists[at]), before, predicted, rest, body, surface, parameters, triangles, corners,
-                        values, count,
-                    )  # fmt: skip
+                    triangle = np.int64(lists[at])
+                    if seen[band, triangle] != k:
+                        seen[band, triangle] = k
+                        count = meet(
+                            k, triangle, before, predicted, rest, body, surface, parameters, triangles, corners, values,
+                            count,
+                        )  # fmt: skip
             entry += np.int64(numbers[n])
             kept, first = min(count, np.int64(MAX_CONTACTS)), k * MAX_CONTACTS
             missed += count - kept

@@ -43,6 +43,11 @@ class Tetrahedra(MeshPositionBased):
             return None
         return SurfaceContacts(self.scene, self.real, self.options.math, self._bands, self._position[:, 3])
 
+    def _parameters_changed(self) -> None:
+        super()._parameters_changed()
+        if contacts := self.__dict__.get("contacts"):  # where they are made already
+            contacts.change(self.scene)
+
     def _stages(self) -> dict[str, StageRun]:
         found, contacts = super()._stages(), self.contacts
         if contacts is not None:

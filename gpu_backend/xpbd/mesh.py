@@ -233,5 +233,10 @@ class MeshPositionBased(Targeted, SubstepSimulation):
         number = step * self.scene.method.substeps
         return pin_velocity(self._rows, self._first_pin, len(self.body.pinned), number, self._record)
 
+    def _parameters_changed(self) -> None:
+        if self.contacts:
+            self.contacts.change(self.scene)
+        super()._parameters_changed()
+
     def _normal_arguments(self) -> tuple[Any, ...]:
         return tuple(self._lists)

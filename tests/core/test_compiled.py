@@ -19,6 +19,7 @@ from field_scenes import falling_bar
 from meeting_bodies import meeting
 from mesh_scenes import mesh_scene
 from rebound_scenes import among_soft_ones
+from surface_scenes import three
 from vbd_scenes import BODY, vbd_scene
 from xpbd_scenes import xpbd_scene
 
@@ -75,6 +76,8 @@ CASES: dict[str, tuple[Callable[[], Scene], str, str]] = {
     "mesh in stages": (lambda: mesh_scene("dihedral"), "stages", "float64"),
     "vertex blocks": (lambda: vbd_scene(BODY | {"damping": 0.02}, substeps=2), "fused", "float32"),
     "vertex blocks in stages": (lambda: vbd_scene(BODY | {"damping": 0.02}), "stages", "float64"),
+    "tetrahedra that meet": (three, "fused", "float32"),
+    "tetrahedra that meet in stages": (three, "stages", "float64"),
     "cloth that meets itself": (folded, "stages", "float32"),
     "jelly grid": (jelly, "fused", "float32"),
     "jelly grid in stages": (jelly, "stages", "float64"),

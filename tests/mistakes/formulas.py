@@ -166,6 +166,17 @@ FORMULAS: tuple[Mistake, ...] = (
         },
     ),
     *in_file(
+        "model/formulas/surface_contact.py",
+        "test_surface_contacts.py::test_contacts_are_the_references test_surface_contacts.py::test_what_begins_inside_is_led_out_slowly",
+        {
+            "what lies inside is led farther in": (
+                "return True, -(rx / distance), -(ry / distance), -(rz / distance)",
+                "return True, rx / distance, ry / distance, rz / distance",
+            ),
+            "behind is outside": ("if side < -(behind * distance):", "if side < -distance - distance:"),
+        },
+    ),
+    *in_file(
         "model/formulas/particle_contact.py",
         "test_point_formulas.py",
         {

@@ -241,6 +241,17 @@ def test_bodies_that_are_far_apart_move_as_without_contacts() -> None:
     assert np.array_equal(states[0].position, states[1].position)
 
 
+def test_a_step_that_changes_while_it_runs_changes_the_push() -> None:
+    """`separation_speed` times a substep."""
+    with open_simulation(three(), "cpu", live=("dt",), math="exact", threads=1) as simulation:
+        simulation.advance(1)
+        contacts: SurfaceContacts = simulation.contacts  # type: ignore[attr-defined]
+        before = float(contacts.record[0]["push"])
+        simulation.set("method.dt", simulation.scene.method.dt / 2)
+        simulation.advance(1)
+        assert float(contacts.record[0]["push"]) == pytest.approx(before / 2, rel=1e-6)
+
+
 # ---------------------------------------------------------------------- what is refused
 
 

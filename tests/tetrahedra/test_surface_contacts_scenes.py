@@ -1,0 +1,65 @@
+"""Scenes of tetrahedral bodies that meet: a heap that comes to rest, a creature whose voxels are doubled."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+
+from app.driver import open_simulation
+from cpu_backend.contact.surfaces_find import V_DISTANCE, V_INSIDE
+from model.contact.self_contact_parameters import MAX_CONTACTS
+from model.contact.surface_parameters import contact_distance, contact_surface
+from model.scene.scene import Scene, load_scene
+from model.tetrahedra.body_set import cut
+
+
+def test_the_heap_comes_to_rest_and_stays() -> None:
+    """Five seconds and one more: it moves by centimetres a second, no body farther than two voxels; nothing was left out of
+    the contacts, and what is inside another body lies there by no more than half a voxel."""
+    scene = load_scene("fem-drop")
+    assert len(scene.tetrahedra) == 20
+    with open_simulation(scene, "cpu") as simulation:
+        simulation.advance(300)
+        before = simulation.read("position").astype(np.float64)
+        simulation.advance(60)
+        state, contacts = simulation.state(), simulation.contacts  # type: ignore[attr-defined]
+    found, speed = scene.tetrahedra_set, np.linalg.norm(state.velocity, axis=1)
+    assert np.sqrt((speed**2).mean()) < 0.05
+    ends = np.append(found.first_particle, found.particle_count)
+    moved = [
+        float(np.linalg.norm((state.position - before)[first:last].mean(axis=0))) for first, last in pairwise(ends)
+    ]
+    assert max(moved) < 0.12, moved
+    assert contacts.neighbours_lost == 0 and contacts.lost < 10
+    held = (np.arange(MAX_CONTACTS) < contacts.found[:, None]).ravel()
+    values = contacts.values[held]
+    depths = values[values[:, V_INSIDE] > 0, V_DISTANCE]
+    assert len(values) > 500 and len(depths) < 20 and depths.max(initial=0.0) < 0.03
+
+
+def test_the_heap_has_a_few_dozen_contacts_at_most_where_it_begins() -> None:
+    """Voxels reach farther than what is drawn: they may touch, and are moved apart, but do not lie in each other."""
+    scene = load_scene("fem-drop")
+    with open_simulation(scene, "cpu") as simulation:
+        simulation.advance(1)
+        contacts = simulation.contacts  # type: ignore[attr-defined]
+        assert contacts.found.sum() < 50
+        assert np.linalg.norm(simulation.state().velocity, axis=1).max() < 2.0
+
+
+def test_the_creature_comes_down_the_stairs() -> None:
+    """Its fingers and toes share voxels, which are doubled. It never meets itself where it is one piece, and comes to lie on
+    the floor."""
+    scene: Scene = load_scene("fem-creature")
+    (body,) = scene.tetrahedra.values()
+    assert cut(body).report.doubled > 4
+    low, edge = float(contact_surface(scene.tetrahedra_set).rest[:, 1].min()), contact_distance(scene)
+    with open_simulation(scene, "cpu") as simulation:
+        simulation.advance(1)
+        assert simulation.contacts.found.sum() == 0  # type: ignore[attr-defined]
+        simulation.advance(179)
+        position, contacts = simulation.read("position"), simulation.contacts  # type: ignore[attr-defined]
+        assert contacts.neighbours_lost == 0
+    assert position[:, 1].min() < low / 2 and position[:, 1].min() > -edge
+    assert np.median(position[:, 2]) > 0.3
