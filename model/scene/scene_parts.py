@@ -15,6 +15,7 @@ from pydantic import ValidationError
 from model.contact.mesh_collider import MeshCollider
 from model.core.errors import SceneError
 from model.geometry.distance_field import DistanceField
+from model.scene.attachment import Attachment, motion_with, pins
 from model.scene.bodies import BODY_KINDS, Placed
 from model.scene.cloth import (
     CLOTH_KINDS,
@@ -59,7 +60,7 @@ KINDS: dict[str, type[Part]] = (
     | XPBD_KINDS
     | BODY_KINDS
     | TETRAHEDRAL_KINDS
-    | {"contact": Contact, "region": Region}
+    | {"contact": Contact, "region": Region, "attachment": Attachment}
 )
 SHEETS = ("grid", "cloth", "mesh")  # a scene has one of them
 SEVERAL = (
@@ -70,6 +71,7 @@ SEVERAL = (
     "load",
     "motion",
     "region",
+    "attachment",
 )  # may be more than one, or are refused otherwise
 
 
@@ -150,7 +152,7 @@ class SceneParts:
     @cached_property
     def tetrahedra_set(self) -> TetrahedraSet:
         """All of them together, cut when first asked for. Raises SceneError, InputError (a body)."""
-        return make_tetrahedra_set(self.tetrahedra, self.regions)
+        return make_tetrahedra_set(self.tetrahedra, self.regions, self.held_parts)
 
     @property
     def cloth(self) -> Cloth | None:
@@ -179,8 +181,19 @@ class SceneParts:
 
     @property
     def motions(self) -> dict[str, Motion]:
-        """What pinned masses follow, by the part's name."""
-        return self.all_of("motion")
+        """What pinned masses follow, by the part's name; also those attached to a collider that moves."""
+        found: dict[str, Motion] = self.all_of("motion")
+        for name, part in self.held_parts.items():
+            collider: Any = self.parts.get(part.to or "")
+            motion = motion_with(part, collider) if pins(part, self.tetrahedra) and collider else None
+            if motion is not None:
+                found[name] = motion
+        return found
+
+    @property
+    def held_parts(self) -> dict[str, Attachment]:
+        """What holds tetrahedral bodies to the world, to colliders and to one another, by the part's name."""
+        return self.all_of("attachment")
 
     @property
     def regions(self) -> dict[str, Region]:

@@ -16,6 +16,7 @@ from model.geometry.lists import Lists, grouped
 from model.geometry.measures import edge_lengths, rotation_matrix
 from model.geometry.tetrahedra.mesh import TetrahedralMesh, rest_inverse
 from model.geometry.topology import mesh_path
+from model.scene.attachment import Attachment, pins
 from model.scene.motion import Motion
 from model.scene.regions import Region
 from model.scene.tetrahedra import TetrahedralBody
@@ -25,6 +26,7 @@ ELEMENT_BYTES = (
     400  # on the host, of a tetrahedron: corners, values in float64 and in the kernels' arithmetic, multipliers
 )
 NO_REGIONS: Mapping[str, Region] = {}
+NOT_HELD: Mapping[str, Attachment] = {}
 PAIRS = ((0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3))  # corners that an edge joins
 
 
@@ -58,11 +60,11 @@ class TetrahedraSet:
     """The particles and tetrahedra of all bodies, one body after the other, in the order of the file.
 
     `position`, `velocity` (particles, 3) float64 [m], [m/s] at the start, where nothing is strained; `masses` (particles,)
-    [kg]; `pinned_vertices`, ascending; `body` (tetrahedra,) int32: which of `parts` each is of; `tetrahedra` (tetrahedra, 4)
-    int32; `own` (particles, 3) [m]: where the meshes themselves have them, neither turned nor moved; `regions`: of the scene;
-    `rest_inverse` (tetrahedra, 3, 3): of the matrix with the edges from the first corner as columns; `volume`
-    (tetrahedra,) [m^3]; `surface` (triangles, 3) int32; `first_particle` of each body; `skin`. To the rest of the lab it is a
-    row of masses: `rows` 1, `columns` all, `spacing` the mean edge [m], `mass` the mean one.
+    [kg]; `pinned_vertices`, ascending; `body` (tetrahedra,) int32: which of `parts` each is of; `tetrahedra` (tetrahedra,
+    4) int32; `own` (particles, 3) [m]: where the meshes themselves have them, neither turned nor moved; `regions`,
+    `attachments`: of the scene; `rest_inverse` (tetrahedra, 3, 3): of the matrix with the edges from the first corner as
+    columns; `volume` (tetrahedra,) [m^3]; `surface` (triangles, 3) int32; `first_particle` of each body; `skin`. To the
+    rest of the lab it is a row of masses: `rows` 1, `columns` all, `spacing` the mean edge [m], `mass` the mean one.
     """
 
     names: tuple[str, ...]
@@ -80,6 +82,7 @@ class TetrahedraSet:
     skin: Skin
     own: np.ndarray
     regions: Mapping[str, Region] = field(default_factory=dict)
+    attachments: Mapping[str, Attachment] = field(default_factory=dict)
     rows: int = 1
     spring_count: int = 0
 
@@ -159,15 +162,25 @@ class TetrahedraSet:
 
 
 def make_tetrahedra_set(
-    parts: Mapping[str, TetrahedralBody], regions: Mapping[str, Region] = NO_REGIONS
+    parts: Mapping[str, TetrahedralBody],
+    regions: Mapping[str, Region] = NO_REGIONS,
+    attachments: Mapping[str, Attachment] = NOT_HELD,
 ) -> TetrahedraSet:
-    """The set of a scene's bodies, by name; `regions`: the scene's. Raises SceneError, InputError, which name the body."""
+    """The set of a scene's bodies, by name; `regions`, `attachments`: the scene's. Raises SceneError, InputError, which name
+    the body."""
     made: list[tuple[TetrahedralMesh, np.ndarray, np.ndarray]] = []
     bodies: list[CookedBody] = []
     for name, part in parts.items():
         try:
             bodies.append(cut(part))
-            made.append(_placed(part, bodies[-1].mesh, regions))
+            made.append(
+                _placed(
+                    part,
+                    bodies[-1].mesh,
+                    regions,
+                    [held.vertices for held in attachments.values() if held.body == name and pins(held, parts)],
+                )
+            )
         except SceneError as error:
             raise SceneError(f"{name}.{error.field}", error.value, error.allowed) from None
         except InputError as error:
@@ -196,6 +209,7 @@ def make_tetrahedra_set(
         _skin(bodies, first),
         np.concatenate([one.mesh.position for one in bodies]),
         regions,
+        attachments,
     )
 
 
@@ -221,13 +235,13 @@ def _skin(bodies: list[CookedBody], first: np.ndarray) -> Skin:
 
 
 def _placed(
-    part: TetrahedralBody, mesh: TetrahedralMesh, regions: Mapping[str, Region]
+    part: TetrahedralBody, mesh: TetrahedralMesh, regions: Mapping[str, Region], attached: list[str]
 ) -> tuple[TetrahedralMesh, np.ndarray, np.ndarray]:
-    """(mesh where the scene has it, velocities (particles, 3) [m/s], pinned vertices)."""
+    """(mesh where the scene has it, velocities (particles, 3) [m/s], pinned vertices); those `attached` are, too."""
     axis = np.asarray(part.axis, dtype=np.float64)
     turn = rotation_matrix(axis / (float(np.linalg.norm(axis)) or 1.0), np.radians(part.angle))
     here = mesh.position @ turn.T + part.origin
-    held = [vertices_of(word, mesh.position, here, regions) for word in part.pinned]
+    held = [vertices_of(word, mesh.position, here, regions) for word in (*part.pinned, *attached)]
     pinned = np.unique(np.concatenate([np.zeros(0, np.int64), *held]))
     mass = mesh.masses(part.density)[:, None]
     centre = (mass * here).sum(axis=0) / mass.sum()

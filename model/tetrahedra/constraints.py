@@ -8,8 +8,9 @@ import numpy as np
 
 from model.core.constraints import ConstraintSet, Projection
 from model.core.plan import Plan
-from model.formulas.constraints import tetrahedron
+from model.formulas.constraints import attachment, tetrahedron
 from model.scene.scene import Scene
+from model.tetrahedra.attachments import attachment_parts, attachment_projections, attachment_sets
 from model.tetrahedra.body_set import TetrahedraSet
 from model.tetrahedra.material import constraint_values, material_of
 from model.xpbd.colouring import colour
@@ -30,7 +31,7 @@ def tetrahedra_parts(scene: Scene, live: frozenset[str] = frozenset()) -> frozen
     iterated = {ITERATED} if scene.method.iterations > 1 else set()
     told = {"motion"} if "targets" in live and len(scene.tetrahedra_set.pinned_vertices) else set()
     parts = xpbd_parts(scene, live) | {"load"} | {part.material for part in bodies}
-    return parts | damped | blocks | iterated | told
+    return parts | damped | blocks | iterated | told | attachment_parts(scene.tetrahedra_set)
 
 
 def materials(parts: frozenset[str]) -> tuple[str, ...]:
@@ -39,10 +40,10 @@ def materials(parts: frozenset[str]) -> tuple[str, ...]:
 
 
 def projections_of(parts: frozenset[str]) -> tuple[Projection, ...]:
-    """Of a scene of such parts, one a material."""
+    """Of a scene of such parts, one a material; then those of attachments."""
     damped, blocks = DAMPED in parts, BLOCKS in parts
     multipliers = tetrahedron.BLOCKS if blocks else tetrahedron.ROWS
-    return tuple(
+    own = tuple(
         Projection(
             f"tetrahedra_{name.replace('-', '_')}", tetrahedron.make, 4, tetrahedron.COUNT, multipliers, damped=damped,
             soft=ITERATED in parts, constants=CONSTANTS,
@@ -50,14 +51,16 @@ def projections_of(parts: frozenset[str]) -> tuple[Projection, ...]:
         )
         for name in materials(parts)
     )  # fmt: skip
+    return own + tuple(attachment_projections(parts, ITERATED in parts, CONSTANTS))
 
 
 def constraint_sets(scene: Scene) -> tuple[ConstraintSet, ...]:
-    """The tetrahedra of each material, sorted by colours. Kept with the bodies."""
+    """The tetrahedra of each material, then attachments, sorted by colours. Kept with the bodies."""
     found = scene.tetrahedra_set
     if found not in _known:
         made = material_of(found)
-        _known[found] = tuple(_coloured(found, np.flatnonzero(made == kind)) for kind in np.unique(made))
+        own = tuple(_coloured(found, np.flatnonzero(made == kind)) for kind in np.unique(made))
+        _known[found] = own + attachment_sets(found)
     return _known[found]
 
 
@@ -70,8 +73,16 @@ def _coloured(found: TetrahedraSet, chosen: np.ndarray) -> ConstraintSet:
     return ConstraintSet("tetrahedra", name, corners, constraint_values(found, chosen), colours.starts)
 
 
+def operations_of(projection: Projection) -> int:
+    """Of one constraint."""
+    flags = dict(projection.flags)
+    if projection.make is attachment.make:
+        return attachment.OPERATIONS[flags["corners"]]
+    return tetrahedron.operations(flags["material"], 4)
+
+
 def tetrahedra_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
     """Substeps and iterations as in model/xpbd/plan.py; of an iteration the tetrahedra of each material, colour by colour."""
     parts = tetrahedra_parts(scene, live)
-    operations = [tetrahedron.operations(dict(one.flags)["material"], 4) for one in projections_of(parts)]
+    operations = [operations_of(one) for one in projections_of(parts)]
     return constrained_plan(scene, parts, list(zip(constraint_sets(scene), operations, strict=True)))

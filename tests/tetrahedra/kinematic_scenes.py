@@ -19,6 +19,12 @@ ENDS: dict[str, Any] = {
         "kind": "motion", "pins": "right", "body": "bar", "angular_velocity": -3.0, "velocity": [0.2, 0.0, 0.0],
     },
 }  # fmt: skip
+LOOSE = BAR | {"pinned": []}
+CUBE = LOOSE | {
+    "shape": {"name": "box", "sides": [0.1, 0.1, 0.1]}, "origin": [0.03, -0.1, 0.01], "velocity": [0.3, 0.1, -0.2],
+    "spin": [1.0, 2.0, 3.0],
+}  # fmt: skip
+HOOK = {"kind": "attachment", "body": "cube", "vertices": "top", "to": "bar"}
 
 
 def kinematic_scene(solver: str, **parts: Any) -> Scene:

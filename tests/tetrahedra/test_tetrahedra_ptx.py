@@ -19,7 +19,7 @@ def text_of(material: str, real: Any, math: str, *more: str) -> str:
 
     from gpu_backend.core.constraints import make_projections
 
-    (projection,) = projections_of(frozenset({material, *more}))
+    (projection,) = projections_of(frozenset({material, *more} - {""}))
     reals, i, n = (types.float32 if real is np.float32 else types.float64)[::1], types.int32, types.int32[::1]
     kernel = make_projections(real, math, projection)
     record = record_of(real, "tetrahedra")
@@ -69,3 +69,11 @@ def test_pins_that_move_compile_likewise(real: Any, math: str) -> None:
     body = str(text[text.index(".entry") :])
     assert ".local" not in body and "call" not in body
     assert ".f64" not in body if real is np.float32 else "fma.rn.f64" not in body
+
+
+@pytest.mark.parametrize("model", ["world", "bodies"])
+def test_attachments_compile_likewise(model: str) -> None:
+    for real, math in ((np.float32, "fast"), (np.float64, "exact")):
+        text = text_of("", real, math, ITERATED, f"attachment-{model}")
+        assert ".local" not in text and "call" not in text
+        assert ".f64" not in text if real is np.float32 else "fma.rn.f64" not in text
