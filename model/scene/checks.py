@@ -15,6 +15,7 @@ from model.scene.parts import Elastic, Method
 from model.scene.scene_parts import KINDS, SceneParts
 from model.scene.tetrahedra import TETRAHEDRAL_KINDS
 from model.scene.xpbd import XPBD_KINDS
+from model.tetrahedra.matter import check_material
 from model.tetrahedra.selection import check_word
 
 OF_MESHES = tuple(kind for kind in CONSTRAINT_KINDS if kind not in SPRING_KINDS)
@@ -24,7 +25,7 @@ MATCHED = ("grid", "springs", "damping", "gravity", "external", "perturbation", 
 SOLVERS_OF_TETRAHEDRA = ("xpbd", *TETRAHEDRAL_SOLVERS)
 SUBSTEPS = 20  # of tetrahedra, unless told: a beam of 1e6 Pa then sags as its mesh says, to a fifth
 OF_TETRAHEDRA = (
-    *TETRAHEDRAL_KINDS, "damping", "external", "gravity", "method", "motion", "region", "attachment",
+    *TETRAHEDRAL_KINDS, "damping", "external", "gravity", "method", "motion", "region", "attachment", "material",
     *COLLIDER_KINDS,
 )  # fmt: skip
 OF_BODIES = (*BODY_KINDS, "contact", "damping", "gravity", "method", *COLLIDER_KINDS)  # what goes with them
@@ -38,7 +39,7 @@ def check_fit(scene: SceneParts) -> None:
     if scene.bodies:
         _check_bodies(scene)
         return
-    _refuse(scene, ("region", "attachment"), "is for tetrahedral bodies; leave it out")
+    _refuse(scene, ("region", "attachment", "material"), "is for tetrahedral bodies; leave it out")
     of_cloth = {*CLOTH_KINDS, *COLLIDER_KINDS, "self_collision"} - {"cloth", *OF_MESHES}
     _refuse(
         scene,
@@ -73,6 +74,8 @@ def _check_tetrahedra(scene: SceneParts) -> None:
     for name, part in scene.tetrahedra.items():
         for word in part.pinned:
             check_word(f"{name}.pinned", word, scene.regions)
+    for name, material in scene.materials.items():
+        check_material(name, material, scene.tetrahedra, scene.regions)
     method = scene.one("method")
     if method is None:
         scene.parts["method"], scene.kinds["method"] = Method(solver="xpbd", substeps=SUBSTEPS), "method"

@@ -46,7 +46,7 @@ from model.scene.parts import (
 )
 from model.scene.regions import Region
 from model.scene.self_collision import SelfCollision
-from model.scene.tetrahedra import TETRAHEDRAL_KINDS, TetrahedralBody
+from model.scene.tetrahedra import TETRAHEDRAL_KINDS, Material, TetrahedralBody
 from model.scene.words import scene_error, suggestion
 from model.scene.xpbd import XPBD_KINDS, Attachments, Load
 from model.shape_matching.body_set import BodySet, make_body_set
@@ -60,7 +60,7 @@ KINDS: dict[str, type[Part]] = (
     | XPBD_KINDS
     | BODY_KINDS
     | TETRAHEDRAL_KINDS
-    | {"contact": Contact, "region": Region, "attachment": Attachment}
+    | {"contact": Contact, "region": Region, "attachment": Attachment, "material": Material}
 )
 SHEETS = ("grid", "cloth", "mesh")  # a scene has one of them
 SEVERAL = (
@@ -72,6 +72,7 @@ SEVERAL = (
     "motion",
     "region",
     "attachment",
+    "material",
 )  # may be more than one, or are refused otherwise
 
 
@@ -152,7 +153,7 @@ class SceneParts:
     @cached_property
     def tetrahedra_set(self) -> TetrahedraSet:
         """All of them together, cut when first asked for. Raises SceneError, InputError (a body)."""
-        return make_tetrahedra_set(self.tetrahedra, self.regions, self.held_parts)
+        return make_tetrahedra_set(self.tetrahedra, self.regions, self.held_parts, self.materials)
 
     @property
     def cloth(self) -> Cloth | None:
@@ -199,6 +200,11 @@ class SceneParts:
     def regions(self) -> dict[str, Region]:
         """Parts of tetrahedral bodies, by the part's name."""
         return self.all_of("region")
+
+    @property
+    def materials(self) -> dict[str, Material]:
+        """What tetrahedra in a region are made of, by the part's name."""
+        return self.all_of("material")
 
     @property
     def loads(self) -> dict[str, Load]:

@@ -26,7 +26,7 @@ def tetrahedra_parts(scene: Scene, live: frozenset[str] = frozenset()) -> frozen
     """The parts that need code: a sheet's (model/xpbd/plan.py), the materials, whether one has a damper, whether they
     are taken as blocks and whether multipliers are kept. Every mass has a weight of its own (`load`)."""
     bodies = scene.tetrahedra.values()
-    damped = {DAMPED} if any(part.damping > 0 for part in bodies) else set()
+    damped = {DAMPED} if scene.tetrahedra_set.matter.damping.any() else set()
     blocks = {BLOCKS} if scene.method.rows == "blocks" else set()
     iterated = {ITERATED} if scene.method.iterations > 1 else set()
     told = {"motion"} if "targets" in live and len(scene.tetrahedra_set.pinned_vertices) else set()

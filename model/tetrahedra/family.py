@@ -50,6 +50,7 @@ TETRAHEDRA = SolverFamily(
             "motion",
             "region",
             "attachment",
+            "material",
             *COLLIDER_KINDS,
         }
     ),
