@@ -44,6 +44,7 @@ class TetrahedralBody(MeshSource):
     poisson_ratio: Poisson = 0.45
     density: Positive = 1000.0  # kg/m^3
     damping: NotNegative = 0.0  # s
+    mass_damping: NotNegative = 0.0  # 1/s: the rate at which velocities decay, of all masses alike
     mass_ratio: AtLeastOne | None = None  # of two neighbours' masses, at most; the body's stays; any, unless given
     pinned: tuple[str, ...] = ()  # of left, right (x), bottom, top (y), back, front (z), all, and names of regions
     velocity: Vector = ZERO  # m/s
@@ -64,7 +65,8 @@ class TetrahedralBody(MeshSource):
         return float(mu), float(lame)
 
     def _idle_fields(self) -> set[str]:
-        return super()._idle_fields() | {"voxels" if self.edge is not None else "edge"}
+        idle = {"voxels" if self.edge is not None else "edge"}
+        return super()._idle_fields() | idle | (set() if self.mass_damping else {"mass_damping"})
 
 
 class Material(Part):

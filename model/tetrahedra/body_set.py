@@ -158,6 +158,12 @@ class TetrahedraSet:
         bodies = "1 body" if len(self.parts) == 1 else f"{len(self.parts)} bodies"
         return f"{self.particle_count} particles and {len(self.tetrahedra)} tetrahedra of {bodies}"
 
+    @property
+    def damping_rates(self) -> np.ndarray:
+        """(particles,) float64 [1/s]: of velocities, each body's own."""
+        counts = np.diff([*self.first_particle, self.particle_count])
+        return np.repeat([part.mass_damping for part in self.parts], counts)
+
     def lame(self) -> tuple[np.ndarray, np.ndarray]:
         """(mu, lambda) (tetrahedra,) float64 [Pa]."""
         return self.matter.lame

@@ -14,7 +14,7 @@ from model.tetrahedra.attachments import attachment_parts, attachment_projection
 from model.tetrahedra.body_set import TetrahedraSet
 from model.tetrahedra.material import constraint_values, material_of
 from model.xpbd.colouring import colour
-from model.xpbd.mesh_plan import constrained_plan
+from model.xpbd.mesh_plan import BODY_DAMPING, constrained_plan
 from model.xpbd.plan import xpbd_parts
 
 CONSTANTS = ("elastic_compliance", "elastic_damping", "elastic_stiffening")  # of the record: m / h^2, 1 / h, 1
@@ -31,7 +31,8 @@ def tetrahedra_parts(scene: Scene, live: frozenset[str] = frozenset()) -> frozen
     iterated = {ITERATED} if scene.method.iterations > 1 else set()
     told = {"motion"} if "targets" in live and len(scene.tetrahedra_set.pinned_vertices) else set()
     parts = xpbd_parts(scene, live) | {"load"} | {part.material for part in bodies}
-    return parts | damped | blocks | iterated | told | attachment_parts(scene.tetrahedra_set)
+    slowed = {BODY_DAMPING} if any(part.mass_damping > 0 for part in bodies) else set()
+    return parts | damped | blocks | iterated | told | slowed | attachment_parts(scene.tetrahedra_set)
 
 
 def materials(parts: frozenset[str]) -> tuple[str, ...]:

@@ -14,7 +14,7 @@ BAR: dict[str, Any] = {
     "poisson_ratio": 0.3, "pinned": ["left", "right"],
 }  # fmt: skip
 ENDS: dict[str, Any] = {
-    "left_end": {"kind": "motion", "pins": "left", "angular_velocity": 2.0},
+    "left_end": {"kind": "motion", "pins": "left", "body": "bar", "angular_velocity": 2.0},
     "right_end": {
         "kind": "motion", "pins": "right", "body": "bar", "angular_velocity": -3.0, "velocity": [0.2, 0.0, 0.0],
     },

@@ -71,6 +71,20 @@ def test_pins_that_move_compile_likewise(real: Any, math: str) -> None:
     assert ".f64" not in body if real is np.float32 else "fma.rn.f64" not in body
 
 
+@pytest.mark.parametrize("real,math", [(np.float32, "fast"), (np.float64, "exact")])
+def test_bodies_that_are_slowed_compile_likewise(real: Any, math: str) -> None:
+    from numba import cuda, types
+
+    from gpu_backend.xpbd.mesh_kernels import make_slow
+
+    reals = (types.float32 if real is np.float32 else types.float64)[::1]
+    text, _ = cuda.compile_ptx(
+        make_slow(real, math).py_func, (reals, reals, record_of(real, "tetrahedra")), cc=(9, 0), fastmath=math == "fast"
+    )
+    body = str(text[text.index(".entry") :])
+    assert ".local" not in body and (".f64" not in body if real is np.float32 else "fma.rn.f64" not in body)
+
+
 @pytest.mark.parametrize("model", ["world", "bodies"])
 def test_attachments_compile_likewise(model: str) -> None:
     for real, math in ((np.float32, "fast"), (np.float64, "exact")):
