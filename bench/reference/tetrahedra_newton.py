@@ -96,7 +96,7 @@ def substep(
 ) -> np.ndarray:
     """Positions (particles, 3) [m] at the end. `target`: y; `free` (particles,) bool."""
     inertia, ones = np.repeat(mass / h**2, 3), np.ones(len(found.tetrahedra))
-    damping = np.array([part.damping for part in found.parts])[found.body]
+    damping = found.matter.damping
     damper = assembled(found, element_stiffness(found, before, True), damping) / h
     unknown = np.repeat(free, 3)
 

@@ -21,8 +21,9 @@ from cpu_backend.mass_spring.cloth.wind import make_air, make_triangle
 from model.core.constraints import Projection
 from model.formulas import distance
 from model.scene.cloth import COLLIDER_KINDS
+from model.xpbd.mesh_plan import BODY_DAMPING
 
-AXES = 3
+AXES = 3  # a velocity's fourth number is its particle's own rate of damping, 1/s
 
 
 ALWAYS = {"gauss-seidel", "load", "pins"}  # parts that change no code: every mass has its weight, 0 where it is pinned
@@ -37,6 +38,7 @@ def make_begin(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
     own = make_own_force(compiler, real, AXES, parts | {"load"})  # every mass has its weight
     triangle, air_now = make_triangle(compiler, real), make_air(compiler, real, parts)
     has_gravity, has_wind, has_damping = "gravity" in parts, "wind" in parts, "damping" in parts
+    slowed, is_slowed = formulas.slowed, BODY_DAMPING in parts
     zero, one = real(0), real(1)
 
     @compiled
@@ -73,6 +75,9 @@ def make_begin(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
                 ax, ay, az = added(ax, w, fx), added(ay, w, fy), added(az, w, fz)
             ax, ay, az = own((ax, ay, az), k, w, parameters, integers, step)
             keep = kept(parameters.braking, w) if has_damping else one
+            if is_slowed:
+                for axis in range(AXES):
+                    velocity[k, axis] = slowed(velocity[k, axis], velocity[k, 3], h)
             position[k, 0] = predicted(before[k, 0], h, kicked(velocity[k, 0], keep, h, ax))
             position[k, 1] = predicted(before[k, 1], h, kicked(velocity[k, 1], keep, h, ay))
             position[k, 2] = predicted(before[k, 2], h, kicked(velocity[k, 2], keep, h, az))

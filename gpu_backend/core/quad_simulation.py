@@ -9,6 +9,8 @@ import numpy as np
 from gpu_backend.core.integers import integers_of, knows_time
 from gpu_backend.core.quads import SIZE
 from gpu_backend.core.simulation import CudaSimulation
+from model.core.errors import BackendUnavailable
+from model.tetrahedra.targets import Targeted
 
 
 class QuadSimulation(CudaSimulation):
@@ -25,7 +27,15 @@ class QuadSimulation(CudaSimulation):
         return self.on_device(np.zeros(SIZE * self.particle_count, self.real))
 
     def _allocate_quads(self, rows: np.ndarray) -> None:
-        """The state, the constants, and `bodies` of such rows."""
+        """The state, the constants, and `bodies` of such rows. Raises BackendUnavailable for parts of tetrahedral bodies that
+        only the sweeps over them know."""
+        unknown = {"motion": "pins that move", "body-damping": "mass_damping"}
+        for part, told in unknown.items():
+            if part in self.plan.parts and self.scene.tetrahedra and not isinstance(self, Targeted):
+                raise BackendUnavailable(
+                    f"the solver {self.scene.method.solver} knows no {told} on the GPU yet",
+                    "--backend cpu runs it, --set method.solver=xpbd runs the scene on the GPU",
+                )
         self._integers = integers_of(self.scene)
         self._allocate_state()
         self.bodies = self.on_device(rows)

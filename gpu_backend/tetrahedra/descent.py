@@ -91,6 +91,7 @@ class VertexBlockDescent(Tetrahedra):
         self._current = 1 - self._current
         now, new_velocity = self.position[self._current], self.velocity[self._current]
         time = self._counter, np.int64(place), np.int64(self.scene.method.substeps), np.int64(substep)
+        self._brake(velocity)
         self._begin[self._flat](before, velocity, self._inertial, *self._lists, self.record, self.integers, *time)
         for _, launch in self._first:
             launch(before, velocity, now)
@@ -104,8 +105,8 @@ class VertexBlockDescent(Tetrahedra):
     @property
     def _launches(self) -> int:
         method = self.scene.method
-        pins = 2 * (self._pins is not None)
-        return method.substeps * (2 + pins + len(self._first) + method.iterations * len(self._visits))
+        more = 2 * (self._pins is not None) + (self._slow is not None)
+        return method.substeps * (2 + more + len(self._first) + method.iterations * len(self._visits))
 
     def _stages(self) -> dict[str, StageRun]:
         position, velocity, before = self.position[0], self.velocity[0], self.position[1]
@@ -114,6 +115,7 @@ class VertexBlockDescent(Tetrahedra):
             before.copy_to_device(position, stream=self.stream)
             self._set_counter(moment.step)
             time = self._counter, np.int64(0), np.int64(moment.substeps), np.int64(moment.substep)
+            self._brake(velocity)
             self._begin[self._flat](before, velocity, self._inertial, *self._lists, self.record, self.integers, *time)
 
         def run(launch: Launch) -> StageRun:

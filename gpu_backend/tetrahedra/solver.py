@@ -21,10 +21,12 @@ from model.core.constraints import ConstraintSet, Projection
 from model.core.errors import SceneError
 from model.core.plan import Executor, Plan
 from model.scene.scene import Scene
+from model.tetrahedra.attachments import CORNERS, part_of
 from model.tetrahedra.constraints import constraint_sets, projections_of, tetrahedra_plan
 from model.tetrahedra.tables import surface_lists
+from model.xpbd.mesh_plan import BODY_DAMPING
 
-LAUNCHED_ONLY = ("wind", "motion", "attachments")  # parts of a plan
+LAUNCHED_ONLY = ("wind", "motion", BODY_DAMPING, *map(part_of, CORNERS))  # parts of a plan
 
 
 class Tetrahedra(MeshPositionBased):

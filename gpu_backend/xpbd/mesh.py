@@ -23,7 +23,7 @@ from gpu_backend.core.quads import SIZE
 from gpu_backend.core.substeps import SubstepSimulation, launched_kernel
 from gpu_backend.mass_spring.cloth.kernels import make_cloth_tools
 from gpu_backend.xpbd.kernels import make_end
-from gpu_backend.xpbd.mesh_kernels import AXES, forces_of, make_mesh_begin, make_mesh_tools
+from gpu_backend.xpbd.mesh_kernels import AXES, forces_of, make_mesh_begin, make_mesh_tools, make_slow
 from gpu_backend.xpbd.stages import make_xpbd_stages
 from model.core.constraints import ConstraintSet, Projection
 from model.core.plan import Executor, Moment, Plan, StageRun
@@ -34,7 +34,7 @@ from model.mass_spring.cloth_parameters import pin_velocity
 from model.scene.scene import Scene
 from model.tetrahedra.targets import Targeted
 from model.xpbd.mesh_constraints import attachment_set, constraint_sets, projections_of
-from model.xpbd.mesh_plan import stage_name, xpbd_mesh_plan
+from model.xpbd.mesh_plan import BODY_DAMPING, stage_name, xpbd_mesh_plan
 
 THREADS = 128  # a block: small ones leave more of a colour's few thousand constraints to every processor
 
@@ -104,6 +104,10 @@ class MeshPositionBased(Targeted, SubstepSimulation):
         variant, parts = (self.real, self.options.math), forces_of(self.plan.parts)
         self._begin, self._end = make_mesh_begin(*variant, parts), make_end(*variant, parts, AXES)
         self._pins = make_drive(*variant) if self._first_pin else None
+        self._slow, self._rates = None, None
+        if BODY_DAMPING in self.plan.parts:
+            self._slow = make_slow(*variant)
+            self._rates = self.on_device(self.scene.tetrahedra_set.damping_rates.astype(self.real))
         self._colours: list[tuple[str, Callable[[Any, Any, bool], None]]] = []
         for found, projection in zip(*self._constraints(), strict=True):
             self._colours += self._projections(found, projection)
@@ -155,12 +159,18 @@ class MeshPositionBased(Targeted, SubstepSimulation):
                 position, velocity, self.record, self.bodies, self.driven, *first, *time
             )
 
+    def _brake(self, velocity: Any) -> None:
+        """Launch what slows bodies that have a rate of damping of their own."""
+        if self._slow is not None:
+            self._slow[self._flat](velocity, self._rates, self.record)
+
     def _substep(self, place: int, substep: int) -> None:
         """Launch one substep, from the current buffers into the others; `place`: the step's after the counter."""
         before, velocity = self.position[self._current], self.velocity[self._current]
         self._current = 1 - self._current
         now, new_velocity = self.position[self._current], self.velocity[self._current]
         time = self._counter, np.int64(place), np.int64(self.scene.method.substeps), np.int64(substep)
+        self._brake(velocity)
         self._begin[self._flat](before, velocity, now, *self._lists, self.record, self.integers, *time)
         self._drive(now, new_velocity, time)
         if self.contacts:
@@ -179,8 +189,8 @@ class MeshPositionBased(Targeted, SubstepSimulation):
         method, find, project = self.scene.method, 0, 0
         if self.contacts:
             find, project = self.contacts.finding, self.contacts.projecting
-        pins = 2 * (self._pins is not None)
-        return method.substeps * (2 + pins + find + method.iterations * (len(self._colours) + project))
+        more = 2 * (self._pins is not None) + (self._slow is not None)
+        return method.substeps * (2 + more + find + method.iterations * (len(self._colours) + project))
 
     def _stages(self) -> dict[str, StageRun]:
         """What runs each stage of the plan by itself. The state keeps its buffer; a substep's first one is copied aside."""
@@ -192,6 +202,7 @@ class MeshPositionBased(Targeted, SubstepSimulation):
             before.copy_to_device(position, stream=self.stream)
             self._set_counter(moment.step)
             time = self._counter, np.int64(0), np.int64(moment.substeps), np.int64(moment.substep)
+            self._brake(velocity)
             self._begin[flat](before, velocity, position, *self._lists, self.record, self.integers, *time)
 
         def colour(project: Callable[[Any, Any, bool], None]) -> StageRun:

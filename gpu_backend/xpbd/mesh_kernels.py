@@ -19,7 +19,7 @@ from gpu_backend.core.quads import SIZE, load_quad, store_quad
 from gpu_backend.mass_spring.cloth.kernels import make_block_air
 from gpu_backend.xpbd.kernels import make_clock
 from gpu_backend.xpbd.point import make_motion
-from model.formulas import cloth, wind
+from model.formulas import cloth, distance, wind
 from model.scene.cloth import CONSTRAINT_KINDS
 
 AXES = 3
@@ -90,6 +90,22 @@ def make_mesh_begin(real: Any, math: str, parts: frozenset[str]) -> Any:
             store_quad(predicted, k, x, y, z, p[3])
 
     return make_kernel(begin, f"mesh_{variant_name(real, math, parts)}", **kernel_options(math))
+
+
+@cache
+def make_slow(real: Any, math: str) -> Any:
+    """slow(velocity, rates, record): velocities after a substep of dampers of `rates` (particles,) [1/s]."""
+    slowed = device_formulas(distance.make, real, math).slowed
+
+    def slow(velocity, rates, record):
+        k = np.int32(cuda.grid(1))  # type: ignore[call-arg]
+        if k < velocity.size // SIZE:
+            v, h = load_quad(velocity, k), record[0].dt
+            store_quad(
+                velocity, k, slowed(v[0], rates[k], h), slowed(v[1], rates[k], h), slowed(v[2], rates[k], h), v[3]
+            )
+
+    return make_kernel(slow, f"mesh_{variant_name(real, math)}", **kernel_options(math))
 
 
 @cache

@@ -106,6 +106,11 @@ def make_substep(real, compiled=plain):
         return one - drag * weight
 
     @compiled
+    def slowed(velocity, rate, h):
+        """A velocity [m/s], one axis, after h [s] of a damper of that rate [1/s], the same for all masses."""
+        return velocity * (one - h * rate)
+
+    @compiled
     def predicted(position, h, velocity):
         """Position [m] before the constraints, one axis."""
         return position + h * velocity
@@ -120,7 +125,7 @@ def make_substep(real, compiled=plain):
         """An acceleration with that of a force over the sheet's mass [m/s^2], on a mass of that weight, one axis."""
         return acceleration + weight * force
 
-    return SimpleNamespace(kicked=kicked, kept=kept, predicted=predicted, rate=rate, added=added)
+    return SimpleNamespace(kicked=kicked, kept=kept, slowed=slowed, predicted=predicted, rate=rate, added=added)
 
 
 def make_jacobi(real, compiled=plain):

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection
 
 from model.core.errors import SceneError
+from model.scene.attachment import check_attachment
 from model.scene.bodies import BODY_KINDS
 from model.scene.cloth import CLOTH_KINDS, COLLIDER_KINDS, CONSTRAINT_KINDS, SPRING_KINDS
 from model.scene.motion import motions_of_pins
@@ -14,6 +15,7 @@ from model.scene.parts import Elastic, Method
 from model.scene.scene_parts import KINDS, SceneParts
 from model.scene.tetrahedra import TETRAHEDRAL_KINDS
 from model.scene.xpbd import XPBD_KINDS
+from model.tetrahedra.matter import check_material
 from model.tetrahedra.selection import check_word
 
 OF_MESHES = tuple(kind for kind in CONSTRAINT_KINDS if kind not in SPRING_KINDS)
@@ -23,7 +25,8 @@ MATCHED = ("grid", "springs", "damping", "gravity", "external", "perturbation", 
 SOLVERS_OF_TETRAHEDRA = ("xpbd", *TETRAHEDRAL_SOLVERS)
 SUBSTEPS = 20  # of tetrahedra, unless told: a beam of 1e6 Pa then sags as its mesh says, to a fifth
 OF_TETRAHEDRA = (
-    *TETRAHEDRAL_KINDS, "contact", "damping", "external", "gravity", "method", "motion", "region", *COLLIDER_KINDS,
+    *TETRAHEDRAL_KINDS, "contact", "damping", "external", "gravity", "method", "motion", "region", "attachment", "material",
+    *COLLIDER_KINDS,
 )  # fmt: skip
 OF_PARTICLES = ("restitution", "adhesion_reach", "maximum_speed", "sleeping_speed")  # surfaces know nothing of these
 OF_BODIES = (*BODY_KINDS, "contact", "damping", "gravity", "method", *COLLIDER_KINDS)  # what goes with them
@@ -37,7 +40,7 @@ def check_fit(scene: SceneParts) -> None:
     if scene.bodies:
         _check_bodies(scene)
         return
-    _refuse(scene, ("region",), "is for tetrahedral bodies; leave it out")
+    _refuse(scene, ("region", "attachment", "material"), "is for tetrahedral bodies; leave it out")
     of_cloth = {*CLOTH_KINDS, *COLLIDER_KINDS, "self_collision"} - {"cloth", *OF_MESHES}
     _refuse(
         scene,
@@ -72,6 +75,8 @@ def _check_tetrahedra(scene: SceneParts) -> None:
     for name, part in scene.tetrahedra.items():
         for word in part.pinned:
             check_word(f"{name}.pinned", word, scene.regions)
+    for name, material in scene.materials.items():
+        check_material(name, material, scene.tetrahedra, scene.regions)
     method = scene.one("method")
     if method is None:
         scene.parts["method"], scene.kinds["method"] = Method(solver="xpbd", substeps=SUBSTEPS), "method"
@@ -80,7 +85,11 @@ def _check_tetrahedra(scene: SceneParts) -> None:
         raise SceneError("method.solver", method.solver, f"must be {told} for tetrahedral bodies")
     elif method.ordering != "gauss-seidel":
         raise SceneError("method.ordering", method.ordering, "must be gauss-seidel for tetrahedral bodies")
-    elif method.rows == "blocks":
+    colliders = dict(scene.all_of(*COLLIDER_KINDS))
+    for name, held in scene.held_parts.items():
+        check_attachment(name, held, scene.tetrahedra, colliders, scene.method.solver)
+        check_word(f"{name}.vertices", held.vertices, scene.regions)
+    if scene.method.rows == "blocks":
         for name, part in scene.tetrahedra.items():
             if part.material == "neo-hookean":
                 raise SceneError(

@@ -15,6 +15,7 @@ from pydantic import ValidationError
 from model.contact.mesh_collider import MeshCollider
 from model.core.errors import SceneError
 from model.geometry.distance_field import DistanceField
+from model.scene.attachment import Attachment, motion_with, pins
 from model.scene.bodies import BODY_KINDS, Placed
 from model.scene.cloth import (
     CLOTH_KINDS,
@@ -45,7 +46,7 @@ from model.scene.parts import (
 )
 from model.scene.regions import Region
 from model.scene.self_collision import SelfCollision
-from model.scene.tetrahedra import TETRAHEDRAL_KINDS, TetrahedralBody
+from model.scene.tetrahedra import TETRAHEDRAL_KINDS, Material, TetrahedralBody
 from model.scene.words import scene_error, suggestion
 from model.scene.xpbd import XPBD_KINDS, Attachments, Load
 from model.shape_matching.body_set import BodySet, make_body_set
@@ -59,7 +60,7 @@ KINDS: dict[str, type[Part]] = (
     | XPBD_KINDS
     | BODY_KINDS
     | TETRAHEDRAL_KINDS
-    | {"contact": Contact, "region": Region}
+    | {"contact": Contact, "region": Region, "attachment": Attachment, "material": Material}
 )
 SHEETS = ("grid", "cloth", "mesh")  # a scene has one of them
 SEVERAL = (
@@ -70,6 +71,8 @@ SEVERAL = (
     "load",
     "motion",
     "region",
+    "attachment",
+    "material",
 )  # may be more than one, or are refused otherwise
 
 
@@ -150,7 +153,7 @@ class SceneParts:
     @cached_property
     def tetrahedra_set(self) -> TetrahedraSet:
         """All of them together, cut when first asked for. Raises SceneError, InputError (a body)."""
-        return make_tetrahedra_set(self.tetrahedra, self.regions)
+        return make_tetrahedra_set(self.tetrahedra, self.regions, self.held_parts, self.materials)
 
     @property
     def cloth(self) -> Cloth | None:
@@ -179,13 +182,29 @@ class SceneParts:
 
     @property
     def motions(self) -> dict[str, Motion]:
-        """What pinned masses follow, by the part's name."""
-        return self.all_of("motion")
+        """What pinned masses follow, by the part's name; also those attached to a collider that moves."""
+        found: dict[str, Motion] = self.all_of("motion")
+        for name, part in self.held_parts.items():
+            collider: Any = self.parts.get(part.to or "")
+            motion = motion_with(part, collider) if pins(part, self.tetrahedra) and collider else None
+            if motion is not None:
+                found[name] = motion
+        return found
+
+    @property
+    def held_parts(self) -> dict[str, Attachment]:
+        """What holds tetrahedral bodies to the world, to colliders and to one another, by the part's name."""
+        return self.all_of("attachment")
 
     @property
     def regions(self) -> dict[str, Region]:
         """Parts of tetrahedral bodies, by the part's name."""
         return self.all_of("region")
+
+    @property
+    def materials(self) -> dict[str, Material]:
+        """What tetrahedra in a region are made of, by the part's name."""
+        return self.all_of("material")
 
     @property
     def loads(self) -> dict[str, Load]:

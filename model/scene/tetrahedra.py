@@ -3,15 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
 from model.scene.mesh_source import MeshSource
-from model.scene.parts import ZERO, Count, NotNegative, Positive, Vector
+from model.scene.parts import ZERO, AtLeastOne, Count, NotNegative, Part, Positive, Vector
 
 MaterialName = Literal["fixed-corotated", "corotated", "neo-hookean"]
 LARGEST_RATIO = 0.499  # above it lambda / mu is over 500, and a linear tetrahedron does nothing but lock
+Poisson = Annotated[float, Field(ge=0, le=LARGEST_RATIO, strict=True)]
+
+
+def lame_of(young: Any, poisson: Any) -> tuple[Any, Any]:
+    """(mu, lambda) [Pa] of Young's modulus [Pa] and Poisson's ratio, numbers or arrays."""
+    return young / (2 * (1 + poisson)), young * poisson / ((1 + poisson) * (1 - 2 * poisson))
 
 
 class TetrahedralBody(MeshSource):
@@ -22,8 +28,8 @@ class TetrahedralBody(MeshSource):
     volume of the stretches s and the volume ratio J, mu sum (s - 1)^2 + lambda / 2 (J - 1)^2 (`fixed-corotated`), with
     (sum (s - 1))^2 in place of (J - 1)^2 (`corotated`), or the stable neo-Hookean one. `damping` is a time: a stress damping
     * the rate at which the elastic one changes. `pinned`: sides of the mesh's box, regions or `all`, whose vertices stay
-    where they are, or follow a motion. With a `[contact]` bodies meet one another, and themselves where `self_collision`
-    says so.
+    where they are, or follow a motion. `mass_ratio` limits how far masses of neighbouring vertices are apart. With a
+    `[contact]` bodies meet one another, and themselves where `self_collision` says so.
     """
 
     such_as: ClassVar[str] = "beam"
@@ -36,10 +42,12 @@ class TetrahedralBody(MeshSource):
     tetrahedra: Literal[5, 6, "conforming"] = 5  # to a voxel; six lock sooner; or conforming, which follow the surface
     material: MaterialName = "fixed-corotated"
     young_modulus: Positive = 1e6  # Pa
-    poisson_ratio: Annotated[float, Field(ge=0, le=LARGEST_RATIO, strict=True)] = 0.45
+    poisson_ratio: Poisson = 0.45
     density: Positive = 1000.0  # kg/m^3
     damping: NotNegative = 0.0  # s
     self_collision: Annotated[bool, Field(strict=True)] = False  # its far parts meet
+    mass_damping: NotNegative = 0.0  # 1/s: the rate at which velocities decay, of all masses alike
+    mass_ratio: AtLeastOne | None = None  # of two neighbours' masses, at most; the body's stays; any, unless given
     pinned: tuple[str, ...] = ()  # of left, right (x), bottom, top (y), back, front (z), all, and names of regions
     velocity: Vector = ZERO  # m/s
     spin: Vector = ZERO  # rad/s, about its centre
@@ -55,12 +63,28 @@ class TetrahedralBody(MeshSource):
     @property
     def lame(self) -> tuple[float, float]:
         """(mu, lambda) [Pa] of its Young's modulus and Poisson's ratio."""
-        young, poisson = self.young_modulus, self.poisson_ratio
-        return young / (2 * (1 + poisson)), young * poisson / ((1 + poisson) * (1 - 2 * poisson))
+        mu, lame = lame_of(self.young_modulus, self.poisson_ratio)
+        return float(mu), float(lame)
 
     def _idle_fields(self) -> set[str]:
-        idle = {"voxels" if self.edge is not None else "edge"} | (set() if self.self_collision else {"self_collision"})
+        idle = {"voxels" if self.edge is not None else "edge"}
+        idle |= {name for name in ("self_collision", "mass_damping") if not getattr(self, name)}
         return super()._idle_fields() | idle
+
+
+class Material(Part):
+    """What tetrahedra whose middles lie in a `region` are made of, of one `body` or of all; what is left out is the body's.
+    Of several tables that hold a tetrahedron the last counts."""
+
+    region: str  # the name of a table of kind region
+    body: str | None = None  # a tetrahedral one; all of them unless given
+    young_modulus: Positive | None = None  # Pa
+    poisson_ratio: Poisson | None = None
+    density: Positive | None = None  # kg/m^3
+    damping: NotNegative | None = None  # s
+
+    def _idle_fields(self) -> set[str]:
+        return {name for name in type(self).model_fields if getattr(self, name) is None}
 
 
 TETRAHEDRAL_KINDS: dict[str, type[MeshSource]] = {"tetrahedral_body": TetrahedralBody}

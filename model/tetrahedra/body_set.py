@@ -16,16 +16,20 @@ from model.geometry.lists import Lists, grouped
 from model.geometry.measures import edge_lengths, rotation_matrix
 from model.geometry.tetrahedra.mesh import TetrahedralMesh, rest_inverse
 from model.geometry.topology import mesh_path
+from model.scene.attachment import Attachment, pins
 from model.scene.motion import Motion
 from model.scene.regions import Region
-from model.scene.tetrahedra import TetrahedralBody
+from model.scene.tetrahedra import Material, TetrahedralBody
+from model.tetrahedra.matter import Matter, joined, matter_of
 from model.tetrahedra.selection import body_numbers, check_word, motion_numbers, vertices_of
+from model.tetrahedra.topology import PAIRS
 
 ELEMENT_BYTES = (
     400  # on the host, of a tetrahedron: corners, values in float64 and in the kernels' arithmetic, multipliers
 )
 NO_REGIONS: Mapping[str, Region] = {}
-PAIRS = ((0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3))  # corners that an edge joins
+NOT_HELD: Mapping[str, Attachment] = {}
+ONE_MATERIAL: Mapping[str, Material] = {}
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,11 +63,12 @@ class TetrahedraSet:
 
     `position`, `velocity` (particles, 3) float64 [m], [m/s] at the start, where nothing is strained; `masses` (particles,)
     [kg]; `pinned_vertices`, ascending; `body` (tetrahedra,) int32: which of `parts` each is of; `tetrahedra` (tetrahedra, 4)
-    int32; `own` (particles, 3) [m]: where the meshes themselves have them, neither turned nor moved; `regions`: of the scene;
-    `rest_inverse` (tetrahedra, 3, 3): of the matrix with the edges from the first corner as columns; `volume`
-    (tetrahedra,) [m^3]; `surface` (triangles, 3) int32; `first_particle` of each body; `skin`; `voxel` (tetrahedra, 3) int32:
-    the place of each one's voxel in its body, along the longest side first, 0 of those that are of none; `run` (tetrahedra,)
-    int32: how many tetrahedra, itself among them, its voxel is, which stand one after the other; 1 of those of none. To the
+    int32; `own` (particles, 3) [m]: where the meshes themselves have them, neither turned nor moved; `matter`; `regions`,
+    `attachments`: of the scene; `rest_inverse` (tetrahedra, 3, 3): of the matrix with the edges from the first corner as
+    columns; `volume` (tetrahedra,) [m^3]; `surface` (triangles, 3) int32; `first_particle` of each body; `skin`; `voxel`
+    (tetrahedra, 3) int32: the place of each one's voxel in its body, along the longest side first, 0 of those that are of
+    none; `run` (tetrahedra,) int32: how many tetrahedra, itself among them, its voxel is, which stand one after the other; 1
+    of those of none. To the
     rest of the lab it is a row of masses: `rows` 1, `columns` all, `spacing` the mean edge [m], `mass` the mean one.
     """
 
@@ -83,7 +88,9 @@ class TetrahedraSet:
     voxel: np.ndarray
     run: np.ndarray
     own: np.ndarray
+    matter: Matter
     regions: Mapping[str, Region] = field(default_factory=dict)
+    attachments: Mapping[str, Attachment] = field(default_factory=dict)
     rows: int = 1
     spring_count: int = 0
 
@@ -156,22 +163,40 @@ class TetrahedraSet:
         bodies = "1 body" if len(self.parts) == 1 else f"{len(self.parts)} bodies"
         return f"{self.particle_count} particles and {len(self.tetrahedra)} tetrahedra of {bodies}"
 
+    @property
+    def damping_rates(self) -> np.ndarray:
+        """(particles,) float64 [1/s]: of velocities, each body's own."""
+        counts = np.diff([*self.first_particle, self.particle_count])
+        return np.repeat([part.mass_damping for part in self.parts], counts)
+
     def lame(self) -> tuple[np.ndarray, np.ndarray]:
         """(mu, lambda) (tetrahedra,) float64 [Pa]."""
-        both = np.array([part.lame for part in self.parts])[self.body]
-        return both[:, 0], both[:, 1]
+        return self.matter.lame
 
 
 def make_tetrahedra_set(
-    parts: Mapping[str, TetrahedralBody], regions: Mapping[str, Region] = NO_REGIONS
+    parts: Mapping[str, TetrahedralBody],
+    regions: Mapping[str, Region] = NO_REGIONS,
+    attachments: Mapping[str, Attachment] = NOT_HELD,
+    materials: Mapping[str, Material] = ONE_MATERIAL,
 ) -> TetrahedraSet:
-    """The set of a scene's bodies, by name; `regions`: the scene's. Raises SceneError, InputError, which name the body."""
+    """The set of a scene's bodies, by name; `regions`, `attachments`, `materials`: the scene's. Raises SceneError,
+    InputError, which name the body."""
     made: list[tuple[TetrahedralMesh, np.ndarray, np.ndarray]] = []
     bodies: list[CookedBody] = []
+    matter: list[Matter] = []
     for name, part in parts.items():
         try:
             bodies.append(cut(part))
-            made.append(_placed(part, bodies[-1].mesh, regions))
+            here = _placed(part, bodies[-1].mesh)
+            matter.append(matter_of(name, part, here, materials, regions))
+            attached = [held.vertices for held in attachments.values() if held.body == name and pins(held, parts)]
+            held = [
+                vertices_of(word, bodies[-1].mesh.position, here.position, regions)
+                for word in (*part.pinned, *attached)
+            ]
+            pinned = np.unique(np.concatenate([np.zeros(0, np.int64), *held]))
+            made.append((here, _moving(part, here.position, matter[-1].masses(bodies[-1].mesh), pinned), pinned))
         except SceneError as error:
             raise SceneError(f"{name}.{error.field}", error.value, error.allowed) from None
         except InputError as error:
@@ -182,14 +207,15 @@ def make_tetrahedra_set(
         raise SceneError("edge", particles, f"at most {MAX_PARTICLES} particles (32-bit indices)")
     require(elements * ELEMENT_BYTES, available_bytes(), "edge", elements, "main memory")
     first = np.concatenate([[0], np.cumsum([len(mesh.position) for mesh, _, _ in made])])
-    density = [part.density for part in parts.values()]
     meshes = [mesh for mesh, _, _ in made]
     return TetrahedraSet(
         tuple(parts),
         tuple(parts.values()),
         np.concatenate([mesh.position for mesh in meshes]),
         np.concatenate([velocity for _, velocity, _ in made]),
-        np.concatenate([mesh.masses(rho) for mesh, rho in zip(meshes, density, strict=True)]),
+        np.concatenate(
+            [one.masses(mesh, part.mass_ratio) for one, mesh, part in zip(matter, meshes, parts.values(), strict=True)]
+        ),
         np.concatenate([pinned + start for (_, _, pinned), start in zip(made, first, strict=False)]).astype(np.int64),
         np.repeat(np.arange(len(made), dtype=np.int32), [len(mesh.tetrahedra) for mesh in meshes]),
         np.concatenate([mesh.tetrahedra + start for mesh, start in zip(meshes, first, strict=False)]).astype(np.int32),
@@ -203,7 +229,9 @@ def make_tetrahedra_set(
             np.array([max(1, one.per_voxel) for one in bodies], np.int32), [len(one.mesh.tetrahedra) for one in bodies]
         ),
         np.concatenate([one.mesh.position for one in bodies]),
+        joined(matter),
         regions,
+        attachments,
     )
 
 
@@ -237,17 +265,17 @@ def _skin(bodies: list[CookedBody], first: np.ndarray) -> Skin:
     )
 
 
-def _placed(
-    part: TetrahedralBody, mesh: TetrahedralMesh, regions: Mapping[str, Region]
-) -> tuple[TetrahedralMesh, np.ndarray, np.ndarray]:
-    """(mesh where the scene has it, velocities (particles, 3) [m/s], pinned vertices)."""
+def _placed(part: TetrahedralBody, mesh: TetrahedralMesh) -> TetrahedralMesh:
+    """The mesh where the scene has it."""
     axis = np.asarray(part.axis, dtype=np.float64)
     turn = rotation_matrix(axis / (float(np.linalg.norm(axis)) or 1.0), np.radians(part.angle))
-    here = mesh.position @ turn.T + part.origin
-    held = [vertices_of(word, mesh.position, here, regions) for word in part.pinned]
-    pinned = np.unique(np.concatenate([np.zeros(0, np.int64), *held]))
-    mass = mesh.masses(part.density)[:, None]
+    return TetrahedralMesh(mesh.position @ turn.T + part.origin, mesh.tetrahedra)
+
+
+def _moving(part: TetrahedralBody, here: np.ndarray, masses: np.ndarray, pinned: np.ndarray) -> np.ndarray:
+    """(particles, 3) [m/s]: how fast those `here` (particles, 3) [m] are at the start, where they are not `pinned`."""
+    mass = masses[:, None]
     centre = (mass * here).sum(axis=0) / mass.sum()
     moving = np.asarray(part.velocity) + np.cross(np.asarray(part.spin), here - centre)
     moving[pinned] = 0.0
-    return TetrahedralMesh(here, mesh.tetrahedra), moving, pinned
+    return moving

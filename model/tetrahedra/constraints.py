@@ -8,13 +8,14 @@ import numpy as np
 
 from model.core.constraints import ConstraintSet, Projection
 from model.core.plan import Plan
-from model.formulas.constraints import tetrahedron
+from model.formulas.constraints import attachment, tetrahedron
 from model.scene.scene import Scene
+from model.tetrahedra.attachments import KIND, attachment_parts, attachment_projections, attachment_sets
 from model.tetrahedra.body_set import TetrahedraSet
 from model.tetrahedra.material import constraint_values, material_of
 from model.tetrahedra.voxel_order import voxel_order
 from model.xpbd.colouring import colour
-from model.xpbd.mesh_plan import constrained_plan
+from model.xpbd.mesh_plan import BODY_DAMPING, constrained_plan
 from model.xpbd.plan import xpbd_parts
 
 CONSTANTS = ("elastic_compliance", "elastic_damping", "elastic_stiffening")  # of the record: m / h^2, 1 / h, 1
@@ -24,21 +25,21 @@ KINDS = {
     5: "voxels",
     6: "Kuhn voxels",
 }  # of sets, by how many tetrahedra are taken one after the other
-_known: WeakKeyDictionary[TetrahedraSet, tuple[tuple[ConstraintSet, np.ndarray], ...]] = (
-    WeakKeyDictionary()
-)  # colouring is slow
+Sets = tuple[tuple[np.ndarray, ...], tuple[ConstraintSet, ...]]
+_known: WeakKeyDictionary[TetrahedraSet, Sets] = WeakKeyDictionary()  # colouring is slow
 
 
 def tetrahedra_parts(scene: Scene, live: frozenset[str] = frozenset()) -> frozenset[str]:
     """The parts that need code: a sheet's (model/xpbd/plan.py), the materials, whether one has a damper, whether they
     are taken as blocks and whether multipliers are kept. Every mass has a weight of its own (`load`)."""
     bodies = scene.tetrahedra.values()
-    damped = {DAMPED} if any(part.damping > 0 for part in bodies) else set()
+    damped = {DAMPED} if scene.tetrahedra_set.matter.damping.any() else set()
     blocks = {BLOCKS} if scene.method.rows == "blocks" else set()
     iterated = {ITERATED} if scene.method.iterations > 1 else set()
     told = {"motion"} if "targets" in live and len(scene.tetrahedra_set.pinned_vertices) else set()
     parts = xpbd_parts(scene, live) | {"load"} | {part.material for part in bodies}
-    return parts | damped | blocks | iterated | told
+    slowed = {BODY_DAMPING} if any(part.mass_damping > 0 for part in bodies) else set()
+    return parts | damped | blocks | iterated | told | slowed | attachment_parts(scene.tetrahedra_set)
 
 
 def materials(parts: frozenset[str]) -> tuple[str, ...]:
@@ -52,11 +53,12 @@ def part_of_run(material: str, run: int) -> str:
 
 
 def projections_of(parts: frozenset[str]) -> tuple[Projection, ...]:
-    """Of a scene of such parts, one a material and number of tetrahedra in a run (1, unless they say so)."""
+    """Of a scene of such parts, one a material and number of tetrahedra in a run (1, unless they say so); then those of
+    attachments."""
     damped, blocks = DAMPED in parts, BLOCKS in parts
     multipliers = tetrahedron.BLOCKS if blocks else tetrahedron.ROWS
     runs = {name: [run for run in KINDS if part_of_run(name, run) in parts] for name in materials(parts)}
-    return tuple(
+    own = tuple(
         Projection(
             f"tetrahedra_{name.replace('-', '_')}", tetrahedron.make, 4, tetrahedron.COUNT, multipliers, damped=damped,
             soft=ITERATED in parts, constants=CONSTANTS,
@@ -64,23 +66,27 @@ def projections_of(parts: frozenset[str]) -> tuple[Projection, ...]:
         )
         for name in runs for run in runs[name] or [1]
     )  # fmt: skip
+    return own + tuple(attachment_projections(parts, ITERATED in parts, CONSTANTS))
 
 
 def constraint_sets(scene: Scene) -> tuple[ConstraintSet, ...]:
-    """The tetrahedra of each material, those of voxels by themselves, sorted by colours. Kept with the bodies."""
-    return tuple(one for one, _ in _sets(scene.tetrahedra_set))
+    """The tetrahedra of each material, those of voxels by themselves, then attachments, sorted by colours. Kept with the
+    bodies."""
+    return _known_sets(scene.tetrahedra_set)[1]
 
 
 def tetrahedra_of_sets(found: TetrahedraSet) -> tuple[np.ndarray, ...]:
-    """(n,) int64 of each of the constraint sets: which tetrahedron each of its constraints is."""
-    return tuple(chosen for _, chosen in _sets(found))
+    """(n,) int64 of each of the constraint sets of tetrahedra: which of them each of its constraints is."""
+    return _known_sets(found)[0]
 
 
-def _sets(found: TetrahedraSet) -> tuple[tuple[ConstraintSet, np.ndarray], ...]:
+def _known_sets(found: TetrahedraSet) -> Sets:
+    """(which tetrahedra each set of them holds, all sets)."""
     if found not in _known:
         kinds = np.stack([material_of(found), found.run])
         each = (np.flatnonzero((kinds == kind[:, None]).all(axis=0)) for kind in np.unique(kinds, axis=1).T)
-        _known[found] = tuple(_coloured(found, chosen) for chosen in each)
+        own = [_coloured(found, chosen) for chosen in each]
+        _known[found] = tuple(chosen for _, chosen in own), (*(one for one, _ in own), *attachment_sets(found))
     return _known[found]
 
 
@@ -106,9 +112,18 @@ def through_note(scene: Scene) -> str:
     return "; its bodies pass through each other, since it has no [contact]"
 
 
+def operations_of(projection: Projection) -> int:
+    """Of one constraint."""
+    flags = dict(projection.flags)
+    if projection.make is attachment.make:
+        return attachment.OPERATIONS[flags["corners"]]
+    return tetrahedron.operations(flags["material"], 4)
+
+
 def tetrahedra_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
     """Substeps and iterations as in model/xpbd/plan.py; of an iteration the tetrahedra of each material, colour by colour."""
     sets = constraint_sets(scene)
-    parts = tetrahedra_parts(scene, live) | {part_of_run(found.model, found.run) for found in sets}
-    operations = [tetrahedron.operations(dict(one.flags)["material"], 4) for one in projections_of(parts)]
+    runs = {part_of_run(found.model, found.run) for found in sets if found.kind != KIND}
+    parts = tetrahedra_parts(scene, live) | runs
+    operations = [operations_of(one) for one in projections_of(parts)]
     return constrained_plan(scene, parts, list(zip(sets, operations, strict=True)))

@@ -10,11 +10,12 @@ import numpy as np
 from model.core.plan import Node, Plan, Stage
 from model.formulas.constraints.tetrahedron import MATERIALS
 from model.formulas.elastic import descent
-from model.geometry.lists import Lists, grouped, offsets_of
+from model.geometry.lists import grouped, offsets_of
 from model.scene.scene import Scene
-from model.tetrahedra.body_set import PAIRS, TetrahedraSet
+from model.tetrahedra.body_set import TetrahedraSet
 from model.tetrahedra.constraints import DAMPED, tetrahedra_parts
 from model.tetrahedra.material import constraint_values, material_of
+from model.tetrahedra.topology import neighbours
 from model.xpbd.mesh_plan import constrained_plan
 
 CORNERS = 4
@@ -124,13 +125,6 @@ def vertex_colours(tetrahedra: np.ndarray, count: int) -> np.ndarray:
         bits[vertex] = ~taken & (taken + 1)
         colours[vertex] = bits[vertex].bit_length() - 1
     return colours
-
-
-def neighbours(tetrahedra: np.ndarray, count: int) -> Lists:
-    """Of each of `count` vertices those that it shares one of `tetrahedra` (n, 4) with, ascending."""
-    ends = np.concatenate([tetrahedra[:, pair] for pair in PAIRS]).astype(np.int64)
-    both = np.unique(np.concatenate([ends, ends[:, ::-1]]) @ [count, 1])
-    return grouped(both // count, both % count, count)
 
 
 def stage_name(work: str, material: str, colour: int | None = None) -> str:

@@ -12,6 +12,7 @@ from model.core.parameters import rounded_record
 from model.geometry.measures import edge_lengths
 from model.scene.cloth import COLLIDER_KINDS
 from model.scene.scene import Scene
+from model.tetrahedra.attachments import stored
 from model.tetrahedra.constraints import CONSTANTS, tetrahedra_plan, through_note
 from model.tetrahedra.material import energies
 from model.xpbd.family import projection_limit, projection_note
@@ -28,7 +29,8 @@ def tetrahedra_record(
 
 
 def _stored(scene: Scene, position: np.ndarray, plastic: np.ndarray | None) -> tuple[float, dict[str, float]]:
-    return float(energies(scene.tetrahedra_set, position).sum()), {}
+    found = scene.tetrahedra_set
+    return float(energies(found, position).sum()) + stored(found, position), {}
 
 
 def _strain(scene: Scene, position: np.ndarray, kind: str, plastic: np.ndarray | None) -> np.ndarray:
@@ -39,7 +41,19 @@ def _strain(scene: Scene, position: np.ndarray, kind: str, plastic: np.ndarray |
 TETRAHEDRA = SolverFamily(
     name="tetrahedral body",
     knows=frozenset(
-        {"tetrahedral_body", "contact", "gravity", "external", "damping", "method", "motion", "region", *COLLIDER_KINDS}
+        {
+            "tetrahedral_body",
+            "contact",
+            "gravity",
+            "external",
+            "damping",
+            "method",
+            "motion",
+            "region",
+            "attachment",
+            "material",
+            *COLLIDER_KINDS,
+        }
     ),
     accepts=lambda scene: bool(scene.tetrahedra) and scene.method.solver == "xpbd",
     plan=tetrahedra_plan,

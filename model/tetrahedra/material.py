@@ -66,7 +66,7 @@ def constraint_values(found: TetrahedraSet, chosen: np.ndarray) -> np.ndarray:
     mu, lame = (one[chosen] for one in found.lame())
     body, volume = found.body[chosen], found.volume[chosen]
     hookean = np.array([part.material == "neo-hookean" for part in found.parts])[body]
-    damping = np.array([part.damping for part in found.parts])[body]
+    damping = found.matter.damping[chosen]
     shape, pressure = np.where(hookean, mu, 2 * mu), np.where(hookean, lame + mu, lame)
     pressure = np.maximum(pressure, LEAST_PRESSURE * shape)
     values = np.column_stack([

@@ -42,7 +42,7 @@ PRODUCTS = "conjugate gradients, until the residual is small enough"
 def element_values(found: TetrahedraSet) -> np.ndarray:
     """(tetrahedra, VALUES) float64."""
     mu, lame = found.lame()
-    damping = np.array([part.damping for part in found.parts])[found.body]
+    damping = found.matter.damping
     return np.column_stack(
         [found.rest_inverse.reshape(-1, 9), found.volume, mu, lame, rest_ratio(mu, lame), damping]
     )  # fmt: skip

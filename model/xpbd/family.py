@@ -20,9 +20,9 @@ from model.xpbd.plan import xpbd_plan
 
 
 def projection_limit(scene: Scene, frequency: float | None = None) -> float:
-    """Projections hold at any step size [s], but for the masses' damper, which is explicit: h c/m < 2, h the substep, m the
-    lightest mass."""
-    fastest = fastest_damping(scene)
+    """Projections hold at any step size [s], but for the masses' dampers, which are explicit: h c/m < 2, h the substep, m the
+    lightest mass; of tetrahedral bodies also h times their own rate."""
+    fastest = max(fastest_damping(scene), *(part.mass_damping for part in scene.tetrahedra.values()), 0.0)
     return 2 * scene.method.substeps / fastest if fastest else inf
 
 

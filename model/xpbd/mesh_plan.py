@@ -13,6 +13,7 @@ from model.scene.scene import Scene
 from model.xpbd.mesh_constraints import constraint_sets, model_of, operations_of, projection_of, wanted
 from model.xpbd.plan import LOOKED_AT, xpbd_parts
 
+BODY_DAMPING = "body-damping"  # of the parts: bodies have rates of damping of their own
 PINS = Stage("pins", 0, 0, 0, 1.0)  # that follow a motion: where they are as a substep ends, and how fast
 
 

@@ -4,19 +4,29 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from kinematic_scenes import ENDS, kinematic_scene, run
+from kinematic_scenes import CUBE, ENDS, HOOK, LOOSE, kinematic_scene, run
 
 from app.driver import open_simulation
 
 
 @pytest.mark.parametrize("solver", ["xpbd", "vbd"])
 def test_bits_are_the_cpus(solver: str) -> None:
-    scene = kinematic_scene(solver, **ENDS)
+    slow = LOOSE | {"origin": [0.0, 0.5, 0.0], "velocity": [1.0, 0.5, 0.2], "mass_damping": 3.0}
+    scene = kinematic_scene(solver, slow=slow, **ENDS)
     expected = run(scene, 2, precision="float32", math="exact", threads=1)
     for kernel in ("launch", "stages"):
         state = run(scene, 2, "gpu", precision="float32", math="exact", kernel=kernel)
         assert np.array_equal(state.position, expected.position), kernel
         assert np.array_equal(state.velocity, expected.velocity), kernel
+
+
+def test_attached_bodies_are_the_cpus() -> None:
+    clamp = {"kind": "attachment", "body": "bar", "vertices": "left", "compliance": 1e-4}
+    scene = kinematic_scene("xpbd", bar=LOOSE, cube=CUBE, hook=HOOK, clamp=clamp)
+    expected = run(scene, 2, precision="float32", math="exact", threads=1)
+    for kernel in ("launch", "stages"):
+        state = run(scene, 2, "gpu", precision="float32", math="exact", kernel=kernel)
+        assert np.array_equal(state.position, expected.position), kernel
 
 
 def test_targets_are_the_cpus() -> None:

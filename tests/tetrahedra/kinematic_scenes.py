@@ -14,11 +14,17 @@ BAR: dict[str, Any] = {
     "poisson_ratio": 0.3, "pinned": ["left", "right"],
 }  # fmt: skip
 ENDS: dict[str, Any] = {
-    "left_end": {"kind": "motion", "pins": "left", "angular_velocity": 2.0},
+    "left_end": {"kind": "motion", "pins": "left", "body": "bar", "angular_velocity": 2.0},
     "right_end": {
         "kind": "motion", "pins": "right", "body": "bar", "angular_velocity": -3.0, "velocity": [0.2, 0.0, 0.0],
     },
 }  # fmt: skip
+LOOSE = BAR | {"pinned": []}
+CUBE = LOOSE | {
+    "shape": {"name": "box", "sides": [0.1, 0.1, 0.1]}, "origin": [0.03, -0.1, 0.01], "velocity": [0.3, 0.1, -0.2],
+    "spin": [1.0, 2.0, 3.0],
+}  # fmt: skip
+HOOK = {"kind": "attachment", "body": "cube", "vertices": "top", "to": "bar"}
 
 
 def kinematic_scene(solver: str, **parts: Any) -> Scene:

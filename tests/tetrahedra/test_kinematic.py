@@ -11,7 +11,7 @@ from kinematic_scenes import BAR, ENDS, SOLVERS, kinematic_scene, run
 from vbd_scenes import elastic_force
 
 from app.driver import open_simulation
-from model.core.errors import InputError, SceneError
+from model.core.errors import InputError, SceneError, UnstableTimeStep
 from model.scene.regions import Region
 from model.scene.scene import Scene
 
@@ -228,3 +228,25 @@ def test_what_is_within_a_moving_mesh_follows_it() -> None:
     for here, there in ((state.position[inside], rest),):
         apart = np.linalg.norm(here[:, None] - here[None], axis=2)
         np.testing.assert_allclose(apart, np.linalg.norm(there[:, None] - there[None], axis=2), atol=1e-15)
+
+
+@pytest.mark.parametrize("solver", SOLVERS)
+def test_a_body_s_own_damping_is_a_terminal_speed(solver: str) -> None:
+    """Explicit: v is v (1 - h a) + h g a substep, so that g / a (1 - (1 - h a)^n) is the speed after n of them, whatever the
+    masses; the other body falls freely."""
+    rate, heavy = 4.0, {"kind": "material", "region": "half", "density": 5000.0}
+    scene = kinematic_scene(
+        solver, bar=BAR | {"pinned": [], "mass_damping": rate}, gravity={"acceleration": 9.81}, heavy=heavy,
+        half={"kind": "region", "low": [0.0, -1.0, -1.0]}, free=BAR | {"pinned": [], "origin": [0.0, 1.0, 0.0]},
+    )  # fmt: skip
+    state, found = run(scene, 20, **EXACT), scene.tetrahedra_set
+    first = found.first_particle[1]
+    fallen = 9.81 / rate * (1 - (1 - rate * DT / 2) ** 40)
+    np.testing.assert_allclose(state.velocity[:first, 1], -fallen, rtol=1e-9)
+    np.testing.assert_allclose(state.velocity[first:, 1], -9.81 * 20 * DT, rtol=1e-9)
+
+
+def test_a_step_that_its_damping_would_overshoot_is_refused() -> None:
+    scene = kinematic_scene("xpbd", bar=BAR | {"mass_damping": 500.0})
+    with pytest.raises(UnstableTimeStep, match=r"0\.008"):
+        open_simulation(scene, **EXACT)

@@ -19,7 +19,7 @@ def text_of(material: str, real: Any, math: str, *more: str) -> str:
 
     from gpu_backend.core.constraints import make_projections
 
-    (projection,) = projections_of(frozenset({material, *more}))
+    (projection,) = projections_of(frozenset({material, *more} - {""}))
     reals, i, n = (types.float32 if real is np.float32 else types.float64)[::1], types.int32, types.int32[::1]
     kernel = make_projections(real, math, projection)
     record = record_of(real, "tetrahedra")
@@ -108,3 +108,25 @@ def test_pins_that_move_compile_likewise(real: Any, math: str) -> None:
     body = str(text[text.index(".entry") :])
     assert ".local" not in body and "call" not in body
     assert ".f64" not in body if real is np.float32 else "fma.rn.f64" not in body
+
+
+@pytest.mark.parametrize("real,math", [(np.float32, "fast"), (np.float64, "exact")])
+def test_bodies_that_are_slowed_compile_likewise(real: Any, math: str) -> None:
+    from numba import cuda, types
+
+    from gpu_backend.xpbd.mesh_kernels import make_slow
+
+    reals = (types.float32 if real is np.float32 else types.float64)[::1]
+    text, _ = cuda.compile_ptx(
+        make_slow(real, math).py_func, (reals, reals, record_of(real, "tetrahedra")), cc=(9, 0), fastmath=math == "fast"
+    )
+    body = str(text[text.index(".entry") :])
+    assert ".local" not in body and (".f64" not in body if real is np.float32 else "fma.rn.f64" not in body)
+
+
+@pytest.mark.parametrize("model", ["world", "bodies"])
+def test_attachments_compile_likewise(model: str) -> None:
+    for real, math in ((np.float32, "fast"), (np.float64, "exact")):
+        text = text_of("", real, math, ITERATED, f"attachment-{model}")
+        assert ".local" not in text and "call" not in text
+        assert ".f64" not in text if real is np.float32 else "fma.rn.f64" not in text

@@ -1,0 +1,73 @@
+"""A vertex a that is to be in one place with another, of which it may be away by what its compliance gives: three equations
+with one weight, solved at once. The place is a point p of the world, values (p [m], compliance [m/N]), or the mean of four
+vertices with the weights s, which add up to 1, values (s, compliance [m/N]).
+
+C = a - p or a - sum s x; dC/dx of each vertex is 1 or -s times the identity, so that the sum of m dx is 0 where no vertex is
+held. M. Macklin et al., "XPBD", MIG 2016, eq. 18, with a vector for a multiplier.
+"""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+from model.formulas import plain
+from model.formulas.bending import make as make_bending
+from model.formulas.distance import make as make_distance
+
+WORLD, BODY = 1, 5  # how many corners
+COUNTS = {WORLD: 4, BODY: 5}  # values
+MULTIPLIERS = 3
+OPERATIONS = {WORLD: 3 + 1 + 12 + 6, BODY: 24 + 1 + 14 + 12 + 30}
+
+
+def make(real, compiled=plain, corners=BODY):
+    """See the head of the file; `corners`: WORLD or BODY."""
+    reciprocal, softness = make_distance(real, compiled).reciprocal, make_bending(real, compiled).softness
+    one = real(1)
+
+    @compiled
+    def changed(violation, compliance, multiplier, inverse):
+        return (-violation - compliance * multiplier) * inverse
+
+    @compiled
+    def moved(point, share, change):
+        return point[0] + share * change[0], point[1] + share * change[1], point[2] + share * change[2]
+
+    @compiled
+    def changes(x, y, z, weight, compliance, multipliers):
+        """(the multipliers' change, their new values)."""
+        inverse = reciprocal(weight, one, compliance)
+        a = changed(x, compliance, multipliers[0], inverse)
+        b = changed(y, compliance, multipliers[1], inverse)
+        c = changed(z, compliance, multipliers[2], inverse)
+        return (a, b, c), (multipliers[0] + a, multipliers[1] + b, multipliers[2] + c)
+
+    @compiled
+    def to_world(points, before, weights, values, multipliers, constants):
+        a = points[0]
+        x, y, z = a[0] - values[0], a[1] - values[1], a[2] - values[2]
+        compliance = softness(constants[0], values[3])
+        change, total = changes(x, y, z, weights[0], compliance, multipliers)
+        return (moved(a, weights[0], change),), total
+
+    @compiled
+    def mean(values, p, q, r, s):
+        """With the weights of the four."""
+        return (values[0] * p + values[1] * q) + (values[2] * r + values[3] * s)
+
+    @compiled
+    def to_body(points, before, weights, values, multipliers, constants):
+        a, p, q, r, s = points
+        x = a[0] - mean(values, p[0], q[0], r[0], s[0])
+        y = a[1] - mean(values, p[1], q[1], r[1], s[1])
+        z = a[2] - mean(values, p[2], q[2], r[2], s[2])
+        wp, wq, wr, ws = values[0] * weights[1], values[1] * weights[2], values[2] * weights[3], values[3] * weights[4]
+        weight = weights[0] + mean(values, wp, wq, wr, ws)
+        change, total = changes(x, y, z, weight, softness(constants[0], values[4]), multipliers)
+        ends = (
+            moved(a, weights[0], change), moved(p, -wp, change), moved(q, -wq, change), moved(r, -wr, change),
+            moved(s, -ws, change),
+        )  # fmt: skip
+        return ends, total
+
+    return SimpleNamespace(project=to_world if corners == WORLD else to_body)

@@ -1,0 +1,84 @@
+"""What holds vertices of tetrahedral bodies to the world, to colliders, and to one another: a part of a scene."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from math import hypot
+from typing import Any
+
+from pydantic import model_validator
+
+from model.core.errors import SceneError
+from model.scene.cloth import Collider
+from model.scene.motion import Motion
+from model.scene.parts import NotNegative, Part, Vector
+from model.scene.words import suggestion
+
+LONGEST = 1e8  # s, or rad: how far ahead a collider's way is known to what is attached to it
+
+
+class Attachment(Part):
+    """Vertices of a `body` that keep where they are in something else: the world, a collider, or another tetrahedral body.
+
+    `vertices`: a side of the body's box, a region or `all`. `to` names a collider or a body; left out: the world. With a
+    `compliance` of 0 those to the world or a collider are pinned, and go with a collider that moves; else each is drawn to
+    where it was, or to `point`, by 1 / compliance. In another body a vertex keeps its place in the tetrahedron where it lies,
+    or that it is nearest to: a constraint on all five vertices, whose momentum stays.
+    """
+
+    body: str
+    vertices: str  # of left, right (x), bottom, top (y), back, front (z), all, and names of regions
+    to: str | None = None  # a collider or another tetrahedral body; the world, unless given
+    compliance: NotNegative = 0.0  # m/N, of each vertex
+    point: Vector | None = None  # m, of the world: all of these vertices are drawn to it
+
+    @model_validator(mode="after")
+    def _fits(self) -> Attachment:
+        if self.to == self.body:
+            raise ValueError("to: must be something else than the body itself")
+        if self.point is not None and (self.to is not None or self.compliance == 0):
+            raise ValueError("point: is for the world, and needs a compliance over 0")
+        return self
+
+    def _idle_fields(self) -> set[str]:
+        return super()._idle_fields() | {name for name in ("to", "point") if getattr(self, name) is None}
+
+
+def pins(attachment: Attachment, bodies: Collection[str]) -> bool:
+    """Whether its vertices are pinned; `bodies`: the tetrahedral ones."""
+    return attachment.compliance == 0 and attachment.to not in bodies
+
+
+def motion_with(attachment: Attachment, collider: Collider) -> Motion | None:
+    """How what is attached to a collider moves, None where that rests."""
+    given: dict[str, Any] = collider.model_dump()
+    spin = given.get("spin", (0.0, 0.0, 0.0))
+    speed = hypot(*spin)
+    if not speed and not any(collider.velocity):
+        return None
+    return Motion(
+        pins=attachment.vertices, body=attachment.body, velocity=collider.velocity, angular_velocity=speed,
+        axis=tuple(spin) if speed else (1.0, 0.0, 0.0), center=given.get("origin", (0.0, 0.0, 0.0)),
+        duration=LONGEST / max(1.0, speed),
+    )  # fmt: skip
+
+
+def check_attachment(
+    name: str, part: Attachment, bodies: Mapping[str, Any], colliders: Mapping[str, Collider], solver: str
+) -> None:
+    """Raise SceneError for what is not there, or what the solver does not know."""
+    if part.body not in bodies:
+        told = f"must be a tetrahedral body of the scene: {', '.join(bodies)}{suggestion(part.body, bodies)}"
+        raise SceneError(f"{name}.body", part.body, told)
+    others = [body for body in bodies if body != part.body]
+    if part.to is not None and part.to not in (*others, *colliders):
+        known = (*others, *colliders)
+        told = f"must be a collider or another tetrahedral body{suggestion(part.to, known)}; there "
+        told += f"are {', '.join(known)}" if known else "is none: leave it out for the world"
+        raise SceneError(f"{name}.to", part.to, told)
+    collider = colliders.get(part.to or "")
+    if collider and part.compliance > 0 and motion_with(part, collider):
+        raise SceneError(f"{name}.compliance", part.compliance, f"must be 0, since {part.to} moves")
+    if solver != "xpbd" and not pins(part, bodies):
+        field, value = ("to", part.to) if part.to in bodies else ("compliance", part.compliance)
+        raise SceneError(f"{name}.{field}", value, f"is not known to the solver {solver}: --set method.solver=xpbd")

@@ -1,0 +1,114 @@
+"""What holds vertices of tetrahedral bodies to the world or to one another, as constraints for both backends' executors.
+
+Those that are pinned, and go with what they are attached to, are not here: model/tetrahedra/body_set.py.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from model.core.constraints import ConstraintSet, Projection
+from model.core.errors import SceneError
+from model.formulas.constraints import attachment as formula
+from model.geometry.tetrahedra.embedding import carriers
+from model.geometry.tetrahedra.mesh import TetrahedralMesh
+from model.scene.attachment import Attachment, pins
+from model.tetrahedra.body_set import TetrahedraSet
+from model.xpbd.mesh_constraints import coloured
+
+KIND = "attachment"
+CORNERS = {
+    "world": formula.WORLD,
+    "bodies": formula.BODY,
+}  # in the order in which they are projected, after all tetrahedra
+Rows = tuple[np.ndarray, np.ndarray]
+
+
+def part_of(model: str) -> str:
+    """Of a plan: that there are such."""
+    return f"{KIND}-{model}"
+
+
+def attachment_parts(found: TetrahedraSet) -> frozenset[str]:
+    """Of a plan: those that are there. Raises SceneError for an attachment of nothing, or to what is not there."""
+    check_attachments(found)
+    soft = [held for held in found.attachments.values() if not pins(held, found.names)]
+    return frozenset(part_of("bodies" if held.to in found.names else "world") for held in soft)
+
+
+def attachment_projections(parts: frozenset[str], iterated: bool, constants: tuple[str, str, str]) -> list[Projection]:
+    """How they are projected, in a scene of such parts."""
+    return [
+        Projection(
+            f"{KIND}_{model}", formula.make, corners, formula.COUNTS[corners], formula.MULTIPLIERS, soft=iterated,
+            constants=constants, flags=(("corners", corners),),
+        )
+        for model, corners in CORNERS.items() if part_of(model) in parts
+    ]  # fmt: skip
+
+
+def attachment_sets(found: TetrahedraSet) -> tuple[ConstraintSet, ...]:
+    """Those that are there, sorted by colours. Raises SceneError."""
+    rows: dict[str, list[Rows]] = {model: [] for model in CORNERS}
+    for name, held in found.attachments.items():
+        if not pins(held, found.names):
+            to_body = held.to in found.names
+            rows["bodies" if to_body else "world"].append((_to_body if to_body else _to_world)(found, name, held))
+    found_sets = []
+    for model, some in rows.items():
+        if some:
+            corners, values = (np.concatenate(column) for column in zip(*some, strict=True))
+            found_sets.append(coloured(KIND, model, corners, values, found.particle_count))
+    return tuple(found_sets)
+
+
+def check_attachments(found: TetrahedraSet) -> None:
+    """Raise SceneError for an attachment that holds no vertex."""
+    for name, held in found.attachments.items():
+        if not len(found.chosen(held.vertices, held.body)):
+            raise SceneError(f"{name}.vertices", held.vertices, f"no vertex of {held.body} lies there")
+
+
+def contact_free(found: TetrahedraSet) -> np.ndarray:
+    """(particles,) bool: those that attachments hold or hold something to, whose bodies may overlap there: contacts between
+    bodies are to leave them alone."""
+    free = np.zeros(found.particle_count, bool)
+    for held in found.attachments.values():
+        free[found.chosen(held.vertices, held.body)] = True
+    for one in attachment_sets(found):
+        free[one.corners] = True
+    return free
+
+
+def stored(found: TetrahedraSet, position: np.ndarray) -> float:
+    """[J]: what attachments that give hold at `position` (particles, 3)."""
+    total = 0.0
+    for one in attachment_sets(found):
+        corners, compliance = np.asarray(position, np.float64)[one.corners], one.values[:, -1]
+        there = one.values[:, :3]
+        if one.model == "bodies":
+            there = np.einsum("nk,nki->ni", one.values[:, :4], corners[:, 1:])
+        gives = compliance > 0
+        total += float((((corners[:, 0] - there) ** 2).sum(axis=1)[gives] / compliance[gives]).sum() / 2)
+    return total
+
+
+def _to_world(found: TetrahedraSet, name: str, held: Attachment) -> Rows:
+    vertices = found.chosen(held.vertices, held.body)
+    places = found.position[vertices] if held.point is None else np.tile(held.point, (len(vertices), 1))
+    return vertices[:, None].astype(np.int32), np.column_stack([places, np.full(len(vertices), held.compliance)])
+
+
+def _to_body(found: TetrahedraSet, name: str, held: Attachment) -> Rows:
+    vertices, number = found.chosen(held.vertices, held.body), found.names.index(held.to or "")
+    start = int(found.first_particle[number])
+    stop = [*found.first_particle[1:], found.particle_count][number]
+    tetrahedra = found.tetrahedra[found.body == number]
+    mesh = TetrahedralMesh(found.position[start:stop], tetrahedra - start)
+    carried = carriers(mesh, found.position[vertices])
+    beyond = carried.beyond(mesh.position, mesh.tetrahedra)
+    if beyond.max() > found.spacing:
+        told = f"a vertex of {held.body} lies {beyond.max():.3g} m outside of it; attach what touches it"
+        raise SceneError(f"{name}.to", held.to, told)
+    corners = np.column_stack([vertices, tetrahedra[carried.tetrahedron]])
+    return corners.astype(np.int32), np.column_stack([carried.weights, np.full(len(vertices), held.compliance)])

@@ -1,0 +1,86 @@
+"""What each tetrahedron of a body is made of: the body's own numbers, or those of a table of kind material where it lies."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from model.core.errors import InputError, SceneError
+from model.geometry.tetrahedra.mesh import TetrahedralMesh
+from model.scene.regions import Region
+from model.scene.tetrahedra import Material, TetrahedralBody, lame_of
+from model.scene.words import suggestion
+from model.tetrahedra.masses import limited
+from model.tetrahedra.topology import neighbours
+
+
+@dataclass(frozen=True, eq=False)
+class Matter:
+    """Of each tetrahedron (n,) float64: Young's modulus [Pa], Poisson's ratio, density [kg/m^3], damping [s]."""
+
+    young_modulus: np.ndarray
+    poisson_ratio: np.ndarray
+    density: np.ndarray
+    damping: np.ndarray
+
+    @property
+    def lame(self) -> tuple[np.ndarray, np.ndarray]:
+        """(mu, lambda) [Pa]."""
+        return lame_of(self.young_modulus, self.poisson_ratio)
+
+    def masses(self, mesh: TetrahedralMesh, ratio: float | None = None) -> np.ndarray:
+        """(vertices,) [kg]: a quarter of each tetrahedron at each of its corners (lumped); neighbours at most `ratio`
+        apart."""
+        quarter = np.repeat(mesh.volumes * (self.density / 4), 4)
+        count = len(mesh.position)
+        found = np.bincount(mesh.tetrahedra.ravel(), quarter, minlength=count)
+        return found if ratio is None else limited(found, neighbours(mesh.tetrahedra, count), ratio)
+
+
+NAMES = tuple(field.name for field in fields(Matter))
+
+
+def matter_of(
+    name: str,
+    part: TetrahedralBody,
+    mesh: TetrahedralMesh,
+    materials: Mapping[str, Material],
+    regions: Mapping[str, Region],
+) -> Matter:
+    """Of the body `name`, whose `mesh` is where the scene has it: of tables that hold a tetrahedron's middle the last counts.
+
+    Raises InputError (a region's mesh)."""
+    found = {one: np.full(len(mesh.tetrahedra), getattr(part, one), np.float64) for one in NAMES}
+    middles = mesh.position[mesh.tetrahedra].mean(axis=1)
+    for material in materials.values():
+        if material.body in (None, name):
+            try:
+                inside = regions[material.region].holds(middles, 0.0)
+            except InputError as error:
+                raise InputError(f"{material.region}.{error}") from None
+            for one in NAMES:
+                value = getattr(material, one)
+                if value is not None:
+                    found[one][inside] = value
+    return Matter(**found)
+
+
+def joined(some: list[Matter]) -> Matter:
+    """Of all bodies, one after the other."""
+    return Matter(*(np.concatenate([getattr(one, name) for one in some]) for name in NAMES))
+
+
+def check_material(
+    name: str, part: Material, bodies: Mapping[str, TetrahedralBody], regions: Mapping[str, Region]
+) -> None:
+    """Raise SceneError for a body or a region that is not there."""
+    for field, value, known in (("region", part.region, regions), ("body", part.body, bodies)):
+        if value is not None and value not in known:
+            told = (
+                f"must be one of {', '.join(known)}{suggestion(value, known)}"
+                if known
+                else "there is none in the scene"
+            )
+            raise SceneError(f"{name}.{field}", value, told)

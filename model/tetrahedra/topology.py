@@ -1,0 +1,16 @@
+"""Which vertices of tetrahedra are neighbours."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from model.geometry.lists import Lists, grouped
+
+PAIRS = ((0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3))  # corners that an edge joins
+
+
+def neighbours(tetrahedra: np.ndarray, count: int) -> Lists:
+    """Of each of `count` vertices those that it shares one of `tetrahedra` (n, 4) with, ascending."""
+    ends = np.concatenate([tetrahedra[:, pair] for pair in PAIRS]).astype(np.int64)
+    both = np.unique(np.concatenate([ends, ends[:, ::-1]]) @ [count, 1])
+    return grouped(both // count, both % count, count)

@@ -1,0 +1,151 @@
+"""Attachments of tetrahedral bodies: to the world, to colliders that move, to one another; against laws and closed forms."""
+
+from __future__ import annotations
+
+from math import cos, sin
+from typing import Any
+
+import numpy as np
+import pytest
+from kinematic_scenes import BAR, CUBE, HOOK, LOOSE, SOLVERS, kinematic_scene, run
+
+from app.driver import open_simulation
+from model.core.errors import InputError, SceneError
+from model.scene.scene import Scene
+from model.tetrahedra.attachments import attachment_sets, contact_free
+
+EXACT: dict[str, Any] = {"precision": "float64", "math": "exact", "threads": 1}
+CLAMP = {"kind": "attachment", "body": "bar", "vertices": "left"}
+PLATE = {"kind": "box", "center": [-0.18, 0.0, 0.0], "half_size": [0.02, 0.1, 0.1], "velocity": [0.1, 0.3, 0.0]}
+
+
+def test_two_free_bodies_that_are_attached_keep_their_momentum() -> None:
+    """Weights add up to 1, so that the sum of m v changes by rounding alone; and they stay together as far as sweeps go."""
+    scene = kinematic_scene("xpbd", bar=LOOSE, cube=CUBE, hook=HOOK)
+    found = scene.tetrahedra_set
+    state = run(scene, 50, **EXACT)
+    first, last = ((found.masses[:, None] * v).sum(axis=0) for v in (found.velocity, state.velocity))
+    scale = float((found.masses[:, None] * np.abs(found.velocity)).sum())
+    np.testing.assert_allclose(last, first, atol=1e-13 * scale)
+    (one,) = attachment_sets(found)
+    corners = state.position[one.corners]
+    apart = corners[:, 0] - np.einsum("nk,nki->ni", one.values[:, :4], corners[:, 1:])
+    assert np.abs(apart).max() < 1e-4 and np.abs(state.position - found.position).max() > 0.05
+
+
+def test_a_body_on_soft_attachments_hangs_as_low_as_they_give() -> None:
+    """n vertices of a compliance each bear the weight: on average they are lower by g m compliance / n."""
+    given = 1e-3
+    scene = kinematic_scene(
+        "xpbd", bar=LOOSE | {"young_modulus": 2e5, "damping": 0.1}, gravity={}, damping={"coefficient": 0.1},
+        clamp=CLAMP | {"vertices": "top", "compliance": given},
+        method={"solver": "xpbd", "dt": 0.01, "substeps": 20, "iterations": 1},
+    )  # fmt: skip
+    found = scene.tetrahedra_set
+    at = found.chosen("top")
+    state = run(scene, 300, **EXACT)
+    lower = float((found.position[at, 1] - state.position[at, 1]).mean())
+    assert lower == pytest.approx(9.81 * float(found.masses.sum()) * given / len(at), rel=1e-3)
+
+
+def test_a_vertex_is_drawn_to_a_point() -> None:
+    """All vertices, without gravity: the body comes to lie about the point."""
+    scene = kinematic_scene(
+        "xpbd", bar=LOOSE, damping={"coefficient": 0.4},
+        clamp=CLAMP | {"vertices": "all", "compliance": 1.0, "point": [1.0, 2.0, 3.0]},
+    )  # fmt: skip
+    state = run(scene, 300, **EXACT)
+    np.testing.assert_allclose(state.position.mean(axis=0), [1.0, 2.0, 3.0], atol=0.02)
+
+
+@pytest.mark.parametrize("solver", SOLVERS)
+def test_a_side_goes_with_a_plate_and_one_without_stays(solver: str) -> None:
+    scene = kinematic_scene(
+        solver, bar=LOOSE, plate=PLATE, to_plate=CLAMP | {"to": "plate"}, to_world=CLAMP | {"vertices": "right"}
+    )
+    found = scene.tetrahedra_set
+    left, right = found.chosen("left"), found.chosen("right")
+    state = run(scene, 10, **EXACT)
+    np.testing.assert_allclose(state.position[left], found.position[left] + [0.01, 0.03, 0.0], atol=1e-15)
+    np.testing.assert_allclose(state.velocity[left], np.tile(PLATE["velocity"], (len(left), 1)), atol=1e-15)
+    assert np.array_equal(state.position[right], found.position[right]) and not state.velocity[right].any()
+
+
+def test_a_side_turns_with_a_mesh_that_spins() -> None:
+    wheel = {
+        "kind": "mesh_collider", "shape": {"name": "torus"}, "origin": [-0.6, 0.0, 0.0], "spin": [0.0, 0.0, 2.0],
+        "velocity": [0.0, 0.5, 0.0],
+    }  # fmt: skip
+    scene = kinematic_scene("xpbd", bar=LOOSE, wheel=wheel, clamp=CLAMP | {"to": "wheel"})
+    found = scene.tetrahedra_set
+    left = found.chosen("left")
+    state = run(scene, 20, **EXACT)
+    c, s = cos(0.4), sin(0.4)
+    turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+    place = (found.position[left] - wheel["origin"]) @ turn.T + wheel["origin"] + [0.0, 0.1, 0.0]
+    np.testing.assert_allclose(state.position[left], place, atol=1e-14)
+
+
+def test_threads_and_kernels_give_the_same_bits() -> None:
+    scene = kinematic_scene("xpbd", bar=LOOSE, cube=CUBE, hook=HOOK | {"compliance": 1e-4}, clamp=CLAMP)
+    one = run(scene, 3, **EXACT)
+    for options in ({"threads": 3}, {"threads": 2, "kernel": "stages"}):
+        other = run(scene, 3, **EXACT | options)
+        assert one.position.tobytes() == other.position.tobytes(), options
+        assert one.velocity.tobytes() == other.velocity.tobytes(), options
+
+
+def test_contacts_are_told_whom_to_leave_alone() -> None:
+    scene = kinematic_scene("xpbd", bar=LOOSE, cube=CUBE, hook=HOOK)
+    found = scene.tetrahedra_set
+    free = contact_free(found)
+    assert free[found.chosen("top", "cube")].all() and not free[found.chosen("bottom", "cube")].any()
+    (one,) = attachment_sets(found)
+    assert free[one.corners].all() and not free[found.chosen("left", "bar")].any()
+
+
+@pytest.mark.parametrize(
+    "changes, words",
+    [
+        ({"clamp": CLAMP | {"body": "bat"}}, r"clamp.body = 'bat': must be a tetrahedral body.*did you mean bar"),
+        ({"clamp": CLAMP | {"to": "plate"}}, r"clamp.to = 'plate': must be a collider .* leave it out for the world"),
+        ({"clamp": CLAMP | {"to": "plat"}, "plate": PLATE}, "did you mean plate"),
+        ({"clamp": CLAMP | {"to": "bar"}}, "something else than the body itself"),
+        ({"clamp": CLAMP | {"vertices": "lift"}}, r"clamp.vertices = 'lift'.*did you mean left"),
+        ({"clamp": CLAMP | {"point": [0.0] * 3}}, "clamp.point: is for the world|clamp.point = .*is for the world"),
+        ({"clamp": CLAMP | {"to": "plate", "compliance": 1.0}, "plate": PLATE}, "must be 0, since plate moves"),
+        ({"clamp": CLAMP | {"compliance": -1.0}}, "must be at least 0"),
+        ({"cube": CUBE | {"origin": [0.0, -1.0, 0.0]}, "hook": HOOK}, r"hook.to = 'bar'.*lies 0\.\d+ m outside"),
+        (
+            {
+                "clamp": CLAMP | {"vertices": "there"},
+                "there": {"kind": "region", "center": [9.0] * 3, "radius": 0.1},
+            },
+            "no vertex of bar lies there",
+        ),
+        (
+            {"method": {"solver": "vbd"}, "cube": CUBE, "hook": HOOK},
+            r"hook.to = 'bar': is not known to the solver vbd: --set method.solver=xpbd",
+        ),
+        ({"method": {"solver": "newton"}, "clamp": CLAMP | {"compliance": 1.0}}, "--set method.solver=xpbd"),
+    ],
+)
+def test_what_no_attachment_can_be_is_one_clear_line(changes: dict[str, Any], words: str) -> None:
+    with pytest.raises((SceneError, InputError), match=words) as caught:
+        open_simulation(Scene({"bar": LOOSE} | changes), **EXACT)
+    assert "\n" not in str(caught.value)
+
+
+def test_energy_counts_what_attachments_hold() -> None:
+    """One vertex each 0.1 m away, half a square of it over the compliance."""
+    scene = kinematic_scene("xpbd", bar=BAR, clamp=CLAMP | {"vertices": "top", "compliance": 0.5})
+    found = scene.tetrahedra_set
+    with open_simulation(scene, **EXACT) as simulation:
+        state = simulation.state()
+        state.position[found.chosen("top")] += [0.0, 0.0, 0.1]
+        simulation.load(state)
+        held = 0.1**2 / 0.5 / 2 * len(found.chosen("top"))
+        alone = kinematic_scene("xpbd", bar=BAR)
+        with open_simulation(alone, **EXACT) as other:
+            other.load(state)
+            assert simulation.energies()["spring"] - other.energies()["spring"] == pytest.approx(held)
