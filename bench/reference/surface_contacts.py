@@ -14,6 +14,7 @@ import numpy as np
 
 from bench.reference.contacts import FLAT, MARGIN, Found, nearest_weights
 from model.scene.scene import Scene
+from model.tetrahedra.attachments import contact_free
 
 BEHIND = 0.25
 
@@ -50,7 +51,8 @@ def find(scene: Scene, distance: float, before: np.ndarray, predicted: np.ndarra
     relative to one of its corners away, the first of those that share the feature."""
     part, bodies = scene.contact, scene.tetrahedra_set
     assert part is not None
-    every, first = bodies.surface, np.append(bodies.first_particle, bodies.particle_count)
+    first = np.append(bodies.first_particle, bodies.particle_count)
+    every = bodies.surface[~contact_free(bodies)[bodies.surface].any(axis=1)]
     body = np.repeat(np.arange(len(bodies.parts)), np.diff(first))
     vertex, triangle = (a.ravel() for a in np.meshgrid(np.unique(every), np.arange(len(every)), indexing="ij"))
     apart = body[vertex] != body[every[triangle, 0]]

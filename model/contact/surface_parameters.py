@@ -28,6 +28,7 @@ from model.formulas.contact import (
 )
 from model.geometry.lists import Lists, grouped
 from model.scene.scene import Scene
+from model.tetrahedra.attachments import contact_free
 from model.tetrahedra.body_set import TetrahedraSet
 
 SURFACE_CONTACT_PARAMETERS = (
@@ -51,11 +52,11 @@ FEATURES = {
 
 @dataclass(frozen=True, eq=False)
 class ContactSurface:
-    """`vertices` (s,) int32: the particles at surfaces, ascending, which know each other by their places here;
-    `triangles` (t, 3) int32: particles; `owned` (t,) int32: a bit for each feature that a triangle answers for, the first of
-    those that share it; `at_vertex`: triangles at each of the vertices; `body` (particles,) int32; `rest` (particles, 3) [m];
-    `edge`, `corner` (bodies,) [m]: the mean edge of a surface, and how far a point of a triangle lies from the nearest of its
-    corners at most."""
+    """But for what attachments hold: `vertices` (s,) int32: the particles at surfaces, ascending, which know each other by
+    their places here; `triangles` (t, 3) int32: particles; `owned` (t,) int32: a bit for each feature that a triangle answers
+    for, the first of those that share it; `at_vertex`: triangles at each of the vertices; `body` (particles,) int32; `rest`
+    (particles, 3) [m]; `edge`, `corner` (bodies,) [m]: the mean edge of a surface, and how far a point of a triangle lies
+    from the nearest of its corners at most."""
 
     vertices: np.ndarray
     triangles: np.ndarray
@@ -79,9 +80,6 @@ def contact_surface(found: TetrahedraSet) -> ContactSurface:
 
 def _made(found: TetrahedraSet) -> ContactSurface:
     triangles, position = found.surface, found.position
-    vertices = np.unique(triangles)
-    place = np.full(found.particle_count, -1)
-    place[vertices] = np.arange(len(vertices))
     first = np.append(found.first_particle, found.particle_count)
     body = np.repeat(np.arange(len(found.parts), dtype=np.int32), np.diff(first))
     sides = np.stack([np.linalg.norm(position[triangles[:, b]] - position[triangles[:, a]], axis=1) for a, b in _SIDES])
@@ -90,6 +88,10 @@ def _made(found: TetrahedraSet) -> ContactSurface:
     edge = np.bincount(of_body, sides.mean(axis=0), len(found.parts)) / np.maximum(many, 1)
     corner = np.zeros(len(found.parts))
     np.maximum.at(corner, of_body, _farthest(sides))
+    triangles = triangles[~contact_free(found)[triangles].any(axis=1)]
+    vertices = np.unique(triangles)
+    place = np.full(found.particle_count, -1)
+    place[vertices] = np.arange(len(vertices))
     corners = triangles.ravel()
     at_vertex = grouped(place[corners], np.arange(len(corners), dtype=np.int32) // 3, len(vertices))
     return ContactSurface(

@@ -10,6 +10,7 @@ import pytest
 from kinematic_scenes import BAR, CUBE, HOOK, LOOSE, SOLVERS, kinematic_scene, run
 
 from app.driver import open_simulation
+from model.contact.surface_parameters import contact_surface
 from model.core.errors import InputError, SceneError
 from model.scene.scene import Scene
 from model.tetrahedra.attachments import attachment_sets, contact_free
@@ -102,6 +103,21 @@ def test_contacts_are_told_whom_to_leave_alone() -> None:
     assert free[found.chosen("top", "cube")].all() and not free[found.chosen("bottom", "cube")].any()
     (one,) = attachment_sets(found)
     assert free[one.corners].all() and not free[found.chosen("left", "bar")].any()
+
+
+def test_surfaces_that_an_attachment_holds_together_do_not_push_each_other_away() -> None:
+    """The cube's top lies in the bar's bottom: but for the joint nothing is near, so that contacts change nothing."""
+    parts: dict[str, Any] = {"bar": LOOSE, "cube": CUBE, "hook": HOOK}
+    scene = kinematic_scene("xpbd", **parts, contact={"distance": 0.01})
+    surface, free = contact_surface(scene.tetrahedra_set), contact_free(scene.tetrahedra_set)
+    assert not free[surface.vertices].any() and not free[surface.triangles].any()
+    assert (~free[scene.tetrahedra_set.surface]).all(axis=1).sum() == len(surface.triangles) > 0
+    with_contacts, without = run(scene, 5, **EXACT), run(kinematic_scene("xpbd", **parts), 5, **EXACT)
+    assert with_contacts.position.tobytes() == without.position.tobytes()
+    unheld = kinematic_scene("xpbd", bar=LOOSE, cube=CUBE)
+    assert run(unheld.replace({"contact.distance": 0.01}), 5, **EXACT).position.tobytes() != (
+        run(unheld, 5, **EXACT).position.tobytes()
+    )
 
 
 @pytest.mark.parametrize(
