@@ -78,6 +78,9 @@ def run(
     export_every: Annotated[
         float | None, typer.Option(help="Seconds simulated between two frames of --export (default 1/60).")
     ] = None,
+    look: Annotated[
+        list[str] | None, typer.Option(help="Of tetrahedra: skin, mesh, edges; body, stress, strain. Repeatable.")
+    ] = None,
     allow_unstable: Annotated[bool, typer.Option("--allow-unstable", help="Run over the stability limit.")] = False,
     judge: Annotated[
         bool, typer.Option(help="Hold the end state against a converged reference, where affordable.")
@@ -91,7 +94,7 @@ def run(
     request = Request(
         backend, threads, precision, math, kernel, steps, time, initial, out_file,
         parse_record(record[:1]) if record else 0, record[1] if record else None, render, allow_unstable,
-        export_to, export_every,
+        export_to, export_every, tuple(look or ()),
     )  # fmt: skip
     with compilations_told():
         result = run_scene(scene_of(scene, settings), request)

@@ -248,7 +248,7 @@ def bar(
     backend: Backends = None,
     store: StorePath = DEFAULT_STORE,
 ) -> None:
-    """Three solvers, one body: sag, frequency and shear of a bar against what its material says; laws of bodies."""
+    """Every method, one body: sag, frequency and shear of a bar against what its material says; laws of bodies."""
     from bench.experiments.bar import run_bar
     from bench.experiments.bar_rows import print_bar
 

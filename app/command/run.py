@@ -16,7 +16,8 @@ from app.command.run_parts import bodies_report, body_lines, caught_lines, colli
 from app.driver import open_simulation
 from app.output.export import Exporter, Target, check_export
 from app.output.files import check_state_target, read_state, write_state, write_trajectory
-from app.output.video import check_render, render
+from app.output.offscreen import check_look
+from app.output.video import Picture, check_render, render
 from cpu_backend.core.threads import core_count, wait_policy
 from model.core.divergence import MIN_INTERVAL
 from model.core.energy import energies, spring_strain
@@ -53,6 +54,7 @@ class Request:
     allow_unstable: bool = False
     export: str | None = None
     export_every: float | None = None
+    look: tuple[str, ...] = ()
 
 
 @dataclass
@@ -106,6 +108,7 @@ def check_targets(scene: Scene, request: Request, steps: int, notes: list[str]) 
         check_state_target(request.out)
     if request.render:
         check_render(request.render)
+    check_look(scene, request.look)
     if request.record:
         check_state_target(request.record)
         frames = steps // request.record_every + 1
@@ -283,17 +286,17 @@ def _write_results(
         result.written.append(write_state(request.out, result.state))
     if request.record:
         result.written.append(write_trajectory(request.record, simulation.scene, recorder.states))
+    picture = Picture(look=request.look)
     if request.render and not clip:
         state = result.state
-        result.written.append(
-            render(
-                state.position, request.render, scene=simulation.scene, time=state.time, inverse_mass=state.inverse_mass
-            )
-        )
+        how: dict[str, Any] = {"time": state.time, "inverse_mass": state.inverse_mass, "picture": picture}
+        result.written.append(render(state.position, request.render, scene=simulation.scene, **how))
     elif request.render:
         steps = result.state.step - start.step
         if steps < 1:
             raise InputError(f"{request.render}: nothing moved, so there is no clip to draw; give --steps")
         simulation.load(start)
         per_frame = max(1, round(1 / 60 / simulation.scene.method.dt))
-        result.written.append(render(simulation, request.render, steps=steps, steps_per_frame=per_frame))
+        result.written.append(
+            render(simulation, request.render, steps=steps, steps_per_frame=per_frame, picture=picture)
+        )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 import subprocess
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -34,13 +35,16 @@ class OffscreenRenderer:
     `draw(position)` draws and waits until it is drawn, `image()` gives the pixels. `legend=False` leaves out all text.
     The view and the range of colours are those of `fit` (the rest state and a strain of 0.5 before its first call).
     A cloth is drawn as a lit surface, or as springs coloured by strain, with the legend, where `lines` is true; bodies as
-    their skins, or then as particles.
+    their skins, or then as particles. `look`: how tetrahedra are drawn, of LOOKS in app/render/tetrahedra_view.py.
 
     Raises BackendUnavailable where off-screen OpenGL or a font is missing, InputError for an impossible size.
     """
 
-    def __init__(self, scene: Scene, width: int = 1280, height: int = 960, *, legend: bool = True, lines: bool = False):
-        from app.render.panels import Panel, Style, legend_of
+    def __init__(
+        self, scene: Scene, width: int = 1280, height: int = 960, *, legend: bool = True, lines: bool = False,
+        look: Sequence[str] = (),
+    ):  # fmt: skip
+        from app.render.panels import Legends, Panel, Style
 
         for name, value in (("width", width), ("height", height)):
             if not MIN_SIZE <= value <= MAX_SIZE:
@@ -55,12 +59,14 @@ class OffscreenRenderer:
             self._view: Any = view_of(scene)
             if lines and not self._view.lines:
                 self._view.toggle_lines()
-            self._legend, self._panel = None, None
+            if look:
+                check_look(scene, look)
+                self._view.look(look)
+            self._legends, self._panel = None, None
             if legend:
                 with drawing_text():
                     self._panel = Panel("top-left", Style(11, monospaced=False))
-                    if self._view.lines:  # a surface has no colours of strain
-                        self._legend = legend_of(scene)
+                    self._legends = Legends(scene)
         except BaseException:
             self._window.close()
             raise
@@ -91,7 +97,7 @@ class OffscreenRenderer:
         if bounds is None:
             return
         margins = MARGINS if self._panel else (40.0, 40.0, 40.0, 40.0)
-        if self._panel and self._space and not self._legend:
+        if self._panel and self._space and not (self._legends and self._legends.needed(self._view)):
             margins = (40.0, 50.0, 40.0, 50.0)
         if self._space:
             self._view.keep_above_ground(bounds[1])
@@ -112,7 +118,7 @@ class OffscreenRenderer:
         """Make the view and the range of colours hold this state (particles, dimensions) [m] at `time` [s] as well as those
         fitted before."""
         self._frame(position, time)
-        if self._legend is not None or self.scene.springs:
+        if (self._legends and self._legends.needed(self._view)) or self.scene.springs:
             fitted = colours.strain_range(drawn_strain(self.scene, position))
             self.strain_range = max(fitted, self.strain_range) if self._fitted else fitted
         self._fitted = True
@@ -145,9 +151,8 @@ class OffscreenRenderer:
         gl.glClearColor(*colours.BACKGROUND, 1.0)
         gl.glClear(gl.GL_COLOR_BUFFER_BIT)
         self._view.draw(self.camera, self.strain_range, time=time)
-        if self._legend is not None:
-            self._legend.place(self.width, self.strain_range)
-            self._legend.draw()
+        if self._legends is not None:
+            self._legends.draw(self._view, self.width, self.strain_range)
         if self._panel is not None and self.caption:
             self._panel.place(self.caption, self.width, self.height)
             self._panel.draw()
@@ -157,6 +162,17 @@ class OffscreenRenderer:
         """(height, width, 4) uint8, top row first: what was drawn last."""
         self._window.switch_to()
         return read_pixels(self.width, self.height)
+
+
+def check_look(scene: Scene, look: Sequence[str]) -> None:
+    """Raise InputError for a look that scenes of this kind, or none, have."""
+    from app.render.tetrahedra_view import LOOKS
+
+    for name in look:
+        if not scene.tetrahedra:
+            raise InputError(f"--look {name}: is for tetrahedral bodies; leave it out")
+        if name not in LOOKS:
+            raise InputError(f"--look {name}: must be one of {', '.join(LOOKS)}")
 
 
 def read_pixels(width: int, height: int) -> np.ndarray:
@@ -183,15 +199,16 @@ def render_frame(
     lines: bool = False,
     time: float = 0.0,
     inverse_mass: np.ndarray | None = None,
+    look: Sequence[str] = (),
 ) -> Path:
     """Draw a state (particles, dimensions) [m] of `scene` into a PNG and return its path. `caption` None: the scene's
     title. In space, `lines`: as springs, or particles, and not as a surface; `time` [s]: where moving colliders are;
-    `inverse_mass`, as in State: which bodies wait.
+    `inverse_mass`, as in State: which bodies wait; `look`: see OffscreenRenderer.
 
     Raises InputError (name, folder, size, shape) and BackendUnavailable (no off-screen OpenGL).
     """
     path = check_target(path, (".png",))
-    with OffscreenRenderer(scene, width, height, legend=legend, lines=lines) as renderer:
+    with OffscreenRenderer(scene, width, height, legend=legend, lines=lines, look=look) as renderer:
         renderer.show_bodies(inverse_mass)
         renderer.fit(position, time)
         if caption is not None:

@@ -26,12 +26,13 @@ PROGRESS_AFTER = 1.0  # s
 @dataclass(frozen=True)
 class Picture:
     """`width` x `height` pixels, of a clip rounded down to even numbers, under a `caption` (None: the scene's title); of a
-    clip `fps` frames a second."""
+    clip `fps` frames a second. `look`: how tetrahedra are drawn (see OffscreenRenderer)."""
 
     width: int = 1280
     height: int = 960
     caption: str | None = None
     fps: int = 60
+    look: tuple[str, ...] = ()
 
 
 Frame = tuple[np.ndarray, float, np.ndarray | None]  # position [m], time [s], and a cloth's normals, if they are known
@@ -179,7 +180,7 @@ def _write_clip(
 ) -> Path:
     width, height = picture.width & ~1, picture.height & ~1
     writer = VideoWriter(path, width, height, picture.fps)
-    with OffscreenRenderer(scene, width, height) as renderer, writer, ExitStack() as stack:
+    with OffscreenRenderer(scene, width, height, look=picture.look) as renderer, writer, ExitStack() as stack:
         renderer.caption = scene.title if picture.caption is None else picture.caption
         renderer.show_bodies(inverse_mass)
         start, bar, task = perf_counter(), None, None
@@ -238,7 +239,8 @@ def render(
         raise InputError("positions alone cannot be drawn; give their scene, too")
     if not clip:
         size, words = (picture.width, picture.height), picture.caption
-        return render_frame(scene, position, path, *size, caption=words, time=time, inverse_mass=inverse_mass)
+        how: dict[str, Any] = {"time": time, "inverse_mass": inverse_mass, "look": picture.look}
+        return render_frame(scene, position, path, *size, caption=words, **how)
     if position.ndim != 3:
         raise InputError(f"positions of shape {position.shape}; a clip needs (frames, particles, {scene.dimensions})")
     states = ((frame, time, None) for frame in position)

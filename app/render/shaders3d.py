@@ -58,6 +58,16 @@ void main() {
 """
 )
 
+TINTED_VERTEX = SURFACE_VERTEX.replace("uniform mat4", "layout(location = 4) in vec3 colour;\nuniform mat4", 1).replace(
+    "out vec3 outward;\nvoid main() {", "out vec3 outward;\nout vec3 tint;\nvoid main() {\n    tint = colour;"
+)  # every vertex of a colour of its own
+TINTED_FRAGMENT = (
+    SURFACE_FRAGMENT.replace("uniform vec3 front;\nuniform vec3 back;", "in vec3 tint;\nuniform float told;")
+    .replace("gl_FrontFacing ? front : back, facing", "tint, facing")
+    .replace("pixel = vec4(lit(", "pixel = vec4(mix(lit(")
+    .replace("look), look), 1.0);", "look), look), tint, told), 1.0);")
+)  # `told`, 0 to 1: how little light changes a colour that is a number
+
 FADE = """
 uniform vec3 centre;        // m, of what is seen of the ground
 uniform float reach;        // m, where nothing is left of it

@@ -1,43 +1,136 @@
 """Draws tetrahedral bodies into the current OpenGL context: their skins, the surfaces that they were cut from, carried by the
-tetrahedra; or the edges of the tetrahedra, coloured by strain."""
+tetrahedra, or the outer faces of the tetrahedra, each body of a colour, or coloured by stress or strain; or the edges of the
+tetrahedra, coloured by strain."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
-from app.render import colours
+from app.render import colours, shaders3d
 from app.render.camera3d import Camera3D
 from app.render.detail import FINE, Detail
-from app.render.scenery import Drawn
+from app.render.particle_colours import of_numbers
+from app.render.scenery import Drawn, Lit
 from app.render.sheet_view import SheetView
 from app.render.vertex_arrays import delete_all, draw_elements, refill, static_buffer, vertex_array
+from model.core.errors import InputError
 from model.core.simulation import Simulation
 from model.geometry.normals import mesh_normals
 from model.scene.scene import Scene
+from model.tetrahedra.body_set import Skin, TetrahedraSet
+from model.tetrahedra.material import at_particles, largest_strain, von_mises
 
 SHINE = 0.12
+TOLD = 0.6  # of a colour that is a number: what light and shade leave alone
+COLOURINGS = ("body", "stress", "strain")  # the first is how bodies are shown at first
+TITLES = {"stress": "von Mises stress / {}Pa", "strain": "largest strain of a tetrahedron"}
+LEVELS = {"stress": von_mises, "strain": largest_strain}
+LEAST = {"stress": 1e-3, "strain": 1e-4}  # Pa, 1: the smallest range
+SHARE = 0.98  # of the vertices that the range holds
+LOOKS = ("skin", "mesh", "edges", *COLOURINGS)
+
+
+def outer_faces(found: TetrahedraSet) -> Skin:
+    """The tetrahedra's own surface as a skin whose points are the particles."""
+    number = np.arange(found.particle_count, dtype=np.int32)
+    weights = np.zeros((found.particle_count, 4))
+    weights[:, 0] = 1.0
+    body = np.searchsorted(found.first_particle, found.surface[:, 0], side="right") - 1
+    faces = tuple(found.surface[body == k] for k in range(len(found.parts)))
+    return Skin(np.repeat(number[:, None], 4, axis=1), weights, faces)
+
+
+class _Surface:
+    """A skin on the graphics card: points, normals and colours, renewed by `send`; `drawn`: all of it."""
+
+    def __init__(self, skin: Skin):
+        from pyglet import gl
+
+        self.skin = skin
+        own = np.zeros(skin.count, np.int64)
+        for number, faces in enumerate(skin.triangles):
+            own[faces] = number
+        self._own = of_numbers(own)
+        zero = np.zeros((skin.count, 3), np.float32)
+        self._buffers = [static_buffer(zero), static_buffer(zero), static_buffer(self._own)]
+        self._buffers.append(static_buffer(skin.faces.astype(np.uint32)))
+        array = vertex_array(self._buffers[0], self._buffers[3], self._buffers[1], colour=self._buffers[2])
+        self.drawn: Drawn = array, gl.GL_TRIANGLES, skin.faces.size
+
+    def send(self, position: np.ndarray, level: np.ndarray | None, most: float) -> None:
+        """Where the particles are (particles, 3) [m], and their levels (particles,) of 0 to `most`; None: in the bodies' own
+        colours."""
+        with np.errstate(over="ignore", invalid="ignore"):
+            points = self.skin.points(position)
+            normals = mesh_normals(points, self.skin.faces)
+            refill(self._buffers[0], np.ascontiguousarray(points, np.float32))
+            refill(self._buffers[1], np.ascontiguousarray(normals, np.float32))
+        if level is not None:
+            carried = np.einsum("pk,pk->p", self.skin.weights, level[self.skin.corners])
+            refill(self._buffers[2], colours.level_colours(carried, most))
+
+    def plain(self) -> None:
+        """In the bodies' own colours again."""
+        refill(self._buffers[2], self._own)
+
+    def delete(self) -> None:
+        """Free the buffers."""
+        delete_all([self.drawn[0]], self._buffers)
 
 
 class TetrahedraView(SheetView):
-    """See View; `lines`: as the edges of the tetrahedra and not as skins. Particles, pins and edges are a sheet's."""
+    """See View; `lines`: as the edges of the tetrahedra and not as surfaces. Particles, pins and edges are a sheet's. `skin`:
+    skins, or else the outer faces of the tetrahedra; `colouring`: of COLOURINGS, the range of which only grows."""
 
     def __init__(self, scene: Scene, detail: Detail = FINE):
-        from pyglet import gl
-
         super().__init__(scene, detail)
-        self._skin = scene.tetrahedra_set.skin
-        zero = np.zeros((self._skin.count, 3), np.float32)
-        self._skin_buffers = [static_buffer(zero), static_buffer(zero)]
-        self._elements = [static_buffer(faces.astype(np.uint32)) for faces in self._skin.triangles]
-        self._skins: list[Drawn] = [
-            (vertex_array(self._skin_buffers[0], elements, self._skin_buffers[1]), gl.GL_TRIANGLES, faces.size)
-            for elements, faces in zip(self._elements, self._skin.triangles, strict=True)
-        ]
+        found = scene.tetrahedra_set
+        self.skin, self.colouring, self._most = True, COLOURINGS[0], 0.0
+        self._surfaces = {True: _Surface(found.skin), False: _Surface(outer_faces(found))}
+        self._tinted = Lit(shaders3d.TINTED_VERTEX, shaders3d.TINTED_FRAGMENT)
+
+    # ------------------------------------------------------------------ how they look
+
+    def look(self, names: Sequence[str]) -> None:
+        """As LOOKS say, each instead of those of its kind. Raises InputError."""
+        for name in names:
+            if name not in LOOKS:
+                raise InputError(f"look {name}: must be one of {', '.join(LOOKS)}")
+            if name in COLOURINGS:
+                self._colour_by(name)
+            else:
+                self.skin, self.lines = name != "mesh", name == "edges"
+
+    def toggle_skin(self) -> bool:
+        """Skins or the outer faces of the tetrahedra; whether it is skins now."""
+        self.skin = not self.skin
+        return self.skin
+
+    def next_colouring(self) -> None:
+        """By body, by stress, by strain."""
+        self._colour_by(COLOURINGS[(COLOURINGS.index(self.colouring) + 1) % len(COLOURINGS)])
+
+    def _colour_by(self, name: str) -> None:
+        self.colouring, self._most = name, 0.0
+        for surface in self._surfaces.values():
+            surface.plain()
+
+    def level_legend(self) -> tuple[str, float] | None:
+        """(title with its unit, the range in that unit) of the colours of what is shown; None where they are no levels."""
+        if self.lines or self.colouring not in LEVELS:
+            return None
+        if self.colouring == "strain":
+            return TITLES["strain"], self._most
+        size, prefix = next((pair for pair in ((1e9, "G"), (1e6, "M"), (1e3, "k")) if self._most >= pair[0]), (1.0, ""))
+        return TITLES["stress"].format(prefix), self._most / size
+
+    # ------------------------------------------------------------------ the frame
 
     def upload(self, position: np.ndarray, normal: np.ndarray | None = None) -> None:
-        """See View: skins follow from the positions (particles, 3) [m]."""
+        """See View: surfaces follow from the positions (particles, 3) [m]."""
         self.vertices.upload_state(position, False)
         self._send(position)
 
@@ -50,28 +143,33 @@ class TetrahedraView(SheetView):
             self._send(position)
 
     def _send(self, position: np.ndarray) -> None:
-        with np.errstate(over="ignore", invalid="ignore"):
-            points = self._skin.points(position)
-            normals = mesh_normals(points, self._skin.faces)
-            refill(self._skin_buffers[0], np.ascontiguousarray(points, np.float32))
-            refill(self._skin_buffers[1], np.ascontiguousarray(normals, np.float32))
+        level = None
+        if self.colouring in LEVELS:
+            with np.errstate(over="ignore", invalid="ignore"):
+                found = self.scene.tetrahedra_set
+                level = at_particles(found, LEVELS[self.colouring](found, position))
+            known = level[np.isfinite(level)]
+            worst = float(np.quantile(known, SHARE)) if len(known) else 0.0
+            self._most = max(self._most, colours.round_up(max(worst, LEAST[self.colouring])))
+        self._surfaces[self.skin].send(position, level, self._most)
 
     def _draw_solid(self, camera: Any, strain_range: float) -> None:
         if self.lines:
             self._draw_springs(camera, strain_range)
             return
-        self._lit.use(camera)
-        for number, skin in enumerate(self._skins):
-            colour = colours.BODIES[number % len(colours.BODIES)]
-            self._lit.look(colour, colour, SHINE, np.zeros(3))
-            draw_elements(*skin)
-        self._lit.program.stop()
+        self._tinted.use(camera)
+        program = self._tinted.program
+        program["shine"], program["shift"] = SHINE, (0.0, 0.0, 0.0)
+        program["told"] = TOLD if self.colouring in LEVELS else 0.0
+        draw_elements(*self._surfaces[self.skin].drawn)
+        self._tinted.program.stop()
 
     def _draw_shadows(self, camera: Camera3D, time: float) -> None:
-        shown = [drawn for drawn, _ in self._lines] if self.lines else self._skins
+        shown = [drawn for drawn, _ in self._lines] if self.lines else [self._surfaces[self.skin].drawn]
         self._scenery.draw_shadows(camera, time, self.lowest, shown)
 
     def delete(self) -> None:
         """Free the buffers."""
-        delete_all([array for array, *_ in self._skins], [*self._elements, *self._skin_buffers])
+        for surface in self._surfaces.values():
+            surface.delete()
         super().delete()

@@ -52,10 +52,14 @@ def _array_of(sources: list[tuple[int, int, int]], elements: int | None = None) 
     return array
 
 
-def vertex_array(position: int, elements: int, normal: int | None = None, dimensions: int = 3) -> Any:
-    """A vertex array of (vertices, dimensions) float32 buffers, drawn in the order of the buffer `elements`."""
+def vertex_array(
+    position: int, elements: int, normal: int | None = None, dimensions: int = 3, colour: int | None = None
+) -> Any:
+    """A vertex array of (vertices, dimensions) float32 buffers, drawn in the order of the buffer `elements`; `colour`: of
+    each vertex (vertices, 3)."""
     normals = [] if normal is None else [(NORMAL, normal, dimensions)]
-    return _array_of([(POSITION, position, dimensions), *normals], elements)
+    looks = [] if colour is None else [(LOOK, colour, 3)]
+    return _array_of([(POSITION, position, dimensions), *normals, *looks], elements)
 
 
 def square_array(position: int, look: int) -> Any:

@@ -51,6 +51,17 @@ BODY_KEYS = (  # without springs there is no stiffness to change
     ("Enter", "push its body (down, or arrow)"),
     *SPACE_KEYS[13:],
 )
+TETRAHEDRA_KEYS = (
+    *SPACE_KEYS[:2],
+    ("{ }", "Young's modulus / 1.25, x 1.25"),
+    ("( )", "Poisson's ratio down, up"),
+    ("< >", "damping / 2, x 2"),
+    *SPACE_KEYS[3:8],
+    ("L", "edges of tetrahedra, or surface"),
+    ("K", "skin, or the mesh's surface"),
+    ("O", "colour by body, stress, strain"),
+    *SPACE_KEYS[9:],
+)
 WORLDS_KEY = ("Tab", "change one world alone, all")
 TWO_COLUMNS_FROM = 760  # pixels of window width
 HINT = (
@@ -64,11 +75,15 @@ BODY_HINT = (
     "H: keys    P: particles    K: skin    drag beside the bodies: turn    drag a body to pull it    F: frame    "
     "space: pause    R: restart    Escape: close"
 )
+TETRAHEDRA_HINT = (
+    "H: keys    O: stress, strain    K: skin, mesh    drag beside the bodies: turn    drag a body to pull it    F: frame    "
+    "space: pause    R: restart    Escape: close"
+)
 
 
-def hint(space: bool = False, bodies: bool = False, several: bool = False) -> str:
+def hint(space: bool = False, bodies: bool = False, several: bool = False, tetrahedra: bool = False) -> str:
     """The keys that a user needs first; as `keys_text`."""
-    found = BODY_HINT if bodies else SPACE_HINT if space else HINT
+    found = BODY_HINT if bodies else TETRAHEDRA_HINT if tetrahedra else SPACE_HINT if space else HINT
     if several:  # the last keys give way to it: the legend is beside them
         return found.replace("H: keys", "H: keys    Tab: one world alone").replace(
             "    R: restart    Escape: close", ""
@@ -76,10 +91,13 @@ def hint(space: bool = False, bodies: bool = False, several: bool = False) -> st
     return found
 
 
-def keys_text(width: int, space: bool = False, bodies: bool = False, several: bool = False) -> str:
+def keys_text(
+    width: int, space: bool = False, bodies: bool = False, several: bool = False, tetrahedra: bool = False
+) -> str:
     """What the keys do, in lines that fit a window of `width` pixels. `space`: of a scene in three dimensions, `bodies`: of
-    one of bodies; `several`, side by side."""
-    keys = (*((WORLDS_KEY,) if several else ()), *(BODY_KEYS if bodies else SPACE_KEYS if space else KEYS))
+    one of bodies, `tetrahedra`: of tetrahedral ones; `several`, side by side."""
+    own = BODY_KEYS if bodies else TETRAHEDRA_KEYS if tetrahedra else SPACE_KEYS if space else KEYS
+    keys = (*((WORLDS_KEY,) if several else ()), *own)
     lines = [f"{key:8}{meaning:33}" for key, meaning in keys]
     if width >= TWO_COLUMNS_FROM:
         half = (len(lines) + 1) // 2
@@ -127,6 +145,10 @@ class Controls:
             "]": lambda: demo.change_dt(1),
             "{": lambda: demo.change_stiffness(-1),
             "}": lambda: demo.change_stiffness(1),
+            "(": lambda: demo.change_material("poisson_ratio", -1),
+            ")": lambda: demo.change_material("poisson_ratio", 1),
+            "<": lambda: demo.change_material("damping", -1),
+            ">": lambda: demo.change_material("damping", 1),
             "-": lambda: demo.change_steps(-1),
             "+": lambda: demo.change_steps(1),
         }

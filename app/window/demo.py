@@ -11,11 +11,13 @@ import math
 from collections.abc import Mapping, Sequence
 
 from app.window.hand import Hand
+from app.window.materials import material_changes, material_of, material_text
 from app.window.poking import Poking
 from app.window.spare_bodies import counts_text, drop, next_spare
 from app.window.worlds import STEPS_PER_FRAME, stiffness_paths
 from model.core.errors import SoftlabError
 from model.core.simulation import Simulation
+from model.scene.scene import Scene
 
 THREAD_WORDS = ("1x", "2x", "4x")
 NO_BODIES = "there are no bodies here"
@@ -102,6 +104,9 @@ class Demo(Poking):
 
     def change_stiffness(self, presses: int) -> None:
         """{ (-1) and } (+1): the spring stiffness by a factor of 1.25."""
+        if self.world.scene.tetrahedra:
+            self.change_material("young_modulus", presses)
+            return
         if self._blocked():
             return
         wanted = [
@@ -117,6 +122,26 @@ class Demo(Poking):
                 for path, stiffness in told.items()
             ]
             self.say(f"{self.whose}{', '.join(texts)}; dt {self.world.scene.method.dt:.4g} s, {self.limit_text()}")
+
+    def change_material(self, field: str, presses: int) -> None:
+        """( ) < > and, of tetrahedra, { }: Young's modulus (by 1.25), Poisson's ratio (the way to 1/2 by 1.25) or the damping
+        (by 2) of all bodies, down (-1) or up (+1). Their constraints are made of them, so that worlds are opened anew."""
+        if self._blocked():
+            return
+        if not self.world.scene.tetrahedra:
+            self.say(f"{self.whose}there are no tetrahedra here")
+            return
+        wanted: list[Scene] = []
+
+        def make() -> None:
+            for world in self.worlds:
+                fields = material_changes(world.scene, field, presses) if world in self.changed else {}
+                wanted.append(world.scene.replace(fields))
+
+        if self._guard(make) and self._reopen(self.backend, self.threads, wanted):
+            self._moved = True
+            self.refresh(force=True)
+            self.say(f"{self.whose}{material_text(self.world.scene, field)}, state carried over")
 
     def limit_text(self) -> str:
         """The step size against its limit, in words."""
@@ -152,6 +177,10 @@ class Demo(Poking):
             self.hand.selected = None
         self.hand.forget()
         self.frozen, self.failure = False, ""
+        told = [world.scene.replace(material_of(scene)) for world, scene in zip(self.worlds, self.scenes, strict=True)]
+        changed = any(a.tetrahedra != b.scene.tetrahedra for a, b in zip(told, self.worlds, strict=True))
+        if changed and not self._reopen(self.backend, self.threads, told, from_start=True):
+            return
         if self._guard(back):
             self._read()
             self.refresh(force=True)
@@ -175,13 +204,16 @@ class Demo(Poking):
         if self._reopen("cpu", word):
             self.say(f"{self.world.threads} threads ({word} the cores), state carried over")
 
-    def _reopen(self, backend: str, threads: str) -> bool:
-        """Open every world anew and go on from its state; on an error the old ones go on."""
+    def _reopen(
+        self, backend: str, threads: str, scenes: Sequence[Scene] | None = None, from_start: bool = False
+    ) -> bool:
+        """Open every world anew, as one of other `scenes`, if given, and go on from its state, or `from_start`; on an error
+        the old ones go on."""
         fresh: list[Simulation] = []
 
         def reopen() -> None:
-            for world in self.worlds:
-                fresh.append(self._open(world.scene, backend, threads, world.state()))
+            for world, scene in zip(self.worlds, scenes or [world.scene for world in self.worlds], strict=True):
+                fresh.append(self._open(scene, backend, threads, None if from_start else world.state()))
 
         if not self._guard(reopen):
             for world in fresh:

@@ -18,6 +18,7 @@ class Looks:
         self.demo, self.views = demo, views
         scene = demo.world.scene
         self._space, self._bodies = scene.dimensions == 3, bool(scene.bodies)
+        self._tetrahedra = bool(scene.tetrahedra)
 
     def toggle_lines(self) -> None:
         """L: a cloth as a surface or as springs, bodies as skins or as particles; a grid is springs anyway."""
@@ -30,7 +31,11 @@ class Looks:
             self.demo.say(OF_PLANE)
 
     def toggle(self, name: str) -> None:
-        """P, K, C, I: of bodies the `particles`, the `skin`, the middles of `clusters`, the `links`."""
+        """P, K, C, I: of bodies the `particles`, the `skin`, the middles of `clusters`, the `links`; of tetrahedra K."""
+        if self._tetrahedra and name == "skin":
+            skins = [view.toggle_skin() for view in self.views]
+            self.demo.say("skin" if skins[0] else "the outer faces of the tetrahedra")
+            return
         if not self._bodies:
             self.demo.say(NO_BODIES)
             return
@@ -43,7 +48,13 @@ class Looks:
             self.demo.say("these bodies have no links")
 
     def next_colouring(self) -> None:
-        """O: particles coloured by body, by group, by cluster."""
+        """O: particles coloured by body, by group, by cluster; tetrahedra by body, by stress, by strain."""
+        if self._tetrahedra:
+            for view in self.views:
+                view.next_colouring()
+            hidden = " (L shows surfaces)" if self.views[0].lines else ""
+            self.demo.say(f"coloured by {self.views[0].colouring}{hidden}")
+            return
         if not self._bodies:
             self.demo.say(NO_BODIES)
             return

@@ -9,7 +9,7 @@ import numpy as np
 
 from app.render import colours
 from app.render.opengl import drawing_text
-from app.render.panels import Arrow, Panel, Style, legend_of
+from app.render.panels import Arrow, Legends, Panel, Style
 from app.window.controls import hint, keys_text
 from app.window.demo_report import numbers_text, title_text
 from app.window.frame_times import FrameGraph, FrameTimes
@@ -28,7 +28,7 @@ class Overlay:
     def __init__(self, viewer: Shown):
         self.viewer, self.demo = viewer, viewer.demo
         with drawing_text():
-            self._legend = legend_of(self.demo.world.scene)
+            self._legends = Legends(self.demo.world.scene)
             self._numbers, self._keys = Panel("top-left", *NUMBERS), Panel("centre", Style(11))
             self._hint = Panel("bottom-left", Style(9, monospaced=False))
             self._notice = Panel("top-left")
@@ -63,9 +63,7 @@ class Overlay:
         width, height = viewer.width, viewer.height
         below = self._draw_numbers(now) if self.show_numbers else 0
         below += self._draw_titles()
-        if self._legend is not None and viewer.views[0].lines:
-            self._legend.place(width, demo.statistics.strain_range)
-            self._legend.draw()
+        self._legends.draw(viewer.views[0], width, demo.statistics.strain_range)
         if demo.message_count != self._message[0]:
             self._message = (demo.message_count, now)
         if demo.frozen:
@@ -76,11 +74,14 @@ class Overlay:
             self._notice.place(demo.message, width, height, below)
             self._notice.draw()
         above = 0
+        tetrahedra = bool(demo.world.scene.tetrahedra)
         if self.show_keys:
-            self._keys.place(keys_text(width, viewer.space, viewer.bodies, len(demo.worlds) > 1), width, height)
+            self._keys.place(
+                keys_text(width, viewer.space, viewer.bodies, len(demo.worlds) > 1, tetrahedra), width, height
+            )
             self._keys.draw()
         elif not self._keys_seen:
-            self._hint.place(hint(viewer.space, viewer.bodies, len(demo.worlds) > 1), width, height)
+            self._hint.place(hint(viewer.space, viewer.bodies, len(demo.worlds) > 1, tetrahedra), width, height)
             self._hint.draw()
             above = self._hint.height + 8
         if self.show_graph:

@@ -245,6 +245,8 @@ class Viewer:
         }
         if self.space:
             shown |= {"lines": self.views[0].lines}
+        if self.demo.world.scene.tetrahedra:
+            shown |= {"skin": self.views[0].skin, "colouring": self.views[0].colouring}
         if self.bodies:
             names = ("particles", "skin", "clusters", "links", "colouring")
             shown |= {name: getattr(self.views[0], name) for name in names}

@@ -1,7 +1,7 @@
-"""Three solvers, one body: `softlab bar`. What each method's material really is, and laws that bodies keep.
+"""Every method, one body: `softlab bar`. What each method's material really is, and laws that bodies keep.
 
-A strip of the lab's grid under all three solvers (bench/experiments/bar_strip.py) and a bar of jelly of the same material
-(bench/experiments/bar_body.py): sag, first frequency and, of the strip, what resists shear, each against the spacing, the
+A strip of the lab's grid under all three solvers (bench/experiments/bar_strip.py) and bars of jelly and of tetrahedra of the
+same material (bench/experiments/bar_body.py): sag, first frequency and what resists shear, each against the spacing, the
 substeps of a frame and the size of the clusters, one of them at a time; beside them the laws of
 bench/experiments/body_laws.py. All of it in float64 and exact math, which hangs on no backend, so that what remains is the
 method. Kept in the store, resumable.
@@ -14,7 +14,7 @@ from functools import partial
 from pathlib import Path
 
 from bench.experiments import bar_body, bar_strip, body_laws
-from bench.experiments.bar_body import bar, stand, sway
+from bench.experiments.bar_body import bar, measured_tetrahedra, stand, sway, tetrahedra
 from bench.experiments.bar_strip import ACROSS, FREQUENCY, SAG, bend, hang, method_of, strip, swing
 from bench.experiments.body_laws import DROP, ENERGY, FLIGHT, KEPT, SPIN, hold, law_scene
 from bench.measure.experiment import Experiment, Items, Measures, described, source_hash
@@ -23,13 +23,15 @@ from model.core.digest import source_digest
 from model.scene.scene import Scene
 
 VERSION = 1  # part of every resume key: raise it when an experiment changes
-STRIP, BODY, LAW = "bar: strip", "bar: body", "bar: law"  # values of `finding`
+STRIP, BODY, LAW, ELEMENTS = "bar: strip", "bar: body", "bar: law", "bar: tetrahedra"  # values of `finding`
 SOLVERS = {  # name -> solver, iterations
     "mass-spring": ("mass-spring", 1),
     "xpbd": ("xpbd", 1),
     "xpbd, converged": ("xpbd", 32),
     "shape-matching": ("shape-matching", 1),
 }
+TETRAHEDRA = {"tetrahedra, xpbd": ("xpbd", 1), "tetrahedra, newton": ("newton", 1)}  # the same, of tetrahedra
+VOXELS, SOME_VOXELS = (4, 8, 16), 8  # along the bar of tetrahedra
 LINKS = (8, 16, 32, 64)  # along the strip
 SUBSTEPS = (1, 2, 4, 8, 16)  # of a frame
 REGIONS = (1, 2, 3, 4)
@@ -54,7 +56,8 @@ def experiments(backend: str, quick: bool = False) -> list[Experiment]:
     """All of a backend: strips, jelly bars, laws."""
     own = source_digest(*(Path(str(module.__file__)) for module in (bar_strip, bar_body, body_laws)))
     sources = f"{source_hash(backend)}-{own}-b{VERSION}"
-    return [*_strips(backend, sources, quick), *_bodies(backend, sources, quick), *_laws(backend, sources, quick)]
+    found = [*_strips(backend, sources, quick), *_bodies(backend, sources, quick)]
+    return [*found, *_tetrahedra(backend, sources, quick), *_laws(backend, sources, quick)]
 
 
 def _experiment(
@@ -117,6 +120,30 @@ def _bodies(backend: str, sources: str, quick: bool) -> list[Experiment]:
         swings, stands = partial(sway, lying, backend, layers, overlap), partial(stand, standing, backend)
         found.append(_experiment(FREQUENCY, lying, backend, sources, BODY, swings, load=FREQUENCY, **told))
         found.append(_experiment(SAG, standing, backend, sources, BODY, stands, load=SAG, **told))
+    return found
+
+
+def of_tetrahedra(quick: bool = False) -> list[tuple[str, int, int]]:
+    """(name of TETRAHEDRA, voxels, substeps) of every bar of tetrahedra, each once."""
+    sizes = [SOME_VOXELS] if quick else VOXELS
+    found = [(name, voxels, FINEST) for name in TETRAHEDRA for voxels in sizes]
+    found += [(name, SOME_VOXELS, int(substeps)) for name in TETRAHEDRA for substeps in _kept(SUBSTEPS, quick)]
+    return list(dict.fromkeys(found))
+
+
+def _tetrahedra(backend: str, sources: str, quick: bool) -> list[Experiment]:
+    """All loads; across, where a bar rests is Newton's method's own in any number of substeps, so that one is enough."""
+    found = []
+    for name, voxels, substeps in of_tetrahedra(quick):
+        solver, iterations = TETRAHEDRA[name]
+        for load in (SAG, FREQUENCY, ACROSS):
+            if load == ACROSS and (quick or substeps < FINEST):
+                continue
+            few = 1 if (load, solver) == (ACROSS, "newton") else substeps
+            scene = tetrahedra(voxels, solver, iterations, few, load)
+            told = {"solver": name, "layers": voxels, "substeps": substeps, "region": 1}
+            run = partial(measured_tetrahedra, scene, backend, load)
+            found.append(_experiment(load, scene, backend, sources, ELEMENTS, run, load=load, **told))
     return found
 
 

@@ -1,11 +1,15 @@
-"""A bar of jelly: the soft body whose material is that of the strip of bench/experiments/bar_strip.py, and what it makes of
-it.
+"""Bars of bodies: one of jelly, the soft body whose material is that of the strip of bench/experiments/bar_strip.py, and what
+it makes of it.
 
 A soft body's `cluster_stiffness` w^2 is no material. Drawn out by e, a cluster stores w^2 m x^2 e^2 / 2 for each of its
 shares m at x from its centre, so that the body resists as a rod of E / rho = w^2 <x^2>, with the mean over all shares: the
 larger its clusters, the stiffer. Here w^2 = c^2 / <x^2>, so that bars of every spacing and overlap are one material; what
 they still differ in is the method. The closed forms are a rod's, free at both ends or standing: c / (2 L), and
 g L (L - d) / (2 c^2) from the first to the last layer of particles, d apart.
+
+And one of tetrahedra, for which the material is what it is told: E = rho c^2, and a Poisson's ratio of 0, so that it does not
+shrink across, as clusters do not, and E = 2 G. It hangs, swings and is loaded across as the strip does and is, WIDTH wide and
+deep, with the closed forms of bench/experiments/bar_strip.py.
 """
 
 from __future__ import annotations
@@ -18,10 +22,12 @@ import numpy as np
 
 from app.driver import open_simulation
 from bench.experiments.bar_strip import (
+    ACROSS,
     DECAY,
     FRAME,
     FRAMES,
     FREQUENCY,
+    GRAVITY,
     LENGTH,
     OPTIONS,
     REST_FRAMES,
@@ -31,18 +37,25 @@ from bench.experiments.bar_strip import (
     SPEED,
     SWING,
     WEIGHT,
+    WIDTH,
+    beam_tip,
     follow,
+    rod_frequency,
+    rod_sag,
     swing_of,
     told,
 )
 from bench.measure.experiment import Measures
 from model.assets.soft_body import DENSITY, SoftBody
+from model.core.build import build
 from model.core.simulation import State
 from model.geometry.shapes import Shape
 from model.scene.scene import Scene
 
 REACH = "bar_reach"  # m: the root of <x^2>, which times w is the speed of waves
 CLUSTERS = "bar_clusters"  # of a particle, in the mean
+ACROSS_RATE, BENDING_FRAMES = 2.0, 1200  # 1/s, and to rest under it: a beam that bends is no pendulum
+HANGING_FRAMES = 300  # of tetrahedra, to rest: by e^-15
 SPACINGS = 2.0  # of the clusters' centres, in spacings of particles
 
 
@@ -122,3 +135,68 @@ def sway(scene: Scene, backend: str, layers: int, overlap: float) -> Measures:
         FREQUENCY: (frequency, "1/s", f"rod: {rod_swing():.6g}"), DECAY: (decay, "1/s", None),
         REACH: (arm, "m", None), CLUSTERS: (held, "", "of a particle"),
     }  # fmt: skip
+
+
+# ---------------------------------------------------------------------- tetrahedra
+
+
+def tetrahedra(layers: int, solver: str, iterations: int, substeps: int, load: str) -> Scene:
+    """The bar of tetrahedra with so many voxels along it: hanging with a damper (SAG), without weight or damper (FREQUENCY),
+    or held at its left side (ACROSS)."""
+    beside = load == ACROSS
+    rates, weights = {SAG: REST_RATE, ACROSS: ACROSS_RATE}, {SAG: GRAVITY, ACROSS: WEIGHT}
+    sides = [LENGTH, WIDTH, WIDTH] if beside else [WIDTH, LENGTH, WIDTH]
+    edge = LENGTH / layers
+    made = Scene(
+        {
+            "title": "Bar of tetrahedra",
+            "bar": {
+                "kind": "tetrahedral_body", "shape": {"name": "box", "sides": sides}, "edge": edge, "density": DENSITY,
+                "young_modulus": DENSITY * SPEED**2, "poisson_ratio": 0.0, "pinned": ["left" if beside else "top"],
+            },
+            "damping": {"coefficient": 0.0},
+            "gravity": {"acceleration": weights.get(load, 0.0)},
+            "method": {"solver": solver, "dt": FRAME, "substeps": substeps, "iterations": iterations},
+        },
+        "tetrahedral-bar",
+    )  # fmt: skip
+    return made.replace({"damping.coefficient": rates.get(load, 0.0) * made.grid.mass})
+
+
+def measured_tetrahedra(scene: Scene, backend: str, load: str) -> Measures:
+    """What the bar comes to: SAG, ACROSS, or FREQUENCY with DECAY."""
+    return {SAG: hang_tetrahedra, ACROSS: bend_tetrahedra, FREQUENCY: swing_tetrahedra}[load](scene, backend)
+
+
+def _end(scene: Scene, backend: str, frames: int, axis: int) -> float:
+    """[m]: how far down the end that is not held has come, which lies furthest from the pins along an `axis`."""
+    rest = scene.tetrahedra_set.position
+    away = np.abs(rest[:, axis] - rest[scene.tetrahedra_set.pinned_vertices[0], axis])
+    with open_simulation(scene, backend, **OPTIONS) as simulation:
+        simulation.advance(frames)
+        moved = simulation.state().position - rest
+    return float(-moved[np.isclose(away, away.max()), 1].mean())
+
+
+@told(SAG)
+def hang_tetrahedra(scene: Scene, backend: str) -> Measures:
+    """SAG: how far its lower end comes to hang under where it was made."""
+    return {SAG: (_end(scene, backend, HANGING_FRAMES, 1), "m", f"rod: {rod_sag():.6g}")}
+
+
+@told(ACROSS)
+def bend_tetrahedra(scene: Scene, backend: str) -> Measures:
+    """ACROSS: how far the end comes to hang under its place, of a bar that is held at its left side."""
+    return {ACROSS: (_end(scene, backend, BENDING_FRAMES, 0), "m", f"beam: {beam_tip():.6g}")}
+
+
+@told(FREQUENCY, DECAY)
+def swing_tetrahedra(scene: Scene, backend: str) -> Measures:
+    """FREQUENCY and DECAY of the first longitudinal mode, let go at rest, drawn out as a rod's."""
+    rest = scene.tetrahedra_set.position
+    shape = np.zeros_like(rest)
+    shape[:, 1] = -np.sin(pi / 2 * (rest[:, 1].max() - rest[:, 1]) / LENGTH)
+    begin = State(rest + SWING * shape, np.zeros_like(rest), build(scene).inverse_mass, 0.0, 0)
+    with open_simulation(scene, backend, initial=begin, live=SHARED, **OPTIONS) as simulation:
+        frequency, decay = swing_of(follow(simulation, shape, FRAMES), FRAME)
+    return {FREQUENCY: (frequency, "1/s", f"rod: {rod_frequency():.6g}"), DECAY: (decay, "1/s", None)}

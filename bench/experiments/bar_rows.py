@@ -1,4 +1,4 @@
-"""The measures of `softlab bar` as rows: strips, jelly bars and laws, those that hang on no machine's speed."""
+"""The measures of `softlab bar` as rows: strips, bars of jelly and of tetrahedra, laws; none hangs on a machine's speed."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 
 from rich.console import Console
 
-from bench.experiments.bar import BODY, LAW, STRIP
+from bench.experiments.bar import BODY, ELEMENTS, LAW, STRIP
 from bench.experiments.bar_body import rod_swing, standing_sag
 from bench.experiments.bar_strip import ACROSS, FREQUENCY, REFUSED, SAG, beam_tip, rod_frequency, rod_sag
 from bench.store.database import Store
@@ -50,7 +50,7 @@ Key = tuple[str, str, str, int, float, int, str]  # the first fields of a Bar
 
 def is_bar(measure: Measure) -> bool:
     """Whether it is one of this experiment's."""
-    return measure.description.get("finding") in (STRIP, BODY, LAW)
+    return measure.description.get("finding") in (STRIP, BODY, LAW, ELEMENTS)
 
 
 def rows(found: Iterable[Measure]) -> list[Bar]:

@@ -24,7 +24,7 @@ import numpy as np
 from app.driver import open_simulation
 from bench.measure.experiment import Measures
 from model.core.build import build, rest_positions
-from model.core.errors import Diverged, UnstableTimeStep
+from model.core.errors import BackendUnavailable, Diverged, UnstableTimeStep
 from model.core.simulation import Simulation, State
 from model.scene.scene import Scene
 from model.shape_matching.matching import lattice_clusters, matching_stiffness
@@ -144,14 +144,15 @@ def swing_of(ways: np.ndarray, step: float) -> tuple[float, float]:
 
 
 def told(*names: str) -> Callable[[Callable[..., Measures]], Callable[..., Measures]]:
-    """What a measurement of these returns; for a step size that is refused, or a run that diverged, no numbers and why."""
+    """What a measurement of these returns; for a step size that is refused, a solver that a backend
+    lacks, or a run that diverged, no numbers and why."""
 
     def around(measure: Callable[..., Measures]) -> Callable[..., Measures]:
         @wraps(measure)
         def tried(*arguments: Any) -> Measures:
             try:
                 return measure(*arguments)
-            except UnstableTimeStep as error:
+            except (UnstableTimeStep, BackendUnavailable) as error:
                 return {name: (float("nan"), "", f"{REFUSED}: {error}") for name in names}
             except Diverged as error:
                 return {name: (float("inf"), "", str(error)) for name in names}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from bench.experiments.bar import FINEST, SOME_LAYERS, SOME_LINKS, SOME_OVERLAP
+from bench.experiments.bar import FINEST, SOME_LAYERS, SOME_LINKS, SOME_OVERLAP, SOME_VOXELS
 from bench.experiments.bar_body import CLUSTERS, REACH
 from bench.experiments.bar_rows import JELLY, Bar, first_backend, series
 from bench.experiments.bar_strip import (
@@ -229,6 +229,34 @@ def jelly_substeps(results: Results) -> Claim:
     )  # fmt: skip
 
 
+def tetrahedra(results: Results) -> Claim:
+    """The bar of tetrahedra: hung and swung it is a rod's material, bent it is its mesh's."""
+    found = {name: _strips(results, f"tetrahedra, {name}") for name in ("xpbd", "newton")}
+    finest = {name: _one(some, SOME_VOXELS, FINEST) for name, some in found.items()}
+    few = min(
+        (b for b in found["xpbd"] if b.fine == SOME_VOXELS and SAG in b.values), key=lambda b: b.substeps, default=None
+    )
+    rows, newton = finest["xpbd"], finest["newton"]
+    if few is None or rows is None or newton is None or not {SAG, FREQUENCY} <= set(rows.values) & set(newton.values):
+        return Claim("A bar of tetrahedra was not measured beside the others.")
+    numbers = {
+        "few": few.part(SAG) or 0.0, "rows": rows.part(SAG) or 0.0, "newton": newton.part(SAG) or 0.0,
+        "frequency": newton.part(FREQUENCY) or 0.0,
+    }  # fmt: skip
+    text = (
+        f"A bar of tetrahedra is told nothing but Young's modulus and Poisson's ratio: {SOME_VOXELS} voxels long it hangs by "
+        f"{number(numbers['newton'], 4)} times a rod's sag by Newton's method, and by {number(numbers['few'])} and "
+        f"{number(numbers['rows'], 4)} times with one position-based sweep at {substeps_of(few)} and at {FINEST}, and "
+        f"swings at {percent(numbers['frequency'])} of a rod's frequency"
+    )
+    bent = [b for b in found["newton"] if ACROSS in b.values]
+    if bent:
+        numbers |= {f"across {b.fine}": b.part(ACROSS) or 0.0 for b in bent}
+        told = words.listed([f"{percent(b.part(ACROSS) or 0.0)} with {b.fine}" for b in bent])
+        text += f"; loaded across, solved to the end, it bends by {told} voxels of what a beam does: the mesh locks"
+    return Claim(text + ".", numbers, abs(numbers["newton"] - 1) < 0.02 < numbers["few"] - 1)
+
+
 def backends(results: Results) -> Claim:
     """Whether both backends say the same."""
     held: dict[object, dict[str, Bar]] = {}
@@ -258,6 +286,7 @@ CLAIMS: Claims = {
     "bar-iterations": iterations,
     "bar-windows": windows,
     "bar-shear": shear,
+    "bar-tetrahedra": tetrahedra,
     "bar-losses": losses,
     "bar-overlap": overlap,
     "bar-jelly-substeps": jelly_substeps,

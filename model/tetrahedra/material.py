@@ -16,6 +16,7 @@ import numpy as np
 from model.formulas.constraints.tetrahedron import COUNT, MATERIALS
 from model.tetrahedra.body_set import TetrahedraSet
 
+LEAST_RATIO = 0.05  # of volumes, under which a stress is not divided by less: at 0 it has no end
 LEAST_PRESSURE = 1e-12  # of the stiffness against a change of shape: a Poisson's ratio of 0 has none, and no compliance
 
 
@@ -54,6 +55,42 @@ def energies(found: TetrahedraSet, position: np.ndarray) -> np.ndarray:
         [shape + lame / 2 * (volume_ratio - 1) ** 2, shape + lame / 2 * off.sum(axis=1) ** 2, hookean],
     )
     return np.where(finite, density * found.volume, np.nan)
+
+
+def von_mises(found: TetrahedraSet, position: np.ndarray) -> np.ndarray:
+    """(tetrahedra,) float64 [Pa]: of the stress in each, sqrt(((t1 - t2)^2 + (t2 - t3)^2 + (t3 - t1)^2) / 2) of its principal
+    values t = s dPsi/ds / J, J at least LEAST_RATIO; nan where a position is not finite. Dampers are not in it."""
+    gradient = deformation(found, position)
+    finite = np.isfinite(gradient).all(axis=(1, 2))
+    s = stretches(np.where(finite[:, None, None], gradient, 0.0))
+    mu, lame = (one[:, None] for one in found.lame())
+    volume_ratio = s.prod(axis=1, keepdims=True)
+    shape = 2 * mu * (s - 1) * s
+    pulled = np.select(
+        [kind[:, None] for kind in (material_of(found) == k for k in range(2))],
+        [shape + lame * (volume_ratio - 1) * volume_ratio, shape + lame * (s - 1).sum(axis=1, keepdims=True) * s],
+        mu * s**2 + (lame + mu) * (volume_ratio - rest_ratio(mu, lame)) * volume_ratio,
+    )
+    principal = pulled / np.maximum(np.abs(volume_ratio), LEAST_RATIO)
+    apart = principal - np.roll(principal, 1, axis=1)
+    return np.where(finite, np.sqrt((apart**2).sum(axis=1) / 2), np.nan)
+
+
+def largest_strain(found: TetrahedraSet, position: np.ndarray) -> np.ndarray:
+    """(tetrahedra,) float64: of the three stretches less 1 the largest in size; nan where a position is not finite."""
+    gradient = deformation(found, position)
+    finite = np.isfinite(gradient).all(axis=(1, 2))
+    s = stretches(np.where(finite[:, None, None], gradient, 0.0))
+    return np.where(finite, np.abs(s - 1).max(axis=1), np.nan)
+
+
+def at_particles(found: TetrahedraSet, value: np.ndarray) -> np.ndarray:
+    """(particles,): the mean of a value (tetrahedra,) over those at each particle, by volume; 0 where there is none."""
+    weight = np.repeat(found.volume, 4)
+    corner = found.tetrahedra.ravel()
+    total = np.bincount(corner, weight * np.repeat(value, 4), found.particle_count)
+    mean: np.ndarray = total / np.maximum(np.bincount(corner, weight, found.particle_count), np.finfo(float).tiny)
+    return mean
 
 
 def rest_ratio(mu: np.ndarray, lame: np.ndarray) -> np.ndarray:

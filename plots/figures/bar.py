@@ -1,18 +1,18 @@
-"""Three solvers, one body: sag and first frequency over a rod's, against spacing and substeps; and what clusters do to it."""
+"""Every method, one body: sag and first frequency over a rod's, against spacing and substeps; and what clusters do to it."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from bench.experiments.bar import FINEST, SOLVERS, SOME_LAYERS, SOME_LINKS, SOME_OVERLAP
+from bench.experiments.bar import FINEST, SOLVERS, SOME_LAYERS, SOME_LINKS, SOME_OVERLAP, SOME_VOXELS, TETRAHEDRA
 from bench.experiments.bar_rows import JELLY, Bar, first_backend, is_bar, rows, series
 from bench.experiments.bar_strip import ACROSS, FREQUENCY, SAG
-from plots.core.colours import BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILLION
+from plots.core.colours import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILLION
 from plots.core.data import Results, Source, judgements
 from plots.core.style import Drawing, legend_below, new_figure, new_sheet, plain_ticks
 
-TITLE = "Three solvers, one bar"
+TITLE = "Every method, one bar"
 CLUSTERS_TITLE = "A bar and the size of its clusters"
 MISSING = "the bar was not measured (softlab bar)"
 CURVES = {  # solver: label, colour, marker, line
@@ -21,7 +21,10 @@ CURVES = {  # solver: label, colour, marker, line
     "xpbd": ("XPBD, 1 iteration", GREEN, "s", "-"),
     "shape-matching": ("shape matching, windows of 3 x 3", ORANGE, "^", "-"),
     JELLY: ("jelly bar", VERMILLION, "D", "-"),
+    "tetrahedra, xpbd": ("tetrahedra, XPBD, 1 iteration", PURPLE, "P", "-"),
+    "tetrahedra, newton": ("tetrahedra, Newton", BLACK, "x", "--"),
 }
+SOME = {JELLY: (SOME_OVERLAP, SOME_LAYERS), **{name: (1.0, SOME_VOXELS) for name in TETRAHEDRA}}  # size, along it
 REGIONS = {1: (ORANGE, "^"), 2: (GREEN, "s"), 3: (BLUE, "o"), 4: (PURPLE, "v")}
 ROWS = {SAG: "sag / a rod's", FREQUENCY: "first frequency / a rod's"}
 
@@ -42,8 +45,7 @@ def draw(results: Results) -> Drawing | str:
     axes = figure.subplots(2, 2, sharex="col")
     for row, name in zip(axes, ROWS, strict=True):
         for solver, (label, colour, marker, line) in CURVES.items():
-            jelly = solver == JELLY
-            size, some = (SOME_OVERLAP, SOME_LAYERS) if jelly else (1, SOME_LINKS)
+            size, some = SOME.get(solver, (1.0, SOME_LINKS))
             by_spacing = series(found, solver, _fine, substeps=FINEST, size=size)
             by_substeps = series(found, solver, _substeps, fine=some, size=size)
             how: dict[str, Any] = {"color": colour, "marker": marker, "linestyle": line, "label": label}
@@ -62,9 +64,10 @@ def draw(results: Results) -> Drawing | str:
     legend_below(figure, list(axes.ravel()), columns=3)
     caption = (
         "One bar of one material: a strip of the lab's grid that hangs, under each solver, and a jelly bar of clusters, "
-        f"which stands. Left: at {FINEST} substeps of a frame of a sixtieth of a second, against the masses along it. Right: "
-        f"at {SOME_LINKS} along it, against the substeps; mass-spring, whose steps are the substeps, is refused where there "
-        "is no mark. Over the closed form of a rod of the material (grey); float64, exact math."
+        f"which stands, and one of tetrahedra that hangs. Left: at {FINEST} substeps of a frame of a sixtieth of a second, "
+        f"against the masses along it. Right: at {SOME_LINKS} along it, of tetrahedra {SOME_VOXELS} voxels, against the "
+        "substeps; mass-spring, whose steps are the substeps, is refused where there is no mark. Over "
+        "the closed form of a rod of the material (grey); float64, exact math."
     )
     return Drawing(figure, TITLE, caption, sources)
 

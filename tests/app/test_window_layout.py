@@ -156,7 +156,7 @@ class SeenView:
 
 def looks_of(dimensions: int, bodies: bool) -> tuple[Looks, list[str]]:
     said: list[str] = []
-    scene = SimpleNamespace(dimensions=dimensions, bodies={"star": None} if bodies else {})
+    scene = SimpleNamespace(dimensions=dimensions, bodies={"star": None} if bodies else {}, tetrahedra={})
     demo = SimpleNamespace(world=SimpleNamespace(scene=scene), say=said.append)
     return Looks(cast("Any", demo), [SeenView(), SeenView()]), said
 

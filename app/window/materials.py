@@ -1,0 +1,41 @@
+"""What the window's keys change of tetrahedral bodies' material, as fields of a scene."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from model.scene.scene import Scene
+from model.scene.tetrahedra import LARGEST_RATIO
+
+FACTORS = {"young_modulus": 1.25, "poisson_ratio": 1.25, "damping": 2.0}  # of one press
+FIRST_DAMPING, LAST_DAMPING = 1e-3, 1e-4  # s: the first one of a body that has none, and below which there is none
+TEXTS = {"young_modulus": "E {:.3g} Pa", "poisson_ratio": "Poisson's ratio {:.3g}", "damping": "damping {:.3g} s"}
+
+
+def material_changes(scene: Scene, field: str, presses: int) -> dict[str, float]:
+    """Dotted path -> value of a `field` of every body, after so many presses upward. Of Poisson's ratio it is what is left to
+    1/2 that changes by the factor, of which stiffness against a change of volume is the inverse."""
+    factor = FACTORS[field] ** presses
+    found = {}
+    for name, part in scene.tetrahedra.items():
+        value = getattr(part, field)
+        if field == "poisson_ratio":
+            value = min(max(0.5 - (0.5 - value) / factor, 0.0), LARGEST_RATIO)
+        elif field == "damping":
+            value = (value or (FIRST_DAMPING / factor if presses > 0 else 0.0)) * factor
+            value = value if value >= LAST_DAMPING else 0.0
+        else:
+            value *= factor
+        found[f"{name}.{field}"] = value
+    return found
+
+
+def material_of(scene: Scene) -> dict[str, Any]:
+    """All fields of the material of a scene's bodies, as it says."""
+    return {f"{name}.{field}": getattr(part, field) for name, part in scene.tetrahedra.items() for field in FACTORS}
+
+
+def material_text(scene: Scene, field: str) -> str:
+    """What it is now: of all bodies, each value once."""
+    values = dict.fromkeys(TEXTS[field].format(getattr(part, field)) for part in scene.tetrahedra.values())
+    return ", ".join(values)
