@@ -22,7 +22,7 @@ from numba import cuda
 
 from gpu_backend.core.blocks import raise_flag, read_flag
 from gpu_backend.core.compile import inlined, kernel_options, make_kernel, variant_name
-from gpu_backend.core.constraints import make_constants, make_one
+from gpu_backend.core.constraints import make_constants, make_run
 from gpu_backend.core.device import simulated
 from gpu_backend.core.forces import make_forces
 from gpu_backend.core.messages import make_messages
@@ -113,7 +113,7 @@ def make_vertices(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespac
 def make_sweep(real: Any, math: str, projection: Projection) -> Any:
     """sweep(first, last, starts, tables, now, before, corners, values, multipliers, count, fresh, constants): a block's runs
     of the colours `first` to before `last`, whose places begin at `starts` in `tables`."""
-    one, run = make_one(real, math, projection), projection.run
+    take, run = make_run(real, math, projection), projection.run
 
     @inlined(math)
     def sweep(first, last, starts, tables, now, before, corners, values, multipliers, count, fresh, constants):
@@ -125,9 +125,7 @@ def make_sweep(real: Any, math: str, projection: Projection) -> Any:
                 mine, threads = np.int32(cuda.threadIdx.x), np.int32(cuda.blockDim.x)
                 while mine < runs:  # the count of a range's turns would be a quotient
                     place = np.int32(start + mine)
-                    for _ in range(run):
-                        one(now, before, corners, values, multipliers, place, count, fresh, constants)
-                        place = np.int32(place + runs)
+                    take(now, before, corners, values, multipliers, place, runs, count, fresh, constants)
                     mine = np.int32(mine + threads)
                 cuda.syncthreads()
 
