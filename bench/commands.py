@@ -43,7 +43,7 @@ def sweep(
     scene: Annotated[
         list[str] | None,
         typer.Option(
-            help="With --peers: only grid, cloth, xpbd, implicit-16, implicit-4, implicit-1 or rigid. Repeatable."
+            help="With --peers: only grid, cloth, xpbd, implicit-16, implicit-4, implicit-1, tetrahedra or rigid. Repeatable."
         ),
     ] = None,
     store: StorePath = DEFAULT_STORE,
@@ -171,13 +171,21 @@ def projections(
     ] = False,
     backend: Backends = None,
     size: Annotated[list[int] | None, typer.Option(help="Only sheets of N x N masses. Repeatable.")] = None,
+    tetrahedra: Annotated[bool, typer.Option("--tetrahedra", help="Bars of tetrahedra instead of sheets.")] = False,
     precision: RatePrecisions = None,
     store: StorePath = DEFAULT_STORE,
 ) -> None:
     """Time the position-based solvers: how many constraints a second they project, and published cloth beside ours."""
+    from bench.experiments.element_projections import print_element_projections, run_element_projections
     from bench.experiments.projections import print_projections, run_projections
 
     chosen = precisions_of(precision, "float32")
+    if tetrahedra:
+        if size:
+            raise SceneError("--size", size[0], "is of sheets; leave out --tetrahedra")
+        run, show = run_element_projections, print_element_projections
+        measure(store, run, show, quick=quick, backends=backend, precisions=chosen)
+        return
     measure(store, run_projections, print_projections, quick=quick, backends=backend, sizes=size, precisions=chosen)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from bench.peers.base import Peer
 from bench.peers.cpp_openmp import CppOpenmp, CppOpenmpBlocked
+from bench.peers.cpp_tetrahedra import CppTetrahedra
 from bench.peers.cuda_cpp import CudaCpp
 from bench.peers.cuda_cpp_blocked import CudaCppBlocked
 from bench.peers.cuda_cpp_cloth import CudaCppCloth
@@ -27,8 +28,8 @@ def _of_warp(backend: str) -> tuple[Peer, ...]:
 
 
 PEERS: tuple[Peer, ...] = (
-    CppOpenmp(), CppOpenmpBlocked(), *_of_warp("cpu"), NumpyGrid(), CudaCpp(), CudaCppBlocked(), CudaCppCloth(),
-    *_of_warp("gpu"),
+    CppOpenmp(), CppOpenmpBlocked(), CppTetrahedra(), *_of_warp("cpu"), NumpyGrid(), CudaCpp(), CudaCppBlocked(),
+    CudaCppCloth(), *_of_warp("gpu"),
 )  # fmt: skip
 
 

@@ -2,7 +2,8 @@
 
 A sheet keeps its material and its spacing at every size. Cloth by implicit Euler is the same sheet at three step sizes, of
 one, four and sixteen steps in a sixtieth of a second: there the peers are iterative solvers, whose error grows with the step.
-Rigid bodies are towers of ten beams that fall a centimetre on each other and come to rest, n x n of them.
+Rigid bodies are towers of ten beams that fall a centimetre on each other and come to rest, n x n of them. Tetrahedra are a
+bar held at one end, n voxels across and five times as many long.
 """
 
 from __future__ import annotations
@@ -24,6 +25,8 @@ UNDAMPED = {f"{kind}.damping": 0.0 for kind in ("structural", "shear", "bending"
 
 
 TOWER_SQUARES = (1, 4, 16)
+BAR_SQUARES = (2, 4, 8, 16)
+VOXEL, SLENDER = 0.1, 5  # m; how many times as long as wide
 LAYERS = 10  # beams of a tower
 REST = 120  # steps of 1/60 s, after which a tower has come to rest
 TOWERS = {
@@ -79,6 +82,15 @@ def _towers(rows: int, columns: int) -> Scene:
     return Scene(TOWERS | {"beams": beams})
 
 
+def _bar(rows: int, columns: int) -> Scene:
+    sides = [VOXEL * SLENDER * columns, VOXEL * rows, VOXEL * rows]
+    body = {
+        "kind": "tetrahedral_body", "shape": {"name": "box", "sides": sides}, "edge": VOXEL, "material": "neo-hookean",
+        "young_modulus": 1e5, "poisson_ratio": 0.4, "pinned": ["left"],
+    }  # fmt: skip
+    return Scene({"bar": body, "gravity": {}, "method": {"solver": "xpbd", "dt": 1 / 60, "substeps": 20}})
+
+
 TWENTY = {"method.ordering": "gauss-seidel", "method.substeps": 2, "method.iterations": 10}
 SCENES = {
     scene.word: scene
@@ -87,6 +99,7 @@ SCENES = {
         PeerScene("cloth", "cloth by semi-implicit Euler", _sheet("cloth-warp"), CLOTH_SQUARES),
         PeerScene("xpbd", "cloth by XPBD", _sheet("cloth-xpbd", **TWENTY), CLOTH_SQUARES, check_steps=20),
         *(_implicit(steps) for steps in (16, 4, 1)),
+        PeerScene("tetrahedra", "bars of tetrahedra by XPBD", _bar, BAR_SQUARES, check_steps=20),
         PeerScene("rigid", "towers of rigid beams", _towers, TOWER_SQUARES, check_steps=REST, bound=0.1),
     )
 }
@@ -107,15 +120,18 @@ def word_of(scene: Mapping[str, Any]) -> str:
     if method["solver"] == "shape-matching":
         return "rigid"
     if method["solver"] == "xpbd":
-        return "xpbd"
+        return "tetrahedra" if "tetrahedral_body" in _by_kind(scene) else "xpbd"
     if method["integrator"] == "implicit-euler":
         return f"implicit-{1 / (60 * method['dt']):.0f}"
     return "grid" if "grid" in _by_kind(scene) else "cloth"
 
 
 def shape_of(scene: Mapping[str, Any]) -> tuple[int, int]:
-    """(rows, columns) of masses of a sheet as the store describes it; of bodies (towers, beams of each)."""
+    """(rows, columns) of masses of a sheet as the store describes it; of bodies (towers, beams of each); of a bar voxels."""
     parts = _by_kind(scene)
+    if "tetrahedral_body" in parts:
+        long, high, _ = parts["tetrahedral_body"]["shape"]["sides"]
+        return round(high / VOXEL), round(long / VOXEL / SLENDER)
     sheet = parts.get("grid") or parts.get("cloth")
     if sheet:
         return sheet["rows"], sheet["columns"]

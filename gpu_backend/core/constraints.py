@@ -9,6 +9,7 @@ model/formulas/constraints.
 from __future__ import annotations
 
 from functools import cache
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -31,20 +32,15 @@ def make_projections(real: Any, math: str, projection: Projection) -> Any:
     """project(position, before, corners, values, multipliers, start, stop, count, fresh, record): the colour from place
     `start` to before `stop` of a set of `count`; positions are quads with the particles' weights. `multipliers` count as 0
     where `fresh`."""
-    one, constants_of, run = make_one(real, math, projection), make_constants(real, math, projection), projection.run
+    take, constants_of = make_run(real, math, projection), make_constants(real, math, projection)
+    run = projection.run
 
     def project(position, before, corners, values, multipliers, start, stop, size, fresh, record):
         parameters = record[0]
         runs, mine = np.int32((stop - start) // run), np.int32(cuda.grid(1))  # type: ignore[call-arg]
         if mine < runs:
-            constants = constants_of(parameters)
-            place, count = np.int32(start + mine), np.int32(size)
-            if run == 1:
-                one(position, before, corners, values, multipliers, place, count, fresh, constants)
-            else:
-                for _ in range(run):
-                    one(position, before, corners, values, multipliers, place, count, fresh, constants)
-                    place = np.int32(place + runs)
+            constants, place = constants_of(parameters), np.int32(start + mine)
+            take(position, before, corners, values, multipliers, place, runs, np.int32(size), fresh, constants)
 
     return make_kernel(project, f"{projection.name}_{variant_name(real, math)}", **kernel_options(math))
 
@@ -65,20 +61,52 @@ def make_constants(real: Any, math: str, projection: Projection) -> Any:
 
 
 @cache
-def make_one(real: Any, math: str, projection: Projection) -> Any:
-    """one(position, before, corners, values, multipliers, place, count, fresh, constants): the constraint at a place of a set
-    of `count`, whose `corners` are quads of `position` and `before`."""
+def make_run(real: Any, math: str, projection: Projection) -> Any:
+    """take(position, before, corners, values, multipliers, place, apart, count, fresh, constants): a run of constraints of a
+    set of `count`, from `place` on, `apart` from one another, whose `corners` are quads of `position` and `before`."""
+    f, run = make_one(real, math, projection), projection.run
+    corners_of, values_of, quads_of, one = f.corners_of, f.values_of, f.quads_of, f.one
+
+    @inlined(math)
+    def take(position, before, corners, values, multipliers, place, apart, count, fresh, constants):
+        ends = corners_of(corners, count, count, place)
+        if run == 1:
+            quads = quads_of(position, ends, count, place)
+            own = values_of(values, count, count, place)
+            one(position, before, multipliers, ends, quads, own, count, place, fresh, constants)
+        else:
+            own = values_of(values, count, count, place)
+            for member in range(run):
+                here, these, those = place, ends, own
+                quads = quads_of(position, these, count, here)
+                if member + 1 < run:
+                    place = np.int32(place + apart)
+                ends = corners_of(corners, count, count, place)  # what the next one reads is on its way while this one
+                own = values_of(values, count, count, place)  # is projected
+                one(position, before, multipliers, these, quads, those, count, here, fresh, constants)
+
+    return take
+
+
+@cache
+def make_one(real: Any, math: str, projection: Projection) -> SimpleNamespace:
+    """Of the constraint at a place of a set of `count`: `corners_of(corners, count, count, place)`, `values_of(values, ...)`,
+    what is fixed of it; `quads_of(position, ends, ...)`: its particles, `ends` being its corners; `one(position, before,
+    multipliers, ends, quads, values, count, place, fresh, constants)`: its projection."""
     project = device_formulas(projection.make, real, math, **dict(projection.flags)).project
     inline, is_soft, is_damped = inlined(math), projection.soft, projection.damped
     zero = real(0)
 
+    def corner_at(n: int) -> Any:
+        return inline(lambda corners, unused, count, k: corners[n * count + k])
+
     def quad_at(n: int) -> Any:
-        return inline(lambda position, corners, count, k: load_quad(position, corners[n * count + k]))
+        return inline(lambda position, ends, count, k: load_quad(position, ends[n]))
 
     def put_at(n: int) -> Any:
         @inline
-        def put(position, corners, count, k, quad):
-            store_quad(position, corners[n * count + k], quad[0], quad[1], quad[2], quad[3])
+        def put(position, ends, count, k, quad):
+            store_quad(position, ends[n], quad[0], quad[1], quad[2], quad[3])
 
         return put
 
@@ -92,7 +120,7 @@ def make_one(real: Any, math: str, projection: Projection) -> Any:
         return inline(lambda points, quads, unused, k: (points[n][0], points[n][1], points[n][2], quads[n][3]))
 
     def value_at(n: int) -> Any:
-        return inline(lambda values, fresh, count, k: values[n * count + k])
+        return inline(lambda values, unused, count, k: values[n * count + k])
 
     def multiplier_at(n: int) -> Any:
         @inline
@@ -111,6 +139,7 @@ def make_one(real: Any, math: str, projection: Projection) -> Any:
 
         return keep
 
+    corners_of = tuple_of(projection.corners, corner_at, inline)
     quads_of, points_of, weights_of = (
         tuple_of(projection.corners, item, inline) for item in (quad_at, point_at, weight_at)
     )
@@ -125,18 +154,17 @@ def make_one(real: Any, math: str, projection: Projection) -> Any:
     keep_all = each_of(projection.multipliers, keep_at, inline)
 
     @inline
-    def one(position, before, corners, values, multipliers, k, count, fresh, constants):
-        quads = quads_of(position, corners, count, k)
+    def one(position, before, multipliers, ends, quads, values, count, k, fresh, constants):
         points = points_of(quads, count, count, k)
         old = points
         if is_damped:
-            old = points_of(quads_of(before, corners, count, k), count, count, k)
+            old = points_of(quads_of(before, ends, count, k), count, count, k)
         moved, total = project(
-            points, old, weights_of(quads, count, count, k), values_of(values, fresh, count, k),
-            multipliers_of(multipliers, fresh, count, k), constants,
+            points, old, weights_of(quads, count, count, k), values, multipliers_of(multipliers, fresh, count, k),
+            constants,
         )  # fmt: skip
-        put_all(position, corners, count, k, moved_of(moved, quads, count, k))
+        put_all(position, ends, count, k, moved_of(moved, quads, count, k))
         if is_soft:
             keep_all(multipliers, fresh, count, k, total)
 
-    return one
+    return SimpleNamespace(corners_of=corners_of, values_of=values_of, quads_of=quads_of, one=one)

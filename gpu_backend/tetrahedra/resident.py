@@ -22,7 +22,7 @@ from numba import cuda
 
 from gpu_backend.core.blocks import raise_flag, read_flag
 from gpu_backend.core.compile import inlined, kernel_options, make_kernel, variant_name
-from gpu_backend.core.constraints import make_constants, make_one
+from gpu_backend.core.constraints import make_constants, make_run
 from gpu_backend.core.device import simulated
 from gpu_backend.core.forces import make_forces
 from gpu_backend.core.messages import make_messages
@@ -56,13 +56,16 @@ def make_exchange(real: Any, math: str) -> SimpleNamespace:
 
     @inline
     def tell(messages, at, quads, first, count, tag):
-        for n in range(cuda.threadIdx.x, count, cuda.blockDim.x):
+        n, threads = np.int32(cuda.threadIdx.x), np.int32(cuda.blockDim.x)
+        while n < count:  # how often a range turns would be a quotient
             q = load_quad(quads, np.int32(first + n))
             send(messages, np.int32(at + n), q[0], q[1], q[2], tag)
+            n = np.int32(n + threads)
 
     @inline
     def hear(messages, at, quads, first, count, tag, failed):
-        for n in range(cuda.threadIdx.x, count, cuda.blockDim.x):
+        n, threads = np.int32(cuda.threadIdx.x), np.int32(cuda.blockDim.x)
+        while n < count:
             x, y, z, here = receive(messages, np.int32(at + n), tag)
             looks = np.int32(0)
             while not here:
@@ -73,6 +76,7 @@ def make_exchange(real: Any, math: str) -> SimpleNamespace:
                 x, y, z, here = receive(messages, np.int32(at + n), tag)
             vertex = np.int32(first + n)
             store_quad(quads, vertex, x, y, z, load_quad(quads, vertex)[3])
+            n = np.int32(n + threads)
 
     return SimpleNamespace(tell=tell, hear=hear)
 
@@ -87,24 +91,25 @@ def make_vertices(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespac
 
     @inline
     def begin(now, before, velocity, count, tables, particles, world, step):
-        parameters = world.parameters
-        for n in range(cuda.threadIdx.x, count, cuda.blockDim.x):
-            k = np.int32(n)
+        parameters, k, threads = world.parameters, np.int32(cuda.threadIdx.x), np.int32(cuda.blockDim.x)
+        while k < count:
             p, v = load_quad(now, k), load_quad(velocity, k)
             ax, ay, az = add_gravity(zero, zero, zero, parameters)
             ax, ay, az = add_own(ax, ay, az, tables[particles + k], p[3], parameters, world.integers, step)
             x, y, z = predict(p, v, ax, ay, az, parameters)
             store_quad(before, k, p[0], p[1], p[2], p[3])
             store_quad(now, k, x, y, z, p[3])
+            k = np.int32(k + threads)
 
     @inline
     def end(now, before, velocity, count, world, number):
-        for n in range(cuda.threadIdx.x, count, cuda.blockDim.x):
-            k = np.int32(n)
+        k, threads = np.int32(cuda.threadIdx.x), np.int32(cuda.blockDim.x)
+        while k < count:
             b = load_quad(before, k)
             px, py, pz, vx, vy, vz = settle(b, load_quad(now, k), world, number)
             store_quad(now, k, px, py, pz, b[3])
             store_quad(velocity, k, vx, vy, vz, zero)
+            k = np.int32(k + threads)
 
     return SimpleNamespace(begin=begin, end=end)
 
@@ -113,7 +118,7 @@ def make_vertices(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespac
 def make_sweep(real: Any, math: str, projection: Projection) -> Any:
     """sweep(first, last, starts, tables, now, before, corners, values, multipliers, count, fresh, constants): a block's runs
     of the colours `first` to before `last`, whose places begin at `starts` in `tables`."""
-    one, run = make_one(real, math, projection), projection.run
+    take, run = make_run(real, math, projection), projection.run
 
     @inlined(math)
     def sweep(first, last, starts, tables, now, before, corners, values, multipliers, count, fresh, constants):
@@ -123,11 +128,9 @@ def make_sweep(real: Any, math: str, projection: Projection) -> Any:
             runs = np.int32((tables[at + 1] - start) // run)
             if runs > 0:
                 mine, threads = np.int32(cuda.threadIdx.x), np.int32(cuda.blockDim.x)
-                while mine < runs:  # the count of a range's turns would be a quotient
+                while mine < runs:
                     place = np.int32(start + mine)
-                    for _ in range(run):
-                        one(now, before, corners, values, multipliers, place, count, fresh, constants)
-                        place = np.int32(place + runs)
+                    take(now, before, corners, values, multipliers, place, runs, count, fresh, constants)
                     mine = np.int32(mine + threads)
                 cuda.syncthreads()
 

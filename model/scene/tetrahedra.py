@@ -40,6 +40,7 @@ class TetrahedralBody(MeshSource):
     edge: Positive | None = None  # m, of a voxel
     voxels: Count = 10  # along the longest side, unless an edge is given
     tetrahedra: Literal[5, 6, "conforming"] = 5  # to a voxel; six lock sooner; or conforming, which follow the surface
+    sweep: Literal["voxels", "tetrahedra"] = "voxels"  # what has a colour; a voxel's tetrahedra then follow one another
     material: MaterialName = "fixed-corotated"
     young_modulus: Positive = 1e6  # Pa
     poisson_ratio: Poisson = 0.45

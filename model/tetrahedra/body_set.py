@@ -226,13 +226,18 @@ def make_tetrahedra_set(
         _skin(bodies, first),
         np.concatenate([_voxels(one) for one in bodies]),
         np.repeat(
-            np.array([max(1, one.per_voxel) for one in bodies], np.int32), [len(one.mesh.tetrahedra) for one in bodies]
+            np.array([_run_of(*both) for both in zip(parts.values(), bodies, strict=True)], np.int32),
+            [len(one.mesh.tetrahedra) for one in bodies],
         ),
         np.concatenate([one.mesh.position for one in bodies]),
         joined(matter),
         regions,
         attachments,
     )
+
+
+def _run_of(part: TetrahedralBody, body: CookedBody) -> int:
+    return max(1, body.per_voxel) if part.sweep == "voxels" else 1
 
 
 def _voxels(body: CookedBody) -> np.ndarray:

@@ -1,0 +1,150 @@
+"""How many tetrahedra a second the position-based solver projects: `softlab projections --tetrahedra`.
+
+A projection is one tetrahedron, both its constraints, in one iteration; the whole step is timed, as of sheets
+(projections.py). A bar held at one end, in voxels of five tetrahedra, swept voxel by voxel or, as a free mesh must be,
+tetrahedron by tetrahedron in greedy colours: from 400 to a million and more. The bar of 12 800 with 100 substeps a frame is
+that of M. Macklin et al., "Small Steps in Physics Simulation", SCA 2019: 6 ms on an RTX 2080 Ti.
+
+What a tetrahedron must take: `operations`, and `moved_bytes` if nothing of a colour is left in a cache for the next one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from rich.console import Console
+
+from bench.measure.case_timing import Case, RatePoint, Rates, make_case
+from bench.store.database import Store
+from bench.store.results import Measure, measures
+from bench.store.tables import columns, print_table
+from model.core.options import PRECISIONS
+from model.formulas.constraints import tetrahedron
+from model.scene.scene import Scene
+
+STAGE = "tetrahedra_projections"  # of the samples in the store
+STEP = "tetrahedra_projection_step"  # s: the median of a step
+RATE = "tetrahedra_projections_per_second"  # 1/s
+KERNEL = "tetrahedra_projection_kernel"  # its name is the reason
+BARS = {
+    400: (20, 2, 2),
+    3200: (40, 4, 4),
+    12800: (40, 8, 8),
+    102400: (80, 16, 16),
+}  # tetrahedra: voxels along each axis
+QUICK_BARS = (400, 3200)
+LARGE = {1036800: (96, 48, 45), 4096000: (128, 80, 80)}  # on a GPU
+MOST_FREE = 1036800  # greedy colours of more take minutes to find
+SWEEPS = ("voxels", "tetrahedra")
+MATERIALS, QUICK_MATERIALS = ("fixed-corotated", "neo-hookean"), ("neo-hookean",)
+SMALL_STEPS, FEW, SMALL = 100, 10, 12800  # substeps of a frame: of bars up to so many tetrahedra, and of larger ones
+FRAME = 1 / 60  # s
+CORNERS, INDEX, VOXEL_CORNERS, PER_VOXEL = 4, 4, 8, 5  # of a tetrahedron, bytes of an index; of a voxel
+VALUES = tetrahedron.COUNT
+HALF_H200, STREAM_H200 = 33e12, 4.0e12  # 1/s: half of its peak in float32; bytes a second
+
+
+def bar(count: int, sweep: str, material: str) -> Scene:
+    """So many tetrahedra of BARS or LARGE."""
+    sides = (BARS | LARGE)[count]
+    body: dict[str, Any] = {
+        "kind": "tetrahedral_body", "shape": {"name": "box", "sides": [0.1 * n for n in sides]}, "edge": 0.1,
+        "young_modulus": 1e5, "poisson_ratio": 0.4, "material": material, "pinned": ["left"], "sweep": sweep,
+    }  # fmt: skip
+    method = {"solver": "xpbd", "dt": FRAME, "substeps": SMALL_STEPS if count <= SMALL else FEW}
+    return Scene({"bar": body, "gravity": {}, "method": method}, f"a bar of {count} tetrahedra")
+
+
+def count_of(scene: Scene) -> int:
+    """Tetrahedra of such a bar."""
+    sides, edge = scene.tetrahedra["bar"].shape.sides, scene.tetrahedra["bar"].edge  # type: ignore[union-attr]
+    return PER_VOXEL * int(np.prod(np.round(np.array(sides) / edge)))
+
+
+def projections_of(scene: Scene) -> int:
+    """Of a step."""
+    return count_of(scene) * scene.method.substeps * scene.method.iterations
+
+
+def moved_bytes(sweep: str, precision: str) -> float:
+    """Of a tetrahedron: its indices and values read; positions and weights, four numbers a corner, read and written, of a
+    voxel's eight corners once, however many of its tetrahedra have them."""
+    item = np.dtype(PRECISIONS[precision]).itemsize
+    corners = VOXEL_CORNERS / PER_VOXEL if sweep == "voxels" else CORNERS
+    return CORNERS * INDEX + VALUES * item + corners * 2 * 4 * item
+
+
+def operations(material: str, precision: str) -> int:
+    """Floating-point operations of a tetrahedron."""
+    item = np.dtype(PRECISIONS[precision]).itemsize
+    return tetrahedron.operations(tetrahedron.MATERIALS.index(material), item)
+
+
+def groups(backends: Sequence[str], quick: bool, precisions: Sequence[str]) -> list[list[Case]]:
+    """What is timed in turn: all cases of a bar on a backend. `quick`: two bars, one material."""
+    found = []
+    for backend in backends:
+        counts = QUICK_BARS if quick else (*BARS, *(LARGE if backend == "gpu" else ()))
+        for count in counts:
+            scenes = [
+                bar(count, sweep, material)
+                for material in (QUICK_MATERIALS if quick else MATERIALS)
+                for sweep in (SWEEPS if count <= MOST_FREE else SWEEPS[:1])
+            ]
+            found.append([make_case(s, backend, p, f"{count} tetrahedra") for p in precisions for s in scenes])
+    return found
+
+
+RATES = run_element_projections = Rates("projections", STAGE, STEP, RATE, KERNEL, projections_of, groups)
+
+
+# ---------------------------------------------------------------------- what the store says
+
+
+def print_element_projections(console: Console, store: Store, machine: str) -> None:
+    """A table of what was timed on a machine."""
+    rows = []
+    for p in points(measures(store, machine=machine)):
+        moved, done = moved_bytes(p.sweep, p.precision), operations(p.material, p.precision)
+        rows.append((
+            str(p.tetrahedra), p.material, p.sweep, f"{p.backend}, {p.kernel}", f"{1e3 * p.step:.3g}", str(p.substeps),
+            f"{p.rate / 1e6:.4g}", f"{moved * p.rate / 1e9:.3g}", f"{done * p.rate / 1e9:.3g}",
+        ))  # fmt: skip
+    heads = columns(
+        ("tetrahedra", "material", "sweep", "kernel"), ("step, ms", "substeps", "million / s", "GB / s", "Gflop / s")
+    )
+    limits = []
+    for sweep in SWEEPS:
+        by_memory = STREAM_H200 / moved_bytes(sweep, "float32") / 1e9
+        limits.append(f"{by_memory:.0f} of {sweep}")
+    by_work = ", ".join(f"{HALF_H200 / operations(m, 'float32') / 1e9:.0f} ({m})" for m in MATERIALS)
+    print_table(
+        console, heads, rows,
+        "million / s: tetrahedra projected; GB / s, Gflop / s: what they read, write and compute at that rate. An H200's "
+        f"limits in float32, thousand million / s: by memory {', '.join(limits)}, by half its arithmetic {by_work}",
+    )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class ElementPoint(RatePoint):
+    """One bar. `sweep`: of SWEEPS."""
+
+    tetrahedra: int
+    material: str
+    sweep: str
+    substeps: int
+
+
+def points(held: Iterable[Measure]) -> list[ElementPoint]:
+    """What the measures tell of the cases, smallest bars first."""
+    found = []
+    for _, scene, point in RATES.told(held):
+        body = scene.tetrahedra["bar"]
+        found.append(
+            ElementPoint(**vars(point), tetrahedra=count_of(scene), material=body.material, sweep=body.sweep,
+                         substeps=scene.method.substeps)
+        )  # fmt: skip
+    return sorted(found, key=lambda p: (p.backend, p.tetrahedra, p.precision, p.material, p.sweep))

@@ -1,0 +1,88 @@
+"""Tetrahedra projected a second: the cases, what they must take, what the store tells of them."""
+
+from __future__ import annotations
+
+import io
+
+import pytest
+from rich.console import Console
+
+from bench.experiments.element_projections import (
+    BARS,
+    LARGE,
+    MATERIALS,
+    bar,
+    count_of,
+    groups,
+    moved_bytes,
+    operations,
+    points,
+    print_element_projections,
+    projections_of,
+    run_element_projections,
+)
+from bench.store.database import Store
+from bench.store.results import measures
+from model.core.errors import SceneError
+
+
+@pytest.mark.parametrize("count", [400, 3200])
+@pytest.mark.parametrize("sweep", ["voxels", "tetrahedra"])
+def test_a_bar_has_as_many_tetrahedra_as_it_says(count: int, sweep: str) -> None:
+    scene = bar(count, sweep, "neo-hookean")
+    assert count_of(scene) == count == len(scene.tetrahedra_set.tetrahedra)
+    assert projections_of(scene) == count * scene.method.substeps
+    assert set(scene.tetrahedra_set.run) == {5 if sweep == "voxels" else 1}
+
+
+def test_larger_bars_are_counted_without_being_cut() -> None:
+    for count in BARS | LARGE:
+        assert count_of(bar(count, "voxels", "neo-hookean")) == count
+
+
+def test_small_steps_bar_is_among_them() -> None:
+    """12 800 tetrahedra, 100 substeps of a frame of 1/60 s."""
+    scene = bar(12800, "voxels", "fixed-corotated")
+    assert (scene.method.substeps, scene.method.iterations) == (100, 1)
+
+
+def test_what_a_tetrahedron_must_take() -> None:
+    """16 bytes of corners, 52 of values; 32 of a corner, read and written, of which a voxel of five has eight, not twenty."""
+    assert moved_bytes("tetrahedra", "float32") == 16 + 52 + 4 * 32
+    assert moved_bytes("voxels", "float32") == pytest.approx(16 + 52 + 8 * 32 / 5)
+    assert moved_bytes("voxels", "float64") == pytest.approx(16 + 104 + 8 * 64 / 5)
+    assert 100 < operations("neo-hookean", "float32") < operations("fixed-corotated", "float32") < 2000
+
+
+def test_quick_is_a_part_of_the_whole() -> None:
+    every, quick = (
+        {case.scene.canonical() for group in groups(["cpu"], quick, ("float32",)) for case in group}
+        for quick in (False, True)
+    )
+    assert quick < every and len(every) == len(BARS) * len(MATERIALS) * 2
+    most = groups(["gpu"], False, ("float32",))[-1]
+    assert {case.scene.tetrahedra["bar"].sweep for case in most} == {"voxels"}
+
+
+def test_rates_are_kept_and_told(tmp_path: object, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("bench.experiments.element_projections.QUICK_BARS", (400,))
+    monkeypatch.setattr("bench.experiments.element_projections.SMALL_STEPS", 1)
+    monkeypatch.setattr("bench.measure.case_timing.SAMPLE_SECONDS", 0.002)
+    with Store(tmp_path / "results.sqlite") as store:  # type: ignore[operator]
+        summary = run_element_projections(store, quick=True, backends=["cpu"], progress=False)
+        assert (summary.measured, summary.skipped) == (2, [])
+        assert run_element_projections(store, quick=True, backends=["cpu"], progress=False).held == 2
+        found = points(measures(store))
+        assert [(p.tetrahedra, p.sweep) for p in found] == [(400, "tetrahedra"), (400, "voxels")]
+        assert all(p.rate * p.step == pytest.approx(400) for p in found)
+        console = Console(width=120, record=True, file=io.StringIO())
+        print_element_projections(console, store, summary.machine)
+    text = console.export_text()
+    assert text.count("neo-hookean") >= 2 and "limits in float32" in text
+
+
+def test_sheets_have_sizes_and_bars_do_not(tmp_path: object) -> None:
+    from bench.commands import projections
+
+    with pytest.raises(SceneError, match="of sheets"):
+        projections(size=[8], tetrahedra=True)
