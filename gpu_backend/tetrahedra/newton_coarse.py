@@ -29,13 +29,15 @@ assert max((TILE + 1) * ENTRIES, TEAMS * MODES * MOST, TEAMS * MODES * TEAM) <= 
 
 class Coarse(NamedTuple):
     """Centres of the groups with their scales (quads); the band of the matrix, then of its factor, `width` numbers a row from
-    the diagonal on; of each row one over the factor's diagonal, the matrix's diagonal, what is solved for."""
+    the diagonal on; of each row one over the factor's diagonal, the matrix's diagonal, what is solved for; in `fast` math the
+    inverses of the bodies' matrices, one after the other."""
 
     centres: Any
     band: Any
     pivots: Any
     entries: Any
     solved: Any
+    inverse: Any
     width: Any
 
 
@@ -153,7 +155,7 @@ def make_coarse(real: Any, math: str) -> SimpleNamespace:
         y = found[at], found[at + 1], found[at + 2], found[at + 3], found[at + 4], found[at + 5]
         return motion(arm_of(k, group, v, coarse), y)
 
-    return SimpleNamespace(centre=centre, couple=couple, restrict=restrict, corrected=corrected)
+    return SimpleNamespace(centre=centre, couple=couple, restrict=restrict, corrected=corrected, arm_of=arm_of)
 
 
 @cache
