@@ -131,7 +131,8 @@ def make_newton(real: Any, math: str, parts: frozenset[str]) -> Any:
     `flags` (1,) int32, 0 before the launch; `done` (DONE,) int64 is added to; `floor`: of residuals that are left alone."""
     views, dispatch, sum_up = _views(math), _make_dispatch(real, math, parts), _make_sum_up(real, math)
     vectors_of, lists_of, coarse_of = views.vectors, views.lists, views.coarse
-    after, meet = device_formulas(newton.make_control, real, math).after, make_meet(math)
+    # decided in exact math always: a trial may be so far off that its energy is no number, which fast math takes for one
+    after, meet = device_formulas(newton.make_control, real, "exact").after, make_meet(math)
     damped, has_time, zero, quick = DAMPED in parts, knows_time(parts), real(0), math != "exact"
 
     def newton_steps(
