@@ -176,7 +176,7 @@ def make_band(real: Any, math: str) -> SimpleNamespace:
     @inline
     def factor(body, lists, coarse):
         t, threads = np.int32(cuda.threadIdx.x), np.int32(cuda.blockDim.x)
-        band, width, bad = coarse.band, coarse.width, zero
+        band, width, bad, last_inverse, last_many = coarse.band, coarse.width, zero, zero, none
         for k in range(modes * lists.bodies[body], modes * lists.bodies[body + next_one]):
             cuda.syncthreads()
             row, many = np.int32(k * width), np.int32(lists.reach[k] - k)
@@ -185,13 +185,13 @@ def make_band(real: Any, math: str) -> SimpleNamespace:
                 bad = one
             if t == none:
                 coarse.pivots[k] = inverse
-            for j in range(t + next_one, many + next_one, threads):
-                band[row + j] = times(inverse, band[row + j])
-            cuda.syncthreads()
+            for j in range(t + next_one, last_many + next_one, threads):  # of the row before, which all have read
+                band[row - width + j] = times(last_inverse, band[row - width + j])
             for i in range(t // team + next_one, many + next_one, threads // team):
-                share, target = -band[row + i], np.int32((k + i) * width)
+                share, target = -times(inverse, band[row + i]), np.int32((k + i) * width)
                 for j in range(t % team, many - i + next_one, team):
-                    band[target + j] = moved(band[target + j], share, band[row + i + j])
+                    band[target + j] = moved(band[target + j], share, times(inverse, band[row + i + j]))
+            last_inverse, last_many = inverse, many
         cuda.syncthreads()
         return bad
 

@@ -178,6 +178,15 @@ def make_invert(real: Any, math: str) -> Any:
     )
 
     @inline
+    def above(i, k, first, lists, coarse):
+        """Row i's entry in column k."""
+        found = zero
+        if i >= first:
+            if lists.reach[i] >= k:
+                found = coarse.band[i * coarse.width + k - i]
+        return found
+
+    @inline
     def invert(column, lists, coarse, shared):
         t = np.int32(cuda.threadIdx.x)
         lane, base = np.int32(t % team), np.int32(t // team * room)
@@ -188,7 +197,7 @@ def make_invert(real: Any, math: str) -> Any:
         for k in range(first + lane, last, team):
             shared[x + k] = one if k == column else zero
         meet_team()
-        entry, pivot, many = band[column * width + min(lane + next_one, width - next_one)], coarse.pivots[column], none
+        entry, pivot = band[column * width + min(lane + next_one, width - next_one)], coarse.pivots[column]
         many = np.int32(lists.reach[column] - column)
         for k in range(column, last):
             now, here, reached = entry, pivot, many
@@ -204,10 +213,22 @@ def make_invert(real: Any, math: str) -> Any:
             if lane == none:
                 shared[x + k] = y
         meet_team()
+        entry, pivot = (
+            above(np.int32(last - 2 - lane), last - next_one, first, lists, coarse),
+            coarse.pivots[last - next_one],
+        )
         for n in range(size):
-            k = np.int32(last - next_one - n)
-            y = coarse.pivots[k] * shared[x + k]
+            k, now, here = np.int32(last - next_one - n), entry, pivot
             i = np.int32(k - next_one - lane)
+            if k > first:
+                entry, pivot = (
+                    above(np.int32(i - next_one), k - next_one, first, lists, coarse),
+                    coarse.pivots[k - next_one],
+                )
+            y = here * shared[x + k]
+            if i >= first:
+                shared[x + i] -= y * now
+            i = np.int32(i - team)
             while i >= first and lists.reach[i] >= k:
                 shared[x + i] -= y * band[i * width + k - i]
                 i = np.int32(i - team)
