@@ -13,9 +13,9 @@ from gpu_backend.core.compile import inlined
 from gpu_backend.core.forces import make_forces
 from gpu_backend.core.formulas import device_formulas
 from gpu_backend.core.quads import load_quad, store_quad
-from gpu_backend.tetrahedra.newton_coarse import make_band, make_coarse
+from gpu_backend.tetrahedra.newton_coarse import make_band, make_coarse, make_couple
 from gpu_backend.tetrahedra.newton_contact import make_contact
-from gpu_backend.tetrahedra.newton_elements import make_block_access, make_elements
+from gpu_backend.tetrahedra.newton_elements import make_block_access, make_blocks, make_look
 from gpu_backend.tetrahedra.newton_quick import make_invert, make_quick_groups, make_quick_product
 from gpu_backend.tetrahedra.newton_rows import make_moving, make_rows, make_solving
 from gpu_backend.tetrahedra.newton_sums import TEAM, UNIT, make_sums
@@ -85,8 +85,9 @@ def make_substep_ends(real: Any, math: str, parts: frozenset[str]) -> SimpleName
 def make_unit_passes(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
     """`of_elements(kind, unit, count, ...)`: of a block, the passes over UNIT tetrahedra; `of_particles(kind, group, ...)`:
     those over SUMMED particles; both leave sums of groups in `sums`."""
-    inline, elements, rows = inlined(math), make_elements(real, math), make_rows(real, math, parts)
-    look, blocks, gather, settle_row = elements.look, elements.blocks, rows.gather, rows.settle_row
+    inline, look, blocks = inlined(math), make_look(real, math), make_blocks(real, math)
+    rows = make_rows(real, math, parts)
+    gather, settle_row = rows.gather, rows.settle_row
     solve, moving = make_solving(real, math, rows.apply), make_moving(real, math, parts, rows.resist)
     weigh, move = moving.weigh, moving.move
     ends, add_groups = make_substep_ends(real, math, parts), make_sums(real, math).add_groups
@@ -175,7 +176,8 @@ def make_unit_passes(real: Any, math: str, parts: frozenset[str]) -> SimpleNames
 def make_coarse_passes(real: Any, math: str) -> Any:
     """coarse_pass(kind, v, matrix, lists, coarse, shared, sums): of all blocks, over groups, pairs of them, or bodies."""
     level, band, inline = make_coarse(real, math), make_band(real, math), inlined(math)
-    centre, couple, restrict, factor, solve = level.centre, level.couple, level.restrict, band.factor, band.solve
+    centre, restrict, factor, solve = level.centre, level.restrict, band.factor, band.solve
+    couple = make_couple(real, math)
     team, next_one, ordered, invert = np.int32(TEAM), np.int32(1), math == "exact", make_invert(real, math)
 
     @inline
@@ -213,7 +215,7 @@ def make_quick_passes(real: Any, math: str) -> Any:
     """quick_pass(kind, particles, v, matrix, lists, coarse, flip, shares, shared, sums): of all blocks, what is left of
     conjugate gradients in `fast` math: `solve` and `update`, which restrict too, `product` with the new direction,
     `correct`."""
-    groups = make_quick_groups(real, math, make_coarse(real, math).arm_of)
+    groups = make_quick_groups(real, math)
     advance, correct, product = groups.advance, groups.correct, make_quick_product(real, math)
     inline, summed = inlined(math), np.int32(SUMMED)
 

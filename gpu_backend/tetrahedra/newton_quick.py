@@ -18,6 +18,7 @@ from numba import cuda
 from gpu_backend.core.compile import inlined
 from gpu_backend.core.formulas import device_formulas
 from gpu_backend.core.quads import load_quad, store_quad
+from gpu_backend.tetrahedra.newton_coarse import make_arm
 from gpu_backend.tetrahedra.newton_elements import make_block_access
 from gpu_backend.tetrahedra.newton_sums import TEAM, make_quick_sums, make_sums
 from model.formulas.elastic import coarse as formulas_of
@@ -28,24 +29,12 @@ from model.tetrahedra.newton import SUMMED
 
 
 @cache
-def make_quick_groups(real: Any, math: str, arm_of: Any) -> SimpleNamespace:
-    """`advance(kind, group, particles, v, flip, lists, coarse, alpha, shared)`: the residual of the group's particles, and
-    what the coarse level sees of it; `correct(group, particles, v, matrix, lists, coarse, shared, parts)`: what is
-    preconditioned. `flip`: which of the two directions is the last one."""
-    inline, formulas = inlined(math), device_formulas(formulas_of.make, real, math)
-    moment, motion = formulas.moment, formulas.motion
-    moved, products = device_formulas(newton.make, real, math).moved, device_formulas(solving.make, real, math)
-    preconditioned, dot = products.preconditioned, products.dot
-    quick, zero, next_one, modes, team = (
-        make_quick_sums(real, math),
-        real(0),
-        np.int32(1),
-        np.int32(MODES),
-        np.int32(TEAM),
-    )
-    put, slots, of_team, of_block = quick.put, quick.slots, quick.of_team, quick.of_block
+def make_residual(real: Any, math: str) -> Any:
+    """residual_of(kind, k, particles, v, flip, alpha): of particle k, at a solve's start or after a step along the direction,
+    three numbers."""
+    moved, zero = device_formulas(newton.make, real, math).moved, real(0)
 
-    @inline
+    @inlined(math)
     def residual_of(kind, k, particles, v, flip, alpha):
         if kind == SOLVE:
             g = load_quad(v.gradient, k)
@@ -62,6 +51,31 @@ def make_quick_groups(real: Any, math: str, arm_of: Any) -> SimpleNamespace:
             x, y, z = moved(r[0], -alpha, q[0]), moved(r[1], -alpha, q[1]), moved(r[2], -alpha, q[2])
         store_quad(v.residual, k, x, y, z, zero)
         return x, y, z
+
+    return residual_of
+
+
+@cache
+def make_quick_groups(real: Any, math: str) -> SimpleNamespace:
+    """`advance(kind, group, particles, v, flip, lists, coarse, alpha, shared)`: the residual of the group's particles, and
+    what the coarse level sees of it; `correct(group, particles, v, matrix, lists, coarse, shared, parts)`: what is
+    preconditioned. `flip`: which of the two directions is the last one."""
+    inline, formulas = inlined(math), device_formulas(formulas_of.make, real, math)
+    moment, motion = formulas.moment, formulas.motion
+    products, residual_of, arm_of = (
+        device_formulas(solving.make, real, math),
+        make_residual(real, math),
+        make_arm(real, math),
+    )
+    preconditioned, dot = products.preconditioned, products.dot
+    quick, zero, next_one, modes, team = (
+        make_quick_sums(real, math),
+        real(0),
+        np.int32(1),
+        np.int32(MODES),
+        np.int32(TEAM),
+    )
+    put, slots, of_team, of_block = quick.put, quick.slots, quick.of_team, quick.of_block
 
     @inline
     def advance(kind, group, particles, v, flip, lists, coarse, alpha, shared):

@@ -86,20 +86,18 @@ def make_sums(real: Any, math: str) -> SimpleNamespace:
 
     found = {"meet_team": meet_team, "add_groups": add_groups, "total": total, "add_team": add_team}
     if math != "exact":
-        quick = make_quick_sums(real, math)
+        quick = make_quick_totals(real, math)
         found |= {"add_groups": quick.add_groups, "total": quick.total}
     return SimpleNamespace(**found)
 
 
 @cache
 def make_quick_sums(real: Any, math: str) -> SimpleNamespace:
-    """`add_groups` and `total`, by warps; the first of groups gets all of a block's, the others nothing. `of_block(shared,
-    base, x)`: the sum of all threads' x, for each of them; `of_team(shared, x)`: of a team's, for its first lane;
-    `of_four(shared, x)`: of four neighbours', for the first. `put(shared, place, x)`: into the slots `place` SLOTS ... of a
-    block, to be added up by `slots(shared, place)` after a barrier. All threads of a block must call them."""
+    """`of_block(shared, base, x)`: the sum of all threads' x, for each of them; `of_team(shared, x)`: of a team's, for its
+    first lane; `of_four(shared, x)`: of four neighbours', for the first. `put(shared, place, x)`: into the slots `place`
+    SLOTS ... of a block, to be added up by `slots(shared, place)` after a barrier. All threads of a block must call them."""
     inline, zero, warps = inlined(math), real(0), not simulated()
-    summed, unit, team, slot_count = np.int32(SUMMED), np.int32(UNIT), np.int32(TEAM), np.int32(SLOTS)
-    many_slots, scratch = np.int32(2 * UNIT), np.int32(ROOM - THREADS)
+    team, slot_count, scratch = np.int32(TEAM), np.int32(SLOTS), np.int32(ROOM - THREADS)
 
     @inline
     def of_team(shared, x):
@@ -159,6 +157,16 @@ def make_quick_sums(real: Any, math: str) -> SimpleNamespace:
         cuda.syncthreads()
         return slots(shared, base)
 
+    return SimpleNamespace(of_team=of_team, of_four=of_four, put=put, slots=slots, of_block=of_block)
+
+
+@cache
+def make_quick_totals(real: Any, math: str) -> SimpleNamespace:
+    """`add_groups` and `total` of `make_sums`, by warps; the first of groups gets all of a block's, the others nothing."""
+    inline, quick, zero = inlined(math), make_quick_sums(real, math), real(0)
+    put, slots, of_block = quick.put, quick.slots, quick.of_block
+    summed, unit, free = np.int32(SUMMED), np.int32(UNIT), np.int32(2 * UNIT // SLOTS)
+
     @inline
     def add_groups(shared, sums, width, group, count, parts):
         t, threads = np.int32(cuda.threadIdx.x), np.int32(cuda.blockDim.x)
@@ -167,7 +175,7 @@ def make_quick_sums(real: Any, math: str) -> SimpleNamespace:
             running = zero
             for n in range(t, width, threads):
                 running = running + shared[s * unit + n]
-            running = of_block(shared, np.int32(many_slots // slot_count), running)
+            running = of_block(shared, free, running)
             groups = np.int32((width + summed - 1) // summed)
             for n in range(t, groups, threads):
                 parts[s * count + group + n] = running if n == 0 else zero
@@ -190,6 +198,4 @@ def make_quick_sums(real: Any, math: str) -> SimpleNamespace:
             shared[0], shared[1] = one, other
         cuda.syncthreads()
 
-    return SimpleNamespace(
-        add_groups=add_groups, total=total, of_team=of_team, of_four=of_four, put=put, slots=slots, of_block=of_block
-    )  # fmt: skip
+    return SimpleNamespace(add_groups=add_groups, total=total)
