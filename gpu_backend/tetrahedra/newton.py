@@ -51,16 +51,18 @@ class TetrahedraNewton(QuadSimulation):
         rows = block_rows(found.tetrahedra, count)
         groups = aggregates(found, rows, self.body.inverse_mass > 0)
         pairs: Couplings = couplings(groups, rows)
-        of_pairs = pairs.starts, pairs.first, pairs.second, pairs.blocks, pairs.row, pairs.bodies
-        self._tables = Lists._make((found.tetrahedra, material_of(found), *rows.arrays, *groups.arrays, *of_pairs))
+        self._tables = Lists._make(
+            (found.tetrahedra, material_of(found), *rows.arrays, *groups.arrays, *vars(pairs).values())
+        )
         tetrahedra, blocks, size = len(found.tetrahedra), len(rows.columns), len(groups.reach)
         dampers = blocks if DAMPED in self.plan.parts else 0
-        groups_of = -(-max(count, tetrahedra, SUMMED * len(pairs.bodies)) // SUMMED)
+        parts = max(-(-max(count, tetrahedra) // SUMMED), groups.count)
         self._sizes = (  # of the arrays that are only worked in, as the kernel takes them
             BLOCKS * 9 * tetrahedra, 9 * blocks, 9 * dampers, 6 * count, 4 * SIZE * tetrahedra,
         )  # fmt: skip
-        self._coarse_sizes = SIZE * groups.count, size * groups.width, 3 * size
-        self._sum_size = 4 * groups_of
+        inverse = int(pairs.places[-1]) if self.options.math != "exact" else 0
+        self._coarse_sizes = SIZE * groups.count, size * groups.width, 3 * size, inverse
+        self._sum_size, self._most_blocks = 4 * parts, max(-(-tetrahedra // UNIT), -(-count // SUMMED), groups.count)
 
     def _require_space(self) -> None:
         item, found = np.dtype(self.real).itemsize, self.scene.tetrahedra_set
@@ -94,9 +96,7 @@ class TetrahedraNewton(QuadSimulation):
             arguments = self._arguments(1)
             prepare(self._steps, arguments, 0, cooperative=True)
             compiled = self._steps.compile(tuple(self._steps.typeof_pyval(argument) for argument in arguments))
-            tetrahedra = len(self.scene.tetrahedra_set.tetrahedra)
-            wanted = max(-(-tetrahedra // UNIT), -(-self.particle_count // SUMMED))
-            self.blocks = min(wanted, compiled.max_cooperative_grid_blocks(THREADS))
+            self.blocks = min(self._most_blocks, compiled.max_cooperative_grid_blocks(THREADS))
 
     def _arguments(self, steps: int) -> tuple[Any, ...]:
         method = self.scene.method

@@ -29,29 +29,41 @@ assert max((TILE + 1) * ENTRIES, TEAMS * MODES * MOST, TEAMS * MODES * TEAM) <= 
 
 class Coarse(NamedTuple):
     """Centres of the groups with their scales (quads); the band of the matrix, then of its factor, `width` numbers a row from
-    the diagonal on; of each row one over the factor's diagonal, the matrix's diagonal, what is solved for."""
+    the diagonal on; of each row one over the factor's diagonal, the matrix's diagonal, what is solved for; in `fast` math the
+    inverses of the bodies' matrices, one after the other."""
 
     centres: Any
     band: Any
     pivots: Any
     entries: Any
     solved: Any
+    inverse: Any
     width: Any
 
 
 @cache
+def make_arm(real: Any, math: str) -> Any:
+    """arm_of(k, group, v, coarse): of particle k, from the group's centre."""
+    arm = device_formulas(formulas_of.make, real, math).arm
+
+    @inlined(math)
+    def arm_of(k, group, v, coarse):
+        p, c = load_quad(v.position, k), load_quad(coarse.centres, group)
+        return arm(p[0], p[1], p[2], c[0], c[1], c[2], c[3])
+
+    return arm_of
+
+
+@cache
 def make_coarse(real: Any, math: str) -> SimpleNamespace:
-    """`centre(group, v, lists, coarse, shared)`, `restrict(group, ...)`: of a team; `couple(pair, v, matrix, lists, coarse,
-    shared)`: of a block; `corrected(k, v, lists, coarse)`: three numbers to be added at particle k."""
+    """`centre(group, v, lists, coarse, shared)`, `restrict(group, ...)`: of a team;
+    `corrected(k, v, lists, coarse)`: three numbers to be added at particle k."""
     inline, formulas = inlined(math), device_formulas(formulas_of.make, real, math)
-    scale_of, arm, moment, motion, columns = (
-        formulas.scale_of, formulas.arm, formulas.moment, formulas.motion, formulas.columns,
-    )  # fmt: skip
-    dot, load_block = device_formulas(solving.make, real, math).dot, make_block_access(math).load_block
-    sums = make_sums(real, math)
+    scale_of, arm, moment, motion = formulas.scale_of, formulas.arm, formulas.moment, formulas.motion
+    dot, arm_of, sums = device_formulas(solving.make, real, math).dot, make_arm(real, math), make_sums(real, math)
     meet_team, add_team = sums.meet_team, sums.add_team
     zero, one, next_one, none = real(0), real(1), np.int32(1), np.int32(0)
-    team, modes, tile, entries = np.int32(TEAM), np.int32(MODES), np.int32(TILE), np.int32(ENTRIES)
+    team, modes = np.int32(TEAM), np.int32(MODES)
     room, one_lane, three = np.int32(MODES * TEAM), np.int32(1), np.int32(3)
 
     @inline
@@ -59,11 +71,6 @@ def make_coarse(real: Any, math: str) -> SimpleNamespace:
         """(lane, where the team's part of the block's memory begins)"""
         t = np.int32(cuda.threadIdx.x)
         return np.int32(t % team), np.int32(t // team * room)
-
-    @inline
-    def arm_of(k, group, v, coarse):
-        p, c = load_quad(v.position, k), load_quad(coarse.centres, group)
-        return arm(p[0], p[1], p[2], c[0], c[1], c[2], c[3])
 
     @inline
     def centre(group, v, lists, coarse, shared):
@@ -98,6 +105,41 @@ def make_coarse(real: Any, math: str) -> SimpleNamespace:
             coarse.band[modes * group * width + n] = zero
 
     @inline
+    def restrict(group, v, lists, coarse, shared):
+        lane, base = place_of()
+        first, last, running = lists.group_starts[group], lists.group_starts[group + next_one], zero
+        for begin in range(first, last, team):
+            a, b, c, d, e, f = zero, zero, zero, zero, zero, zero
+            if begin + lane < last:
+                k = lists.members[begin + lane]
+                r = load_quad(v.residual, k)
+                a, b, c, d, e, f = moment(arm_of(k, group, v, coarse), r[0], r[1], r[2])
+            at = np.int32(base + lane)
+            shared[at], shared[at + team], shared[at + 2 * team] = a, b, c
+            shared[at + 3 * team], shared[at + 4 * team], shared[at + 5 * team] = d, e, f
+            running = add_team(shared, base, modes, lane, running)
+        if lane < modes:
+            coarse.solved[modes * group + lane] = running
+
+    @inline
+    def corrected(k, v, lists, coarse):
+        group, found = lists.group[k], coarse.solved
+        at = np.int32(modes * group)
+        y = found[at], found[at + 1], found[at + 2], found[at + 3], found[at + 4], found[at + 5]
+        return motion(arm_of(k, group, v, coarse), y)
+
+    return SimpleNamespace(centre=centre, restrict=restrict, corrected=corrected)
+
+
+@cache
+def make_couple(real: Any, math: str) -> Any:
+    """couple(pair, v, matrix, lists, coarse, shared): of a block, what the matrix couples two groups by."""
+    inline, columns = inlined(math), device_formulas(formulas_of.make, real, math).columns
+    load_block, arm_of = make_block_access(math).load_block, make_arm(real, math)
+    zero, next_one, none = real(0), np.int32(1), np.int32(0)
+    modes, tile, entries = np.int32(MODES), np.int32(TILE), np.int32(ENTRIES)
+
+    @inline
     def couple(pair, v, matrix, lists, coarse, shared):
         t, threads = np.int32(cuda.threadIdx.x), np.int32(cuda.blockDim.x)
         group, other, width = lists.pair_first[pair], lists.pair_second[pair], coarse.width
@@ -129,31 +171,7 @@ def make_coarse(real: Any, math: str) -> SimpleNamespace:
                     coarse.entries[modes * group + i] = shared[tile * entries + e]
         cuda.syncthreads()
 
-    @inline
-    def restrict(group, v, lists, coarse, shared):
-        lane, base = place_of()
-        first, last, running = lists.group_starts[group], lists.group_starts[group + next_one], zero
-        for begin in range(first, last, team):
-            a, b, c, d, e, f = zero, zero, zero, zero, zero, zero
-            if begin + lane < last:
-                k = lists.members[begin + lane]
-                r = load_quad(v.residual, k)
-                a, b, c, d, e, f = moment(arm_of(k, group, v, coarse), r[0], r[1], r[2])
-            at = np.int32(base + lane)
-            shared[at], shared[at + team], shared[at + 2 * team] = a, b, c
-            shared[at + 3 * team], shared[at + 4 * team], shared[at + 5 * team] = d, e, f
-            running = add_team(shared, base, modes, lane, running)
-        if lane < modes:
-            coarse.solved[modes * group + lane] = running
-
-    @inline
-    def corrected(k, v, lists, coarse):
-        group, found = lists.group[k], coarse.solved
-        at = np.int32(modes * group)
-        y = found[at], found[at + 1], found[at + 2], found[at + 3], found[at + 4], found[at + 5]
-        return motion(arm_of(k, group, v, coarse), y)
-
-    return SimpleNamespace(centre=centre, couple=couple, restrict=restrict, corrected=corrected)
+    return couple
 
 
 @cache
@@ -174,7 +192,7 @@ def make_band(real: Any, math: str) -> SimpleNamespace:
     @inline
     def factor(body, lists, coarse):
         t, threads = np.int32(cuda.threadIdx.x), np.int32(cuda.blockDim.x)
-        band, width, bad = coarse.band, coarse.width, zero
+        band, width, bad, last_inverse, last_many = coarse.band, coarse.width, zero, zero, none
         for k in range(modes * lists.bodies[body], modes * lists.bodies[body + next_one]):
             cuda.syncthreads()
             row, many = np.int32(k * width), np.int32(lists.reach[k] - k)
@@ -183,13 +201,13 @@ def make_band(real: Any, math: str) -> SimpleNamespace:
                 bad = one
             if t == none:
                 coarse.pivots[k] = inverse
-            for j in range(t + next_one, many + next_one, threads):
-                band[row + j] = times(inverse, band[row + j])
-            cuda.syncthreads()
+            for j in range(t + next_one, last_many + next_one, threads):  # of the row before, which all have read
+                band[row - width + j] = times(last_inverse, band[row - width + j])
             for i in range(t // team + next_one, many + next_one, threads // team):
-                share, target = -band[row + i], np.int32((k + i) * width)
+                share, target = -times(inverse, band[row + i]), np.int32((k + i) * width)
                 for j in range(t % team, many - i + next_one, team):
-                    band[target + j] = moved(band[target + j], share, band[row + i + j])
+                    band[target + j] = moved(band[target + j], share, times(inverse, band[row + i + j]))
+            last_inverse, last_many = inverse, many
         cuda.syncthreads()
         return bad
 

@@ -57,20 +57,10 @@ def make_block_access(math: str) -> SimpleNamespace:
 
 
 @cache
-def make_elements(real: Any, math: str) -> SimpleNamespace:
-    """`look(n, count, position, corners, materials, values, forces)` -> (energy, its doubt) [J], with the forces at the four
-    corners of tetrahedron n of `count`; `blocks(n, ..., damped, safe, found)`: its tangent, BLOCKS blocks, times the damping
-    time where `damped`."""
-    inline, one = inlined(math), real(1)
-    elastic = device_formulas(deformation.make_gradient, real, math)
-    gradient, at_corners = elastic.gradient, elastic.corners
-    rotation = device_formulas(deformation.make_rotation, real, math)
-    shape, doubt = device_formulas(tangent.make, real, math), device_formulas(newton.make, real, math).doubt
-    stress, frame, moduli, block, seen_in = shape.stress, shape.frame, shape.moduli, shape.block, shape.seen_in
-    products, access = device_formulas(solving.make, real, math), make_block_access(math)
-    times, scaled, weighted = products.times, products.scaled, products.weighted
-    store_block, transposed, added, zero = access.store_block, access.transposed, access.added, real(0)
-    four, every = np.int32(4), np.int32(BLOCKS)
+def make_reading(real: Any, math: str) -> SimpleNamespace:
+    """`rest_of(values, n, count, n)`: B of tetrahedron n of `count`; `deformed(n, position, corners, rest)`: F."""
+    inline, four = inlined(math), np.int32(4)
+    gradient = device_formulas(deformation.make_gradient, real, math).gradient
 
     def value_at(n: int) -> Any:
         return inline(lambda values, unused, count, t: values[n * count + t])
@@ -88,6 +78,23 @@ def make_elements(real: Any, math: str) -> SimpleNamespace:
             xyz(load_quad(position, corners[first])), xyz(load_quad(position, corners[first + 1])),
             xyz(load_quad(position, corners[first + 2])), xyz(load_quad(position, corners[first + 3])), rest,
         )  # fmt: skip
+
+    return SimpleNamespace(rest_of=rest_of, deformed=deformed)
+
+
+@cache
+def make_look(real: Any, math: str) -> Any:
+    """look(n, count, position, corners, materials, values, forces) -> (energy, its doubt) [J], with the forces at the four
+    corners of tetrahedron n of `count`."""
+    inline, four, zero = inlined(math), np.int32(4), real(0)
+    at_corners = device_formulas(deformation.make_gradient, real, math).corners
+    rotation, products = (
+        device_formulas(deformation.make_rotation, real, math),
+        device_formulas(solving.make, real, math),
+    )
+    stress, doubt = device_formulas(tangent.make, real, math).stress, device_formulas(newton.make, real, math).doubt
+    times, scaled, reading = products.times, products.scaled, make_reading(real, math)
+    rest_of, deformed = reading.rest_of, reading.deformed
 
     @inline
     def put(forces, place, volume, g):
@@ -110,6 +117,24 @@ def make_elements(real: Any, math: str) -> SimpleNamespace:
         put(forces, np.int32(first + 2), volume, c)
         put(forces, np.int32(first + 3), volume, d)
         return times(volume, held), doubt(held, volume, mu, lame, material == HOOKEAN)
+
+    return look
+
+
+@cache
+def make_blocks(real: Any, math: str) -> Any:
+    """blocks(n, count, position, corners, materials, values, damped, safe, found): the tangent of tetrahedron n of `count`,
+    BLOCKS blocks, times the damping time where `damped`."""
+    inline, one, every = inlined(math), real(1), np.int32(BLOCKS)
+    rotation, shape = device_formulas(deformation.make_rotation, real, math), device_formulas(tangent.make, real, math)
+    frame, moduli, block, seen_in = shape.frame, shape.moduli, shape.block, shape.seen_in
+    products, access, reading = (
+        device_formulas(solving.make, real, math),
+        make_block_access(math),
+        make_reading(real, math),
+    )
+    times, weighted, rest_of, deformed = products.times, products.weighted, reading.rest_of, reading.deformed
+    store_block, transposed, added = access.store_block, access.transposed, access.added
 
     @inline
     def negative(a):
@@ -162,4 +187,4 @@ def make_elements(real: Any, math: str) -> SimpleNamespace:
         store_block(found, np.int32(first + 2), ac)
         store_block(found, np.int32(first + 3), ad)
 
-    return SimpleNamespace(look=look, blocks=blocks)
+    return blocks

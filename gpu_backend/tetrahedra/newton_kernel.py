@@ -9,19 +9,27 @@ block begins the next pass while a slow one still reads them.
 from __future__ import annotations
 
 from functools import cache
+from types import SimpleNamespace
 from typing import Any, NamedTuple
 
 import numpy as np
 from numba import cuda
 
-from gpu_backend.core.compile import kernel_options, make_kernel, variant_name
+from gpu_backend.core.compile import inlined, kernel_options, make_kernel, variant_name
 from gpu_backend.core.formulas import device_formulas
 from gpu_backend.core.integers import knows_time
 from gpu_backend.core.meeting import make_meet
 from gpu_backend.core.quads import SIZE
 from gpu_backend.core.world import World
 from gpu_backend.tetrahedra.newton_coarse import Coarse
-from gpu_backend.tetrahedra.newton_passes import BACK, FACTOR, make_coarse_passes, make_unit_passes
+from gpu_backend.tetrahedra.newton_passes import (
+    BACK,
+    FACTOR,
+    INVERT,
+    make_coarse_passes,
+    make_quick_passes,
+    make_unit_passes,
+)
 from gpu_backend.tetrahedra.newton_rows import Matrix, Vectors
 from gpu_backend.tetrahedra.newton_sums import ROOM, THREADS, UNIT, make_sums
 from model.formulas.elastic import newton
@@ -32,18 +40,21 @@ from model.formulas.elastic.newton import (
     COARSE,
     CORRECT,
     DAMPER_BLOCKS,
+    DIRECTION,
     FINISH,
     LOOK,
     MOVE,
     PRODUCT,
     RESTRICT,
     ROWS,
+    SOLVE,
+    UPDATE,
     WEIGH,
 )
 from model.tetrahedra.newton import DAMPED, SUMMED
 
 DONE = ("substeps", "looks", "matrices", "products", "steps")  # that a simulation has done
-WORKING = len(Vectors._fields) - 2  # vectors beside the state
+WORKING = len(Vectors._fields) - 1  # vectors beside the state: directions are two
 
 
 class Lists(NamedTuple):
@@ -68,6 +79,8 @@ class Lists(NamedTuple):
     pair_blocks: Any
     block_row: Any
     bodies: Any
+    body_of: Any
+    places: Any
 
 
 def packed(lists: Lists) -> np.ndarray:
@@ -76,60 +89,62 @@ def packed(lists: Lists) -> np.ndarray:
     return np.concatenate([ends, *(one.reshape(-1) for one in lists)]).astype(np.int32)
 
 
+def _views(math: str) -> SimpleNamespace:
+    """Parts of packed arrays: `vectors(position, velocity, working)`, `lists(tables)`, `coarse(lists, centres, band,
+    unknowns, inverse)`. (Tuples of slices that functions make one by one take the compiler minutes.)"""
+    inline, one = inlined(math), np.int32(1)
+
+    @inline
+    def vectors(position, velocity, working):
+        n, w = position.size, working
+        return Vectors(
+            position, velocity, w[:n], w[n : 2 * n], w[2 * n : 3 * n], w[3 * n : 4 * n], w[4 * n : 5 * n], w[5 * n : 6 * n],
+            w[6 * n : 7 * n], w[7 * n : 8 * n], w[8 * n : 9 * n], w[9 * n : 10 * n], w[10 * n :],
+        )  # fmt: skip
+
+    @inline
+    def lists(t):
+        return Lists(
+            t[t[0] : t[1]], t[t[1] : t[2]], t[t[2] : t[3]], t[t[3] : t[4]], t[t[4] : t[5]], t[t[5] : t[6]], t[t[6] : t[7]],
+            t[t[7] : t[8]], t[t[8] : t[9]], t[t[9] : t[10]], t[t[10] : t[11]], t[t[11] : t[12]], t[t[12] : t[13]],
+            t[t[13] : t[14]], t[t[14] : t[15]], t[t[15] : t[16]], t[t[16] : t[17]], t[t[17] : t[18]], t[t[18] : t[19]],
+            t[t[19] : t[20]], t[t[20] : t[21]],
+        )  # fmt: skip
+
+    @inline
+    def coarse(lists, centres, band, unknowns, inverse):
+        many = np.int32(len(lists.reach))
+        return Coarse(
+            centres, band, unknowns[:many], unknowns[many : 2 * many], unknowns[2 * many : 3 * many], inverse,
+            np.int32(band.size // max(many, one)),
+        )  # fmt: skip
+
+    return SimpleNamespace(vectors=vectors, lists=lists, coarse=coarse)
+
+
 @cache
 def make_newton(real: Any, math: str, parts: frozenset[str]) -> Any:
     """kernel(position, velocity, working, values, found, blocks, damper, inverses, forces, holding, centres, band, unknowns,
-    tables, sums, flags, done, record, bodies, integers, counter, steps, substeps, iterations, floor): `steps` steps of the
-    state in `position` and `velocity`. `working`: WORKING vectors of quads; `values`: of tetrahedra, column by column; then
-    those of Matrix and Coarse, of which `unknowns` has three; `tables`: `packed`; `sums`: twice what groups sum up; `flags`
-    (1,) int32, 0 before the launch; `done` (DONE,) int64 is added to; `floor`: of residuals that are left alone."""
-    units, coarse_pass = make_unit_passes(real, math, parts), make_coarse_passes(real, math)
-    of_elements, of_particles, total = units.of_elements, units.of_particles, make_sums(real, math).total
-    after, meet = device_formulas(newton.make_control, real, math).after, make_meet(math)
-    damped, has_time, zero = DAMPED in parts, knows_time(parts), real(0)
-    summed, unit_size, quad, one_sum, two_sums = (
-        np.int32(SUMMED),
-        np.int32(UNIT),
-        np.int32(SIZE),
-        np.int32(1),
-        np.int32(2),
-    )
+    inverse, tables, sums, flags, done, record, bodies, integers, counter, steps, substeps, iterations, floor): `steps` steps
+    of the state in `position` and `velocity`. `working`: WORKING vectors of quads; `values`: of tetrahedra, column by column;
+    then those of Matrix and Coarse, of which `unknowns` has three; `tables`: `packed`; `sums`: twice what groups sum up;
+    `flags` (1,) int32, 0 before the launch; `done` (DONE,) int64 is added to; `floor`: of residuals that are left alone."""
+    views, dispatch, sum_up = _views(math), _make_dispatch(real, math, parts), _make_sum_up(real, math)
+    vectors_of, lists_of, coarse_of = views.vectors, views.lists, views.coarse
+    # decided in exact math always: a trial may be so far off that its energy is no number, which fast math takes for one
+    after, meet = device_formulas(newton.make_control, real, "exact").after, make_meet(math)
+    damped, has_time, zero, quick = DAMPED in parts, knows_time(parts), real(0), math != "exact"
 
     def newton_steps(
         position, velocity, working, values, found, blocks, damper, inverses, forces, holding, centres, band, unknowns,
-        tables, sums, flags, done, record, bodies, integers, counter, steps, substeps, iterations, floor,
+        inverse, tables, sums, flags, done, record, bodies, integers, counter, steps, substeps, iterations, floor,
     ):  # fmt: skip
         shared = cuda.shared.array(ROOM, real)
         world, matrix = World(record[0], bodies, integers), Matrix(found, blocks, damper, inverses, forces, holding)
-        size = position.size
-        v = Vectors(
-            position, velocity, working[:size], working[size : 2 * size], working[2 * size : 3 * size],
-            working[3 * size : 4 * size], working[4 * size : 5 * size], working[5 * size : 6 * size],
-            working[6 * size : 7 * size], working[7 * size : 8 * size], working[8 * size : 9 * size],
-            working[9 * size : 10 * size], working[10 * size : 11 * size],
-        )  # fmt: skip
-        lists = Lists(
-            tables[tables[0] : tables[1]], tables[tables[1] : tables[2]], tables[tables[2] : tables[3]],
-            tables[tables[3] : tables[4]], tables[tables[4] : tables[5]], tables[tables[5] : tables[6]],
-            tables[tables[6] : tables[7]], tables[tables[7] : tables[8]], tables[tables[8] : tables[9]],
-            tables[tables[9] : tables[10]], tables[tables[10] : tables[11]], tables[tables[11] : tables[12]],
-            tables[tables[12] : tables[13]], tables[tables[13] : tables[14]], tables[tables[14] : tables[15]],
-            tables[tables[15] : tables[16]], tables[tables[16] : tables[17]], tables[tables[17] : tables[18]],
-            tables[tables[18] : tables[19]],
-        )  # fmt: skip
-        many = np.int32(len(lists.reach))
-        coarse = Coarse(
-            centres, band, unknowns[:many], unknowns[many : 2 * many], unknowns[2 * many : 3 * many],
-            np.int32(band.size // max(many, one_sum)),
-        )  # fmt: skip
-        particles, tetrahedra = np.int32(size // quad), np.int32(len(lists.materials))
-        groups, element_groups = (
-            np.int32((particles + summed - 1) // summed),
-            np.int32((tetrahedra + summed - 1) // summed),
-        )
-        element_units, alone = np.int32((tetrahedra + unit_size - 1) // unit_size), np.int32(len(lists.bodies) - 1)
-        block, wanted, turn, half = np.int32(cuda.blockIdx.x), np.int32(cuda.gridDim.x), 0, sums.size // 2
-        first_thread = block == 0 and cuda.threadIdx.x == 0
+        v, lists = vectors_of(position, velocity, working), lists_of(tables)
+        coarse = coarse_of(lists, centres, band, unknowns, inverse)
+        wanted, turn, flip, half = np.int32(cuda.gridDim.x), 0, 0, sums.size // 2
+        first_thread = cuda.blockIdx.x == 0 and cuda.threadIdx.x == 0
         for number in range(steps * substeps):
             step = np.int64(0)
             if has_time:
@@ -139,34 +154,15 @@ def make_newton(real: Any, math: str, parts: frozenset[str]) -> Any:
             kept = zero, zero, zero, zero, zero, zero, zero, zero, zero, zero
             while True:
                 parts_of = sums[turn * half : (turn + 1) * half]
-                if kind in (LOOK, BLOCKS, DAMPER_BLOCKS):
-                    for unit in range(block, element_units, cuda.gridDim.x):
-                        of_elements(kind, unit, tetrahedra, v, matrix, lists, values, counts[1], shared, parts_of)
-                elif kind in (CENTRES, COARSE, RESTRICT, FACTOR, BACK):
-                    coarse_pass(kind, v, matrix, lists, coarse, shared, parts_of)
-                else:
-                    shares = kept[5], kept[6], kept[7]
-                    for group in range(block, groups, cuda.gridDim.x):
-                        of_particles(
-                            kind, group, particles, v, matrix, lists, coarse, world, time, shares, shared, parts_of
-                        )
+                shares = kept[5], kept[6], kept[7]
+                dispatch(kind, v, matrix, lists, coarse, values, world, time, counts[1], flip, shares, shared, parts_of)
                 wanted = meet(flags, wanted)
                 if kind == FINISH:
                     break
-                if kind in (COARSE, RESTRICT):
-                    kind = FACTOR if kind == COARSE else BACK
+                if kind == COARSE or (quick and kind == FACTOR) or (not quick and kind == RESTRICT):
+                    kind = FACTOR if kind == COARSE else (INVERT if quick else BACK)
                     continue
-                first, second = zero, zero
-                if kind == LOOK:
-                    total(shared, two_sums, element_groups, parts_of)
-                    first, second = shared[0], shared[1]
-                elif kind in (WEIGH, ROWS, PRODUCT, CORRECT, MOVE):
-                    total(shared, one_sum, groups, parts_of)
-                    first = shared[0]
-                elif kind == FACTOR:
-                    total(shared, one_sum, alone, parts_of)
-                    first = shared[0]
-                cuda.syncthreads()
+                first, second = sum_up(kind, v, lists, shared, parts_of)
                 if first_thread:
                     if kind == LOOK:
                         done[1] += 1
@@ -174,11 +170,16 @@ def make_newton(real: Any, math: str, parts: frozenset[str]) -> Any:
                         done[2] += 1
                     elif kind == PRODUCT:
                         done[3] += 1
-                if kind == FACTOR:
+                if kind in (FACTOR, INVERT):
                     kind = COARSE
                 elif kind == BACK:
                     kind = RESTRICT
+                elif kind == PRODUCT:
+                    flip = 1 - flip
                 kind, counts, kept = after(kind, counts, kept, first, second, iterations, damped, floor)
+                if quick:
+                    if kind in (RESTRICT, DIRECTION):  # has been done, or is done with the next pass
+                        kind, counts, kept = after(kind, counts, kept, zero, zero, iterations, damped, floor)
                 turn = 1 - turn
             if first_thread:
                 done[0] += 1
@@ -186,3 +187,54 @@ def make_newton(real: Any, math: str, parts: frozenset[str]) -> Any:
 
     variant = variant_name(real, math, parts)
     return make_kernel(newton_steps, f"newton_{variant}", launch_bounds=(THREADS, 1), **kernel_options(math))
+
+
+def _make_dispatch(real: Any, math: str, parts: frozenset[str]) -> Any:
+    """dispatch(kind, ...): this block's part of a pass."""
+    units, coarse_pass = make_unit_passes(real, math, parts), make_coarse_passes(real, math)
+    of_elements, of_particles, quick_pass = units.of_elements, units.of_particles, make_quick_passes(real, math)
+    summed, unit_size, quad, quick = np.int32(SUMMED), np.int32(UNIT), np.int32(SIZE), math != "exact"
+
+    @inlined(math)
+    def dispatch(kind, v, matrix, lists, coarse, values, world, time, safe, flip, shares, shared, sums):
+        block, blocks = np.int32(cuda.blockIdx.x), np.int32(cuda.gridDim.x)
+        particles, tetrahedra = np.int32(v.position.size // quad), np.int32(len(lists.materials))
+        if kind in (LOOK, BLOCKS, DAMPER_BLOCKS):
+            for unit in range(block, (tetrahedra + unit_size - 1) // unit_size, blocks):
+                of_elements(kind, unit, tetrahedra, v, matrix, lists, values, safe, shared, sums)
+        elif kind in (CENTRES, COARSE, FACTOR, INVERT, RESTRICT, BACK):
+            coarse_pass(kind, v, matrix, lists, coarse, shared, sums)
+        elif quick and kind in (SOLVE, UPDATE, PRODUCT, CORRECT):
+            quick_pass(kind, particles, v, matrix, lists, coarse, flip, shares, shared, sums)
+        else:
+            for group in range(block, (particles + summed - 1) // summed, blocks):
+                of_particles(kind, group, particles, v, matrix, lists, coarse, world, time, shares, shared, sums)
+
+    return dispatch
+
+
+def _make_sum_up(real: Any, math: str) -> Any:
+    """sum_up(kind, v, lists, shared, parts) -> the two sums that a pass has left, 0 where it leaves none."""
+    total, zero, summed, quad = make_sums(real, math).total, real(0), np.int32(SUMMED), np.int32(SIZE)
+    one_sum, two_sums, quick = np.int32(1), np.int32(2), math != "exact"
+
+    @inlined(math)
+    def sum_up(kind, v, lists, shared, parts):
+        first, second, count = zero, zero, np.int32(0)
+        if kind == LOOK:
+            count = np.int32((len(lists.materials) + summed - 1) // summed)
+        elif kind in (FACTOR, INVERT):
+            count = np.int32(len(lists.bodies) - 1)
+        elif quick and kind == CORRECT:
+            count = np.int32(len(lists.body_of))
+        elif kind in (WEIGH, ROWS, PRODUCT, CORRECT, MOVE):
+            count = np.int32((v.position.size // quad + summed - 1) // summed)
+        if count > 0:
+            total(shared, two_sums if kind == LOOK else one_sum, count, parts)
+            first = shared[0]
+            if kind == LOOK:
+                second = shared[1]
+        cuda.syncthreads()
+        return first, second
+
+    return sum_up

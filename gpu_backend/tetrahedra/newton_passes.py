@@ -13,9 +13,10 @@ from gpu_backend.core.compile import inlined
 from gpu_backend.core.forces import make_forces
 from gpu_backend.core.formulas import device_formulas
 from gpu_backend.core.quads import load_quad, store_quad
-from gpu_backend.tetrahedra.newton_coarse import make_band, make_coarse
+from gpu_backend.tetrahedra.newton_coarse import make_band, make_coarse, make_couple
 from gpu_backend.tetrahedra.newton_contact import make_contact
-from gpu_backend.tetrahedra.newton_elements import make_block_access, make_elements
+from gpu_backend.tetrahedra.newton_elements import make_block_access, make_blocks, make_look
+from gpu_backend.tetrahedra.newton_quick import make_invert, make_quick_groups, make_quick_product
 from gpu_backend.tetrahedra.newton_rows import make_moving, make_rows, make_solving
 from gpu_backend.tetrahedra.newton_sums import TEAM, UNIT, make_sums
 from gpu_backend.xpbd.mesh_kernels import AXES
@@ -34,13 +35,14 @@ from model.formulas.elastic.newton import (
     LOOK,
     MOVE,
     PRODUCT,
+    RESTRICT,
     ROWS,
     UPDATE,
     WEIGH,
 )
 from model.tetrahedra.newton import DAMPED, SUMMED
 
-FACTOR, BACK = len(KINDS), len(KINDS) + 1  # what follows `coarse rows`, and `restrict`, before the next of KINDS
+FACTOR, INVERT, BACK = range(len(KINDS), len(KINDS) + 3)  # what follows `coarse rows`, and `restrict`, before the next
 
 
 @cache
@@ -83,8 +85,9 @@ def make_substep_ends(real: Any, math: str, parts: frozenset[str]) -> SimpleName
 def make_unit_passes(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
     """`of_elements(kind, unit, count, ...)`: of a block, the passes over UNIT tetrahedra; `of_particles(kind, group, ...)`:
     those over SUMMED particles; both leave sums of groups in `sums`."""
-    inline, elements, rows = inlined(math), make_elements(real, math), make_rows(real, math, parts)
-    look, blocks, gather, settle_row = elements.look, elements.blocks, rows.gather, rows.settle_row
+    inline, look, blocks = inlined(math), make_look(real, math), make_blocks(real, math)
+    rows = make_rows(real, math, parts)
+    gather, settle_row = rows.gather, rows.settle_row
     solve, moving = make_solving(real, math, rows.apply), make_moving(real, math, parts, rows.resist)
     weigh, move = moving.weigh, moving.move
     ends, add_groups = make_substep_ends(real, math, parts), make_sums(real, math).add_groups
@@ -92,6 +95,7 @@ def make_unit_passes(real: Any, math: str, parts: frozenset[str]) -> SimpleNames
     access, moved = make_block_access(math), device_formulas(passes.make, real, math).moved
     load_block, store_block = access.load_block, access.store_block
     damped, zero, summed, unit_size, both = DAMPED in parts, real(0), np.int32(SUMMED), np.int32(UNIT), np.int32(2)
+    ordered = math == "exact"
     next_one = np.int32(1)
 
     @inline
@@ -153,7 +157,7 @@ def make_unit_passes(real: Any, math: str, parts: frozenset[str]) -> SimpleNames
                 elif load_quad(v.before, k)[3] != zero:
                     if kind == WEIGH:
                         total = weigh(k, v, matrix, lists, world, number)
-                    elif kind in (PRODUCT, UPDATE, CORRECT, DIRECTION):
+                    elif ordered and kind in (PRODUCT, UPDATE, CORRECT, DIRECTION):
                         more = zero, zero, zero
                         if kind == CORRECT:
                             more = corrected(k, v, lists, coarse)
@@ -172,8 +176,9 @@ def make_unit_passes(real: Any, math: str, parts: frozenset[str]) -> SimpleNames
 def make_coarse_passes(real: Any, math: str) -> Any:
     """coarse_pass(kind, v, matrix, lists, coarse, shared, sums): of all blocks, over groups, pairs of them, or bodies."""
     level, band, inline = make_coarse(real, math), make_band(real, math), inlined(math)
-    centre, couple, restrict, factor, solve = level.centre, level.couple, level.restrict, band.factor, band.solve
-    team, next_one = np.int32(TEAM), np.int32(1)
+    centre, restrict, factor, solve = level.centre, level.restrict, band.factor, band.solve
+    couple = make_couple(real, math)
+    team, next_one, ordered, invert = np.int32(TEAM), np.int32(1), math == "exact", make_invert(real, math)
 
     @inline
     def coarse_pass(kind, v, matrix, lists, coarse, shared, sums):
@@ -188,14 +193,44 @@ def make_coarse_passes(real: Any, math: str) -> Any:
                 bad = factor(body, lists, coarse)
                 if t == 0:
                     sums[body] = bad
-        elif kind == BACK:
-            for body in range(first_team, len(lists.bodies) - 1, blocks * teams):
-                solve(body, lists, coarse, shared)
-        else:
-            for group in range(first_team, len(lists.group_starts) - next_one, blocks * teams):
-                if kind == CENTRES:
-                    centre(group, v, lists, coarse, shared)
-                else:
+        elif kind == CENTRES:
+            for group in range(first_team, len(lists.body_of), blocks * teams):
+                centre(group, v, lists, coarse, shared)
+        elif ordered:
+            if kind == RESTRICT:
+                for group in range(first_team, len(lists.body_of), blocks * teams):
                     restrict(group, v, lists, coarse, shared)
+            else:
+                for body in range(first_team, len(lists.bodies) - next_one, blocks * teams):
+                    solve(body, lists, coarse, shared)
+        else:
+            for column in range(first_team, len(lists.reach), blocks * teams):
+                invert(column, lists, coarse, shared)
 
     return coarse_pass
+
+
+@cache
+def make_quick_passes(real: Any, math: str) -> Any:
+    """quick_pass(kind, particles, v, matrix, lists, coarse, flip, shares, shared, sums): of all blocks, what is left of
+    conjugate gradients in `fast` math: `solve` and `update`, which restrict too, `product` with the new direction,
+    `correct`."""
+    groups = make_quick_groups(real, math)
+    advance, correct, product = groups.advance, groups.correct, make_quick_product(real, math)
+    inline, summed = inlined(math), np.int32(SUMMED)
+
+    @inline
+    def quick_pass(kind, particles, v, matrix, lists, coarse, flip, shares, shared, sums):
+        block, blocks = np.int32(cuda.blockIdx.x), np.int32(cuda.gridDim.x)
+        alpha, beta, _ = shares
+        if kind == PRODUCT:
+            for group in range(block, (particles + summed - 1) // summed, blocks):
+                product(group, particles, v, matrix, lists, flip, beta, shared, sums)
+        elif kind == CORRECT:
+            for group in range(block, len(lists.body_of), blocks):
+                correct(group, particles, v, matrix, lists, coarse, shared, sums)
+        else:
+            for group in range(block, len(lists.body_of), blocks):
+                advance(kind, group, particles, v, flip, lists, coarse, alpha, shared)
+
+    return quick_pass

@@ -23,8 +23,8 @@ from model.tetrahedra.newton import DAMPED
 
 class Vectors(NamedTuple):
     """Quads of every particle: the state; where it was, with its weight; where inertia leads; where the last step led; the
-    potential's gradient there, and at a trial; a step; what of it is left to solve; the direction; the matrix times that;
-    what is preconditioned; the way since the substep's start."""
+    potential's gradient there, and at a trial; a step; what of it is left to solve; the matrix times the direction; what is
+    preconditioned; the way since the substep's start; the direction, of which `fast` math has two in turn."""
 
     position: Any
     velocity: Any
@@ -35,10 +35,10 @@ class Vectors(NamedTuple):
     trial: Any
     solution: Any
     residual: Any
-    direction: Any
     product: Any
     better: Any
     away: Any
+    direction: Any
 
 
 class Matrix(NamedTuple):

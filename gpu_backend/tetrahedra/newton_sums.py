@@ -1,4 +1,5 @@
-"""Sums of Newton's method on CUDA, in the CPU's order: SUMMED tetrahedra or particles one after the other, then their sums.
+"""Sums of Newton's method on CUDA. In `exact` math in the CPU's order: SUMMED tetrahedra or particles one after the other,
+then their sums. In `fast` math over warps, in an order of their own that is always the same.
 
 `shared` is a block's memory of ROOM numbers. A team is a warp; under the simulator, which has none, a whole block.
 """
@@ -21,6 +22,8 @@ THREADS = TEAM if simulated() else 256  # of a block; the simulator's are thread
 UNIT = max(THREADS, SUMMED)  # tetrahedra that a block takes at once
 TEAMS = THREADS // TEAM
 ROOM = 2560  # numbers
+SLOTS = THREADS if simulated() else TEAMS  # numbers that are left of a block's threads' where teams have no shuffles
+EVERY = 0xFFFFFFFF  # lanes of a warp
 
 
 @cache
@@ -81,4 +84,118 @@ def make_sums(real: Any, math: str) -> SimpleNamespace:
         meet_team()
         return running
 
-    return SimpleNamespace(meet_team=meet_team, add_groups=add_groups, total=total, add_team=add_team)
+    found = {"meet_team": meet_team, "add_groups": add_groups, "total": total, "add_team": add_team}
+    if math != "exact":
+        quick = make_quick_totals(real, math)
+        found |= {"add_groups": quick.add_groups, "total": quick.total}
+    return SimpleNamespace(**found)
+
+
+@cache
+def make_quick_sums(real: Any, math: str) -> SimpleNamespace:
+    """`of_block(shared, base, x)`: the sum of all threads' x, for each of them; `of_team(shared, x)`: of a team's, for its
+    first lane; `of_four(shared, x)`: of four neighbours', for the first. `put(shared, place, x)`: into the slots `place`
+    SLOTS ... of a block, to be added up by `slots(shared, place)` after a barrier. All threads of a block must call them."""
+    inline, zero, warps = inlined(math), real(0), not simulated()
+    team, slot_count, scratch = np.int32(TEAM), np.int32(SLOTS), np.int32(ROOM - THREADS)
+
+    @inline
+    def of_team(shared, x):
+        if warps:
+            x = x + cuda.shfl_down_sync(EVERY, x, 16)
+            x = x + cuda.shfl_down_sync(EVERY, x, 8)
+            x = x + cuda.shfl_down_sync(EVERY, x, 4)
+            x = x + cuda.shfl_down_sync(EVERY, x, 2)
+            x = x + cuda.shfl_down_sync(EVERY, x, 1)
+        else:
+            x = neighbours(shared, x, team)
+        return x
+
+    @inline
+    def neighbours(shared, x, count):
+        """Where there are no shuffles."""
+        t = np.int32(cuda.threadIdx.x)
+        cuda.syncthreads()
+        shared[scratch + t] = x
+        cuda.syncthreads()
+        if t % count == 0:
+            for n in range(1, count):
+                x = x + shared[scratch + t + n]
+        cuda.syncthreads()
+        return x
+
+    @inline
+    def of_four(shared, x):
+        if warps:
+            x = x + cuda.shfl_down_sync(EVERY, x, 2)
+            x = x + cuda.shfl_down_sync(EVERY, x, 1)
+        else:
+            x = neighbours(shared, x, np.int32(4))
+        return x
+
+    @inline
+    def put(shared, place, x):
+        t = np.int32(cuda.threadIdx.x)
+        if warps:
+            x = of_team(shared, x)
+            if t % team == 0:
+                shared[place * slot_count + t // team] = x
+        else:
+            shared[place * slot_count + t] = x
+
+    @inline
+    def slots(shared, place):
+        running = zero
+        for n in range(SLOTS):
+            running = running + shared[place * slot_count + n]
+        return running
+
+    @inline
+    def of_block(shared, base, x):
+        cuda.syncthreads()
+        put(shared, base, x)
+        cuda.syncthreads()
+        return slots(shared, base)
+
+    return SimpleNamespace(of_team=of_team, of_four=of_four, put=put, slots=slots, of_block=of_block)
+
+
+@cache
+def make_quick_totals(real: Any, math: str) -> SimpleNamespace:
+    """`add_groups` and `total` of `make_sums`, by warps; the first of groups gets all of a block's, the others nothing."""
+    inline, quick, zero = inlined(math), make_quick_sums(real, math), real(0)
+    put, slots, of_block = quick.put, quick.slots, quick.of_block
+    summed, unit, free = np.int32(SUMMED), np.int32(UNIT), np.int32(2 * UNIT // SLOTS)
+
+    @inline
+    def add_groups(shared, sums, width, group, count, parts):
+        t, threads = np.int32(cuda.threadIdx.x), np.int32(cuda.blockDim.x)
+        cuda.syncthreads()
+        for s in range(sums):
+            running = zero
+            for n in range(t, width, threads):
+                running = running + shared[s * unit + n]
+            running = of_block(shared, free, running)
+            groups = np.int32((width + summed - 1) // summed)
+            for n in range(t, groups, threads):
+                parts[s * count + group + n] = running if n == 0 else zero
+        cuda.syncthreads()
+
+    @inline
+    def total(shared, sums, count, parts):
+        t, threads = np.int32(cuda.threadIdx.x), np.int32(cuda.blockDim.x)
+        one, other = zero, zero
+        for n in range(t, count, threads):
+            one = one + parts[n]
+            if sums > 1:
+                other = other + parts[count + n]
+        cuda.syncthreads()
+        put(shared, np.int32(1), one)
+        put(shared, np.int32(2), other)
+        cuda.syncthreads()
+        one, other = slots(shared, np.int32(1)), slots(shared, np.int32(2))
+        if t == 0:
+            shared[0], shared[1] = one, other
+        cuda.syncthreads()
+
+    return SimpleNamespace(add_groups=add_groups, total=total)

@@ -71,7 +71,8 @@ def aggregates(found: TetrahedraSet, rows: BlockRows, free: np.ndarray) -> Aggre
 class Couplings:
     """What the blocks of the coarse matrix on and above its diagonal are sums of: pair n, of the groups `first[n]` and
     `second[n]` >= `first[n]`, of the blocks `blocks[starts[n]]` ... before `blocks[starts[n + 1]]`, in the order of rows;
-    block b is of the row `row[b]`. Groups `bodies[n]` to before `bodies[n + 1]` are coupled to no others. All int32."""
+    block b is of the row `row[b]`. Groups `bodies[n]` to before `bodies[n + 1]` are coupled to no others; `body_of`
+    (groups,): which n; `places[n]`: where a dense matrix of their motions begins, one after the other. All int32."""
 
     starts: np.ndarray
     first: np.ndarray
@@ -79,6 +80,8 @@ class Couplings:
     blocks: np.ndarray
     row: np.ndarray
     bodies: np.ndarray
+    body_of: np.ndarray
+    places: np.ndarray
 
 
 def couplings(groups: Aggregates, rows: BlockRows) -> Couplings:
@@ -90,12 +93,13 @@ def couplings(groups: Aggregates, rows: BlockRows) -> Couplings:
     order = np.argsort(key, kind="stable")
     found, starts = np.unique(key[order], return_index=True)
     furthest = groups.reach[MODES - 1 :: MODES] // MODES
-    ends = np.flatnonzero(furthest == np.arange(groups.count)) + 1
+    bodies = np.append(0, np.flatnonzero(furthest == np.arange(groups.count)) + 1)
+    sizes = np.diff(bodies)
     return Couplings(*(
         np.ascontiguousarray(one, np.int32)
         for one in (
             np.append(starts, len(order)), found // max(groups.count, 1), found % max(groups.count, 1), chosen[order], row,
-            np.append(0, ends),
+            bodies, np.repeat(np.arange(len(sizes)), sizes), np.cumsum([0, *(MODES * sizes.astype(np.int64)) ** 2]),
         )
     ))  # fmt: skip
 

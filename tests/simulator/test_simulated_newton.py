@@ -37,6 +37,16 @@ def test_bits_of_groups_of_particles_and_of_bodies(precision: str) -> None:
     held_against_the_cpu(groups_and_bodies(), precision, 1)
 
 
+def test_fast_math_takes_sums_in_another_order_alone() -> None:
+    """As many passes; places to float64's rounding, 2e-16, times the condition of a system, below 1e6, times a metre."""
+    scene = groups_and_bodies()
+    expected, done = end_state(scene, "cpu", 1, precision="float64", math="exact", threads=1)
+    state, found = end_state(scene, "gpu", 1, precision="float64", math="fast")
+    assert found == done
+    np.testing.assert_allclose(state.position, expected.position, atol=2e-10)
+    np.testing.assert_allclose(state.velocity, expected.velocity, atol=2e-10 * 2 / scene.method.dt)
+
+
 def test_bits_where_all_is_held() -> None:
     scene = newton_scene("fixed-corotated", body=BODY | {"pinned": ["bottom", "top"]})
     state = held_against_the_cpu(scene, "float64", 1, initial=None)

@@ -1,0 +1,258 @@
+"""Conjugate gradients on tetrahedra in `fast` math, on CUDA: three passes an iteration, and no unknown waits for another one.
+
+The coarse matrix is inverted once its factor is known, a team a column: applied, the inverse takes no steps one after the
+other, of which substitution has two for each unknown. A block takes a group of the coarse level and does all with its
+particles that needs no others: they are updated and restricted in one pass, and get the answers of both levels in another.
+The new direction is made where the matrix is applied to it, by each row for itself, from the old one: two arrays in turn.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+from numba import cuda
+
+from gpu_backend.core.compile import inlined
+from gpu_backend.core.formulas import device_formulas
+from gpu_backend.core.quads import load_quad, store_quad
+from gpu_backend.tetrahedra.newton_coarse import make_arm
+from gpu_backend.tetrahedra.newton_elements import make_block_access
+from gpu_backend.tetrahedra.newton_sums import TEAM, make_quick_sums, make_sums
+from model.formulas.elastic import coarse as formulas_of
+from model.formulas.elastic import newton, solving
+from model.formulas.elastic.newton import SOLVE
+from model.tetrahedra.aggregates import MODES, MOST
+from model.tetrahedra.newton import SUMMED
+
+
+@cache
+def make_residual(real: Any, math: str) -> Any:
+    """residual_of(kind, k, particles, v, flip, alpha): of particle k, at a solve's start or after a step along the direction,
+    three numbers."""
+    moved, zero = device_formulas(newton.make, real, math).moved, real(0)
+
+    @inlined(math)
+    def residual_of(kind, k, particles, v, flip, alpha):
+        if kind == SOLVE:
+            g = load_quad(v.gradient, k)
+            x, y, z = -g[0], -g[1], -g[2]
+            store_quad(v.solution, k, zero, zero, zero, zero)
+            store_quad(v.direction, k, zero, zero, zero, zero)
+            store_quad(v.direction, particles + k, zero, zero, zero, zero)
+        else:
+            d, q = load_quad(v.direction, flip * particles + k), load_quad(v.product, k)
+            s, r = load_quad(v.solution, k), load_quad(v.residual, k)
+            store_quad(
+                v.solution, k, moved(s[0], alpha, d[0]), moved(s[1], alpha, d[1]), moved(s[2], alpha, d[2]), zero
+            )
+            x, y, z = moved(r[0], -alpha, q[0]), moved(r[1], -alpha, q[1]), moved(r[2], -alpha, q[2])
+        store_quad(v.residual, k, x, y, z, zero)
+        return x, y, z
+
+    return residual_of
+
+
+@cache
+def make_quick_groups(real: Any, math: str) -> SimpleNamespace:
+    """`advance(kind, group, particles, v, flip, lists, coarse, alpha, shared)`: the residual of the group's particles, and
+    what the coarse level sees of it; `correct(group, particles, v, matrix, lists, coarse, shared, parts)`: what is
+    preconditioned. `flip`: which of the two directions is the last one."""
+    inline, formulas = inlined(math), device_formulas(formulas_of.make, real, math)
+    moment, motion = formulas.moment, formulas.motion
+    products, residual_of, arm_of = (
+        device_formulas(solving.make, real, math),
+        make_residual(real, math),
+        make_arm(real, math),
+    )
+    preconditioned, dot = products.preconditioned, products.dot
+    quick, zero, next_one, modes, team = (
+        make_quick_sums(real, math),
+        real(0),
+        np.int32(1),
+        np.int32(MODES),
+        np.int32(TEAM),
+    )
+    put, slots, of_team, of_block = quick.put, quick.slots, quick.of_team, quick.of_block
+
+    @inline
+    def advance(kind, group, particles, v, flip, lists, coarse, alpha, shared):
+        t, threads = np.int32(cuda.threadIdx.x), np.int32(cuda.blockDim.x)
+        a, b, c, d, e, f = zero, zero, zero, zero, zero, zero
+        for n in range(lists.group_starts[group] + t, lists.group_starts[group + next_one], threads):
+            k = lists.members[n]
+            x, y, z = residual_of(kind, k, particles, v, flip, alpha)
+            p, q, r, s, u, w = moment(arm_of(k, group, v, coarse), x, y, z)
+            a, b, c, d, e, f = a + p, b + q, c + r, d + s, e + u, f + w
+        cuda.syncthreads()
+        put(shared, np.int32(0), a)
+        put(shared, np.int32(1), b)
+        put(shared, np.int32(2), c)
+        put(shared, np.int32(3), d)
+        put(shared, np.int32(4), e)
+        put(shared, np.int32(5), f)
+        cuda.syncthreads()
+        if t < modes:
+            coarse.solved[modes * group + t] = slots(shared, t)
+        cuda.syncthreads()
+
+    @inline
+    def correct(group, particles, v, matrix, lists, coarse, shared, parts):
+        t, threads = np.int32(cuda.threadIdx.x), np.int32(cuda.blockDim.x)
+        body = lists.body_of[group]
+        first = np.int32(modes * lists.bodies[body])
+        size, place = np.int32(modes * lists.bodies[body + next_one] - first), lists.places[body]
+        cuda.syncthreads()
+        for i in range(t // team, modes, threads // team):
+            running, row = zero, np.int32(place + (modes * group - first + i) * size)
+            for j in range(t % team, size, team):
+                running = running + coarse.inverse[row + j] * coarse.solved[first + j]
+            running = of_team(shared, running)
+            if t % team == 0:
+                shared[i] = running
+        cuda.syncthreads()
+        y = shared[0], shared[1], shared[2], shared[3], shared[4], shared[5]
+        total, inverses = zero, matrix.inverses
+        for n in range(lists.group_starts[group] + t, lists.group_starts[group + next_one], threads):
+            k = lists.members[n]
+            r = load_quad(v.residual, k)
+            six = (
+                inverses[k], inverses[particles + k], inverses[2 * particles + k], inverses[3 * particles + k],
+                inverses[4 * particles + k], inverses[5 * particles + k],
+            )  # fmt: skip
+            x, y_own, z = preconditioned(six, r[0], r[1], r[2])
+            p, q, s = motion(arm_of(k, group, v, coarse), y)
+            x, y_own, z = x + p, y_own + q, z + s
+            store_quad(v.better, k, x, y_own, z, zero)
+            total = total + dot(r[0], r[1], r[2], x, y_own, z)
+        total = of_block(shared, np.int32(0), total)
+        if t == 0:
+            parts[group] = total
+        cuda.syncthreads()
+
+    return SimpleNamespace(advance=advance, correct=correct)
+
+
+@cache
+def make_quick_product(real: Any, math: str) -> Any:
+    """product(group, particles, v, matrix, lists, flip, beta, shared, parts): of SUMMED particles, the new direction and the
+    matrix times it, four threads a row; `flip`: which of the two directions is the old one."""
+    inline, quick = inlined(math), make_quick_sums(real, math)
+    of_four, of_block, load_block = quick.of_four, quick.of_block, make_block_access(math).load_block
+    products, moved = device_formulas(solving.make, real, math), device_formulas(newton.make, real, math).moved
+    applied, dot, zero, next_one = products.applied, products.dot, real(0), np.int32(1)
+    summed, four = np.int32(SUMMED), np.int32(4)
+
+    @inline
+    def direction_of(k, particles, v, flip, beta):
+        z, d = load_quad(v.better, k), load_quad(v.direction, flip * particles + k)
+        return moved(z[0], beta, d[0]), moved(z[1], beta, d[1]), moved(z[2], beta, d[2])
+
+    @inline
+    def product(group, particles, v, matrix, lists, flip, beta, shared, parts):
+        t, threads = np.int32(cuda.threadIdx.x), np.int32(cuda.blockDim.x)
+        total = zero
+        for one in range(t // four, summed, threads // four):
+            k, x, y, z = np.int32(group * summed + one), zero, zero, zero
+            free = False
+            if k < particles:
+                free = lists.group[k] >= 0
+            if free:
+                for n in range(lists.starts[k] + t % four, lists.starts[k + next_one], four):
+                    d = direction_of(lists.columns[n], particles, v, flip, beta)
+                    p, q, r = applied(load_block(matrix.blocks, n), d[0], d[1], d[2])
+                    x, y, z = x + p, y + q, z + r
+            x, y, z = of_four(shared, x), of_four(shared, y), of_four(shared, z)
+            if free and t % four == 0:
+                d = direction_of(k, particles, v, flip, beta)
+                store_quad(v.direction, (next_one - flip) * particles + k, d[0], d[1], d[2], zero)
+                store_quad(v.product, k, x, y, z, zero)
+                total = total + dot(d[0], d[1], d[2], x, y, z)
+        total = of_block(shared, np.int32(0), total)
+        if t == 0:
+            parts[group] = total
+        cuda.syncthreads()
+
+    return product
+
+
+@cache
+def make_invert(real: Any, math: str) -> Any:
+    """invert(column, lists, coarse, shared): of a team, one column of the inverse of a body's coarse matrix; what the next
+    row needs is loaded while one is worked on."""
+    inline, meet_team, zero, one = inlined(math), make_sums(real, math).meet_team, real(0), real(1)
+    team, modes, next_one, none, room = (
+        np.int32(TEAM),
+        np.int32(MODES),
+        np.int32(1),
+        np.int32(0),
+        np.int32(MODES * MOST),
+    )
+
+    @inline
+    def above(i, k, first, lists, coarse):
+        """Row i's entry in column k."""
+        found = zero
+        if i >= first:
+            if lists.reach[i] >= k:
+                found = coarse.band[i * coarse.width + k - i]
+        return found
+
+    @inline
+    def invert(column, lists, coarse, shared):
+        t = np.int32(cuda.threadIdx.x)
+        lane, base = np.int32(t % team), np.int32(t // team * room)
+        band, width, body = coarse.band, coarse.width, lists.body_of[column // modes]
+        first, last = np.int32(modes * lists.bodies[body]), np.int32(modes * lists.bodies[body + next_one])
+        size, x = np.int32(last - first), np.int32(base - first)
+        meet_team()
+        for k in range(first + lane, last, team):
+            shared[x + k] = one if k == column else zero
+        meet_team()
+        entry, pivot = band[column * width + min(lane + next_one, width - next_one)], coarse.pivots[column]
+        many = np.int32(lists.reach[column] - column)
+        for k in range(column, last):
+            now, here, reached = entry, pivot, many
+            if k + 1 < last:
+                entry = band[(k + 1) * width + min(lane + next_one, width - next_one)]
+                pivot, many = coarse.pivots[k + 1], np.int32(lists.reach[k + 1] - (k + 1))
+            y = here * shared[x + k]
+            if lane < reached:
+                shared[x + k + 1 + lane] -= y * now
+            for j in range(lane + next_one + team, reached + next_one, team):
+                shared[x + k + j] -= y * band[k * width + j]
+            meet_team()
+            if lane == none:
+                shared[x + k] = y
+        meet_team()
+        entry, pivot = (
+            above(np.int32(last - 2 - lane), last - next_one, first, lists, coarse),
+            coarse.pivots[last - next_one],
+        )
+        for n in range(size):
+            k, now, here = np.int32(last - next_one - n), entry, pivot
+            i = np.int32(k - next_one - lane)
+            if k > first:
+                entry, pivot = (
+                    above(np.int32(i - next_one), k - next_one, first, lists, coarse),
+                    coarse.pivots[k - next_one],
+                )
+            y = here * shared[x + k]
+            if i >= first:
+                shared[x + i] -= y * now
+            i = np.int32(i - team)
+            while i >= first and lists.reach[i] >= k:
+                shared[x + i] -= y * band[i * width + k - i]
+                i = np.int32(i - team)
+            meet_team()
+            if lane == none:
+                shared[x + k] = y
+        meet_team()
+        place = np.int32(lists.places[body] + (column - first) * size)
+        for k in range(first + lane, last, team):
+            coarse.inverse[place + k - first] = shared[x + k]
+        meet_team()
+
+    return invert
