@@ -24,7 +24,8 @@ class Contact(Part):
     of that.
 
     Of tetrahedral bodies the surfaces keep a `distance`, a vertex of one from the triangles of another; what was nearer, or
-    lies inside, is moved out at `separation_speed` at most. They know friction and `sweeps` beside it.
+    lies inside, is moved out at `separation_speed` at most. What comes by more than the distance in a substep may get caught
+    inside. They know friction and `sweeps` beside it: 4, or what sticks creeps.
     """
 
     distance: Positive | None = None  # m, between tetrahedral bodies: a quarter of the shortest body's edge unless told

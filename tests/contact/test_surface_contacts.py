@@ -141,14 +141,14 @@ def test_a_cube_on_a_cube_comes_to_rest() -> None:
     assert 0.5 * contact_distance(scene) < gap < 1.1 * contact_distance(scene)
 
 
-def sliding(angle: float, friction: float) -> tuple[float, float]:
+def sliding(angle: float, friction: float, sweeps: int = 1) -> tuple[float, float]:
     """A cube on a body that is held, inclined by an angle [degrees]: its mean speed down the slope [m/s] after 0.2 and after
     0.4 s."""
     a = np.radians(angle)
     held = {"pinned": ["left", "right", "top", "bottom"], "angle": -angle, "axis": [0.0, 0.0, 1.0]}
     slope, up = box((0.8, 0.1, 0.3), **held), 0.05 + SIDE / 2 + 0.0255
     cube = box(origin=[up * np.sin(a), up * np.cos(a), 0.0], angle=-angle, axis=[0.0, 0.0, 1.0], young_modulus=1e6)
-    contact = {"static_friction": friction, "dynamic_friction": friction, "distance": 0.025}
+    contact = {"static_friction": friction, "dynamic_friction": friction, "distance": 0.025, "sweeps": sweeps}
     scene = meeting(slope=slope, cube=cube, contact=contact, gravity={})
     first, down = scene.tetrahedra_set.first_particle[1], np.array([np.cos(a), -np.sin(a), 0.0])
     found = []
@@ -160,12 +160,15 @@ def sliding(angle: float, friction: float) -> tuple[float, float]:
 
 
 def test_a_cube_slides_where_the_slope_is_over_the_friction_and_sticks_below() -> None:
-    """tan 20 degrees = 0.364. Over it the acceleration is g (sin a - mu cos a); below, it comes to rest and stays."""
+    """tan 20 degrees = 0.364. Over it the acceleration is g (sin a - mu cos a); below, it comes to rest and stays: a sweep
+    leaves some of a substep's slip over, which creeps, four leave less than a hundredth of the speed of falling."""
     slow, fast = sliding(20.0, 0.2)
     expected = 9.81 * (np.sin(np.radians(20)) - 0.2 * np.cos(np.radians(20)))
     assert abs((fast - slow) / 0.2 / expected - 1) < 0.1
-    slow, fast = sliding(20.0, 0.6)
-    assert abs(fast) < 0.02 * 9.81 * 0.4 * np.sin(np.radians(20))
+    free = 9.81 * 0.4 * np.sin(np.radians(20))
+    for sweeps, creep in ((1, 0.02), (4, 0.01)):
+        _, fast = sliding(20.0, 0.6, sweeps)
+        assert abs(fast) < creep * free, sweeps
 
 
 def test_what_begins_inside_is_led_out_slowly() -> None:
