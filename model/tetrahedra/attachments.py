@@ -5,6 +5,8 @@ Those that are pinned, and go with what they are attached to, are not here: mode
 
 from __future__ import annotations
 
+from weakref import WeakKeyDictionary
+
 import numpy as np
 
 from model.core.constraints import ConstraintSet, Projection
@@ -22,6 +24,7 @@ CORNERS = {
     "bodies": formula.BODY,
 }  # in the order in which they are projected, after all tetrahedra
 Rows = tuple[np.ndarray, np.ndarray]
+_known: WeakKeyDictionary[TetrahedraSet, tuple[ConstraintSet, ...]] = WeakKeyDictionary()
 
 
 def part_of(model: str) -> str:
@@ -48,18 +51,24 @@ def attachment_projections(parts: frozenset[str], iterated: bool, constants: tup
 
 
 def attachment_sets(found: TetrahedraSet) -> tuple[ConstraintSet, ...]:
-    """Those that are there, sorted by colours. Raises SceneError."""
+    """Those that are there, sorted by colours. Kept with the bodies. Raises SceneError."""
+    if found not in _known:
+        _known[found] = _sets(found)
+    return _known[found]
+
+
+def _sets(found: TetrahedraSet) -> tuple[ConstraintSet, ...]:
     rows: dict[str, list[Rows]] = {model: [] for model in CORNERS}
     for name, held in found.attachments.items():
         if not pins(held, found.names):
             to_body = held.to in found.names
             rows["bodies" if to_body else "world"].append((_to_body if to_body else _to_world)(found, name, held))
-    found_sets = []
+    made = []
     for model, some in rows.items():
         if some:
             corners, values = (np.concatenate(column) for column in zip(*some, strict=True))
-            found_sets.append(coloured(KIND, model, corners, values, found.particle_count))
-    return tuple(found_sets)
+            made.append(coloured(KIND, model, corners, values, found.particle_count))
+    return tuple(made)
 
 
 def check_attachments(found: TetrahedraSet) -> None:
@@ -70,13 +79,12 @@ def check_attachments(found: TetrahedraSet) -> None:
 
 
 def contact_free(found: TetrahedraSet) -> np.ndarray:
-    """(particles,) bool: those that attachments hold or hold something to, whose bodies may overlap there: contacts between
-    bodies are to leave them alone."""
+    """(particles,) bool: those that hold one body to another, and lie in one place with it: contacts between bodies are to
+    leave them alone, and the triangles that they are corners of."""
     free = np.zeros(found.particle_count, bool)
-    for held in found.attachments.values():
-        free[found.chosen(held.vertices, held.body)] = True
     for one in attachment_sets(found):
-        free[one.corners] = True
+        if one.model == "bodies":
+            free[one.corners] = True
     return free
 
 

@@ -16,6 +16,7 @@ from bodies_scenes import blocks, hung, of_all_materials
 from cloth_scenes import POKE, cloth_scene
 from contact_scenes import folded
 from field_scenes import falling_bar
+from kinematic_scenes import CUBE, ENDS, HOOK, kinematic_scene
 from meeting_bodies import meeting
 from mesh_scenes import mesh_scene
 from rebound_scenes import among_soft_ones
@@ -51,6 +52,14 @@ def bars() -> Scene:
 
 
 LIVE = ("gravity", "poke", "dt", "stiffness", "damping")
+
+
+def held() -> Scene:
+    """Moving pins, soft attachments to the world and to another body, a rate of damping: position-based."""
+    clamp = {"kind": "attachment", "body": "cube", "vertices": "left", "compliance": 1e-4}
+    return kinematic_scene("xpbd", cube=CUBE | {"mass_damping": 2.0}, hook=HOOK, clamp=clamp, **ENDS)
+
+
 CASES: dict[str, tuple[Callable[[], Scene], str, str]] = {
     "grid": (lambda: hammock("lab"), "fused", "float32"),
     "grid in teams": (lambda: hammock("velocity-verlet"), "team", "float32"),
@@ -78,6 +87,7 @@ CASES: dict[str, tuple[Callable[[], Scene], str, str]] = {
     "vertex blocks in stages": (lambda: vbd_scene(BODY | {"damping": 0.02}), "stages", "float64"),
     "tetrahedra that meet": (three, "fused", "float32"),
     "tetrahedra that meet in stages": (three, "stages", "float64"),
+    "bodies that are held and moved": (held, "fused", "float32"),
     "cloth that meets itself": (folded, "stages", "float32"),
     "jelly grid": (jelly, "fused", "float32"),
     "jelly grid in stages": (jelly, "stages", "float64"),

@@ -256,6 +256,24 @@ FORMULAS: tuple[Mistake, ...] = (
         },
     ),
     *in_file(
+        "model/formulas/constraints/attachment.py",
+        "test_attachments.py::test_two_free_bodies_that_are_attached_keep_their_momentum test_attachments.py::test_a_body_on_soft_attachments_hangs_as_low_as_they_give",
+        {
+            "a body is not moved by what is attached to it": ("moved(p, -wp, change), moved(q, -wq, change)", "moved(p, wp, change), moved(q, wq, change)"),
+            "a soft attachment forgets what it holds": ("(-violation - compliance * multiplier) * inverse", "-violation"),
+        },
+    ),
+    *in_file(
+        "model/tetrahedra/masses.py",
+        "test_matter.py::test_a_limit_of_masses_keeps_the_total",
+        {"a limit of masses is one of their logarithms": ("asked = found[near.indices] / ratio", "asked = found[near.indices] / ratio**2")},
+    ),
+    *in_file(
+        "model/tetrahedra/targets.py",
+        "test_kinematic.py::test_pinned_vertices_go_to_their_targets_and_rest_there",
+        {"a target is reached in half a step": ("(position - self.held) / dt", "2 * (position - self.held) / dt")},
+    ),
+    *in_file(
         "model/core/divergence.py",
         "test_physics_diverged.py::test_a_coordinate_beyond_a_million_times_the_size_has_diverged",
         {"diverged beyond 1e9 sizes": ("DIVERGED_SIZE = 1e6", "DIVERGED_SIZE = 1e9")},

@@ -29,7 +29,7 @@ def test_two_halves_that_are_drawn_give_as_springs_in_series_do() -> None:
         method={"solver": "newton", "dt": 0.05, "iterations": 20},
     )  # fmt: skip
     found = scene.tetrahedra_set
-    state = run(scene, 200, **EXACT)
+    state = run(scene, 60, **EXACT)
     hard = found.matter.young_modulus == 6e4
     assert hard.sum() == len(hard) / 2
     strain = deformation(found, state.position)[:, 0, 0] - 1
@@ -46,7 +46,7 @@ def test_every_solver_asks_each_tetrahedron_what_it_is_made_of(solver: str) -> N
         method={"solver": solver, "dt": 0.01, "substeps": 10 if solver == "xpbd" else 1, "iterations": 3},
     )  # fmt: skip
     found = scene.tetrahedra_set
-    state = run(scene, 300, **EXACT)
+    state = run(scene, 150, **EXACT)
     hard = found.matter.young_modulus == 6e4
     strain = deformation(found, state.position)[:, 0, 0] - 1
     assert strain[~hard].mean() / strain[hard].mean() == pytest.approx(3, rel=0.02)
