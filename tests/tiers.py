@@ -20,7 +20,7 @@ def table(text: str) -> dict[str, str]:
 # others they run as plain Python (cpu_backend/core/plain.py), whose bits are the same. Tables: file -> patterns of tests'
 # names.
 COMPILED = {
-    "test_advise_tetrahedra.py": "test_what_is_advised*",  # seconds of motion
+    "test_advise_tetrahedra.py": "test_what_is_advised* test_stiff_bars*",  # seconds of motion
     "test_compiled.py": "*", "test_bar.py": "test_springs_are_a_chain* test_tetrahedra_are*",
     "test_stability.py": "test_the_measured_edge*",
     "test_cpu_kernels.py": "*",  # wide and tall grids, threads that wait for each other, another threading layer
