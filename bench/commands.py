@@ -239,8 +239,10 @@ def tetrahedra(
 ) -> None:
     """Does E mean E? A bar of tetrahedra: how far its solver, and how far its mesh, is off, and what a frame costs."""
     from bench.experiments.tetrahedra import print_tetrahedra, run_tetrahedra
+    from bench.experiments.tetrahedral.meshes import print_meshes, run_meshes
 
     chosen = precisions_of(precision, "float32")
+    measure(store, run_meshes, print_meshes, quick=quick, backends=backend)
     measure(store, run_tetrahedra, print_tetrahedra, quick=quick, backends=backend, precisions=chosen)
 
 

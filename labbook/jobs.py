@@ -148,6 +148,7 @@ def _measurements(console: Console, store: Any, quick: bool, command: str) -> di
     from bench.experiments.stability.experiment import run_stability
     from bench.experiments.sweep import run_sweep
     from bench.experiments.tetrahedra import run_tetrahedra
+    from bench.experiments.tetrahedral.meshes import run_meshes
     from bench.experiments.throughput import run_throughput
     from bench.store.tables import print_sweep
     from bench.stress.experiment import run_hard
@@ -167,6 +168,7 @@ def _measurements(console: Console, store: Any, quick: bool, command: str) -> di
         run_throughput,
         run_busy,
         run_bar,
+        run_meshes,
         run_tetrahedra,
     )
 

@@ -20,12 +20,13 @@ def table(text: str) -> dict[str, str]:
 # others they run as plain Python (cpu_backend/core/plain.py), whose bits are the same. Tables: file -> patterns of tests'
 # names.
 COMPILED = {
-    "test_advise_tetrahedra.py": "test_what_is_advised*",  # seconds of motion
+    "test_advise_tetrahedra.py": "test_what_is_advised* test_stiff_bars*",  # seconds of motion
     "test_compiled.py": "*", "test_bar.py": "test_springs_are_a_chain* test_tetrahedra_are*",
     "test_stability.py": "test_the_measured_edge*",
     "test_cpu_kernels.py": "*",  # wide and tall grids, threads that wait for each other, another threading layer
     "test_kernel_sweep.py": "test_arithmetic_rates*",
     "test_xpbd_cpu_reference.py": "test_fast_math*",
+    "test_tetrahedra_meshes.py": "test_a_swing*",
     "test_newton.py": "*",  # statics take hundreds of steps
     "test_kernel_cache.py": "*", "test_rotation.py": "*",  # machine code itself, a hundred thousand matrices
     "test_tetrahedra_cpu.py": "test_b21*", "test_hard_tetrahedra.py": "test_the_laws*",  # seconds of motion

@@ -30,7 +30,7 @@ from bench.stress.results import CHECK, CODES, SHAPE, VERDICT, HardSummary, as_t
 from bench.stress.tetrahedral_cases import tetrahedral_budget
 from bench.stress.trial import Check, Endless, SilentNaN, Trial
 from model.core.digest import source_digest
-from model.core.errors import Diverged, SceneError, SoftlabError, UnstableTimeStep
+from model.core.errors import BackendUnavailable, Diverged, SceneError, SoftlabError, UnstableTimeStep
 from model.core.families import stability_limit
 from model.core.simulation import PRECISIONS
 from model.scene.scene import Scene
@@ -81,7 +81,8 @@ def case_scene(case: HardCase, method: str) -> tuple[Scene, str]:
 
 
 def judge_case(case: HardCase, method: str, backend: str = "cpu", precision: str = "float64", **how: Any) -> Outcome:
-    """Run one case and judge it. `how`: options of a Trial. Never raises but for Ctrl-C: a crash is a verdict, too."""
+    """Run one case and judge it. `how`: options of a Trial. A crash is a verdict, too; raises but for Ctrl-C only
+    BackendUnavailable: of a solver that a backend has not."""
     scene, note = case_scene(case, method)
     trial = Trial(scene, backend, precision, **({"live": LIVE} | how))
 
@@ -100,6 +101,8 @@ def judge_case(case: HardCase, method: str, backend: str = "cpu", precision: str
         return outcome("refused" if case.expect == "refused" else "fail", str(error))
     except (Diverged, SilentNaN, Endless) as error:
         return outcome("fail", str(error))
+    except BackendUnavailable:
+        raise
     except Exception as error:
         return outcome("fail", f"crashed: {type(error).__name__}: {error}")
     bad = [check for check in checks if not check.good]
@@ -202,8 +205,12 @@ def run_hard(
 
 
 def _judge(store: Store, summary: HardSummary, work: _Work, first: str, ends: list[tuple[_Work, Outcome]]) -> None:
-    """Checks, shape and verdict of one run into the store, all or none; what is to be drawn, to `ends`."""
-    outcome = judge_case(work.case, work.method, work.backend, work.precision)
+    """Checks, shape and verdict of one run into the store, all or none; what is to be drawn, to `ends`. Nothing of a solver
+    that the backend has not."""
+    try:
+        outcome = judge_case(work.case, work.method, work.backend, work.precision)
+    except BackendUnavailable:
+        return
     drawn = outcome.end is not None and (
         outcome.verdict in ("fail", "known")
         or (work.backend == first and work.precision == "float64" and work.method in DRAWN)

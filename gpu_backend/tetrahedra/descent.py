@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from gpu_backend.core.quads import SIZE
+from gpu_backend.core.substeps import launched_kernel
 from gpu_backend.tetrahedra.descent_kernels import make_visits
 from gpu_backend.tetrahedra.solver import Tetrahedra
 from gpu_backend.xpbd.mesh import THREADS
@@ -31,6 +32,9 @@ class VertexBlockDescent(Tetrahedra):
 
     def _plan_of(self, scene: Scene, live: frozenset[str]) -> Plan:
         return vbd_plan(scene, live)
+
+    def _choose_kernel(self, wanted: str | None) -> str:
+        return launched_kernel(wanted, self.what)
 
     def _constraints(self) -> tuple[list[ConstraintSet], tuple[Projection, ...]]:
         return [], ()

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from bench.experiments.tetrahedra import BLOCKS, Bar, bars
+from bench.experiments.tetrahedral.meshes import MESH, STEP, meshes, steps
 from labbook import words
 from labbook.claims.claim import Claim, Claims, where
 from plots.core.backends import on_backends
-from plots.core.data import Results, Source
+from plots.core.data import Results, Source, judgements
 from plots.figures.tetrahedra import middle
 
 ENOUGH = 0.05  # of its way: the error in motion that is asked for
@@ -106,9 +107,46 @@ def creeping(results: Results) -> Claim:
     return Claim("Vertex block descent was not measured in motion.")
 
 
+def cuts(results: Results) -> Claim:
+    """Five against six tetrahedra to a voxel."""
+    found, _ = judgements(results, lambda measure: measure.description.get("finding") == MESH)
+    parts = {(m.cut, m.poisson, m.across): m for m in meshes(found)}
+    across = max((n for _, _, n in parts), default=0)
+    ratios = sorted({ratio for cut, ratio, n in parts if n == across and (11 - cut, ratio, n) in parts})
+    if not ratios:
+        return Claim("Five and six tetrahedra to a voxel were not held against each other.")
+    pairs = [(ratio, parts[5, ratio, across].part, parts[6, ratio, across].part) for ratio in ratios]
+    told = [f"{words.percent(five)} and {words.percent(six)} at {ratio:g}" for ratio, five, six in pairs]
+    numbers = {f"{cut} {ratio:g}": part for ratio, *both in pairs for cut, part in zip((5, 6), both, strict=True)}
+    return Claim(
+        f"Cut into five and into six tetrahedra to a voxel, {across} voxels across, a bar that is solved to the end sags by "
+        f"{words.listed(told)} (Poisson's ratios) of what the continuum does: six lock where the material hardly gives in "
+        "volume.",
+        numbers, all(five > six for _, five, six in pairs),
+    )  # fmt: skip
+
+
+def stepping(results: Results) -> Claim:
+    """What implicit Euler takes from a swing, by whichever solver."""
+    found, _ = judgements(results, lambda measure: measure.description.get("finding") == STEP)
+    exact = [step for step in steps(found) if step.solver == "newton"]
+    if not exact:
+        return Claim("What a step takes from a bar's swing was not measured.")
+    off = max(abs(step.decay / step.law - 1) for step in exact)
+    longest = max(exact, key=lambda step: step.h)
+    return Claim(
+        f"A swing that nothing damps loses what implicit Euler takes, log(1 + w²h²)/(2h): by Newton's method to "
+        f"{words.number(off, 1)} of it, {words.number(longest.decay, 2)} of the amplitude a second in steps of "
+        f"{words.seconds(longest.h)}.",
+        {"off": off, "decay": longest.decay}, off < 1e-3,
+    )  # fmt: skip
+
+
 CLAIMS: Claims = {
     "tetrahedra-usual": usual,
     "tetrahedra-mesh": mesh,
     "tetrahedra-budget": budget,
     "tetrahedra-creeping": creeping,
+    "tetrahedra-cuts": cuts,
+    "tetrahedra-stepping": stepping,
 }

@@ -115,6 +115,7 @@ def test_the_status_tells_how_it_ended(
     for path in MEASURING.values():  # what comes before or after in the same command
         monkeypatch.setattr(path, lambda *_, **__: DONE)
     monkeypatch.setattr("bench.experiments.findings_costs.run_costs", lambda *_, **__: DONE)
+    monkeypatch.setattr("bench.experiments.tetrahedral.meshes.run_meshes", lambda *_, **__: DONE)
     monkeypatch.setattr("bench.experiments.convergence.run_convergence", lambda *_, **__: DONE)
     for path in ("bench.store.tables.print_sweep", "bench.store.tables.print_kernels", "bench.peers.results.print_peers",
                  "bench.experiments.throughput.print_throughput", "bench.experiments.advise.ablation_results.print_ablation",

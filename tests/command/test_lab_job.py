@@ -28,6 +28,7 @@ RUNS = {
     "bench.experiments.bar.run_bar": "bar",
     "bench.experiments.busy.run_busy": "busy",
     "bench.experiments.tetrahedra.run_tetrahedra": "tetrahedra",
+    "bench.experiments.tetrahedral.meshes.run_meshes": "meshes",
     "bench.experiments.stability.experiment.run_stability": "stability",
     "bench.stress.experiment.run_hard": "hard",
     "bench.experiments.advise.ablate.ablate": "ablate",

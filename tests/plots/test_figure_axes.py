@@ -42,6 +42,7 @@ ELSEWHERE = {  # figure -> the file whose test holds its labels to the table
     "projections": "test_projections.py",
     "throughput": "test_throughput.py",
     "tetrahedra": "test_tetrahedra_experiment.py",
+    "tetrahedra-mesh": "test_tetrahedra_meshes.py",
     **dict.fromkeys(["hard-states", "hard-verdicts"], "test_hard.py"),
     "hard-bodies": "test_hard_bodies.py",
     **dict.fromkeys(["bar-solvers", "bar-clusters"], "test_bar.py"),

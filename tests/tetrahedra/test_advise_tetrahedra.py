@@ -186,3 +186,20 @@ def test_the_command_writes_what_it_advises(tmp_path: Path, monkeypatch: pytest.
     assert left.value.code in (0, None)
     assert load_scene(target).method.substeps == 7
     assert found[0].error == 0.02
+
+
+@pytest.mark.parametrize(("name", "body", "exact"), [("fem-cantilever", 0, 0.0981), ("fem-steel-and-jelly", 2, 0.0098)])
+def test_stiff_bars_of_the_catalogue_are_stiff(name: str, body: int, exact: float) -> None:
+    """They never hang by more than a swing about their rest may take them: twice, and some for rows that were cut short. (A
+    damper of the bodies' own, of 0.01 s and more, once let them hang by their length.) Exact: finite elements, [m]."""
+    scene = load_scene(name)
+    found = scene.tetrahedra_set
+    first = found.first_particle[body]
+    last = (*found.first_particle[1:], found.particle_count)[body]
+    rest = found.position[first:last]
+    end = rest[:, 0] > rest[:, 0].max() - 1e-6
+    with open_simulation(scene) as simulation:
+        for _ in range(6):
+            simulation.advance(20)
+            moved = simulation.state().position[first:last] - rest
+            assert -moved[end, 1].mean() < 2.2 * exact

@@ -15,6 +15,7 @@ from bench.stress.experiment import case_scene, judge_case, run_hard
 from bench.stress.tetrahedra import MOMENTUM, RATIO, SPIN, STORED, STRETCH, VOLUME, spin_kept
 from bench.stress.tetrahedral_cases import SWEPT, TETRAHEDRAL_CASES
 from bench.stress.trial import Trial
+from model.core.errors import BackendUnavailable
 from model.core.simulation import State
 
 NAMES = {case.name: case for case in TETRAHEDRAL_CASES}
@@ -81,6 +82,18 @@ class Growing(Trial):
 def test_laws_see_what_they_are_about(name: str, trial: type[Trial], seen: set[str]) -> None:
     scene, _ = case_scene(NAMES[name], "newton")
     assert seen <= {check.name for check in NAMES[name].law(trial(scene)) if not check.good}
+
+
+def test_a_solver_that_a_backend_has_not_is_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    def missing(*_: Any, **__: Any) -> None:
+        raise BackendUnavailable("no kernels", "run it elsewhere")
+
+    monkeypatch.setattr("bench.stress.trial.open_simulation", missing)
+    with Store(":memory:") as store:
+        summary = run_hard(
+            store, cases=["B23 bar"], integrators=["newton"], backends=["cpu"], progress=False, pictures=False
+        )
+        assert (summary.measured, summary.rows) == (0, [])
 
 
 def test_verdicts_go_into_the_store_and_the_table(capsys: pytest.CaptureFixture[str]) -> None:

@@ -27,7 +27,9 @@ def bar(sides: tuple[float, float, float] = (0.5, 0.1, 0.1), edge: float = 0.1, 
     """Of `voxels` edge long, held at its left side, unless `changes`, with __ for the dot, say else."""
     fields = {"beam.shape": {"name": "box", "sides": list(sides)}, "beam.edge": edge, "beam.young_modulus": 1e5}
     method = {"method.solver": "newton", "method.substeps": 1, "method.iterations": 30}
-    scene = load_scene("fem-cantilever").replace(fields | method)
+    tables = load_scene("fem-cantilever").as_dict()
+    del tables["damping"]  # the body's own instead
+    scene = Scene(tables).replace(fields | method | {"beam.damping": 0.01})
     return scene.replace({name.replace("__", "."): value for name, value in changes.items()})
 
 

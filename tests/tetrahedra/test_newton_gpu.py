@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from newton_scenes import bar, end_state, groups_and_bodies, newton_scene, shaken
+from tetrahedra_scenes import through
 
 from app.driver import open_simulation
 from model.scene.scene import Scene, load_scene
@@ -43,7 +44,8 @@ def held_against_the_cpu(scene: Scene, precision: str, steps: int) -> None:
 
 def test_a_catalogue_scene_falls_alike() -> None:
     """In exact math, float32: the same bits after a second, contacts with the floor too; more steps than one launch does."""
-    scene = load_scene("fem-drop").replace({"method.solver": "newton", "method.substeps": 1, "method.iterations": 3})
+    newton = {"method.solver": "newton", "method.substeps": 1, "method.iterations": 3}
+    scene = through(load_scene("fem-drop")).replace(newton)
     states = []
     for backend in ("cpu", "gpu"):
         with open_simulation(scene, backend, math="exact") as simulation:

@@ -115,7 +115,8 @@ def _made_up(path: Any) -> Store:
 def test_what_is_claimed_and_drawn(tmp_path: Any) -> None:
     with _made_up(tmp_path / "gpu.sqlite") as made:
         results = load(made)
-    found = {name: claim(results) for name, claim in CLAIMS.items()}
+    elsewhere = ("tetrahedra-cuts", "tetrahedra-stepping")  # test_tetrahedra_meshes.py
+    found = {name: claim(results) for name, claim in CLAIMS.items() if name not in elsewhere}
     assert all(claim.supported for claim in found.values())
     assert found["tetrahedra-usual"].numbers["1e+06"] == pytest.approx(2.0)
     assert found["tetrahedra-mesh"].numbers["400"] == pytest.approx(-1 / 3)

@@ -51,6 +51,11 @@ def tetrahedra_scene(name: str, **changes: Any) -> Scene:
     return Scene({"method": METHOD} | bodies | PARTS[name] | changes, "bodies")
 
 
+def through(scene: Scene) -> Scene:
+    """The same bodies, which pass through each other."""
+    return Scene({name: table for name, table in scene.as_dict().items() if name != "contact"}, scene.name)
+
+
 @cache
 def folder() -> tempfile.TemporaryDirectory[str]:
     """Gone when the tests are."""

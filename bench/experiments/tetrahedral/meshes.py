@@ -1,0 +1,208 @@
+"""What tetrahedra do to a bar whatever solves them, and what steps in time do to its swing: parts of `softlab tetrahedra`.
+
+The mesh: the cantilever of bench/experiments/tetrahedra.py under a small tip load, solved to the end by finite elements, with
+five and six tetrahedra to a voxel, 1, 2 and 4 voxels across, at three Poisson's ratios, over the continuum's sag (CONTINUUM:
+27-node hexahedra, three across). Linear tetrahedra cannot bend, and lock where they must keep their volume.
+
+The step: the same bar without a load, let go in its first bending vibration, a hundredth of its width out. Every solver is
+implicit Euler: a vibration w loses log(1 + w^2 h^2) / (2 h) of its amplitude a second, w^2 h / 2 of slow ones, whatever the
+solver, if it is given enough to do; that is damping which nobody asked for. One that is not is softer, and so loses less.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import partial
+from math import log, pi
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.console import Console
+
+from app.driver import open_simulation
+from bench.experiments.bar_strip import follow, swing_of, told
+from bench.experiments.tetrahedra import BLOCKS, DENSITY, FREE, SECTIONS, cantilever
+from bench.measure.costs_timing import Measures
+from bench.measure.experiment import Experiment, Items, cost_sources, described
+from bench.reference import finite_elements
+from bench.reference.finite_elements import linear_static, mode_shapes, spread_evenly
+from bench.store.database import Store
+from bench.store.results import Measure, by_configuration, measures
+from bench.store.schema import tables_by_kind
+from bench.store.tables import print_table
+from model.core.build import build
+from model.core.digest import source_digest
+from model.core.simulation import State
+from model.scene.scene import Scene
+
+MESH, STEP = "tetrahedra: mesh", "tetrahedra: step"  # values of `finding`
+PART, TETRAHEDRA = "tetrahedra_mesh_part", "tetrahedra_mesh_count"  # sag over the continuum's
+DECAY, LAW, FREQUENCY = "tetrahedra_decay", "tetrahedra_decay_law", "tetrahedra_swing"  # 1/s, 1/s, Hz
+CONTINUUM = {0.3: 3.99879e-4, 0.45: 3.9447e-4, 0.499: 3.8831e-4}  # Poisson's ratio -> m
+CUTS = (5, 6)  # tetrahedra to a voxel
+LOAD, YOUNG = 0.01, 1e6  # N at the tip; Pa
+SUBSTEPS = (1, 2, 4, 8, 16, 32)  # of a frame
+SOLVERS = {"xpbd": 1, "vbd": 100, "newton": 1}  # -> iterations
+SWING, FRAMES = 1e-3, 96  # m, of the tip; what is followed
+
+
+def mesh_items(store: Store, backends: Sequence[str], quick: bool) -> list[Experiment]:
+    """The meshes, once, and the steps of each backend; `quick`: few of both."""
+    own = source_digest(Path(__file__), Path(str(finite_elements.__file__)))
+    found = []
+    for cut in CUTS:
+        for across in SECTIONS[: 2 if quick else None]:
+            for poisson in CONTINUUM:
+                scene = bar(across, cut, poisson)
+                made = described(scene, "cpu", MESH, precision="float64")
+                found.append(Experiment(PART, made, f"{own}-m1", partial(mesh_part, scene)))
+    for backend in backends:
+        sources = f"{cost_sources(backend, __file__)}-{own}"
+        for solver, iterations in SOLVERS.items():
+            for substeps in (SUBSTEPS[0], SUBSTEPS[2]) if quick else SUBSTEPS:
+                scene = swinging(solver, substeps, iterations)
+                made = described(scene, backend, STEP, precision="float64")
+                found.append(Experiment(DECAY, made, sources, partial(decay, scene, backend)))
+    return found
+
+
+run_meshes = Items("meshes of tetrahedra", mesh_items, "softlab tetrahedra")
+
+
+def bar(across: int, cut: int, poisson: float) -> Scene:
+    """The cantilever, so cut and of such a material."""
+    made = cantilever(across, YOUNG, "xpbd", 1, 1)
+    return made.replace({"beam.tetrahedra": cut, "beam.poisson_ratio": poisson})
+
+
+def mesh_part(scene: Scene) -> Measures:
+    """PART: the exact sag of a scene's mesh under LOAD, spread evenly over its end, over the continuum's."""
+    found, part = scene.tetrahedra_set, scene.tetrahedra_set.parts[0]
+    fixed = np.zeros(found.particle_count, bool)
+    fixed[found.pinned_vertices] = True
+    end = found.position[:, 0] > found.position[:, 0].max() - 1e-9
+    force = spread_evenly(found.position, found.tetrahedra, end, (0.0, -LOAD, 0.0))
+    moved = linear_static(found.position, found.tetrahedra, part.young_modulus, part.poisson_ratio, fixed, force)
+    work = float((force * moved).sum()) / LOAD  # the sag, weighted as the load is
+    return {
+        TETRAHEDRA: (float(len(found.tetrahedra)), "", None),
+        PART: (work / CONTINUUM[part.poisson_ratio], "", "of 27-node hexahedra's sag"),
+    }
+
+
+def swinging(solver: str, substeps: int, iterations: int) -> Scene:
+    """The coarsest bar without a load and as good as without a brake."""
+    made = cantilever(1, YOUNG, solver, substeps, iterations)
+    return made.replace({"gravity.enabled": False, "damping.coefficient": FREE * made.damping.coefficient})  # type: ignore[union-attr]
+
+
+def first_mode(scene: Scene) -> tuple[float, np.ndarray]:
+    """(frequency [Hz], shape (particles, 3), 1 at the tip) of its slowest vibration up and down, masses lumped."""
+    found = scene.tetrahedra_set
+    fixed = np.zeros(found.particle_count, bool)
+    fixed[found.pinned_vertices] = True
+    part = found.parts[0]
+    some, shapes = mode_shapes(
+        found.position, found.tetrahedra, part.young_modulus, part.poisson_ratio, DENSITY, fixed, 2
+    )  # fmt: skip
+    shape = shapes[0] / np.abs(shapes[0]).max()  # of a square section two are alike, in any plane
+    return float(some[0]), shape
+
+
+def law(frequency: float, h: float) -> float:
+    """[1/s]: what implicit Euler takes of a vibration's amplitude in steps of h [s]."""
+    return log(1 + (2 * pi * frequency * h) ** 2) / (2 * h)
+
+
+@told(LAW, FREQUENCY, DECAY)
+def decay(scene: Scene, backend: str) -> Measures:
+    """DECAY of the first mode, beside what the LAW says; and its FREQUENCY."""
+    frequency, shape = first_mode(scene)
+    rest = scene.tetrahedra_set.position
+    begin = State(rest + SWING * shape, np.zeros_like(rest), build(scene).inverse_mass, 0.0, 0)
+    with open_simulation(scene, backend, initial=begin, precision="float64") as simulation:
+        seen, lost = swing_of(follow(simulation, shape, FRAMES), scene.method.dt)
+    h = scene.method.dt / scene.method.substeps
+    return {
+        LAW: (law(frequency, h), "1/s", f"of {frequency:.4g} Hz"), FREQUENCY: (seen, "Hz", None), DECAY: (lost, "1/s", None)
+    }  # fmt: skip
+
+
+# ---------------------------------------------------------------------- what the store says
+
+
+@dataclass(frozen=True)
+class Mesh:
+    """`cut` tetrahedra to a voxel, `across` voxels: `count` tetrahedra, which sag `part` of what the continuum does."""
+
+    cut: int
+    across: int
+    poisson: float
+    count: int
+    part: float
+
+
+@dataclass(frozen=True)
+class Step:
+    """Substeps of `h` [s]: the amplitude lost a second, `decay` [1/s], and what implicit Euler loses, `law`; swings a second,
+    `frequency` [Hz]."""
+
+    backend: str
+    solver: str
+    h: float
+    decay: float
+    law: float
+    frequency: float
+
+
+def _told(held: Iterable[Measure], finding: str) -> Iterator[tuple[dict[str, Any], dict[str, float]]]:
+    for numbers in by_configuration(m for m in held if m.description.get("finding") == finding):
+        description = next(iter(numbers.values())).description
+        yield description, {name: one.value for name, one in numbers.items() if one.value is not None}
+
+
+def meshes(held: Iterable[Measure]) -> list[Mesh]:
+    """What the measures tell of meshes: by cut, Poisson's ratio and voxels."""
+    found = []
+    for description, value in _told(held, MESH):
+        body = tables_by_kind(description["scene"])["tetrahedral_body"]
+        if PART in value and TETRAHEDRA in value:
+            across = round(body["shape"]["sides"][1] / body["edge"])
+            cut = body.get("tetrahedra", CUTS[0])
+            found.append(Mesh(cut, across, body["poisson_ratio"], round(value[TETRAHEDRA]), value[PART]))
+    return sorted(found, key=lambda m: (m.cut, m.poisson, m.across))
+
+
+def steps(held: Iterable[Measure]) -> list[Step]:
+    """What they tell of steps, long ones last."""
+    found = []
+    for description, value in _told(held, STEP):
+        method = tables_by_kind(description["scene"])["method"]
+        if value.keys() >= {DECAY, LAW, FREQUENCY}:
+            solver = BLOCKS if method.get("rows") == "blocks" else method["solver"]
+            h = method["dt"] / method["substeps"]
+            found.append(Step(description["backend"], solver, h, value[DECAY], value[LAW], value[FREQUENCY]))
+    return sorted(found, key=lambda s: (s.backend, s.solver, s.h))
+
+
+def print_meshes(console: Console, store: Store, machine: str) -> None:
+    """Two tables of what was measured on a machine: of meshes, a line a cut and Poisson's ratio; of steps."""
+    held = list(measures(store, machine=machine))
+    found = meshes(held)
+    sizes = sorted({mesh.across for mesh in found})
+    lines = []
+    for cut, poisson in dict.fromkeys((mesh.cut, mesh.poisson) for mesh in found):
+        mine = {m.across: m for m in found if (m.cut, m.poisson) == (cut, poisson)}
+        parts = [f"{mine[n].part:.3f} ({mine[n].count})" if n in mine else "-" for n in sizes]
+        lines.append((str(cut), f"{poisson:g}", *parts))
+    if lines:
+        heads = ("cut", "nu", *(f"{n} across" for n in sizes))
+        print_table(console, heads, lines, "sag under a tip load, solved to the end, over the continuum's (tetrahedra)")
+    lines = [
+        (s.solver, s.backend, f"{1e3 * s.h:.3g}", f"{s.decay:.3g}", f"{s.law:.3g}", f"{s.frequency:.4g}") for s in steps(held)
+    ]  # fmt: skip
+    if lines:
+        heads = ("solver", "backend", "substep / ms", "lost a second", "implicit Euler", "swings / Hz")
+        print_table(console, heads, lines, "of the amplitude of a bar's first vibration, which nothing damps")

@@ -1,0 +1,75 @@
+"""Tetrahedra by themselves: what a mesh makes of a bar, by how it is cut, and what a step takes from its swing."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from bench.experiments.tetrahedral.meshes import MESH, STEP, Mesh, Step, meshes, steps
+from plots.core.colours import BLACK, BLUE, GREEN, GREY, ORANGE, VERMILLION
+from plots.core.data import Results, judgements
+from plots.core.style import Drawing, legend_below, new_figure, plain_ticks
+
+TITLE = "What meshes and steps do by themselves"
+MARKERS = {5: ("o", "-"), 6: ("s", ":")}
+RATIOS = {0.3: BLUE, 0.45: ORANGE, 0.499: VERMILLION}
+SOLVERS = {"newton": ("Newton", GREEN, "D"), "vbd": ("vertex block descent", VERMILLION, "^"),
+           "xpbd": ("position-based, one sweep", BLUE, "o")}  # fmt: skip
+
+
+def draw(results: Results) -> Drawing | str:
+    """Meshes on the left, steps on the right; or why there is none."""
+    found, sources = judgements(results, lambda measure: measure.description.get("finding") in (MESH, STEP))
+    made, stepped = meshes(found), steps(found)
+    if not made and not stepped:
+        return "meshes of tetrahedra were not measured (softlab tetrahedra)"
+    figure, (left, right) = new_figure(2, 3.6, share_y=False)
+    _meshes(left, made)
+    _steps(right, [step for step in stepped if step.backend == stepped[0].backend])
+    legend_below(figure, [left, right], columns=3)
+    caption = (
+        "Left: the sag of a clamped bar under a tip load, solved to the end on its mesh, over the continuum's (grey), by "
+        "voxels across; five tetrahedra to a voxel (solid) and six (dotted). Right: what a swing of the bar that nothing "
+        "damps loses of its amplitude, by the substep, and what implicit Euler's law says (dashed); with too little to do a "
+        "position-based bar is softer, swings slower and loses less. float64."
+    )
+    return Drawing(figure, TITLE, caption, sources)
+
+
+def _meshes(ax: Any, made: list[Mesh]) -> None:
+    for cut, (marker, line) in MARKERS.items():
+        for ratio, colour in RATIOS.items():
+            mine = [mesh for mesh in made if (mesh.cut, mesh.poisson) == (cut, ratio)]
+            if mine:
+                how = {"color": colour, "marker": marker, "linestyle": line, "markersize": 4}
+                ax.plot(
+                    [m.across for m in mine], [m.part for m in mine], label=f"{cut} a voxel, ratio {ratio:g}", **how
+                )
+    ax.axhline(1, color=GREY, linewidth=0.7, zorder=1)
+    ax.set_xscale("log")
+    ticks = sorted({mesh.across for mesh in made})
+    ax.set_xticks(ticks, [str(tick) for tick in ticks])
+    ax.set_xticks([], minor=True)
+    ax.set_xlabel("voxels across the bar")
+    ax.set_ylabel("sag / the continuum's")
+
+
+def _steps(ax: Any, found: list[Step]) -> None:
+    for solver, (label, colour, marker) in SOLVERS.items():
+        mine = [step for step in found if step.solver == solver and step.decay > 0]
+        if mine:
+            ax.plot(
+                [1e3 * s.h for s in mine],
+                [s.decay for s in mine],
+                color=colour,
+                marker=marker,
+                markersize=4,
+                label=label,
+            )
+    told = sorted({(1e3 * step.h, step.law) for step in found})
+    if told:
+        ax.plot(*zip(*told, strict=True), "--", color=BLACK, linewidth=1, label="implicit Euler's law")
+    ax.set_xscale("log")
+    ax.set_yscale("log")
+    plain_ticks(ax.xaxis)
+    ax.set_xlabel("substep / ms")
+    ax.set_ylabel("amplitude lost / (1/s)")
