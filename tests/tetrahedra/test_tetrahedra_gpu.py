@@ -35,8 +35,8 @@ def test_bits_are_the_cpus(name: str, precision: str) -> None:
 
 @pytest.mark.parametrize("kernel", ["resident", "graph"])
 def test_a_catalogue_scene_falls_alike(kernel: str) -> None:
-    """In exact math, float32: the same bits after a second, contacts with the floor, but not of bodies, too; resident, three launches a call, of
-    bodies with doubled voxels."""
+    """In exact math, float32: the same bits after a second, contacts with the floor too, not of bodies; resident, three
+    launches a call, of bodies with doubled voxels."""
     scene = through(load_scene("fem-drop"))
     expected = end_state(scene, "cpu", 60, math="exact")
     assert np.array_equal(end_state(scene, "gpu", 60, math="exact", kernel=kernel).position, expected.position)
