@@ -1,4 +1,5 @@
-"""The command line of the soft-body lab: one function a sub-command, nothing else; those that measure: bench/commands.py."""
+"""The command line of the soft-body lab: one function a sub-command, nothing else; those that measure: bench/commands.py,
+that advise: bench/advice_commands.py; that make one file of another: app/command/file_commands.py."""
 
 from __future__ import annotations
 
@@ -27,6 +28,8 @@ from app.command.command_line import (
     tell_of_no_store,
     typed,
 )
+from app.command.file_commands import filing
+from bench.advice_commands import advising
 from bench.commands import measuring
 
 app = typer.Typer(
@@ -88,7 +91,8 @@ def run(
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
 ) -> None:
     """Run a scene without a window."""
-    from app.command.run import Request, parse_record, run_scene
+    from app.command.run import Request, run_scene
+    from app.command.run_length import parse_record
     from bench.experiments.accuracy.judge import judge_run
 
     request = Request(
@@ -140,7 +144,9 @@ def demo(
         run_demo(*shown, backend=backend, threads=threads, precision=precision, math=math, frames=frames)
 
 
-app.registered_commands += measuring.registered_commands  # here: it is the order of --help
+app.registered_commands += (
+    measuring.registered_commands + advising.registered_commands
+)  # here: it is the order of --help
 
 
 @app.command(epilog="Example: softlab figures --out figures")
@@ -238,40 +244,6 @@ def plan(
         print_plan(out, report)
 
 
-@app.command(
-    epilog="Example: softlab cook blob blob.npz --voxels 20   (your own: softlab cook mesh.obj body.npz --scale 0.001)"
-)
-def cook(
-    source: Annotated[
-        str,
-        typer.Argument(
-            metavar="MESH", help="A closed .obj, .stl or .ply mesh, a shape (blob), or a file of tetrahedra."
-        ),
-    ],
-    target: Annotated[Path, typer.Argument(metavar="BODY.npz", help="The file to write.")],
-    edge: Annotated[float | None, typer.Option(help="Edge of a voxel, in metres.")] = None,
-    voxels: Annotated[int | None, typer.Option(help="Voxels along the longest side (default 10).")] = None,
-    tetrahedra: Annotated[
-        str, typer.Option(help="5 a voxel, or 6; conforming: follow the surface (extra: tets).")
-    ] = "5",
-    unite: Annotated[
-        bool, typer.Option("--unite", help="First make one surface of closed pieces that overlap (extra: meshing).")
-    ] = False,
-    simplify: Annotated[
-        int | None, typer.Option(help="Then leave at most so many triangles (extra: meshing).", metavar="N")
-    ] = None,
-    scale: Annotated[float, typer.Option(help="Metres per unit of the file; a shape times so much.")] = 1.0,
-    density: Annotated[float, typer.Option(help="Of the reported mass, in kg/m^3.")] = 1000.0,
-) -> None:
-    """Cut a mesh into a body of tetrahedra, say how good it is, and write it."""
-    from app.command.cook import cook_body
-
-    cook_body(
-        source, target, out, errors, edge=edge, voxels=voxels, tetrahedra=tetrahedra, unite=unite, simplify=simplify,
-        scale=scale, density=density,
-    )  # fmt: skip
-
-
 @app.command(epilog="Example: softlab doctor")
 def doctor() -> None:
     """Say what works on this machine, and how to get the rest."""
@@ -281,29 +253,7 @@ def doctor() -> None:
     print_findings(out, examine())
 
 
-@app.command(epilog="Example: softlab export my-machine.csv")
-def export(
-    file: Annotated[Path, typer.Argument(help="A new .csv or .sqlite file.")], store: StorePath = DEFAULT_STORE
-) -> None:
-    """Write the store to one file, to keep or to send."""
-    from bench.store.database import Store
-    from bench.store.transfer import export as export_store
-
-    with Store(store, readonly=True) as opened:
-        out.print(str(export_store(opened, file)), markup=False)
-
-
-@app.command(epilog="Example: softlab merge other-machine.csv")
-def merge(
-    other: Annotated[Path, typer.Argument(help="A .csv or .sqlite file.")], store: StorePath = DEFAULT_STORE
-) -> None:
-    """Take the measurements of another store into this one; doing it twice adds nothing."""
-    from bench.store.database import Store
-    from bench.store.transfer import merge as merge_store
-
-    with Store(store) as opened:
-        new = merge_store(opened, other)
-    out.print(", ".join(f"{count} new in {table}" for table, count in new.items()))
+app.registered_commands += filing.registered_commands
 
 
 if __name__ == "__main__":

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from app.command.command_line import DEFAULT_STORE, SceneName, Settings, StorePath, out, scene_of, typed
+from app.command.command_line import DEFAULT_STORE, StorePath
 from bench.measure.took import Timed
-from bench.options import Backends, Integrators, Methods, Precisions, RatePrecisions, Time, measure, precisions_of
+from bench.options import Backends, Integrators, Methods, Precisions, RatePrecisions, measure, precisions_of
 from model.core.errors import SceneError
 
 measuring = typer.Typer()
@@ -263,57 +262,3 @@ def bar(
     from bench.experiments.bar_rows import print_bar
 
     measure(store, run_bar, print_bar, quick=quick, backends=backend)
-
-
-@measuring.command(cls=Timed, epilog="Example: softlab advise lab-curtain --error 1e-3 --write fast.toml")
-def advise(
-    scene: SceneName,
-    error: Annotated[float, typer.Option("--error", help="In spacings; of tetrahedral bodies relative.")],
-    time: Time = None,
-    backend: Backends = None,
-    precision: Precisions = None,
-    total_seconds: Annotated[float, typer.Option(help="Begin no new search after so long.")] = 180.0,
-    write: Annotated[Path | None, typer.Option(help="Save the scene so configured (.toml).")] = None,
-    force: Annotated[bool, typer.Option("--force", help="Replace the file of --write.")] = False,
-    check: Annotated[
-        bool, typer.Option("--check", help="Then measure every method and step size, to see if the advice is right.")
-    ] = False,
-    settings: Settings = None,
-    store: StorePath = DEFAULT_STORE,
-) -> None:
-    """Measure which method, step size, precision and backend reaches an error soonest on this machine."""
-    from app.command.scene_file import check_scene_target, write_scene
-    from bench.experiments.advise.answer import answer, checked
-    from bench.store.database import Store
-
-    if write is not None:
-        check_scene_target(write, force)  # before the work whose result it holds
-    with Store(store) as opened:
-        advice = answer(
-            opened, scene_of(scene, settings), error, backends=backend, time=time, precisions=precisions_of(precision),
-            total_seconds=total_seconds, check=check, command=typed(),
-        )  # fmt: skip
-        out.print(str(advice), markup=False, soft_wrap=True)
-        if advice.best is None:
-            raise typer.Exit(2)
-        if check:
-            found = checked(opened, advice, backends=backend, precisions=precisions_of(precision))
-            out.print(found, markup=False, soft_wrap=True)
-    if write is not None:
-        path = write_scene(write, advice.configured(), advice.heading(), force=force)
-        out.print(f"{path}: softlab run {path} --time {advice.time:g} {advice.options()}", markup=False, soft_wrap=True)
-
-
-@measuring.command(cls=Timed, epilog="Example: softlab ablate lab-curtain --backend cpu --set method.integrator=rk4")
-def ablate(
-    scene: SceneName,
-    time: Time = None,
-    backend: Backends = None,
-    settings: Settings = None,
-    store: StorePath = DEFAULT_STORE,
-) -> None:
-    """What does a scene need? Drop one part at a time: what that saves, and what error it causes."""
-    from bench.experiments.advise.ablate import ablate as find
-    from bench.experiments.advise.ablation_results import print_ablation
-
-    measure(store, find, tell=print_ablation, scene=scene_of(scene, settings), backends=backend, time=time)

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import math
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -12,6 +11,7 @@ from typing import Any
 import numpy as np
 import psutil
 
+from app.command.run_length import step_count
 from app.command.run_parts import bodies_report, body_lines, caught_lines, collider_lines, contact_report
 from app.driver import open_simulation
 from app.output.export import Exporter, Target, check_export
@@ -30,7 +30,6 @@ from model.scene.sheets import mesh_lines, rest_lines
 from model.shape_matching.spare import counts
 
 WARM_UP_STEPS = 512  # on a real GPU: enough to capture every graph that a long run replays
-MAX_STEPS = 10**15  # more would take years
 PROGRESS_SECONDS = 0.2  # how often the progress bar moves
 
 
@@ -70,37 +69,6 @@ class Result:
     diverged: Diverged | None = None
 
 
-def parse_record(words: Iterable[str] | None) -> int:
-    """N of `every=N`. Raises SceneError."""
-    word = next(iter(words or ()), "")
-    key, _, number = word.partition("=")
-    short = number.isascii() and number.isdigit() and len(number) <= len(str(MAX_STEPS))
-    if key != "every" or not short or int(number) < 1:
-        raise SceneError("--record", word, f"must be every=N FILE.npz, N from 1 to {MAX_STEPS:.0e}")
-    return int(number)
-
-
-def step_count(scene: Scene, request: Request, notes: list[str]) -> int:
-    """The number of steps asked for; a time is rounded to whole steps, and a note says so."""
-    if request.steps is not None and request.time is not None:
-        raise SceneError("--time", request.time, "give --steps or --time, not both")
-    if request.steps is not None:
-        if not 0 <= request.steps <= MAX_STEPS:
-            raise SceneError("--steps", request.steps, f"must be a whole number from 0 to {MAX_STEPS:.0e}")
-        return request.steps
-    if request.time is None:
-        return 1000
-    dt = scene.method.dt
-    if not math.isfinite(request.time) or request.time < 0:
-        raise SceneError("--time", request.time, "must be a finite number of seconds, at least 0")
-    if request.time / dt > MAX_STEPS:
-        raise SceneError("--time", request.time, f"is more than {MAX_STEPS:.0e} steps of {dt:g} s")
-    steps = round(request.time / dt)
-    if abs(steps * dt - request.time) > 1e-9 * max(dt, request.time):
-        notes.append(f"--time {request.time:g} s rounded to {steps} steps of {dt:g} s = {steps * dt:.9g} s")
-    return steps
-
-
 def check_targets(scene: Scene, request: Request, steps: int, notes: list[str]) -> Target | None:
     """Everything that could stop a result from being written, before any work; where meshes are exported to. Raises
     InputError, SceneError."""
@@ -126,7 +94,7 @@ def run_scene(scene: Scene, request: Request, *, progress: bool = True) -> Resul
     """Run `scene` as asked. Raises SceneError, InputError, BackendUnavailable; a divergence is part of the result."""
     lines = mesh_lines, rest_lines, body_lines, collider_lines, overlap_lines
     notes = [line for told in lines for line in told(scene)]
-    steps = step_count(scene, request, notes)
+    steps = step_count(scene, request.steps, request.time, notes)
     target = check_targets(scene, request, steps, notes)
     initial = read_state(request.initial, scene) if request.initial else None
     begin = time.perf_counter()

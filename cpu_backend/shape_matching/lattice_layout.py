@@ -9,7 +9,7 @@ import numpy as np
 
 from cpu_backend.core.layout import aligned_zeros
 from cpu_backend.shape_matching.lattice_rows import LINE, SLICE, WINDOW
-from model.scene.parts import Method
+from model.scene.method import Method
 from model.shape_matching.body_set import BodySet
 from model.shape_matching.lattice import T_INVERSE, T_MASS, VALUES
 

@@ -10,7 +10,7 @@ from cpu_backend.shape_matching.layout import Layout
 from cpu_backend.shape_matching.shapes import ENTRIES
 from model.formulas.deformation import SHAPE
 from model.formulas.pace import MOTION
-from model.scene.parts import Method
+from model.scene.method import Method
 from model.shape_matching.cluster_tables import damping_factors, shape_table, shaping
 from model.shape_matching.clusters import Clusters
 from model.shape_matching.rigid_rebound import rebound_limits, whole_clusters

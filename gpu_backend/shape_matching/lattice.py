@@ -16,7 +16,7 @@ from gpu_backend.shape_matching.lattice_kernels import (
     THREADS,
     make_lattice_kernels,
 )
-from model.scene.parts import Method
+from model.scene.method import Method
 from model.shape_matching.body_set import BodySet
 from model.shape_matching.lattice import VALUES
 

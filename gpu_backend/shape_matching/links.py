@@ -9,7 +9,7 @@ from numba import cuda
 
 from gpu_backend.core.constraints import make_projections
 from gpu_backend.shape_matching.kernels import THREADS
-from model.scene.parts import Method
+from model.scene.method import Method
 from model.shape_matching.body_set import BodySet
 from model.shape_matching.links import LINKS
 

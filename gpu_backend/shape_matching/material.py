@@ -11,7 +11,7 @@ from gpu_backend.core.quads import SIZE
 from gpu_backend.shape_matching.damping import make_damping_ends, make_gather
 from gpu_backend.shape_matching.kernels import AXES, ROWS, THREADS, TOGETHER
 from gpu_backend.shape_matching.shapes import make_shaped_turn
-from model.scene.parts import Method
+from model.scene.method import Method
 from model.shape_matching.cluster_tables import damping_factors, shape_table, shaping
 from model.shape_matching.clusters import Clusters
 

@@ -8,10 +8,11 @@ from model.core.errors import SceneError
 from model.scene.attachment import check_attachment
 from model.scene.bodies import BODY_KINDS
 from model.scene.cloth import CLOTH_KINDS, COLLIDER_KINDS, CONSTRAINT_KINDS, SPRING_KINDS
+from model.scene.method import OF_TETRAHEDRA as TETRAHEDRAL_SOLVERS
+from model.scene.method import Method
 from model.scene.motion import motions_of_pins
 from model.scene.particle_contact import MAX_KINDS
-from model.scene.parts import OF_TETRAHEDRA as TETRAHEDRAL_SOLVERS
-from model.scene.parts import Elastic, Method
+from model.scene.parts import Elastic
 from model.scene.scene_parts import KINDS, SceneParts
 from model.scene.tetrahedra import TETRAHEDRAL_KINDS
 from model.scene.xpbd import XPBD_KINDS

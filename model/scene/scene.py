@@ -12,7 +12,7 @@ from typing import Any
 
 from model.core.errors import SceneError
 from model.scene.checks import check_fit, check_solver
-from model.scene.parts import FIELDS_OF_SOLVER, Method
+from model.scene.method import FIELDS_OF_SOLVER, Method
 from model.scene.reader import scene_tables
 from model.scene.scene_parts import KINDS, SEVERAL, SHEETS, SceneParts
 from model.scene.words import suggestion

@@ -29,6 +29,7 @@ from model.scene.cloth import (
     Wind,
 )
 from model.scene.mesh import MESH_KINDS, Mesh
+from model.scene.method import Method
 from model.scene.motion import Motion
 from model.scene.particle_contact import Contact
 from model.scene.parts import (
@@ -39,7 +40,6 @@ from model.scene.parts import (
     Gravity,
     Grid,
     Manufactured,
-    Method,
     Part,
     Perturbation,
     Springs,
@@ -54,6 +54,7 @@ from model.tetrahedra.body_set import TetrahedraSet, make_tetrahedra_set
 
 KINDS: dict[str, type[Part]] = (
     GRID_KINDS
+    | {"method": Method}
     | CLOTH_KINDS
     | {"mesh_collider": MeshCollider, "distance_field": DistanceField}
     | MESH_KINDS

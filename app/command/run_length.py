@@ -1,0 +1,42 @@
+"""How far a run goes, and how often it is recorded, of what was typed."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+
+from model.core.errors import SceneError
+from model.scene.scene import Scene
+
+MAX_STEPS = 10**15  # more would take years
+
+
+def parse_record(words: Iterable[str] | None) -> int:
+    """N of `every=N`. Raises SceneError."""
+    word = next(iter(words or ()), "")
+    key, _, number = word.partition("=")
+    short = number.isascii() and number.isdigit() and len(number) <= len(str(MAX_STEPS))
+    if key != "every" or not short or int(number) < 1:
+        raise SceneError("--record", word, f"must be every=N FILE.npz, N from 1 to {MAX_STEPS:.0e}")
+    return int(number)
+
+
+def step_count(scene: Scene, steps: int | None, time: float | None, notes: list[str]) -> int:
+    """The number of steps asked for; a time is rounded to whole steps, and a note says so."""
+    if steps is not None and time is not None:
+        raise SceneError("--time", time, "give --steps or --time, not both")
+    if steps is not None:
+        if not 0 <= steps <= MAX_STEPS:
+            raise SceneError("--steps", steps, f"must be a whole number from 0 to {MAX_STEPS:.0e}")
+        return steps
+    if time is None:
+        return 1000
+    dt = scene.method.dt
+    if not math.isfinite(time) or time < 0:
+        raise SceneError("--time", time, "must be a finite number of seconds, at least 0")
+    if time / dt > MAX_STEPS:
+        raise SceneError("--time", time, f"is more than {MAX_STEPS:.0e} steps of {dt:g} s")
+    whole = round(time / dt)
+    if abs(whole * dt - time) > 1e-9 * max(dt, time):
+        notes.append(f"--time {time:g} s rounded to {whole} steps of {dt:g} s = {whole * dt:.9g} s")
+    return whole

@@ -1,0 +1,93 @@
+"""How a scene is solved: the table `method`."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from model.scene.parts import Part, Positive
+
+IntegratorName = Literal[
+    "lab", "semi-implicit-euler", "velocity-verlet", "rk4", "explicit-euler", "taylor", "implicit-euler",
+    "implicit-euler-linear",
+]  # fmt: skip
+SolverName = Literal["mass-spring", "xpbd", "pbd", "shape-matching", "vbd", "newton"]
+RowsName = Literal["scalar", "blocks"]
+OrderingName = Literal["gauss-seidel", "jacobi", "averaged-jacobi"]
+POSITION_BASED = ("xpbd", "pbd", "shape-matching")
+MAX_ROUNDS = 1_000_000  # over all constraints a step: seconds of the smallest sheet, and nothing can interrupt a step
+Rounds = Annotated[int, Field(ge=1, le=MAX_ROUNDS, strict=True)]
+MAX_REGION = 8  # a cluster of 17 x 17: larger ones are sums over a region's edges, not over its masses
+
+
+class Method(Part):
+    """How the scene is solved.
+
+    `mass-spring` adds up forces and integrates. `xpbd` and `pbd` move masses until constraints hold: a step is `substeps`
+    substeps of dt / substeps, each with `iterations` over all constraints in an `ordering`. In `pbd` every projection takes
+    away `pbd_stiffness` of a stretch, whatever the springs' stiffness: after n iterations 1 - (1 - pbd_stiffness)^n of it,
+    so that the material changes with iterations, substeps and dt. `shape-matching` moves masses towards where windows of the
+    grid, 2 `region` + 1 masses wide and high, would have them if they were rigid. Tetrahedra are two scalar `rows` each, or
+    `blocks`, which end at implicit Euler where iterations do; `vbd` descends vertex by vertex, `iterations` times over all,
+    and `newton` solves implicit Euler to the end, in at most `iterations` Newton steps.
+    """
+
+    solver: SolverName = "mass-spring"
+    integrator: IntegratorName = "velocity-verlet"
+    dt: Positive = 0.01  # s
+    substeps: Rounds = 1
+    iterations: Rounds = 1
+    ordering: OrderingName = "gauss-seidel"
+    pbd_stiffness: Annotated[float, Field(gt=0, le=1, strict=True)] = 1.0
+    region: Annotated[int, Field(ge=1, le=MAX_REGION, strict=True)] = 1  # masses to either side
+    rows: RowsName = "scalar"
+
+    @model_validator(mode="after")
+    def _fields_belong_to_the_solver(self) -> Method:
+        for name in self.model_fields_set - set(FIELDS_OF_SOLVER[self.solver]):
+            owners = [solver for solver, fields in FIELDS_OF_SOLVER.items() if name in fields]
+            raise ValueError(f"{name}: belongs to the solver {' or '.join(owners)}, not to {self.solver}")
+        if self.substeps * self.iterations > MAX_ROUNDS:
+            raise ValueError(
+                f"iterations: times {self.substeps} substeps they are more than {MAX_ROUNDS} a step; use fewer"
+            )
+        return self
+
+    @property
+    def position_based(self) -> bool:
+        """Whether the solver moves masses until constraints hold, instead of adding up forces."""
+        return self.solver in (*POSITION_BASED, *OF_TETRAHEDRA)
+
+    @property
+    def name(self) -> str:
+        """What tells methods apart, in words: the integrator, or the solver with its ordering."""
+        return self.label if self.position_based else self.integrator
+
+    @property
+    def matches_shapes(self) -> bool:
+        """Whether the solver is shape matching."""
+        return self.solver == "shape-matching"
+
+    @property
+    def label(self) -> str:
+        """The solver and what it is told: `mass-spring rk4`, `xpbd jacobi`, `shape-matching`."""
+        if self.matches_shapes or self.solver in OF_TETRAHEDRA:
+            return self.solver
+        blocks = ", blocks" * (self.rows == "blocks")
+        return f"{self.solver} {self.ordering if self.position_based else self.integrator}{blocks}"
+
+    def _idle_fields(self) -> set[str]:
+        told = set(FIELDS_OF_SOLVER[self.solver]) - ({"rows"} if self.rows == "scalar" else set())
+        return set(type(self).model_fields) - told
+
+
+FIELDS_OF_SOLVER = {
+    "mass-spring": ("solver", "integrator", "dt"),
+    "xpbd": ("solver", "dt", "substeps", "iterations", "ordering", "rows"),
+    "pbd": ("solver", "dt", "substeps", "iterations", "ordering", "pbd_stiffness"),
+    "shape-matching": ("solver", "dt", "substeps", "iterations", "region"),
+    "vbd": ("solver", "dt", "substeps", "iterations"),
+    "newton": ("solver", "dt", "substeps", "iterations"),
+}
+OF_TETRAHEDRA = ("vbd", "newton")  # solvers of tetrahedral bodies alone
