@@ -1,5 +1,5 @@
 """The command line of the soft-body lab: one function a sub-command, nothing else; those that measure: bench/commands.py,
-that advise: bench/advice_commands.py; that make one file of another: app/command/file_commands.py."""
+that advise: bench/advice_commands.py; on files and stores: app/command/file_commands.py, bench/store/commands.py."""
 
 from __future__ import annotations
 
@@ -31,6 +31,7 @@ from app.command.command_line import (
 from app.command.file_commands import filing
 from bench.advice_commands import advising
 from bench.commands import measuring
+from bench.store.commands import keeping
 
 app = typer.Typer(
     cls=Commands,
@@ -253,7 +254,7 @@ def doctor() -> None:
     print_findings(out, examine())
 
 
-app.registered_commands += filing.registered_commands
+app.registered_commands += filing.registered_commands + keeping.registered_commands
 
 
 if __name__ == "__main__":

@@ -104,6 +104,18 @@ test_contact_restitution.py test_a_swarm* test_whole_steps*
 test_mesh.py *million*
 test_side_by_side.py test_the_clocks*
 test_view3d.py test_a_pulled_cloth*
+# of tetrahedra: one solver, one budget, one case by default
+test_element_projections.py test_larger_bars* test_quick_is*
+test_advise_tetrahedra.py test_measured_bars* test_what_is_advised*solver1* test_stiff_bars*
+test_tetrahedra_meshes.py test_a_swing*newton?
+test_hard_tetrahedra.py test_the_laws*flat-newton* test_the_laws*B23* test_the_laws*B22?bar*
+test_kinematic.py test_pins_are*newton? *terminal_speed*newton?
+test_surface_contacts.py test_bodies_that_are_far*
+test_bar.py test_tetrahedra_are*newton?
+test_compiled.py *tetrahedra?that?meet? *source?mesh?
+test_quick.py test_throughput*
+test_hard_bodies.py test_the_laws*B16?brick-float64?
+test_peers_blocked.py test_once_tells*
 # experiments whose parts are tested by themselves
 test_accuracy.py test_nothing_is_measured* test_front_against* test_what_the_store_gains*
     test_a_cloth_is_judged* test_figures_know_the_cloth* test_points_of* test_a_reference_of_contacts

@@ -1,4 +1,4 @@
-"""The commands that make one file of another, one function a sub-command; softlab.py takes them among its own."""
+"""The commands on files of bodies, one function a sub-command; softlab.py takes them among its own."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from app.command.command_line import DEFAULT_STORE, StorePath, errors, out
+from app.command.command_line import errors, out
 
 filing = typer.Typer()
 
@@ -44,28 +44,3 @@ def cook(
         source, target, out, errors, edge=edge, voxels=voxels, tetrahedra=tetrahedra, unite=unite, simplify=simplify,
         scale=scale, density=density,
     )  # fmt: skip
-
-
-@filing.command(epilog="Example: softlab export my-machine.csv")
-def export(
-    file: Annotated[Path, typer.Argument(help="A new .csv or .sqlite file.")], store: StorePath = DEFAULT_STORE
-) -> None:
-    """Write the store to one file, to keep or to send."""
-    from bench.store.database import Store
-    from bench.store.transfer import export as export_store
-
-    with Store(store, readonly=True) as opened:
-        out.print(str(export_store(opened, file)), markup=False)
-
-
-@filing.command(epilog="Example: softlab merge other-machine.csv")
-def merge(
-    other: Annotated[Path, typer.Argument(help="A .csv or .sqlite file.")], store: StorePath = DEFAULT_STORE
-) -> None:
-    """Take the measurements of another store into this one; doing it twice adds nothing."""
-    from bench.store.database import Store
-    from bench.store.transfer import merge as merge_store
-
-    with Store(store) as opened:
-        new = merge_store(opened, other)
-    out.print(", ".join(f"{count} new in {table}" for table, count in new.items()))

@@ -14,7 +14,6 @@ import numpy as np
 
 from bench.reference.contacts import FLAT, MARGIN, Found, nearest_weights
 from model.scene.scene import Scene
-from model.tetrahedra.attachments import contact_free
 
 BEHIND = 0.25
 
@@ -48,11 +47,10 @@ def _outward(distance: float, q: np.ndarray, r: np.ndarray, length: np.ndarray) 
 def find(scene: Scene, distance: float, before: np.ndarray, predicted: np.ndarray) -> Found:
     """What may touch within a substep from (particles, 3) `before` to `predicted` [m], of bodies that do not meet themselves:
     a triangle of another body whose nearest point is less than the distance, a margin and the largest motion of the vertex
-    relative to one of its corners away, the first of those that share the feature."""
+    relative to one of its corners away, the first of those that share the feature. Nothing is attached."""
     part, bodies = scene.contact, scene.tetrahedra_set
     assert part is not None
-    first = np.append(bodies.first_particle, bodies.particle_count)
-    every = bodies.surface[~contact_free(bodies)[bodies.surface].any(axis=1)]
+    every, first = bodies.surface, np.append(bodies.first_particle, bodies.particle_count)
     body = np.repeat(np.arange(len(bodies.parts)), np.diff(first))
     vertex, triangle = (a.ravel() for a in np.meshgrid(np.unique(every), np.arange(len(every)), indexing="ij"))
     apart = body[vertex] != body[every[triangle, 0]]
