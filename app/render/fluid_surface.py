@@ -18,14 +18,15 @@ import numpy as np
 
 from app.render import fluid_shaders as shaders
 from app.render.camera3d import FARTHEST, NEAREST, Camera3D
+from app.render.fluid_pictures import BEHIND, BEHIND_DEPTH, DEPTH, NORMALS, OTHER_DEPTH, THICKNESS, FluidPictures
 from app.render.opengl import shader_program
 from app.render.scenery import KEY
 from app.render.vertex_arrays import LOOK, POSITION, uniform_matrix
-from model.core.errors import BackendUnavailable, InputError
+from model.core.errors import InputError
 
 FILTERS = ("narrow-range", "curvature-flow", "none")
 BACK = 5  # where shaders look for the first row of an ellipsoid's inverse
-REACH, RANGE, BEHIND = 3.0, 2.0, 0.6  # of the filter, in radii: half width, range, how far behind what is far counts
+REACH, RANGE, BEYOND = 3.0, 2.0, 0.6  # of the filter, in radii: half width, range, how far behind what is far counts
 BLUR = 3.0  # radii: half width of that of thickness
 PASSES = {"narrow-range": 2, "curvature-flow": 60, "none": 0}
 SHARE = 0.6  # of a ray's way through a particle: balls of half a spacing and more overlap
@@ -61,19 +62,11 @@ class FluidSurface:
                 ("shade", shaders.SCREEN_VERTEX, shaders.SHADE_FRAGMENT),
             )
         }
-        self._size = (0, 0)
-        self._frames = (gl.GLuint * 5)()  # depth, filtered, thickness, normals, what is behind
-        gl.glGenFramebuffers(5, self._frames)
-        self._pictures = (gl.GLuint * 6)()  # of those, and the depth of what is behind
-        gl.glGenTextures(6, self._pictures)
-        self._store = gl.GLuint()
-        gl.glGenRenderbuffers(1, self._store)
+        self._pictures = FluidPictures()
         self._looks = (gl.GLuint * 2)()
         gl.glGenBuffers(2, self._looks)
         self._array = self._particles(position_buffer)
-        self._empty = gl.GLuint()
-        gl.glGenVertexArrays(1, self._empty)
-        self._result = 0  # which picture holds the depth that counts
+        self._result = DEPTH  # which picture holds the depth that counts
 
     def _particles(self, position_buffer: int) -> Any:
         from pyglet import gl
@@ -115,67 +108,6 @@ class FluidSurface:
 
     # ------------------------------------------------------------------ pictures
 
-    def _allocate(self, width: int, height: int) -> None:
-        from pyglet import gl
-
-        self._size = (width, height)
-        red, four, eight = (gl.GL_R32F, gl.GL_RED), (gl.GL_RGBA32F, gl.GL_RGBA), (gl.GL_RGBA8, gl.GL_RGBA)
-        for picture, (inside, outside) in zip(self._pictures, (red, red, four, four, eight), strict=False):
-            self._picture(picture, inside, outside, gl.GL_FLOAT)
-        self._picture(self._pictures[5], gl.GL_DEPTH_COMPONENT24, gl.GL_DEPTH_COMPONENT, gl.GL_UNSIGNED_INT)
-        gl.glBindRenderbuffer(gl.GL_RENDERBUFFER, self._store)
-        gl.glRenderbufferStorage(gl.GL_RENDERBUFFER, gl.GL_DEPTH_COMPONENT24, width, height)
-        for frame, picture in zip(self._frames, self._pictures, strict=False):
-            gl.glBindFramebuffer(gl.GL_FRAMEBUFFER, frame)
-            gl.glFramebufferTexture2D(gl.GL_FRAMEBUFFER, gl.GL_COLOR_ATTACHMENT0, gl.GL_TEXTURE_2D, picture, 0)
-        gl.glFramebufferTexture2D(gl.GL_FRAMEBUFFER, gl.GL_DEPTH_ATTACHMENT, gl.GL_TEXTURE_2D, self._pictures[5], 0)
-        gl.glBindFramebuffer(gl.GL_FRAMEBUFFER, self._frames[0])
-        gl.glFramebufferRenderbuffer(gl.GL_FRAMEBUFFER, gl.GL_DEPTH_ATTACHMENT, gl.GL_RENDERBUFFER, self._store)
-        for frame in self._frames:
-            gl.glBindFramebuffer(gl.GL_FRAMEBUFFER, frame)
-            status = gl.glCheckFramebufferStatus(gl.GL_FRAMEBUFFER)
-            if status != gl.GL_FRAMEBUFFER_COMPLETE:
-                raise BackendUnavailable(
-                    f"the OpenGL driver refuses pictures of 32-bit floats (status {status:#x})",
-                    "install a driver with OpenGL 3.3 or newer, or show the fluid as particles",
-                )
-
-    def _picture(self, picture: int, inside: int, outside: int, kind: int) -> None:
-        from pyglet import gl
-
-        gl.glBindTexture(gl.GL_TEXTURE_2D, picture)
-        gl.glTexImage2D(gl.GL_TEXTURE_2D, 0, inside, *self._size, 0, outside, kind, None)
-        for name in (gl.GL_TEXTURE_MIN_FILTER, gl.GL_TEXTURE_MAG_FILTER):
-            gl.glTexParameteri(gl.GL_TEXTURE_2D, name, gl.GL_NEAREST if outside != gl.GL_RGBA else gl.GL_LINEAR)
-        for name in (gl.GL_TEXTURE_WRAP_S, gl.GL_TEXTURE_WRAP_T):
-            gl.glTexParameteri(gl.GL_TEXTURE_2D, name, gl.GL_CLAMP_TO_EDGE)
-        gl.glBindTexture(gl.GL_TEXTURE_2D, 0)
-
-    def _begin(self, which: int) -> None:
-        """Draw into a picture of ours from now on, on nothing."""
-        from pyglet import gl
-
-        gl.glBindFramebuffer(gl.GL_FRAMEBUFFER, self._frames[which])
-        gl.glViewport(0, 0, *self._size)
-        gl.glClearColor(0.0, 0.0, 0.0, 0.0)
-        gl.glClear(gl.GL_COLOR_BUFFER_BIT | (gl.GL_DEPTH_BUFFER_BIT if which == 0 else 0))
-
-    def _bind(self, **pictures: int) -> None:
-        """Pictures for the program in use, by the names of its samplers."""
-        from pyglet import gl
-
-        for unit, (_, which) in enumerate(pictures.items()):
-            gl.glActiveTexture(gl.GL_TEXTURE0 + unit)
-            gl.glBindTexture(gl.GL_TEXTURE_2D, self._pictures[which])
-        gl.glActiveTexture(gl.GL_TEXTURE0)
-
-    def _screen(self) -> None:
-        from pyglet import gl
-
-        gl.glBindVertexArray(self._empty)
-        gl.glDrawArrays(gl.GL_TRIANGLES, 0, 3)
-        gl.glBindVertexArray(0)
-
     def _balls(self, name: str, camera: Camera3D) -> None:
         from pyglet import gl
 
@@ -206,18 +138,17 @@ class FluidSurface:
         gl.glGetIntegerv(gl.GL_DRAW_FRAMEBUFFER_BINDING, bound)
         gl.glGetIntegerv(gl.GL_VIEWPORT, box)
         gl.glGetBooleanv(gl.GL_DEPTH_WRITEMASK, writes)
-        if self._size != (camera.width, camera.height):
-            self._allocate(camera.width, camera.height)
+        self._pictures.resize(camera.width, camera.height)
         gl.glDepthMask(gl.GL_TRUE)
         gl.glEnable(gl.GL_DEPTH_TEST)
         gl.glDisable(gl.GL_BLEND)
-        self._begin(0)
+        self._pictures.begin(DEPTH)
         self._balls("depth", camera)
         gl.glDisable(gl.GL_DEPTH_TEST)
         self._filter(camera)
         gl.glEnable(gl.GL_BLEND)
         gl.glBlendFunc(gl.GL_ONE, gl.GL_ONE)
-        self._begin(2)
+        self._pictures.begin(THICKNESS)
         self._balls("thickness", camera)
         gl.glDisable(gl.GL_BLEND)
         self._blur(camera)
@@ -231,35 +162,35 @@ class FluidSurface:
     def _blur(self, camera: Camera3D) -> None:
         """Thickness, by way of the picture of normals."""
         program = self._programs["blur"]
-        for source, goal, way in ((2, 3, (1, 0)), (3, 2, (0, 1))):
-            self._begin(goal)
+        for source, goal, way in ((THICKNESS, NORMALS, (1, 0)), (NORMALS, THICKNESS, (0, 1))):
+            self._pictures.begin(goal)
             program.use()
             program["thickness"], program["depth"], program["way"] = 0, 1, way
             program["reach"], program["focal"] = BLUR * self._radius, camera.focal
-            self._bind(thickness=source, depth=self._result)
-            self._screen()
+            self._pictures.bind(thickness=source, depth=self._result)
+            self._pictures.screen()
             program.stop()
 
     def _filter(self, camera: Camera3D) -> None:
         """Back and forth between the first two pictures; `_result`: where it ended."""
-        self._result, radius = 0, self._radius
+        self._result, radius = DEPTH, self._radius
         if self.filtered == "none":
             return
         program = self._programs[self.filtered]
         for turn in range(PASSES[self.filtered]):
             ways = ((1, 0), (0, 1)) if self.filtered == "narrow-range" else ((0, 0),)
             for way in ways:
-                self._begin(1 - self._result)
+                self._pictures.begin(DEPTH + OTHER_DEPTH - self._result)
                 program.use()
                 program["focal"] = camera.focal
                 program["range"] = RANGE * radius
                 if self.filtered == "narrow-range":
                     program["way"] = way
-                    program["reach"], program["behind"] = REACH * radius / 2**turn, BEHIND * radius
-                self._bind(depth=self._result)
-                self._screen()
+                    program["reach"], program["behind"] = REACH * radius / 2**turn, BEYOND * radius
+                self._pictures.bind(depth=self._result)
+                self._pictures.screen()
                 program.stop()
-                self._result = 1 - self._result
+                self._result = DEPTH + OTHER_DEPTH - self._result
 
     def normals(self, camera: Camera3D) -> np.ndarray:
         """(height, width, 4) float32, top row first: the normal in the camera's axes (right, up, back), and the depth [m]; 0
@@ -270,12 +201,12 @@ class FluidSurface:
         gl.glGetIntegerv(gl.GL_DRAW_FRAMEBUFFER_BINDING, bound)
         gl.glGetIntegerv(gl.GL_VIEWPORT, box)
         gl.glDisable(gl.GL_BLEND)
-        self._begin(3)
+        self._pictures.begin(NORMALS)
         program = self._programs["normal"]
         program.use()
         self._place(program, camera)
-        self._bind(depth=self._result)
-        self._screen()
+        self._pictures.bind(depth=self._result)
+        self._pictures.screen()
         program.stop()
         image = np.empty((camera.height, camera.width, 4), np.float32)
         gl.glReadPixels(
@@ -294,12 +225,7 @@ class FluidSurface:
         camera's size, hold; drawing goes there afterwards."""
         from pyglet import gl
 
-        width, height = self._size
-        gl.glBindFramebuffer(gl.GL_READ_FRAMEBUFFER, frame)
-        gl.glBindFramebuffer(gl.GL_DRAW_FRAMEBUFFER, self._frames[4])
-        both = gl.GL_COLOR_BUFFER_BIT | gl.GL_DEPTH_BUFFER_BIT
-        gl.glBlitFramebuffer(0, 0, width, height, 0, 0, width, height, both, gl.GL_NEAREST)
-        gl.glBindFramebuffer(gl.GL_FRAMEBUFFER, frame)
+        self._pictures.copy_from(frame)
         gl.glDisable(gl.GL_DEPTH_TEST)
         gl.glDisable(gl.GL_BLEND)
         program = self._programs["shade"]
@@ -310,17 +236,14 @@ class FluidSurface:
         program["planes"] = (NEAREST * camera.distance, FARTHEST * camera.distance)
         program["axes"], program["key"] = tuple(camera.axes.ravel().tolist()), tuple(KEY.tolist())
         program["bend"], program["zenith"], program["horizon"], program["floor_colour"] = BEND, ZENITH, HORIZON, FLOOR
-        self._bind(depth=self._result, thickness=2, behind=4, others=5)
-        self._screen()
+        self._pictures.bind(depth=self._result, thickness=THICKNESS, behind=BEHIND, others=BEHIND_DEPTH)
+        self._pictures.screen()
         program.stop()
 
     def delete(self) -> None:
         """Free everything."""
         from pyglet import gl
 
-        gl.glDeleteFramebuffers(5, self._frames)
-        gl.glDeleteTextures(6, self._pictures)
-        gl.glDeleteRenderbuffers(1, self._store)
+        self._pictures.delete()
         gl.glDeleteBuffers(2, self._looks)
-        for array in (self._array, self._empty):
-            gl.glDeleteVertexArrays(1, array)
+        gl.glDeleteVertexArrays(1, self._array)
