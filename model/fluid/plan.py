@@ -21,8 +21,8 @@ whole numbers.
    Beyond the table there are none, but on an axis that repeats they wrap around (x: cell -1 is the last one, looked at
    first). No more than MAX_NEIGHBOURS are listed; those beyond are counted and told. d = x_i - x_j is `wrapped` on axes
    that repeat, everywhere.
-4. `factors`. g = 0, own = 0; for each neighbour: dy = apart(...), squared anew, s = slope, g = gradient_added, own =
-   own_added (weight of j's fluid). Walls (below) at p. `factor` with F_WEIGHT of i; multiplier = 0.
+4. Of the same stage, factors: g = 0, own = 0; for each neighbour: dy = apart(...), squared anew, s = slope, g =
+   gradient_added, own = own_added (weight of j's fluid). Walls (below) at p. `factor` with F_WEIGHT of i; multiplier = 0.
 5. iteration, as many as told:
    `density`. total = 0; for each neighbour total = density_added(total, near(squared)); (wall density, its gradient) at p;
    c = constraint(...); delta = change(multiplier, factor, c), which is added to the multiplier; scheme averaged: delta =
@@ -35,7 +35,7 @@ whole numbers.
    F_CHANGE); then colliders, from x to p with v.
 7. `normals and vorticity`, where one is asked for: n = 0, w = 0; for each neighbour: dy, squared, s at the new p; n =
    gradient_added; w_x = curl_added(w_x, s, dy, dz, vy, vz, ...), w_y of (z, x), w_z of (x, y).
-8. `smooth velocities`, where asked for: sums m = 0, f = 0, r = 0; for each neighbour, what the scene has of it: m =
+8. Of the next stage, where one is asked for: sums m = 0, f = 0, r = 0; for each neighbour, what the scene has of it: m =
    smooth_added, f = pull_added, f = tension_added, r = rise_added (lengths speed_of(w)). v = smoothed(v, m, F_WEIGHT, f),
    then confined of the axes (y, z), (z, x), (x, y). From all velocities at once into new ones.
 9. `limit velocities`: with drag braked(..., c), c of the last iteration's `density`; speed_of(v), `slowed` to F_SPEED.
@@ -56,11 +56,10 @@ from __future__ import annotations
 
 from math import pi
 
-from model.core.own_forces import own_parts
+from model.core.own_forces import own_forces, own_parts
 from model.core.plan import Node, Plan, Stage
 from model.formulas import colliders
 from model.formulas.fluid import density, motion
-from model.mass_spring.plan import own_stages
 from model.scene.scene import Scene
 
 WALLS = ("plane", "sphere", "capsule", "box")  # kinds of colliders that add to a fluid's density
@@ -112,14 +111,12 @@ def fluid_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
     listed = round(met / axes)  # of four bytes each, as if they were scalars
     gathered = round(met)
     touch = sum(colliders.OPERATIONS[kind] for kind, _ in scene.colliders)
-    stages: list[Stage | Node] = [*own_stages(parts, memory=0)]
-    if "gravity" in parts:
-        stages.insert(0, Stage("gravity", 0, 0, 1))
-    stages += [
-        Stage("predict", 2, 2, motion.OPERATIONS_VELOCITY),
+    forces = sum(force.operations for force in own_forces(parts))
+    factors = round(met * density.OPERATIONS_FACTORS)
+    stages: list[Stage | Node] = [
+        Stage("predict", 2, 2, motion.OPERATIONS_VELOCITY + forces),
         Stage("sort into cells", 4, 4, 4 * axes),
-        Stage("find neighbours", 1, listed, round(looked_at * density.OPERATIONS_FIND)),
-        Stage("factors", 1 + gathered + listed, 1, round(met * density.OPERATIONS_FACTORS)),
+        Stage("find neighbours", 1 + gathered, 1 + listed, round(looked_at * density.OPERATIONS_FIND) + factors),
     ]
     iteration = (
         Stage("density", 1 + gathered + listed, 1, round(met * density.OPERATIONS_DENSITY)),
@@ -130,9 +127,12 @@ def fluid_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
         stages.append(
             Stage("normals and vorticity", 2 + 2 * gathered + listed, 2, round(met * motion.OPERATIONS_SHAPE))
         )
+    last = Stage("limit velocities", 1, 2, motion.OPERATIONS_VELOCITY)
     if parts & SMOOTHING:
-        stages.append(Stage("smooth velocities", 2 + 2 * gathered + listed, 1, round(met * motion.OPERATIONS_SMOOTH)))
-    stages.append(Stage("limit velocities", 1, 1, motion.OPERATIONS_VELOCITY))
+        last = Stage(
+            "limit velocities", 2 + 2 * gathered + listed, 2, last.operations + round(met * motion.OPERATIONS_SMOOTH)
+        )
+    stages.append(last)
     root = Node("step", (Node("substep", tuple(stages), scene.method.substeps),))
     scalars = sum(stage.reads + stage.writes for stage in root.stages())
     return Plan(root, scalars, parts, dimensions=axes)
