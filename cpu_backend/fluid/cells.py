@@ -1,0 +1,204 @@
+"""Particles of a fluid in cells: the table, and a sort by cell and number, for CPU threads (model/fluid/plan.py, 1 and 2)."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from cpu_backend.core.compile import Compiler
+from cpu_backend.core.own_forces import make_own_force
+from model.fluid.parameters import F_BUOYANCY, F_SPEED, FLUID_FIELDS
+from model.formulas.fluid import cells, motion
+
+AXES = 3
+BOX = 2 * AXES  # numbers of a band's box: the lowest place, the highest one
+TABLE = 3  # whole numbers of the table: counts along x, y, z
+LARGEST = 1e30  # of a box: what is farther off, or nowhere, is not looked for
+
+
+def make_row_of(parts: frozenset[str]) -> Any:
+    """row_of(fluid, k): where the row of a particle's fluid begins."""
+    several = "fluids" in parts
+
+    def row_of(fluid, k):
+        return FLUID_FIELDS * np.int64(fluid[k]) if several else np.int64(0)
+
+    return row_of
+
+
+def make_predict(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
+    """predict(band, first, last, step, room, state, unsorted, boxes, parameters, fluids, integers): where the particles
+    `first` to before `last` go, and the box of a band's."""
+    formulas = motion.make(real, compiler.compiled)
+    accelerated, speed_of, slowed, drifted = formulas.accelerated, formulas.speed_of, formulas.slowed, formulas.drifted
+    turned_round, buoyant = formulas.turned_round, formulas.buoyant
+    axes = 2 if "flat" in parts else AXES
+    own = make_own_force(compiler, real, axes, parts - {"load"})
+    row_of = compiler.compiled(make_row_of(parts))
+    has_gravity, repeats = "gravity" in parts, "repeats" in parts
+    zero, one, largest = real(0), real(1), real(LARGEST)
+
+    @compiler.compiled
+    def predict(band, first, last, step, room, state, unsorted, boxes, parameters, fluids, integers):
+        position, velocity, number, fluid = state
+        before, place, meant = unsorted[0], unsorted[1], unsorted[2]
+        lx, ly, lz, hx, hy, hz = largest, largest, largest, -largest, -largest, -largest
+        h = parameters.dt
+        for k in range(first, last):
+            row = row_of(fluid, k)
+            ax, ay, az = zero, zero, zero
+            if has_gravity:
+                ay = buoyant(parameters.gravity, fluids[row + F_BUOYANCY])
+            if axes == AXES:
+                ax, ay, az = own((ax, ay, az), np.int64(number[k]), one, parameters, integers, step)
+            else:
+                ax, ay = own((ax, ay), np.int64(number[k]), one, parameters, integers, step)
+            u = accelerated(velocity[k], h, ax)
+            v = accelerated(velocity[room + k], h, ay)
+            w = accelerated(velocity[2 * room + k], h, az)
+            speed, most = speed_of(u, v, w), fluids[row + F_SPEED]
+            u, v, w = slowed(u, speed, most), slowed(v, speed, most), slowed(w, speed, most)
+            ax, ay, az = position[k], position[room + k], position[2 * room + k]
+            x, y, z = drifted(ax, u, h), drifted(ay, v, h), drifted(az, w, h)
+            if repeats:
+                s = turned_round(x, parameters.low_x, parameters.high_x, parameters.side_x)
+                x, ax = x + s, ax + s
+                s = turned_round(y, parameters.low_y, parameters.high_y, parameters.side_y)
+                y, ay = y + s, ay + s
+                s = turned_round(z, parameters.low_z, parameters.high_z, parameters.side_z)
+                z, az = z + s, az + s
+            meant[k], meant[room + k], meant[2 * room + k] = u, v, w
+            before[k], before[room + k], before[2 * room + k] = ax, ay, az
+            place[k], place[room + k], place[2 * room + k] = x, y, z
+            if abs(x) < largest and abs(y) < largest and abs(z) < largest:
+                lx, ly, lz, hx, hy, hz = min(lx, x), min(ly, y), min(lz, z), max(hx, x), max(hy, y), max(hz, z)
+        box = BOX * np.int64(band)
+        boxes[box], boxes[box + 1], boxes[box + 2] = lx, ly, lz
+        boxes[box + 3], boxes[box + 4], boxes[box + 5] = hx, hy, hz
+
+    return predict
+
+
+def make_table(compiler: Compiler, real: Any) -> SimpleNamespace:
+    """`span`: the table of all bands' boxes; `enter`: the cells of particles."""
+    formulas, fits = cells.make(real, compiler.compiled), cells.make_fits(compiler.compiled)
+    cells_along, halved, cell_of = formulas.cells_along, formulas.halved, formulas.cell_of
+    zero, largest = real(0), real(LARGEST)
+
+    @compiler.compiled
+    def joined(bands, boxes, axis):
+        low, high = largest, -largest
+        for band in range(bands):
+            low, high = min(low, boxes[BOX * band + axis]), max(high, boxes[BOX * band + AXES + axis])
+        return low, high
+
+    @compiler.compiled
+    def along(bands, boxes, axis, low, side, inverse, inverse_side, cells):
+        """(lowest place, inverse edge, count, highest place) along an axis."""
+        if side > zero:
+            return low, inverse_side, np.int64(cells), low
+        lowest, highest = joined(bands, boxes, axis)
+        return lowest, inverse, np.int64(cells_along(lowest, highest, inverse)), highest
+
+    @compiler.compiled
+    def span(bands, boxes, most, parameters):
+        """(lowest places, inverse edges, counts), three each."""
+        p, inverse = parameters, parameters.inverse_cell
+        lx, ix, nx, hx = along(bands, boxes, 0, p.low_x, p.side_x, inverse, p.inverse_side_x, p.cells_x)
+        ly, iy, ny, hy = along(bands, boxes, 1, p.low_y, p.side_y, inverse, p.inverse_side_y, p.cells_y)
+        lz, iz, nz, hz = along(bands, boxes, 2, p.low_z, p.side_z, inverse, p.inverse_side_z, p.cells_z)
+        while not fits(nx, ny, nz, most):
+            wx, wy, wz = nx, ny, nz
+            if p.side_x > zero:
+                wx = np.int64(0)
+            if p.side_y > zero:
+                wy = np.int64(0)
+            if p.side_z > zero:
+                wz = np.int64(0)
+            if max(wx, wy, wz) <= 1:
+                break
+            if wx >= wy and wx >= wz:
+                ix = halved(ix)
+                nx = np.int64(cells_along(lx, hx, ix))
+            elif wy >= wz:
+                iy = halved(iy)
+                ny = np.int64(cells_along(ly, hy, iy))
+            else:
+                iz = halved(iz)
+                nz = np.int64(cells_along(lz, hz, iz))
+        return (lx, ly, lz), (ix, iy, iz), (nx, ny, nz)
+
+    @compiler.compiled
+    def enter(first, last, room, place, low, inverse, counts, cell):
+        nx, ny, nz = counts
+        for k in range(first, last):
+            i = np.int64(cell_of(place[k], low[0], inverse[0], nx))
+            j = np.int64(cell_of(place[room + k], low[1], inverse[1], ny))
+            l = np.int64(cell_of(place[2 * room + k], low[2], inverse[2], nz))  # noqa: E741
+            cell[k] = np.int32((l * ny + j) * nx + i)
+
+    return SimpleNamespace(span=span, enter=enter)
+
+
+def make_sort(compiler: Compiler, parts: frozenset[str]) -> SimpleNamespace:
+    """`tally` and `put`: particles in the order of their cells, those of a cell in that of their numbers; of the cells `low`
+    to before `high`."""
+    several = "fluids" in parts
+
+    @compiler.compiled
+    def tally(low, high, count, cell, starts):
+        """How many particles each of the cells holds; returned: all of them."""
+        inside = 0
+        for c in range(low, high):
+            starts[c] = 0
+        for k in range(count):
+            c = np.int64(cell[k])
+            if low <= c < high:
+                starts[c] += 1
+                inside += 1
+        return inside
+
+    @compiler.compiled
+    def put(low, high, first, count, room, state, unsorted, in_order, cell, starts, order):
+        """`first`: how many particles the cells before hold. Afterwards starts[c] is the first of cell c. Returned: where the
+        last one's end is."""
+        _, _, number, fluid = state
+        before, place, meant = unsorted
+        new_before, new_place, new_meant, new_number, new_fluid = in_order
+        end = np.int64(first)
+        for c in range(low, high):
+            inside = starts[c]
+            starts[c] = np.int32(end)
+            end += np.int64(inside)
+        for k in range(count):
+            c = np.int64(cell[k])
+            if low <= c < high:
+                order[starts[c]] = np.int32(k)
+                starts[c] += 1
+        start = np.int64(first)
+        for c in range(low, high):
+            last = np.int64(starts[c])
+            for n in range(start + 1, last):
+                k, q = order[n], n
+                while q > start and number[order[q - 1]] > number[k]:
+                    order[q] = order[q - 1]
+                    q -= 1
+                order[q] = k
+            starts[c] = np.int32(start)
+            start = last
+        for axis in range(AXES):
+            at = axis * room
+            for q in range(first, end):
+                k = np.int64(order[q])
+                new_before[at + q] = before[at + k]
+                new_place[at + q] = place[at + k]
+                new_meant[at + q] = meant[at + k]
+        for q in range(first, end):
+            new_number[q] = number[order[q]]
+            if several:
+                new_fluid[q] = fluid[order[q]]
+        return end
+
+    return SimpleNamespace(tally=tally, put=put)

@@ -1,0 +1,89 @@
+"""A fluid's substeps on CPU threads: all of a call by one team (`advance`), or a parallel loop a stage."""
+
+from __future__ import annotations
+
+from functools import cache
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from cpu_backend.core.compile import Compiler
+from cpu_backend.core.progress import shares
+from cpu_backend.fluid.phases import make_constraint, make_order
+from cpu_backend.fluid.velocities import make_velocities
+from model.fluid.plan import SHAPES
+
+
+def _phases(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
+    order = make_order(compiler, real, parts)
+    constraint = make_constraint(compiler, real, parts, order.cells_in)
+    velocities = make_velocities(compiler, real, parts, constraint.sides_of)
+    return SimpleNamespace(**vars(order), **vars(constraint), **vars(velocities))
+
+
+def _compiler(name: str, real: Any, math: str, parts: frozenset[str]) -> Compiler:
+    return Compiler(f"{name}_{np.dtype(real).name}_{math}_{'_'.join(sorted(parts))}", math)
+
+
+@cache
+def make_advance(real: Any, math: str, parts: frozenset[str]) -> Any:
+    """advance(bands, steps, step, substeps, iterations, world, parameters, fluids, integers, bodies, kinds): many steps
+    in one call."""
+    compiler = _compiler("fluid", real, math, parts)
+    phases = _phases(compiler, real, parts)
+    predict, enter, tally, put, find = phases.predict, phases.enter, phases.tally, phases.put, phases.find
+    constrain, correct, update, finish = phases.constrain, phases.correct, phases.update, phases.finish
+    shape, has_shape = phases.shape, bool(parts & SHAPES)
+
+    def advance(
+        team, member, bands, steps, step, substeps, iterations, world, parameters, fluids, integers, bodies, kinds
+    ):  # fmt: skip
+        for turn in range(steps * substeps):
+            number, frame = step * substeps + turn, step + turn // substeps
+            for part in shares(team, member, bands):
+                predict(part, bands, frame, world, parameters, fluids, integers)
+            for part in shares(team, member, bands):
+                enter(part, bands, world, parameters)
+            for part in shares(team, member, bands):
+                tally(part, bands, world, parameters)
+            for part in shares(team, member, bands):
+                put(part, bands, world, parameters)
+            for part in shares(team, member, bands):
+                find(part, bands, number, world, parameters, fluids, bodies, kinds)
+            place, there = world[3][1], world[4][0]
+            for _ in range(iterations):
+                for part in shares(team, member, bands):
+                    constrain(part, bands, number, place, world, parameters, bodies, kinds)
+                for part in shares(team, member, bands):
+                    correct(part, bands, number, place, there, world, parameters, fluids, bodies, kinds)
+                place, there = there, place
+            for part in shares(team, member, bands):
+                update(part, bands, number, place, world, parameters, fluids, bodies, kinds)
+            if has_shape:
+                for part in shares(team, member, bands):
+                    shape(part, bands, place, world, parameters)
+            for part in shares(team, member, bands):
+                finish(part, bands, place, world, parameters, fluids)
+
+    return compiler.team(advance)
+
+
+@cache
+def make_stages(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
+    """The phases by themselves, each a parallel loop (bands, ...); `sort`: three of them, by a team."""
+    compiler = _compiler("fluid_stages", real, math, parts)
+    phases = _phases(compiler, real, parts)
+    enter, tally, put = phases.enter, phases.tally, phases.put
+
+    def sort(team, member, bands, world, parameters):
+        for part in shares(team, member, bands):
+            enter(part, bands, world, parameters)
+        for part in shares(team, member, bands):
+            tally(part, bands, world, parameters)
+        for part in shares(team, member, bands):
+            put(part, bands, world, parameters)
+
+    names = ("predict", "find", "constrain", "correct", "update", "shape", "finish")
+    loops = {name: compiler.banded(getattr(phases, name)) for name in names}
+    return SimpleNamespace(sort=compiler.team(sort), **loops)

@@ -1,0 +1,70 @@
+"""The sums over neighbours of a fluid's density constraint, LANES particles at a time, for CPU threads
+(model/fluid/plan.py, 4 and 5). What each function is given: `many` entries of the slice's list, the planes of all, and
+those of the slice's own."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+from cpu_backend.core.compile import Compiler
+from cpu_backend.fluid.cells import make_row_of
+from cpu_backend.fluid.lists import LANES, make_wrap
+from model.fluid.parameters import F_WEIGHT
+from model.formulas.fluid import density
+
+
+def make_pairs(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
+    """`densities`, `gradients`, `corrections`; their sums are added to, and begin at 0."""
+    f, wrap = density.make(real, compiler.compiled), make_wrap(compiler, real, parts)
+    squared, near, density_added, apart, slope = f.squared, f.near, f.density_added, f.apart, f.slope
+    gradient_added, own_added, crowded, correction_added = f.gradient_added, f.own_added, f.crowded, f.correction_added
+    several, has_tensile = "fluids" in parts, "tensile" in parts
+    row_of = compiler.compiled(make_row_of(parts))
+    one = real(1)
+
+    @compiler.row
+    def densities(many, entries, x, y, z, own_x, own_y, own_z, sides, inverse, total):
+        for k in range(many):
+            for lane in range(LANES):
+                j = entries[k * LANES + lane]
+                dx, dy, dz = wrap(own_x[lane] - x[j], own_y[lane] - y[j], own_z[lane] - z[j], sides)
+                total[lane] = density_added(total[lane], near(squared(dx, dy, dz), inverse))
+
+    @compiler.row
+    def gradients(
+        many, first, entries, x, y, z, own_x, own_y, own_z, sides, support, inverse, scale, fluid, fluids, gx, gy, gz, own
+    ):  # fmt: skip
+        for k in range(many):
+            for lane in range(LANES):
+                j = entries[k * LANES + lane]
+                dx, dy, dz = wrap(own_x[lane] - x[j], own_y[lane] - y[j], own_z[lane] - z[j], sides)
+                dy = apart(dy, squared(dx, dy, dz), support, first + lane < j)
+                square = squared(dx, dy, dz)
+                s = slope(square, inverse, scale)
+                gx[lane] = gradient_added(gx[lane], s, dx)
+                gy[lane] = gradient_added(gy[lane], s, dy)
+                gz[lane] = gradient_added(gz[lane], s, dz)
+                weight = fluids[row_of(fluid, j) + F_WEIGHT] if several else one
+                own[lane] = own_added(own[lane], weight, s, square)
+
+    @compiler.row
+    def corrections(
+        many, first, entries, x, y, z, delta, own_x, own_y, own_z, own_delta, sides, support, inverse, scale, tensile,
+        inverse_tensile, ax, ay, az,
+    ):  # fmt: skip
+        for k in range(many):
+            for lane in range(LANES):
+                j = entries[k * LANES + lane]
+                dx, dy, dz = wrap(own_x[lane] - x[j], own_y[lane] - y[j], own_z[lane] - z[j], sides)
+                dy = apart(dy, squared(dx, dy, dz), support, first + lane < j)
+                square = squared(dx, dy, dz)
+                s = slope(square, inverse, scale)
+                both = own_delta[lane] + delta[j]
+                if has_tensile:
+                    both = both - crowded(near(square, inverse), inverse_tensile, tensile)
+                ax[lane] = correction_added(ax[lane], both, s, dx)
+                ay[lane] = correction_added(ay[lane], both, s, dy)
+                az[lane] = correction_added(az[lane], both, s, dz)
+
+    return SimpleNamespace(densities=densities, gradients=gradients, corrections=corrections)

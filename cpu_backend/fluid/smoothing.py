@@ -1,0 +1,107 @@
+"""What neighbours do to a fluid's velocities, for CPU threads (model/fluid/plan.py, 7 and 8)."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from cpu_backend.core.compile import Compiler
+from cpu_backend.fluid.cells import make_row_of
+from cpu_backend.fluid.lists import LANES, make_wrap
+from model.fluid.parameters import F_COHESION, F_CONFINEMENT, F_TENSION, F_VISCOSITY, F_WEIGHT
+from model.formulas.fluid import density, motion
+
+
+def make_smoothing(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
+    """`shapes`, `smooth`: of velocities (model/fluid/plan.py, 7 and 8), one particle at a time."""
+    f, m, wrap = (
+        density.make(real, compiler.compiled),
+        motion.make(real, compiler.compiled),
+        make_wrap(compiler, real, parts),
+    )
+    squared, near, apart, slope, gradient_added = f.squared, f.near, f.apart, f.slope, f.gradient_added
+    curl_added, smooth_share, smooth_added, pull = m.curl_added, m.smooth_share, m.smooth_added, m.pull
+    pull_added, tension_added, rise_added, smoothed, confined = (
+        m.pull_added, m.tension_added, m.rise_added, m.smoothed, m.confined,
+    )  # fmt: skip
+    speed_of = m.speed_of
+    has_viscosity, has_cohesion = "viscosity" in parts, "cohesion" in parts
+    has_tension, has_vorticity = "surface-tension" in parts, "vorticity" in parts
+    row_of = compiler.compiled(make_row_of(parts))
+    zero = real(0)
+
+    @compiler.compiled
+    def difference(i, j, room, place, sides, support):
+        """(d, its square) of two particles."""
+        dx, dy, dz = place[i] - place[j], place[room + i] - place[room + j], place[2 * room + i] - place[2 * room + j]
+        dx, dy, dz = wrap(dx, dy, dz, sides)
+        dy = apart(dy, squared(dx, dy, dz), support, i < j)
+        return dx, dy, dz, squared(dx, dy, dz)
+
+    @compiler.compiled
+    def shapes(i, many, entries, room, place, velocity, normal, curl, sides, parameters):
+        """The normal and the vorticity of particle i; `entries`: its own begin there."""
+        support, inverse, scale = parameters.support, parameters.inverse_support, parameters.gradient_scale
+        nx, ny, nz, wx, wy, wz = zero, zero, zero, zero, zero, zero
+        vx, vy, vz = velocity[i], velocity[room + i], velocity[2 * room + i]
+        for k in range(many):
+            j = np.int64(entries[k * LANES])
+            dx, dy, dz, square = difference(i, j, room, place, sides, support)
+            s = slope(square, inverse, scale)
+            if has_tension:
+                nx, ny, nz = gradient_added(nx, s, dx), gradient_added(ny, s, dy), gradient_added(nz, s, dz)
+            if has_vorticity:
+                ux, uy, uz = velocity[j], velocity[room + j], velocity[2 * room + j]
+                wx = curl_added(wx, s, dy, dz, vy, vz, uy, uz)
+                wy = curl_added(wy, s, dz, dx, vz, vx, uz, ux)
+                wz = curl_added(wz, s, dx, dy, vx, vy, ux, uy)
+        normal[i], normal[room + i], normal[2 * room + i] = nx, ny, nz
+        curl[i], curl[room + i], curl[2 * room + i] = wx, wy, wz
+
+    @compiler.compiled
+    def smooth(i, many, entries, room, place, velocity, normal, curl, sides, parameters, fluid, fluids):
+        """The velocity of particle i after what neighbours do to it."""
+        support, inverse, scale = parameters.support, parameters.inverse_support, parameters.gradient_scale
+        vx, vy, vz = velocity[i], velocity[room + i], velocity[2 * room + i]
+        mx, my, mz, fx, fy, fz, rx, ry, rz = zero, zero, zero, zero, zero, zero, zero, zero, zero
+        row = row_of(fluid, i)
+        weight, length = fluids[row + F_WEIGHT], zero
+        if has_vorticity:
+            length = speed_of(curl[i], curl[room + i], curl[2 * room + i])
+        for k in range(many):
+            j = np.int64(entries[k * LANES])
+            dx, dy, dz, square = difference(i, j, room, place, sides, support)
+            other = row_of(fluid, j)
+            if has_viscosity:
+                share = smooth_share(
+                    near(square, inverse), fluids[row + F_VISCOSITY], fluids[other + F_VISCOSITY], weight,
+                    fluids[other + F_WEIGHT],
+                )  # fmt: skip
+                mx = smooth_added(mx, share, vx, velocity[j])
+                my = smooth_added(my, share, vy, velocity[room + j])
+                mz = smooth_added(mz, share, vz, velocity[2 * room + j])
+            if has_cohesion:
+                drawn = pull(square, inverse, fluids[row + F_COHESION], fluids[other + F_COHESION])
+                fx, fy, fz = pull_added(fx, drawn, dx), pull_added(fy, drawn, dy), pull_added(fz, drawn, dz)
+            if has_tension:
+                mine, its = fluids[row + F_TENSION], fluids[other + F_TENSION]
+                fx = tension_added(fx, mine, its, normal[i], normal[j])
+                fy = tension_added(fy, mine, its, normal[room + i], normal[room + j])
+                fz = tension_added(fz, mine, its, normal[2 * room + i], normal[2 * room + j])
+            if has_vorticity:
+                s = slope(square, inverse, scale)
+                its = speed_of(curl[j], curl[room + j], curl[2 * room + j])
+                rx, ry = rise_added(rx, s, dx, length, its), rise_added(ry, s, dy, length, its)
+                rz = rise_added(rz, s, dz, length, its)
+        vx, vy, vz = smoothed(vx, mx, weight, fx), smoothed(vy, my, weight, fy), smoothed(vz, mz, weight, fz)
+        if has_vorticity:
+            steep, strength = speed_of(rx, ry, rz), fluids[row + F_CONFINEMENT]
+            wx, wy, wz = curl[i], curl[room + i], curl[2 * room + i]
+            vx = confined(vx, strength, steep, ry, rz, wy, wz)
+            vy = confined(vy, strength, steep, rz, rx, wz, wx)
+            vz = confined(vz, strength, steep, rx, ry, wx, wy)
+        return vx, vy, vz
+
+    return SimpleNamespace(shapes=shapes, smooth=smooth)

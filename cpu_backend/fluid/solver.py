@@ -1,0 +1,176 @@
+"""Position-based fluids on CPU threads (M. Macklin and M. Mueller, SIGGRAPH 2013): what a substep is, model/fluid/plan.py
+says.
+
+Particles lie in the order of their cells, which each substep makes anew. Kernels: `fused`, many steps in one call by a
+team of threads, and `stages`, a parallel loop a stage. In `exact` math both give the same bits, for any number of
+threads."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from cpu_backend.core.layout import aligned_zeros
+from cpu_backend.core.simulation import ParticlesSimulation, chosen_kernel
+from cpu_backend.fluid.cells import AXES, BOX
+from cpu_backend.fluid.kernels import make_advance, make_stages
+from cpu_backend.fluid.lists import FAR, LANES
+from cpu_backend.fluid.phases import SCRATCH
+from model.core.own_forces import POKED
+from model.core.plan import Executor, Moment, StageRun
+from model.core.simulation import Options
+from model.fluid.parameters import MAX_NEIGHBOURS, fluid_rows, most_cells
+from model.fluid.plan import SHAPES, fluid_plan
+from model.mass_spring.cloth_parameters import collider_numbers
+from model.scene.scene import Scene
+
+
+class Fluid(ParticlesSimulation):
+    """See model/core/simulation.py for the contract. `threads`: `1x`, `2x`, `4x` or a number."""
+
+    def __init__(self, scene: Scene, options: Options, threads: str | int = "1x"):
+        super().__init__(scene, options, threads)
+        self.kernel, self.plan = chosen_kernel(options.kernel, "fluids"), fluid_plan(scene, options.live)
+        self._particles = len(self.body.position)
+        self._bands = max(1, min(self.threads, self._particles // LANES))
+        self._bad = np.zeros(self._bands, np.int64)
+        self._fluids = fluid_rows(scene, self.real).reshape(-1)
+        self.integers = np.zeros(2, np.uint64)  # of model/core/own_forces.py
+        self.integers[0] = scene.external.seed if scene.external else 0
+        self._set_colliders(collider_numbers(scene, self.real))
+        self._allocate()
+        staged = self.kernel == "stages"
+        self._executor = Executor(self.plan, self._stages() if staged else {}, None if staged else self._advance)
+        self.reset()
+
+    def _allocate(self) -> None:
+        """The arrays of kernels. Planes hold `room` numbers: those of all particles, of slices that they do not fill, and of
+        nobody, who is far away."""
+        real, count, bands = self.real, self._particles, self._bands
+        slices = -(-count // LANES)
+        nobody = slices * LANES
+        self._room = room = nobody + LANES
+
+        def planes(kind: Any = real, many: int = AXES) -> np.ndarray:
+            return aligned_zeros(many * room + LANES, kind)
+
+        self._state = planes(), planes(), planes(np.int32, 1), planes(np.int32, 1)  # position, velocity, number, fluid
+        unsorted = planes(), planes(), planes()  # before, predicted, velocity meant
+        in_order = planes(), planes(), planes(), planes(np.int32, 1), planes(np.int32, 1)
+        factor, multiplier, delta, error = (planes(many=1) for _ in range(4))
+        work = (
+            planes(),
+            factor,
+            multiplier,
+            delta,
+            error,
+            planes(),
+        )  # positions of the next iteration ... gradients of walls
+        table = (
+            np.zeros(BOX * bands, real), planes(np.int32, 1), np.zeros(most_cells(self.scene) + 1, np.int32),
+            planes(np.int32, 1), np.zeros(bands, np.int64),
+        )  # fmt: skip
+        most = MAX_NEIGHBOURS[self.scene.dimensions]
+        entries = aligned_zeros(slices * LANES * most, np.int32)
+        self._missed = np.zeros(bands, np.int64)
+        lists = planes(np.int32, 1), np.zeros(slices, np.int32), entries, self._missed
+        for array in (in_order[1], work[0]):
+            for axis in range(self.scene.dimensions):
+                array[axis * room + nobody : (axis + 1) * room] = FAR
+        scratch = aligned_zeros(SCRATCH * LANES * bands, real)
+        self._world = (count, room, nobody), self._state, unsorted, in_order, work, table, lists, scratch
+        self._kept = tuple(array.copy() for array in self._state)
+
+    def _advance(self, step: int, steps: int) -> None:
+        method = self.scene.method
+        make_advance(self.real, self.options.math, self.plan.parts)(
+            self._bands, steps, step, method.substeps, method.iterations, self._world, self.parameters, self._fluids,
+            self.integers, self.bodies, self.kinds,
+        )  # fmt: skip
+
+    def _stages(self) -> dict[str, StageRun]:
+        """What runs each stage of the plan by itself."""
+        stage = make_stages(self.real, self.options.math, self.plan.parts)
+        world, bands, iterations = self._world, self._bands, self.scene.method.iterations
+        buffers = world[3][1], world[4][0]
+        last = buffers[iterations % 2]
+
+        def run(kernel: Any, *names: str) -> StageRun:
+            """A stage that is given the attributes of those names after the world."""
+
+            def stage_run(moment: Moment) -> None:
+                here = moment.iteration % 2
+                known = {
+                    "step": moment.step, "number": moment.number, "here": buffers[here], "there": buffers[1 - here],
+                    "last": last, "world": world, "parameters": self.parameters, "fluids": self._fluids,
+                    "integers": self.integers, "bodies": self.bodies, "kinds": self.kinds,
+                }  # fmt: skip
+                kernel(bands, *(known[name] for name in names))
+
+            return stage_run
+
+        touched = "bodies", "kinds"
+        found = {
+            "predict": run(stage.predict, "step", "world", "parameters", "fluids", "integers"),
+            "sort into cells": run(stage.sort, "world", "parameters"),
+            "find neighbours": run(stage.find, "number", "world", "parameters", "fluids", *touched),
+            "density": run(stage.constrain, "number", "here", "world", "parameters", *touched),
+            "correct": run(stage.correct, "number", "here", "there", "world", "parameters", "fluids", *touched),
+            "update velocity": run(stage.update, "number", "last", "world", "parameters", "fluids", *touched),
+            "limit velocities": run(stage.finish, "last", "world", "parameters", "fluids"),
+        }
+        if self.plan.parts & SHAPES:
+            found["normals and vorticity"] = run(stage.shape, "last", "world", "parameters")
+        return found
+
+    # ------------------------------------------------------------------ what is told
+
+    @property
+    def neighbours_lost(self) -> int:
+        """Neighbours beyond the MAX_NEIGHBOURS of a list, since the simulation was opened."""
+        return int(self._missed.sum())
+
+    def _by_number(self, array: np.ndarray) -> np.ndarray:
+        """(particles,): one value each of `array`, whose particles lie as after the last substep."""
+        found = np.empty(self._particles, array.dtype)
+        found[self._state[2][: self._particles]] = array[: self._particles]
+        return found
+
+    def _multipliers(self) -> np.ndarray:
+        """(particles,) [m^2]: of the last substep, see `pressures` of model/fluid/measure.py."""
+        return self._by_number(self._world[4][2])
+
+    # ------------------------------------------------------------------ the contract
+
+    def _keep(self) -> None:
+        for kept, array in zip(self._kept, self._state, strict=True):
+            kept[:] = array
+
+    def _restore(self) -> None:
+        for kept, array in zip(self._kept, self._state, strict=True):
+            array[:] = kept
+
+    def _places(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, int]:
+        slots = self._by_number(np.arange(self._particles))
+        return self._state[0], self._state[1], slots, self._room
+
+    def _parameters_changed(self) -> None:
+        self.integers[POKED] = self._poke_particle + 1
+        self._fluids[:] = fluid_rows(self.scene, self.real).reshape(-1)
+
+    def _download(self) -> tuple[np.ndarray, np.ndarray]:
+        axes, room, count = self.scene.dimensions, self._room, self._particles
+        number, found = self._state[2][:count], []
+        for array in self._state[:2]:
+            values = np.empty((count, axes), self.real)
+            values[number] = array[: axes * room].reshape(axes, room)[:, :count].T
+            found.append(values)
+        return found[0], found[1]
+
+    def _upload(self, position: np.ndarray, velocity: np.ndarray) -> None:
+        axes, room, count = self.scene.dimensions, self._room, self._particles
+        for array, values in zip(self._state[:2], (position, velocity), strict=True):
+            array[: axes * room].reshape(axes, room)[:, :count] = values.T
+        self._state[2][:count] = np.arange(count)
+        self._state[3][:count] = self.scene.fluid_set.fluid

@@ -1,0 +1,91 @@
+"""The last phases of a fluid's substep on CPU threads: velocities (model/fluid/plan.py, 6 to 9)."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from cpu_backend.contact.colliders import make_collide_mass
+from cpu_backend.core.compile import Compiler
+from cpu_backend.core.layout import row_at
+from cpu_backend.fluid.cells import AXES, make_row_of
+from cpu_backend.fluid.lists import LANES
+from cpu_backend.fluid.smoothing import make_smoothing
+from model.fluid.parameters import F_CHANGE, F_DRAG, F_SPEED, F_SURFACE_DRAG, MAX_NEIGHBOURS
+from model.fluid.plan import SMOOTHING
+from model.formulas.fluid import motion
+from model.scene.cloth import COLLIDER_KINDS
+
+
+def make_velocities(compiler: Compiler, real: Any, parts: frozenset[str], sides_of: Any) -> SimpleNamespace:
+    """`update`, `shape`, `finish`: phases that take (part, parts, ..., place, world, ...). `place`: where particles are."""
+    compiled, m = compiler.compiled, motion.make(real, compiler.compiled)
+    velocity_of, held_back, speed_of, slowed, braked = m.velocity_of, m.held_back, m.speed_of, m.slowed, m.braked
+    around, touch = make_smoothing(compiler, real, parts), make_collide_mass(compiler, real, parts)
+    shape_of, smooth_of = around.shapes, around.smooth
+    most = MAX_NEIGHBOURS[2 if "flat" in parts else 3]
+    has_bodies, is_held, has_drag = bool(parts & set(COLLIDER_KINDS)), "held-back" in parts, "drag" in parts
+    smooths, several = bool(parts & SMOOTHING), "fluids" in parts
+    row_of = compiled(make_row_of(parts))
+
+    @compiled
+    def update(part, shared, number, place, world, parameters, fluids, bodies, kinds):
+        """What positions say, and colliders; into `meant`, which nobody else reads."""
+        (count, room, _), _, _, in_order, _, _, _, _ = world
+        before, meant, fluid = in_order[0], in_order[2], in_order[4]
+        rate = parameters.inverse_dt
+        for i in range(count * part // shared, count * (part + 1) // shared):
+            x, y, z = place[i], place[room + i], place[2 * room + i]
+            bx, by, bz = before[i], before[room + i], before[2 * room + i]
+            u, v, w = velocity_of(x, bx, rate), velocity_of(y, by, rate), velocity_of(z, bz, rate)
+            if is_held:
+                mu, mv, mw = meant[i], meant[room + i], meant[2 * room + i]
+                far, most_change = speed_of(u - mu, v - mv, w - mw), fluids[row_of(fluid, i) + F_CHANGE]
+                u, v = held_back(u, mu, far, most_change), held_back(v, mv, far, most_change)
+                w = held_back(w, mw, far, most_change)
+            if has_bodies:
+                x, y, z, u, v, w = touch(bodies, kinds, number, parameters, bx, by, bz, x, y, z, u, v, w)
+                place[i], place[room + i], place[2 * room + i] = x, y, z
+            meant[i], meant[room + i], meant[2 * room + i] = u, v, w
+
+    @compiled
+    def shape(part, shared, place, world, parameters):
+        """Normals and vorticity, into what positions were before."""
+        (count, room, _), _, unsorted, in_order, _, _, (neighbours, _, entries, _), _ = world
+        sides, meant = sides_of(parameters), in_order[2]
+        for i in range(count * part // shared, count * (part + 1) // shared):
+            own = row_at(entries, np.int64(i // LANES) * (LANES * most) + i % LANES)
+            shape_of(i, neighbours[i], own, room, place, meant, unsorted[0], unsorted[1], sides, parameters)
+
+    @compiled
+    def finish(part, shared, place, world, parameters, fluids):
+        """The new state: velocities after neighbours, drag and the speed limit."""
+        (count, room, _), state, unsorted, in_order, work, _, (neighbours, _, entries, _), _ = world
+        position, velocity, number, fluid = state
+        sides, meant, error = sides_of(parameters), in_order[2], work[4]
+        for i in range(count * part // shared, count * (part + 1) // shared):
+            row = row_of(in_order[4], i)
+            if smooths:
+                own = row_at(entries, np.int64(i // LANES) * (LANES * most) + i % LANES)
+                u, v, w = smooth_of(
+                    i, neighbours[i], own, room, place, meant, unsorted[0], unsorted[1], sides, parameters, in_order[4],
+                    fluids,
+                )  # fmt: skip
+            else:
+                u, v, w = meant[i], meant[room + i], meant[2 * room + i]
+            if has_drag:
+                h, drag, surface = parameters.dt, fluids[row + F_DRAG], fluids[row + F_SURFACE_DRAG]
+                u, v = braked(u, h, drag, surface, error[i]), braked(v, h, drag, surface, error[i])
+                w = braked(w, h, drag, surface, error[i])
+            speed, fastest = speed_of(u, v, w), fluids[row + F_SPEED]
+            velocity[i], velocity[room + i] = slowed(u, speed, fastest), slowed(v, speed, fastest)
+            velocity[2 * room + i] = slowed(w, speed, fastest)
+            for axis in range(AXES):
+                position[axis * room + i] = place[axis * room + i]
+            number[i] = in_order[3][i]
+            if several:
+                fluid[i] = in_order[4][i]
+
+    return SimpleNamespace(update=update, shape=shape, finish=finish)
