@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 
@@ -28,3 +30,9 @@ def rotation_matrix(axis: np.ndarray, angle: float) -> np.ndarray:
     cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
     matrix: np.ndarray = np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
     return matrix
+
+
+def turned_about(axis: Sequence[float], degrees: float) -> np.ndarray:
+    """(3, 3) float64: the rotation about an `axis` of any length; by 0 degrees where it has none."""
+    along = np.asarray(axis, dtype=np.float64)
+    return rotation_matrix(along / (float(np.linalg.norm(along)) or 1.0), np.radians(degrees))

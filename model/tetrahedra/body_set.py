@@ -13,7 +13,8 @@ from model.assets.tetrahedral_body import CookedBody
 from model.core.errors import InputError, SceneError
 from model.core.memory import MAX_PARTICLES, available_bytes, require
 from model.geometry.lists import Lists, grouped
-from model.geometry.measures import edge_lengths, rotation_matrix
+from model.geometry.measures import edge_lengths, turned_about
+from model.geometry.particle_row import ParticleRow
 from model.geometry.tetrahedra.mesh import TetrahedralMesh, rest_inverse
 from model.geometry.topology import mesh_path
 from model.scene.attachment import Attachment, pins
@@ -58,7 +59,7 @@ class Skin:
 
 
 @dataclass(frozen=True, eq=False)
-class TetrahedraSet:
+class TetrahedraSet(ParticleRow):
     """The particles and tetrahedra of all bodies, one body after the other, in the order of the file.
 
     `position`, `velocity` (particles, 3) float64 [m], [m/s] at the start, where nothing is strained; `masses` (particles,)
@@ -91,23 +92,11 @@ class TetrahedraSet:
     matter: Matter
     regions: Mapping[str, Region] = field(default_factory=dict)
     attachments: Mapping[str, Attachment] = field(default_factory=dict)
-    rows: int = 1
-    spring_count: int = 0
 
     @property
     def pinned(self) -> str:
         """`sides` where some particle is, else `none`."""
         return "sides" if len(self.pinned_vertices) else "none"
-
-    @property
-    def columns(self) -> int:
-        """All particles: the set is one row."""
-        return len(self.position)
-
-    @property
-    def particle_count(self) -> int:
-        """How many particles."""
-        return len(self.position)
 
     @cached_property
     def mass(self) -> float:
@@ -272,9 +261,7 @@ def _skin(bodies: list[CookedBody], first: np.ndarray) -> Skin:
 
 def _placed(part: TetrahedralBody, mesh: TetrahedralMesh) -> TetrahedralMesh:
     """The mesh where the scene has it."""
-    axis = np.asarray(part.axis, dtype=np.float64)
-    turn = rotation_matrix(axis / (float(np.linalg.norm(axis)) or 1.0), np.radians(part.angle))
-    return TetrahedralMesh(mesh.position @ turn.T + part.origin, mesh.tetrahedra)
+    return TetrahedralMesh(mesh.position @ turned_about(part.axis, part.angle).T + part.origin, mesh.tetrahedra)
 
 
 def _moving(part: TetrahedralBody, here: np.ndarray, masses: np.ndarray, pinned: np.ndarray) -> np.ndarray:
