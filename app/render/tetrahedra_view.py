@@ -1,6 +1,6 @@
 """Draws tetrahedral bodies, and a cloth beside them, into the current OpenGL context: their skins, the surfaces that they
-were cut from, carried by the tetrahedra, or the outer faces of the tetrahedra, each body of a colour, or coloured by stress or strain; or the edges of the
-tetrahedra, coloured by strain."""
+were cut from, carried by the tetrahedra, or the outer faces of the tetrahedra, each body of a colour, or coloured by stress
+or strain; or the edges of the tetrahedra, coloured by strain."""
 
 from __future__ import annotations
 

@@ -83,11 +83,10 @@ def make(real, compiled=plain, corners=BODY):
         wp, wq, wr = values[0] * weights[1], values[1] * weights[2], values[2] * weights[3]
         weight = weights[0] + mean_of_three(values, wp, wq, wr)
         change, total = changes(x, y, z, weight, softness(constants[0], values[3]), multipliers)
-        return (
-            moved(a, weights[0], change),
-            moved(p, -wp, change),
-            moved(q, -wq, change),
-            moved(r, -wr, change),
-        ), total
+        ends = (
+            moved(a, weights[0], change), moved(p, -wp, change),
+            moved(q, -wq, change), moved(r, -wr, change),
+        )  # fmt: skip
+        return ends, total
 
     return SimpleNamespace(project={WORLD: to_world, CLOTH: to_cloth, BODY: to_body}[corners])
