@@ -53,7 +53,7 @@ def _make_triangle(compiler: Compiler, real: Any, slots: SimpleNamespace) -> Any
     nearest, away, length, dot = formulas.nearest, formulas.away, formulas.length, formulas.dot
     held_distance, mixed = formulas.held_distance, formulas.mixed
     place_of, copy = slots.place_of, slots.copy
-    zero, one = real(0), real(1)
+    zero, one, sheet = real(0), real(1), contact.SHEET
 
     @compiler.compiled
     def motion(before, predicted, k, m):
@@ -103,6 +103,8 @@ def _make_triangle(compiler: Compiler, real: Any, slots: SimpleNamespace) -> Any
         inside, nx, ny, nz = outward(
             rx, ry, rz, distance, ux, uy, uz, vx, vy, vz, parameters.normal_distance
         )  # fmt: skip
+        if inside and (owned[triangle] >> sheet) & 1 != 0:
+            inside, nx, ny, nz = False, -nx, -ny, -nz
         triangles[place] = triangle
         corners[place, 0], corners[place, 1], corners[place, 2] = a, b, c
         values[place, V_B], values[place, V_C], values[place, V_DISTANCE] = s, t, distance

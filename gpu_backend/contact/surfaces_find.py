@@ -57,7 +57,7 @@ def _make_meet(real: Any, math: str) -> Any:
     nearest, away, length, dot = formulas.nearest, formulas.away, formulas.length, formulas.dot
     held_distance, mixed = formulas.held_distance, formulas.mixed
     place_of, copy = slots.place_of, slots.copy
-    zero, one = real(0), real(1)
+    zero, one, sheet = real(0), real(1), contact.SHEET
 
     @device
     def motion(other, moved, was):
@@ -112,6 +112,8 @@ def _make_meet(real: Any, math: str) -> Any:
         inside, nx, ny, nz = outward(
             rx, ry, rz, distance, ux, uy, uz, vx, vy, vz, parameters.normal_distance
         )  # fmt: skip
+        if inside and (owned[triangle] >> sheet) & 1 != 0:
+            inside, nx, ny, nz = False, -nx, -ny, -nz
         triangles[place] = triangle
         corners[3 * place], corners[3 * place + 1], corners[3 * place + 2] = a, b, c
         held = held_distance(parameters.thickness, rest_gap, dot(nx, ny, nz, rx, ry, rz), parameters.push)
