@@ -167,7 +167,8 @@ test_simulated_motion.py *rk4-float32? *lab-float64?
 test_simulated_matching.py *1-1-1? *2-1-2?
 test_simulated_lattice.py *counts0-1* test_windows_in_turn*
 test_simulated_implicit.py *springs-implicit*
-test_simulated_newton.py *bodies?float64? *hookean* *are_the_cpus?corotated*
+test_simulated_newton.py *bodies?float64? *hookean* *are_the_cpus?corotated* *braked?float32? test_pins_go*
+test_newton_ptx.py *pins-*
 # the same again in plain Python or on a CPU's machine code: a value fewer, a second judge, a picture
 test_bodies_catalogue.py test_bodies_fall*cloth-on-jelly? test_what_waits*
 test_rebound.py test_against*float32-29? test_against*float64-0? test_two_that_meet*1.0-3000.0?
