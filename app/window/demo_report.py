@@ -11,8 +11,8 @@ import numpy as np
 
 from app.render.camera import Camera
 from app.window.demo import Demo
+from app.window.live import stiffness_paths
 from app.window.panes import Pane
-from app.window.worlds import stiffness_paths
 from model.core.files import replacing
 from model.scene.scene import Scene
 from model.shape_matching.spare import counts, present
