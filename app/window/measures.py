@@ -21,9 +21,9 @@ KEEP_RANGE = 2.6  # times the wanted range of colours: a legend that flickers be
 
 @dataclass(frozen=True)
 class Statistics:
-    """What is shown about a world: energy [J], the strain of largest size (relative to the rest length), the `momentum` [kg m/s]
-    along each axis, where it is asked for; of all worlds the range of colours and the `bounds` [m], as `finite_bounds` gives
-    them."""
+    """What is shown about a world: energy [J], the strain of largest size (relative to the rest length), the `momentum`
+    [kg m/s] along each axis, where it is asked for; of all worlds the range of colours and the `bounds` [m], as
+    `finite_bounds` gives them."""
 
     energy: float = 0.0
     kinetic: float = 0.0

@@ -198,6 +198,28 @@ class Steering(Poking):
             world.close()
         return True
 
+    def keep_current(self) -> None:
+        """Of several worlds the current one alone, as it is."""
+        state: list[State] = []
+        disturbed = self.disturbed
+        if not self._blocked() and self._guard(lambda: state.append(self.world.state())):
+            if self.show([self.world.scene], state):
+                self.disturbed = disturbed
+
+    def guarded(self, action: Callable[[], object]) -> bool:
+        """Whether `action` went well; else the reason is said."""
+        return not self._blocked() and self._guard(action)
+
+    def goes_on_from(self, load: Callable[[], object], why: str) -> bool:
+        """Whether `load` put the worlds into other states, after which no reference knows them, for the reason `why`."""
+        self.release()
+        if not self.guarded(load):
+            return False
+        self.disturbed = why
+        self._moved = True
+        self.refresh(force=True)
+        return True
+
     def compare(self) -> bool:
         """The current world twice, side by side, each as it is now: what is changed from now on is changed in the second."""
         if self._blocked():
