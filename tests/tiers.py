@@ -31,7 +31,7 @@ COMPILED = {
     "test_kernel_cache.py": "*", "test_rotation.py": "*",  # machine code itself, a hundred thousand matrices
     "test_tetrahedra_cpu.py": "test_b21*", "test_hard_tetrahedra.py": "test_the_laws*",  # seconds of motion
     "test_kinematic.py": "test_an_end* test_both_ends*", "test_matter.py": "test_two_halves* test_every_solver*",  # statics
-    "test_attachments.py": "test_a_body_on_soft*",
+    "test_attachments.py": "test_a_body_on_soft*", "test_cloth_beside.py": "test_the_weight* test_a_box_slides*",
     "test_accuracy.py": "*", "test_accuracy_s6.py": "*", "test_accuracy_xpbd.py": "*",  # to the end
 }  # fmt: skip
 
@@ -167,7 +167,8 @@ test_simulated_motion.py *rk4-float32? *lab-float64?
 test_simulated_matching.py *1-1-1? *2-1-2?
 test_simulated_lattice.py *counts0-1* test_windows_in_turn*
 test_simulated_implicit.py *springs-implicit*
-test_simulated_newton.py *bodies?float64? *hookean* *are_the_cpus?corotated*
+test_simulated_newton.py *bodies?float64? *hookean* *are_the_cpus?corotated* *braked?float32? test_pins_go*
+test_newton_ptx.py *pins-*
 # the same again in plain Python or on a CPU's machine code: a value fewer, a second judge, a picture
 test_bodies_catalogue.py test_bodies_fall*cloth-on-jelly? test_what_waits*
 test_rebound.py test_against*float32-29? test_against*float64-0? test_two_that_meet*1.0-3000.0?

@@ -59,12 +59,12 @@ def pieces_of(
 
 
 def _skins(scene: Scene, position: np.ndarray) -> list[Piece]:
-    """Of tetrahedral bodies, each carried by its tetrahedra."""
+    """Of tetrahedral bodies, each carried by its tetrahedra, and of a cloth beside them."""
     skin = scene.tetrahedra_set.skin
     points = skin.points(position)
     normals = mesh_normals(points, skin.faces)
     found = []
-    for number, (name, triangles) in enumerate(zip(scene.tetrahedra, skin.triangles, strict=True)):
+    for number, (name, triangles) in enumerate(zip(scene.holdable, skin.triangles, strict=True)):
         low, high = int(triangles.min()), int(triangles.max()) + 1
         colour = colours.BODIES[number % len(colours.BODIES)]
         found.append(Piece(name, points[low:high], colour, triangles - low, normals[low:high]))

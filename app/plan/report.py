@@ -82,6 +82,8 @@ class PlanReport:
         if self.scene.tetrahedra:
             found = self.scene.tetrahedra_set
             counts = {"bodies": len(found.parts), "tetrahedra": len(found.tetrahedra)}
+            if found.sheet:
+                counts["triangles"] = len(found.sheet.mesh.triangles)
         if self.scene.bodies:
             clusters = self.scene.body_set.clusters
             counts = {

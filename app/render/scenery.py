@@ -59,7 +59,7 @@ class Scenery:
     def __init__(self, scene: Scene):
         from pyglet import gl
 
-        self.scene = scene
+        self.scene, self.shows_colliders = scene, True
         self.size = scene.grid.extent
         self._shadow_program = shader_program(shaders3d.SHADOW_VERTEX, shaders3d.SHADOW_FRAGMENT)
         self._ground_program = shader_program(shaders3d.GROUND_VERTEX, shaders3d.GROUND_FRAGMENT)
@@ -109,6 +109,8 @@ class Scenery:
 
     def draw_colliders(self, lit: Lit, time: float) -> None:
         """Every collider but planes where it is at `time` [s]; `lit` is in use."""
+        if not self.shows_colliders:
+            return
         self._turn_to(time)
         for drawn, velocity in self._meshes:
             lit.look(colours.COLLIDER, colours.COLLIDER, 0.10, velocity * time)
@@ -122,7 +124,8 @@ class Scenery:
         from pyglet import gl
 
         things = [(drawn, np.zeros(3)) for drawn in cloth]
-        things += [(drawn, velocity * time) for drawn, velocity in self._meshes]
+        if self.shows_colliders:
+            things += [(drawn, velocity * time) for drawn, velocity in self._meshes]
         program = self._shadow_program
         gl.glEnable(gl.GL_POLYGON_OFFSET_FILL)  # a little behind the ground, whose lines are drawn over it
         gl.glPolygonOffset(1.0, 2.0)

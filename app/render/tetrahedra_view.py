@@ -1,6 +1,6 @@
-"""Draws tetrahedral bodies into the current OpenGL context: their skins, the surfaces that they were cut from, carried by the
-tetrahedra, or the outer faces of the tetrahedra, each body of a colour, or coloured by stress or strain; or the edges of the
-tetrahedra, coloured by strain."""
+"""Draws tetrahedral bodies, and a cloth beside them, into the current OpenGL context: their skins, the surfaces that they
+were cut from, carried by the tetrahedra, or the outer faces of the tetrahedra, each body of a colour, or coloured by stress
+or strain; or the edges of the tetrahedra, coloured by strain."""
 
 from __future__ import annotations
 
@@ -20,8 +20,9 @@ from model.core.errors import InputError
 from model.core.simulation import Simulation
 from model.geometry.normals import mesh_normals
 from model.scene.scene import Scene
-from model.tetrahedra.body_set import Skin, TetrahedraSet
+from model.tetrahedra.body_set import TetrahedraSet
 from model.tetrahedra.material import at_particles, largest_strain, von_mises
+from model.tetrahedra.skin import Skin, plain_skin
 
 SHINE = 0.12
 TOLD = 0.6  # of a colour that is a number: what light and shade leave alone
@@ -34,13 +35,10 @@ LOOKS = ("skin", "mesh", "edges", *COLOURINGS)
 
 
 def outer_faces(found: TetrahedraSet) -> Skin:
-    """The tetrahedra's own surface as a skin whose points are the particles."""
-    number = np.arange(found.particle_count, dtype=np.int32)
-    weights = np.zeros((found.particle_count, 4))
-    weights[:, 0] = 1.0
+    """The tetrahedra's own surface, and a cloth's, as a skin whose points are the particles."""
     body = np.searchsorted(found.first_particle, found.surface[:, 0], side="right") - 1
-    faces = tuple(found.surface[body == k] for k in range(len(found.parts)))
-    return Skin(np.repeat(number[:, None], 4, axis=1), weights, faces)
+    faces = tuple(found.surface[body == k] for k in range(len(found.names)))
+    return plain_skin(np.arange(found.particle_count), faces)
 
 
 class _Surface:

@@ -42,6 +42,7 @@ class View(ABC):
     """
 
     lines = False
+    colliders = True  # whether they are drawn, in space
 
     def __init__(self, scene: Scene, detail: Detail = FINE):
         self.scene, self.space = scene, scene.dimensions == 3
@@ -60,6 +61,10 @@ class View(ABC):
         """Draw in this detail from now on; in space."""
         self._target.delete()
         self.detail, self._target = detail, SmoothTarget(detail)
+
+    def show_colliders(self, shown: bool) -> None:
+        """Draw them from now on, with their shadows, or not; planes, the ground, stay. In space."""
+        self.colliders = self._scenery.shows_colliders = shown
 
     def upload(self, position: np.ndarray, normal: np.ndarray | None = None) -> None:
         """Send positions (particles, dimensions) [m], with a cloth's normals where they are known; a C-contiguous float32

@@ -26,6 +26,8 @@ KEYS = (
     ("F", "frame everything"),
     ("M", "milliseconds of frames: graph"),
     ("N", "numbers at the top"),
+    ("A", "adjust everything: panel"),
+    (".", "one step, then a pause"),
     ("S", "save a picture (PNG)"),
     ("Escape", "close"),
 )
@@ -120,7 +122,8 @@ class Controls:
             key.R: demo.restart,
             key.B: demo.switch_backend,
             key.T: demo.cycle_threads,
-            key.S: viewer.ask_for_screenshot,
+            key.A: viewer.panel.toggle,
+            key.S: viewer.shots.ask,
             key.H: viewer.overlay.toggle_keys,
             key.M: viewer.overlay.toggle_graph,
             key.N: viewer.overlay.toggle_numbers,
@@ -151,6 +154,7 @@ class Controls:
             ">": lambda: demo.change_material("damping", 1),
             "-": lambda: demo.change_steps(-1),
             "+": lambda: demo.change_steps(1),
+            ".": demo.one_step,
         }
         self._motions = {
             key.MOTION_LEFT: (-1, 0),
@@ -175,7 +179,11 @@ class Controls:
             on_close=viewer.close,
         )
 
+    # each is asked of the panel first: what is over it, or held or typed in it, is not the scene's
+
     def _key_down(self, symbol: int, modifiers: int) -> bool:
+        if self.viewer.panel.key(symbol, True):
+            return True
         action = self._key_actions.get(symbol)
         key = self.key
         if action is not None and not modifiers & (key.MOD_CTRL | key.MOD_ALT | key.MOD_COMMAND):
@@ -183,16 +191,17 @@ class Controls:
         return True  # pyglet's own handler would close the window on Escape in its own way
 
     def _key_up(self, symbol: int, modifiers: int) -> None:
+        self.viewer.panel.key(symbol, False)
         if symbol in self._enter_keys and self.mouse.pointer is None:
             self.demo.release()
 
     def _text(self, text: str) -> None:
-        action = self._text_actions.get(text)
+        action = None if self.viewer.panel.text(text) else self._text_actions.get(text)
         if action is not None:
             action()
 
     def _motion(self, motion: int) -> None:
-        if motion in self._motions:
+        if motion in self._motions and not self.viewer.panel.takes_keys:
             way = self._motions[motion]
             self.demo.move_selection(*way, self.viewer.camera.direction(*way))
 
@@ -208,7 +217,8 @@ class Controls:
         self.demo.drop_body(viewer.drop_place(*place) if viewer.space else ())
 
     def _mouse_moved(self, x: float, y: float, dx: float, dy: float) -> None:
-        self._pointer = x, y
+        taken = self.viewer.panel.moved(*self._pixels(x, y))
+        self._pointer = None if taken else (x, y)
 
     def _mouse_left(self, x: float, y: float) -> None:
         self._pointer = None
@@ -231,6 +241,8 @@ class Controls:
         return number
 
     def _mouse_down(self, x: int, y: int, button: int, modifiers: int) -> None:
+        if self.viewer.panel.pressed(*self._pixels(x, y), button):
+            return
         if self.mouse.pointer is None:  # a second button changes nothing of what is held
             number = self._enter(x, y)
             if button == self.mouse.button.LEFT:
@@ -238,12 +250,17 @@ class Controls:
         self.mouse.press(*self._in_pane(x, y), button)
 
     def _mouse_drag(self, x: int, y: int, dx: int, dy: int, buttons: int, modifiers: int) -> None:
+        if self.viewer.panel.moved(*self._pixels(x, y)):
+            return
         self.mouse.drag(*self._in_pane(x, y), *self._pixels(dx, dy))
 
     def _mouse_up(self, x: int, y: int, button: int, modifiers: int) -> None:
-        self.mouse.release(button)
+        if not self.viewer.panel.released(button):
+            self.mouse.release(button)
 
     def _scroll(self, x: int, y: int, scroll_x: float, scroll_y: float) -> None:
+        if self.viewer.panel.scrolled(*self._pixels(x, y), scroll_x, scroll_y):
+            return
         if self.mouse.pointer is None:
             self._enter(x, y)
         self.mouse.scroll(*self._in_pane(x, y), scroll_y)

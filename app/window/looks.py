@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from app.render.detail import next_detail
+from app.render.detail import Detail, next_detail
 from app.window.demo import NO_BODIES, Demo
 
 OF_PLANE = "a scene in the plane is drawn in one way"
@@ -15,10 +15,55 @@ class Looks:
     """The keys L, V and, of bodies, P, K, C, I, O over the `views` of a demo's worlds."""
 
     def __init__(self, demo: Demo, views: Sequence[Any]):
-        self.demo, self.views = demo, views
-        scene = demo.world.scene
+        self.demo = demo
+        self._of(views)
+
+    def _of(self, views: Sequence[Any]) -> None:
+        self.views, scene = views, self.demo.world.scene
         self._space, self._bodies = scene.dimensions == 3, bool(scene.bodies)
         self._tetrahedra = bool(scene.tetrahedra)
+
+    def renew(self, views: Sequence[Any], before: Sequence[Any]) -> None:
+        """Of other views from now on, which look as those `before`, as far as they can."""
+        self._of(views)
+        old = before[0]
+        for view in views:
+            if view.space and old.space:
+                view.show_in(old.detail)
+                view.show_colliders(old.colliders)
+            if type(view) is not type(old):
+                continue
+            for name in ("particles", "skin", "clusters", "links"):
+                if getattr(view, name, None) != getattr(old, name, None):
+                    getattr(view, f"toggle_{name}")()
+            if view.lines != old.lines:
+                view.toggle_lines()
+            if hasattr(old, "colouring"):
+                self._colour(view, old.colouring)
+
+    @staticmethod
+    def _colour(view: Any, colouring: str) -> None:
+        """The next colouring until it is this one; after as many as there are at most."""
+        for _ in range(3):
+            if view.colouring != colouring:
+                view.next_colouring()
+
+    def colour_by(self, colouring: str) -> None:
+        """Of bodies and tetrahedra: coloured by one of what O goes through."""
+        for view in self.views:
+            self._colour(view, colouring)
+        self.demo.say(f"coloured by {colouring}")
+
+    def toggle_colliders(self) -> None:
+        """Show or hide what masses collide with; the ground stays."""
+        for view in self.views:
+            view.show_colliders(not view.colliders)
+
+    def show_in(self, detail: Detail) -> None:
+        """How much goes into the picture, in space."""
+        for view in self.views:
+            view.show_in(detail)
+        self.demo.say(f"{detail.name} picture: {detail.meaning}")
 
     def toggle_lines(self) -> None:
         """L: a cloth as a surface or as springs, bodies as skins or as particles; a grid is springs anyway."""
@@ -68,7 +113,4 @@ class Looks:
         if not self._space:
             self.demo.say(OF_PLANE)
             return
-        detail = next_detail(self.views[0].detail)
-        for view in self.views:
-            view.show_in(detail)
-        self.demo.say(f"{detail.name} picture: {detail.meaning}")
+        self.show_in(next_detail(self.views[0].detail))

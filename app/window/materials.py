@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from model.scene.scene import Scene
 from model.scene.tetrahedra import LARGEST_RATIO
 
@@ -28,11 +26,6 @@ def material_changes(scene: Scene, field: str, presses: int) -> dict[str, float]
             value *= factor
         found[f"{name}.{field}"] = value
     return found
-
-
-def material_of(scene: Scene) -> dict[str, Any]:
-    """All fields of the material of a scene's bodies, as it says."""
-    return {f"{name}.{field}": getattr(part, field) for name, part in scene.tetrahedra.items() for field in FACTORS}
 
 
 def material_text(scene: Scene, field: str) -> str:

@@ -22,60 +22,10 @@ AXES = 3
 def make_matrix_rows(compiler: Compiler, real: Any, contact: SimpleNamespace) -> SimpleNamespace:
     """`apply(k, rows, blocks, vector)`, `resist`: a row's product, three numbers; `assemble(...)`, `gather_damper(...)` of
     groups."""
-    compiled, formulas = compiler.compiled, newton.make(real, compiler.compiled)
+    compiled, formulas, gathered = compiler.compiled, newton.make(real, compiler.compiled), make_gather(compiler, real)
     inertia_of, inverse, outer = formulas.inertia_of, formulas.inverse, formulas.outer
-    has_bodies, nearly_within = contact.has_bodies, contact.nearly_within
+    has_bodies, nearly_within, gather = contact.has_bodies, contact.nearly_within, gathered.gather
     zero, one = real(0), real(1)
-
-    @compiled
-    def apply(k, rows, blocks, vector):
-        starts, columns = rows[0], rows[1]
-        x, y, z = zero, zero, zero
-        for n in range(starts[k], starts[k + 1]):
-            c = columns[n]
-            p, q, r = vector[c, 0], vector[c, 1], vector[c, 2]
-            x = x + ((blocks[n, 0] * p + blocks[n, 1] * q) + blocks[n, 2] * r)
-            y = y + ((blocks[n, 3] * p + blocks[n, 4] * q) + blocks[n, 5] * r)
-            z = z + ((blocks[n, 6] * p + blocks[n, 7] * q) + blocks[n, 8] * r)
-        return x, y, z
-
-    @compiled
-    def resist(k, rows, blocks, vector):
-        """As `apply`, of a matrix whose rows add up to nothing: by differences, since of a body that flies as a whole float32
-        would make forces that are none."""
-        starts, columns = rows[0], rows[1]
-        ox, oy, oz = vector[k, 0], vector[k, 1], vector[k, 2]
-        x, y, z = zero, zero, zero
-        for n in range(starts[k], starts[k + 1]):
-            c = columns[n]
-            p, q, r = vector[c, 0] - ox, vector[c, 1] - oy, vector[c, 2] - oz
-            x = x + ((blocks[n, 0] * p + blocks[n, 1] * q) + blocks[n, 2] * r)
-            y = y + ((blocks[n, 3] * p + blocks[n, 4] * q) + blocks[n, 5] * r)
-            z = z + ((blocks[n, 6] * p + blocks[n, 7] * q) + blocks[n, 8] * r)
-        return x, y, z
-
-    @compiled
-    def gather(n, rows, found, into):
-        """Block `n` of the rows, of all tetrahedra that have a part in it."""
-        sources, items = rows[3], rows[4]
-        for m in range(9):
-            into[n, m] = zero
-        for one_of in range(sources[n], sources[n + 1]):
-            item = items[one_of]
-            place = item >> 1
-            if item & 1:
-                for i in range(AXES):
-                    for j in range(AXES):
-                        into[n, 3 * i + j] = into[n, 3 * i + j] + found[place, 3 * j + i]
-            else:
-                for m in range(9):
-                    into[n, m] = into[n, m] + found[place, m]
-
-    @compiled
-    def gather_damper(first, last, rows, matrix):
-        starts, particles = rows[0], len(rows[2])
-        for n in range(starts[first * SUMMED], starts[min(last * SUMMED, particles)]):
-            gather(n, rows, matrix[0], matrix[2])
 
     @compiled
     def assemble(first, last, number, position, target, before, rows, matrix, given, damped, sums):
@@ -113,7 +63,73 @@ def make_matrix_rows(compiler: Compiler, real: Any, contact: SimpleNamespace) ->
                     bad = bad + one
             sums[0, group] = bad
 
-    return SimpleNamespace(apply=apply, resist=resist, gather_damper=gather_damper, assemble=assemble)
+    return SimpleNamespace(
+        assemble=assemble, gather_damper=gathered.gather_damper, **vars(make_products(compiler, real))
+    )
+
+
+def make_products(compiler: Compiler, real: Any) -> SimpleNamespace:
+    """`apply`, `resist`: of one row of the matrix, its product with a vector."""
+    compiled, zero = compiler.compiled, real(0)
+
+    @compiled
+    def apply(k, rows, blocks, vector):
+        starts, columns = rows[0], rows[1]
+        x, y, z = zero, zero, zero
+        for n in range(starts[k], starts[k + 1]):
+            c = columns[n]
+            p, q, r = vector[c, 0], vector[c, 1], vector[c, 2]
+            x = x + ((blocks[n, 0] * p + blocks[n, 1] * q) + blocks[n, 2] * r)
+            y = y + ((blocks[n, 3] * p + blocks[n, 4] * q) + blocks[n, 5] * r)
+            z = z + ((blocks[n, 6] * p + blocks[n, 7] * q) + blocks[n, 8] * r)
+        return x, y, z
+
+    @compiled
+    def resist(k, rows, blocks, vector):
+        """As `apply`, of a matrix whose rows add up to nothing: by differences, since of a body that flies as a whole float32
+        would make forces that are none."""
+        starts, columns = rows[0], rows[1]
+        ox, oy, oz = vector[k, 0], vector[k, 1], vector[k, 2]
+        x, y, z = zero, zero, zero
+        for n in range(starts[k], starts[k + 1]):
+            c = columns[n]
+            p, q, r = vector[c, 0] - ox, vector[c, 1] - oy, vector[c, 2] - oz
+            x = x + ((blocks[n, 0] * p + blocks[n, 1] * q) + blocks[n, 2] * r)
+            y = y + ((blocks[n, 3] * p + blocks[n, 4] * q) + blocks[n, 5] * r)
+            z = z + ((blocks[n, 6] * p + blocks[n, 7] * q) + blocks[n, 8] * r)
+        return x, y, z
+
+    return SimpleNamespace(apply=apply, resist=resist)
+
+
+def make_gather(compiler: Compiler, real: Any) -> SimpleNamespace:
+    """`gather`, of a block; `gather_damper`, of those of groups of rows."""
+    compiled, zero = compiler.compiled, real(0)
+
+    @compiled
+    def gather(n, rows, found, into):
+        """Block `n` of the rows, of all tetrahedra that have a part in it."""
+        sources, items = rows[3], rows[4]
+        for m in range(9):
+            into[n, m] = zero
+        for one_of in range(sources[n], sources[n + 1]):
+            item = items[one_of]
+            place = item >> 1
+            if item & 1:
+                for i in range(AXES):
+                    for j in range(AXES):
+                        into[n, 3 * i + j] = into[n, 3 * i + j] + found[place, 3 * j + i]
+            else:
+                for m in range(9):
+                    into[n, m] = into[n, m] + found[place, m]
+
+    @compiled
+    def gather_damper(first, last, rows, matrix):
+        starts, particles = rows[0], len(rows[2])
+        for n in range(starts[first * SUMMED], starts[min(last * SUMMED, particles)]):
+            gather(n, rows, matrix[0], matrix[2])
+
+    return SimpleNamespace(gather=gather, gather_damper=gather_damper)
 
 
 def make_solving(compiler: Compiler, real: Any, apply: Any, corrected: Any) -> SimpleNamespace:

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from gpu_backend.core.device import simulated
+from gpu_backend.core.driven import DrivenSimulation
 from gpu_backend.core.launch import prepare
-from gpu_backend.core.quad_simulation import QuadSimulation
 from gpu_backend.core.quads import SIZE
 from gpu_backend.mass_spring.cloth.kernels import make_cloth_tools
 from gpu_backend.tetrahedra.newton_kernel import DONE, WORKING, Lists, make_newton, packed
@@ -21,7 +21,7 @@ from gpu_backend.xpbd.mesh_kernels import make_mesh_tools
 from model.core.options import unknown_kernel
 from model.core.plan import Executor
 from model.core.simulation import Options
-from model.mass_spring.cloth_parameters import collider_numbers
+from model.mass_spring.cloth_parameters import PIN_FIELDS
 from model.scene.scene import Scene
 from model.tetrahedra.aggregates import Couplings, aggregates, couplings
 from model.tetrahedra.block_rows import BLOCKS, block_rows
@@ -34,7 +34,7 @@ STEPS = 64  # a launch, so that it can be interrupted
 CODELESS = {"gauss-seidel", ITERATED}  # parts that change no kernel
 
 
-class TetrahedraNewton(QuadSimulation):
+class TetrahedraNewton(DrivenSimulation):
     """See model/core/simulation.py for the contract. `threads` is the number of threads a block."""
 
     def __init__(self, scene: Scene, options: Options):
@@ -52,7 +52,14 @@ class TetrahedraNewton(QuadSimulation):
         groups = aggregates(found, rows, self.body.inverse_mass > 0)
         pairs: Couplings = couplings(groups, rows)
         self._tables = Lists._make(
-            (found.tetrahedra, material_of(found), *rows.arrays, *groups.arrays, *vars(pairs).values())
+            (
+                found.tetrahedra,
+                material_of(found),
+                *rows.arrays,
+                *groups.arrays,
+                *vars(pairs).values(),
+                np.zeros(count if "motion" in self.plan.parts else 0, np.int32),
+            )
         )
         tetrahedra, blocks, size = len(found.tetrahedra), len(rows.columns), len(groups.reach)
         dampers = blocks if DAMPED in self.plan.parts else 0
@@ -72,8 +79,11 @@ class TetrahedraNewton(QuadSimulation):
 
     def _allocate(self) -> None:
         scene, real, found = self.scene, self.real, self.scene.tetrahedra_set
-        self._allocate_quads(collider_numbers(scene, real))
+        self._allocate_driven()
         self._weight = (self.body.inverse_mass * scene.grid.mass).astype(real)
+        self._fourth = found.damping_rates.astype(real)
+        if self._first_pin:
+            self._tables.pins[self.body.pinned] = self._first_pin + PIN_FIELDS * np.arange(len(self.body.pinned))
         self._lists = [self.on_device(array) for array in surface_lists(found, False)]
 
         def room(size: int) -> Any:

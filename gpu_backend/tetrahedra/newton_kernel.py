@@ -58,7 +58,8 @@ WORKING = len(Vectors._fields) - 1  # vectors beside the state: directions are t
 
 
 class Lists(NamedTuple):
-    """Of model/tetrahedra: a tetrahedron's corners and material; BlockRows; Aggregates; Couplings."""
+    """Of model/tetrahedra: a tetrahedron's corners and material; BlockRows; Aggregates; Couplings; where the row of a pinned
+    particle begins in `bodies`, 0 of one that is free, nothing where none moves."""
 
     tetrahedra: Any
     materials: Any
@@ -81,6 +82,7 @@ class Lists(NamedTuple):
     bodies: Any
     body_of: Any
     places: Any
+    pins: Any
 
 
 def packed(lists: Lists) -> np.ndarray:
@@ -108,7 +110,7 @@ def _views(math: str) -> SimpleNamespace:
             t[t[0] : t[1]], t[t[1] : t[2]], t[t[2] : t[3]], t[t[3] : t[4]], t[t[4] : t[5]], t[t[5] : t[6]], t[t[6] : t[7]],
             t[t[7] : t[8]], t[t[8] : t[9]], t[t[9] : t[10]], t[t[10] : t[11]], t[t[11] : t[12]], t[t[12] : t[13]],
             t[t[13] : t[14]], t[t[14] : t[15]], t[t[15] : t[16]], t[t[16] : t[17]], t[t[17] : t[18]], t[t[18] : t[19]],
-            t[t[19] : t[20]], t[t[20] : t[21]],
+            t[t[19] : t[20]], t[t[20] : t[21]], t[t[21] : t[22]],
         )  # fmt: skip
 
     @inline

@@ -16,6 +16,7 @@ from gpu_backend.core.formulas import device_formulas
 from gpu_backend.core.quads import load_quad, store_quad
 from gpu_backend.tetrahedra.newton_contact import make_contact
 from gpu_backend.tetrahedra.newton_elements import make_block_access
+from gpu_backend.tetrahedra.newton_pins import MOTION
 from model.formulas.elastic import newton, solving
 from model.formulas.elastic.newton import AHEAD, CORRECT, DIRECTION, MOVE, PRODUCT, RETURN, SOLVE, UPDATE
 from model.tetrahedra.newton import DAMPED
@@ -174,7 +175,8 @@ def make_solving(real: Any, math: str, apply: Any) -> Any:
 @cache
 def make_moving(real: Any, math: str, parts: frozenset[str], resist: Any) -> SimpleNamespace:
     """`weigh(k, v, matrix, lists, world, number)`: the potential's gradient at particle k, and its energy but for that of
-    tetrahedra; `move(kind, k, v, share)`: the passes that only move it; what it adds to the sum of MOVE."""
+    tetrahedra; `move(kind, k, v, share)`: the passes that only move it; what it adds to the sum of MOVE; `dragged(k, v,
+    matrix, lists, world)`: what one that is pinned works against dampers, where any `drags`."""
     inline, formulas = inlined(math), device_formulas(newton.make, real, math)
     products = device_formulas(solving.make, real, math)
     inertia_of, kept, moved = formulas.inertia_of, formulas.kept, formulas.moved
@@ -207,6 +209,15 @@ def make_moving(real: Any, math: str, parts: frozenset[str], resist: Any) -> Sim
         return total
 
     @inline
+    def dragged(k, v, matrix, lists, world):
+        away, total = load_quad(v.away, k), zero
+        if not ((away[0] == zero) & (away[1] == zero) & (away[2] == zero)):
+            p, q, r = resist(k, lists, matrix.damper, v.away)
+            p, q, r = scaled(world.parameters.newton_rate, p, q, r)
+            total = half_of(p, q, r, away[0], away[1], away[2])
+        return total
+
+    @inline
     def put(k, v, b, x, y, z):
         store_quad(v.position, k, x, y, z, b[3])
         store_quad(v.away, k, x - b[0], y - b[1], z - b[2], zero)
@@ -235,4 +246,4 @@ def make_moving(real: Any, math: str, parts: frozenset[str], resist: Any) -> Sim
             store_quad(v.gradient, k, g[0], g[1], g[2], zero)
         return total
 
-    return SimpleNamespace(weigh=weigh, move=move)
+    return SimpleNamespace(weigh=weigh, move=move, dragged=dragged, drags=damped and MOTION in parts)

@@ -20,11 +20,15 @@ PINS = Stage("pins", 0, 0, 0, 1.0)  # that follow a motion: where they are as a 
 def mesh_parts(scene: Scene, live: frozenset[str] = frozenset()) -> frozenset[str]:
     """The parts that need code: a sheet's (model/xpbd/plan.py), and the model of each kind of constraint, as
     `bending-isometric`. Every mass has a weight of its own (`load`)."""
-    models = {f"{kind}-{model}" for kind, model in wanted(scene) if model != model_of(kind)}
-    parts = xpbd_parts(scene, live) | {"load"} | models
+    parts = xpbd_parts(scene, live) | {"load"} | model_parts(scene)
     if "attachments" in parts and scene.attachments:
         parts |= {f"attachments-{scene.attachments.anchors}"}
     return parts
+
+
+def model_parts(scene: Scene) -> frozenset[str]:
+    """Those of constraints, of kinds that know several models."""
+    return frozenset(f"{kind}-{model}" for kind, model in wanted(scene) if model != model_of(kind))
 
 
 def stage_name(kind: str, model: str, colour: int) -> str:

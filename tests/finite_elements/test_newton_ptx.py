@@ -10,12 +10,14 @@ import pytest
 
 from model.core.parameters import record_type
 from model.tetrahedra.newton import CONSTANTS, DAMPED
+from model.xpbd.mesh_plan import BODY_DAMPING
 from model.xpbd.parameters import XPBD_PARAMETERS
 
 pytestmark = pytest.mark.usefixtures("ptx_compiler")
 
 FREE = frozenset({"gravity", "load"})
 EVERYTHING = FREE | {DAMPED, "pins", "damping", "external", "poke", "plane", "sphere", "capsule", "box", "friction"}
+PINS = FREE | {DAMPED, "pins", "motion", BODY_DAMPING}
 
 
 def text(real: Any, math: str, parts: frozenset[str]) -> str:
@@ -37,7 +39,7 @@ def text(real: Any, math: str, parts: frozenset[str]) -> str:
 
 
 @pytest.mark.parametrize("math", ["fast", "exact"])
-@pytest.mark.parametrize("parts", [FREE, EVERYTHING], ids=["free", "everything"])
+@pytest.mark.parametrize("parts", [FREE, EVERYTHING, PINS], ids=["free", "everything", "pins"])
 def test_float32_holds_no_double_and_no_local_memory(parts: frozenset[str], math: str) -> None:
     found = text(np.float32, math, parts)
     assert ".f64" not in found

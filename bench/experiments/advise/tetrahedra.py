@@ -64,6 +64,9 @@ def advise_tetrahedra(
     begin = clock.perf_counter()
     if not LEAST <= error <= LARGEST:
         raise SceneError("--error", error, f"of tetrahedral bodies it is relative, {LEAST:g} to {LARGEST:g}")
+    if scene.mesh:
+        told = "what a cloth beside tetrahedral bodies does to them has no law; leave it out for what its bodies need"
+        raise SceneError(scene.name_of("mesh"), "a cloth", told)
     chosen = backends_here(backends)
     stiff, basis = bodies(scene)
     budgets, beaten = [], []
