@@ -5,7 +5,6 @@ clusters on the graphics card, with what they collide with and a ground. The win
 from __future__ import annotations
 
 from itertools import groupby
-from typing import Any
 
 import numpy as np
 
@@ -14,13 +13,13 @@ from app.render.camera3d import Camera3D
 from app.render.detail import FINE, Detail
 from app.render.opengl import shader_program
 from app.render.particle_colours import COLOURINGS, cluster_colours, particle_colours
-from app.render.scenery import KEY, Lit
+from app.render.scenery import Lit
 from app.render.skinning import ClusterFrames
 from app.render.skins import ClusterTexture, Skins
+from app.render.spheres import Spheres, use_shadow
 from app.render.vertex_arrays import (
     delete_all,
     draw_elements,
-    draw_squares,
     refill,
     square_array,
     static_buffer,
@@ -35,13 +34,15 @@ from model.shape_matching.spare import copies_there
 PARTICLE_RADIUS = 0.5  # of the particle spacing
 SKIN_COVER = 0.22  # of the particles behind it, where both are shown
 SMALL = 0.45  # times a particle's radius then, and beside clusters, so that they lie inside
-SKIN_SHINE, PARTICLE_SHINE = 0.16, 0.10
+SKIN_SHINE = 0.16
 
 
 class BodiesView(View):
     """See View. `particles`, `skin`: which of them are shown, one of them at least; both: the particles through the
     skin. `clusters`: their middles, too; `links`, likewise, where there are any. `colouring`: what gives particles their
     colours, of COLOURINGS."""
+
+    subject, colourings = "bodies", COLOURINGS
 
     def __init__(self, scene: Scene, detail: Detail = FINE):
         super().__init__(scene, detail)
@@ -52,9 +53,8 @@ class BodiesView(View):
         number = str(len(colours.BODIES))
         skin_vertex = body_shaders.SKIN_VERTEX.replace("COLOURS", number)
         self._lit_skin = Lit(skin_vertex, body_shaders.SKIN_FRAGMENT)
-        self._lit_spheres = Lit(body_shaders.SPHERE_VERTEX, body_shaders.SPHERE_FRAGMENT)
+        self._balls = Spheres(self._scenery)
         self._skin_shadow = shader_program(body_shaders.SKIN_SHADOW_VERTEX, body_shaders.SKIN_SHADOW_FRAGMENT)
-        self._sphere_shadow = shader_program(body_shaders.SPHERE_SHADOW_VERTEX, body_shaders.SPHERE_SHADOW_FRAGMENT)
         spacing = np.array([copy.baked.spacing for copy in body_set.copies])
         self._radius = PARTICLE_RADIUS * spacing[body_set.body]
         copies = body_set.in_cluster_order
@@ -108,17 +108,7 @@ class BodiesView(View):
         program["palette"] = tuple(colours.BODIES)
         program["clusters"], program["shine"] = 0, SKIN_SHINE
         program.stop()
-        program = self._lit_spheres.program
-        program.use()
-        program["shine"] = PARTICLE_SHINE
-        program.stop()
-        side = np.cross(KEY, (0.0, 0.0, 1.0))
-        side /= np.linalg.norm(side)
-        for program in (self._skin_shadow, self._sphere_shadow):
-            self._scenery.shadow_constants(program)
-        self._sphere_shadow.use()
-        self._sphere_shadow["side"], self._sphere_shadow["other"] = tuple(side), tuple(np.cross(KEY, side))
-        self._sphere_shadow.stop()
+        self._scenery.shadow_constants(self._skin_shadow)
         self._skin_shadow.use()
         self._skin_shadow["clusters"] = 0
         self._skin_shadow.stop()
@@ -219,22 +209,10 @@ class BodiesView(View):
         program.stop()
 
     def _draw_spheres(self, camera: Camera3D) -> None:
-        from pyglet import gl
-
-        smooth, program = self._target.samples > 1, self._lit_spheres.program
-        self._lit_spheres.use(camera)
-        program["upward"] = tuple(camera.axes[1].tolist())
-        program["least"] = 0.0 if smooth else 0.5
-        if smooth:
-            gl.glEnable(gl.GL_SAMPLE_ALPHA_TO_COVERAGE)
-        if self.particles:
-            program["size"] = SMALL if self.skin or self.clusters or self.links else 1.0
-            draw_squares(self._spheres, self.scene.grid.particle_count)
-        if self.clusters:
-            program["size"] = 1.0
-            draw_squares(self._middles, self.frames.count)
-        gl.glDisable(gl.GL_SAMPLE_ALPHA_TO_COVERAGE)
-        program.stop()
+        size = SMALL if self.skin or self.clusters or self.links else 1.0
+        particles = [(self._spheres, self.scene.grid.particle_count, size)] if self.particles else []
+        middles = [(self._middles, self.frames.count, 1.0)] if self.clusters else []
+        self._balls.draw(camera, self._target.samples > 1, particles + middles)
 
     def _draw_skins(self, camera: Camera3D, cover: float) -> None:
         self._lit_skin.use(camera)
@@ -250,22 +228,14 @@ class BodiesView(View):
         self._scenery.draw_shadows(camera, time, self.lowest, [], [shade])
 
     def _shade_skins(self, camera: Camera3D, flatten: np.ndarray, centre: np.ndarray) -> None:
-        self._use_shadow(self._skin_shadow, camera, flatten, centre)
+        use_shadow(self._skin_shadow, camera, flatten, centre)
         self._cluster_texture.bind()
         for skins in self._skins:
             skins.draw(self._skin_shadow)
         self._skin_shadow.stop()
 
     def _shade_spheres(self, camera: Camera3D, flatten: np.ndarray, centre: np.ndarray) -> None:
-        self._use_shadow(self._sphere_shadow, camera, flatten, centre)
-        draw_squares(self._spheres, self.scene.grid.particle_count)
-        self._sphere_shadow.stop()
-
-    @staticmethod
-    def _use_shadow(program: Any, camera: Camera3D, flatten: np.ndarray, centre: np.ndarray) -> None:
-        program.use()
-        program["transform"], program["flatten"] = uniform_matrix(camera.matrix()), uniform_matrix(flatten)
-        program["centre"] = tuple(centre.tolist())
+        self._balls.shade(camera, flatten, centre, self._spheres, self.scene.grid.particle_count)
 
     def _draw_over(self, camera: Camera3D, selected: int | None) -> None:
         from pyglet import gl

@@ -145,13 +145,16 @@ class Scenery:
         gl.glDisable(gl.GL_POLYGON_OFFSET_FILL)
 
     def draw_ground(self, camera: Camera3D, time: float, lowest: float) -> None:
-        """The planes, or a ground under `lowest` [m] where there is none; see-through from below."""
+        """The planes, or a ground under `lowest` [m] where there is none; see-through from below. Walls and ceilings are left
+        out where they are seen from behind: they would hide what they hold."""
         from pyglet import gl
 
         program = self._ground_program
         program.use()
         program["transform"] = uniform_matrix(camera.matrix())
         for ground in grounds(self.scene, time, lowest):
+            if ground.normal[1] < MIN_SLOPE and not self._above(ground, camera):
+                continue
             program["centre"] = tuple(self._centre(ground, camera).tolist())
             program["across"], program["along"] = tuple(ground.across.tolist()), tuple(ground.along.tolist())
             program["cover"] = GROUND_COVER if self._above(ground, camera) else 0.0

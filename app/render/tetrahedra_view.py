@@ -83,6 +83,8 @@ class TetrahedraView(SheetView):
     """See View; `lines`: as the edges of the tetrahedra and not as surfaces. Particles, pins and edges are a sheet's. `skin`:
     skins, or else the outer faces of the tetrahedra; `colouring`: of COLOURINGS, the range of which only grows."""
 
+    subject, colourings = "tetrahedra", COLOURINGS
+
     def __init__(self, scene: Scene, detail: Detail = FINE):
         super().__init__(scene, detail)
         found = scene.tetrahedra_set
@@ -117,7 +119,7 @@ class TetrahedraView(SheetView):
             surface.plain()
 
     def level_legend(self) -> tuple[str, float] | None:
-        """(title with its unit, the range in that unit) of the colours of what is shown; None where they are no levels."""
+        """See View."""
         if self.lines or self.colouring not in LEVELS:
             return None
         if self.colouring == "strain":

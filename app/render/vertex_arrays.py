@@ -62,9 +62,9 @@ def vertex_array(
     return _array_of([(POSITION, position, dimensions), *normals, *looks], elements)
 
 
-def square_array(position: int, look: int) -> Any:
-    """A vertex array of a square a vertex: (vertices, 3) positions, and colours and sizes (vertices, 4); float32."""
-    return _array_of([(POSITION, position, 3), (LOOK, look, 4)])
+def square_array(position: int, look: int, dimensions: int = 3) -> Any:
+    """A vertex array of a square a vertex: (vertices, dimensions) positions, and colours and sizes (vertices, 4); float32."""
+    return _array_of([(POSITION, position, dimensions), (LOOK, look, 4)])
 
 
 def draw_elements(array: Any, mode: int, count: int) -> None:

@@ -79,6 +79,10 @@ class View(ABC):
     def toggle_lines(self) -> bool:
         """The other way of `lines`; whether it is that now. Where there is no choice nothing changes."""
 
+    def level_legend(self) -> tuple[str, float] | None:
+        """(title with its unit, the range in that unit) of the colours of what is shown; None where they are no levels."""
+        return None
+
     def keep_above_ground(self, lowest: float) -> None:
         """The ground that a scene in space without a plane gets lies below `lowest` [m] from now on."""
         if np.isfinite(lowest):

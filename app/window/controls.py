@@ -64,6 +64,17 @@ TETRAHEDRA_KEYS = (
     ("O", "colour by body, stress, strain"),
     *SPACE_KEYS[9:],
 )
+FLUID_KEYS = (
+    *KEYS[:2],
+    *KEYS[3:8],
+    ("L", "surface, particles"),
+    ("O", "colour by fluid, speed, density"),
+    DETAIL_KEY,
+    ("mouse", "drag a particle: pull it"),
+    ("arrows", "select a particle"),
+    ("Enter", "push it (down, or last arrow)"),
+    *SPACE_KEYS[13:],
+)
 WORLDS_KEY = ("Tab", "change one world alone, all")
 TWO_COLUMNS_FROM = 760  # pixels of window width
 HINT = (
@@ -83,9 +94,27 @@ TETRAHEDRA_HINT = (
 )
 
 
-def hint(space: bool = False, bodies: bool = False, several: bool = False, tetrahedra: bool = False) -> str:
+FLUID_HINT = (
+    "H: keys    L: surface, particles    O: colours    drag beside the fluid: turn    F: frame    space: pause    "
+    "R: restart    Escape: close"
+)
+OWN = {  # of what a view shows (View.subject), or of sheets in space and in a plane: keys, and those needed first
+    "bodies": (BODY_KEYS, BODY_HINT),
+    "tetrahedra": (TETRAHEDRA_KEYS, TETRAHEDRA_HINT),
+    "fluid": (FLUID_KEYS, FLUID_HINT),
+    "space": (SPACE_KEYS, SPACE_HINT),
+    "plane": (KEYS, HINT),
+}
+IN_SPACE = (DETAIL_KEY, ("left", "drag beside it: turn (middle)"))  # keys that a plane has no use for
+
+
+def _own(subject: str, space: bool) -> tuple[tuple[tuple[str, str], ...], str]:
+    return OWN.get(subject) or OWN["space" if space else "plane"]
+
+
+def hint(subject: str = "sheet", space: bool = False, several: bool = False) -> str:
     """The keys that a user needs first; as `keys_text`."""
-    found = BODY_HINT if bodies else TETRAHEDRA_HINT if tetrahedra else SPACE_HINT if space else HINT
+    _, found = _own(subject, space)
     if several:  # the last keys give way to it: the legend is beside them
         return found.replace("H: keys", "H: keys    Tab: one world alone").replace(
             "    R: restart    Escape: close", ""
@@ -93,12 +122,10 @@ def hint(space: bool = False, bodies: bool = False, several: bool = False, tetra
     return found
 
 
-def keys_text(
-    width: int, space: bool = False, bodies: bool = False, several: bool = False, tetrahedra: bool = False
-) -> str:
-    """What the keys do, in lines that fit a window of `width` pixels. `space`: of a scene in three dimensions, `bodies`: of
-    one of bodies, `tetrahedra`: of tetrahedral ones; `several`, side by side."""
-    own = BODY_KEYS if bodies else TETRAHEDRA_KEYS if tetrahedra else SPACE_KEYS if space else KEYS
+def keys_text(width: int, subject: str = "sheet", space: bool = False, several: bool = False) -> str:
+    """What the keys do, in lines that fit a window of `width` pixels. `subject`: of what is shown (View.subject); `space`: in
+    three dimensions; `several`: worlds side by side."""
+    own = tuple(key for key in _own(subject, space)[0] if space or key not in IN_SPACE)
     keys = (*((WORLDS_KEY,) if several else ()), *own)
     lines = [f"{key:8}{meaning:33}" for key, meaning in keys]
     if width >= TWO_COLUMNS_FROM:

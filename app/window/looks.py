@@ -21,7 +21,7 @@ class Looks:
     def _of(self, views: Sequence[Any]) -> None:
         self.views, scene = views, self.demo.world.scene
         self._space, self._bodies = scene.dimensions == 3, bool(scene.bodies)
-        self._tetrahedra = bool(scene.tetrahedra)
+        self._subject = views[0].subject
 
     def renew(self, views: Sequence[Any], before: Sequence[Any]) -> None:
         """Of other views from now on, which look as those `before`, as far as they can."""
@@ -66,18 +66,20 @@ class Looks:
         self.demo.say(f"{detail.name} picture: {detail.meaning}")
 
     def toggle_lines(self) -> None:
-        """L: a cloth as a surface or as springs, bodies as skins or as particles; a grid is springs anyway."""
+        """L: a cloth as a surface or as springs, bodies as skins or as particles, a fluid as surface or particles; a grid is
+        springs anyway."""
         if self._bodies:
             self.toggle("lines")
         elif self._space:
             shown = [view.toggle_lines() for view in self.views]
-            self.demo.say("springs, coloured by strain" if shown[0] else "surface")
+            lines = "particles" if self._subject == "fluid" else "springs, coloured by strain"
+            self.demo.say(lines if shown[0] else "surface")
         else:
             self.demo.say(OF_PLANE)
 
     def toggle(self, name: str) -> None:
         """P, K, C, I: of bodies the `particles`, the `skin`, the middles of `clusters`, the `links`; of tetrahedra K."""
-        if self._tetrahedra and name == "skin":
+        if self._subject == "tetrahedra" and name == "skin":
             skins = [view.toggle_skin() for view in self.views]
             self.demo.say("skin" if skins[0] else "the outer faces of the tetrahedra")
             return
@@ -93,20 +95,24 @@ class Looks:
             self.demo.say("these bodies have no links")
 
     def next_colouring(self) -> None:
-        """O: particles coloured by body, by group, by cluster; tetrahedra by body, by stress, by strain."""
-        if self._tetrahedra:
-            for view in self.views:
-                view.next_colouring()
-            hidden = " (L shows surfaces)" if self.views[0].lines else ""
-            self.demo.say(f"coloured by {self.views[0].colouring}{hidden}")
-            return
-        if not self._bodies:
+        """O: particles coloured by body, by group, by cluster; tetrahedra by body, by stress, by strain; fluids by fluid, by
+        speed, by density."""
+        first = self.views[0]
+        if not first.colourings:
             self.demo.say(NO_BODIES)
             return
         for view in self.views:
             view.next_colouring()
-        hidden = "" if self.views[0].particles else " (P shows them)"
-        self.demo.say(f"particles coloured by {self.views[0].colouring}{hidden}")
+        if self._bodies:
+            self.demo.say(f"particles coloured by {first.colouring}" + ("" if first.particles else " (P shows them)"))
+            return
+        shown = "" if first.lines == (self._subject == "fluid") else f" (L shows {self._coloured})"
+        self.demo.say(f"coloured by {first.colouring}{shown}")
+
+    @property
+    def _coloured(self) -> str:
+        """What has the colours that O goes through."""
+        return "particles" if self._subject == "fluid" else "surfaces"
 
     def next_detail(self) -> None:
         """V: how much goes into the picture."""

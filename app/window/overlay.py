@@ -79,14 +79,12 @@ class Overlay:
             self._notice.place(demo.message, width, height, below)
             self._notice.draw()
         above = 0
-        tetrahedra = bool(demo.world.scene.tetrahedra)
+        subject, several = viewer.views[0].subject, len(demo.worlds) > 1
         if self.show_keys:
-            self._keys.place(
-                keys_text(width, viewer.space, viewer.bodies, len(demo.worlds) > 1, tetrahedra), width, height
-            )
+            self._keys.place(keys_text(width, subject, viewer.space, several), width, height)
             self._keys.draw()
         elif not self._keys_seen:
-            self._hint.place(hint(viewer.space, viewer.bodies, len(demo.worlds) > 1, tetrahedra), width, height)
+            self._hint.place(hint(subject, viewer.space, several), width, height)
             self._hint.draw()
             above = self._hint.height + 8
         if self.show_graph:

@@ -388,12 +388,12 @@ def test_the_panel_counts_particles_clusters_and_bodies(demo: Demo) -> None:
 
 
 def test_the_keys_of_bodies_are_told() -> None:
-    wide, narrow = keys_text(1200, True, True), keys_text(400, True, True)
+    wide, narrow = keys_text(1200, "bodies", True), keys_text(400, "bodies", True)
     for text in (wide, narrow):
         assert all(meaning in text for _, meaning in BODY_KEYS) and "P K C I" in text
         assert all(len(meaning) < 33 and len(key) < 8 for key, meaning in BODY_KEYS)
     assert ("{ }", "stiffness / 1.25, x 1.25") in KEYS and "{ }" not in narrow
-    assert "P: particles" in hint(True, True) and "P: " not in hint(True) + hint()
+    assert "P: particles" in hint("bodies", True) and "P: " not in hint(space=True) + hint()
 
 
 # ---------------------------------------------------------------------- the window

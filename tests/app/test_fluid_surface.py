@@ -12,7 +12,7 @@ from test_view3d import drawing  # noqa: F401  # a fixture
 
 from app.render.camera3d import Camera3D
 from app.render.detail import FINE
-from app.render.fluid_surface import FILTERS, FluidSurface
+from app.render.fluid.surface import FILTERS, FluidSurface
 from app.render.opengl import open_window
 from app.render.smooth_target import SmoothTarget
 from app.render.vertex_arrays import static_buffer

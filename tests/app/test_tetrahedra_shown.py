@@ -126,8 +126,8 @@ def test_what_cannot_be_is_a_message(demo: Demo) -> None:
 
 
 def test_keys_of_tetrahedra_are_told() -> None:
-    text = keys_text(1200, True, tetrahedra=True)
-    assert all(meaning in text for _, meaning in TETRAHEDRA_KEYS) and "( )" not in keys_text(1200, True)
+    text = keys_text(1200, "tetrahedra", True)
+    assert all(meaning in text for _, meaning in TETRAHEDRA_KEYS) and "( )" not in keys_text(1200, space=True)
     assert all(len(meaning) < 33 and len(key) < 8 for key, meaning in TETRAHEDRA_KEYS)
     assert {key for key, _ in SPACE_KEYS} < {key for key, _ in TETRAHEDRA_KEYS}
 

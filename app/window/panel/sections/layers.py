@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from app.render.detail import DETAILS
-from app.render.particle_colours import COLOURINGS as OF_BODIES
-from app.render.tetrahedra_view import COLOURINGS as OF_TETRAHEDRA
 from app.window.panel.sections.said import Said
 
 INSIDE = (("particles", "Particles"), ("skin", "Skins"), ("clusters", "Clusters"), ("links", "Links"))
@@ -29,14 +27,17 @@ def layers(said: Said) -> None:
                 looks.toggle_lines()
             if pressed != names[2] and (pressed == names[0]) != first.skin:
                 looks.toggle("skin")
+    elif first.subject == "fluid":
+        pressed = rows.buttons(("Surface", "Particles"), "Particles" if first.lines else "Surface")
+        if pressed and (pressed == "Particles") != first.lines:
+            looks.toggle_lines()
     elif rows.check("Springs", first.lines, "in place of the surface; L"):
         looks.toggle_lines()
     if viewer.space and scene.colliders and rows.check("Colliders", first.colliders):
         looks.toggle_colliders()
-    colourings = OF_BODIES if viewer.bodies else OF_TETRAHEDRA if scene.tetrahedra else ()
-    if colourings:
+    if first.colourings:
         rows.heading("coloured by")
-        pressed = rows.buttons(colourings, first.colouring, "colour ")
+        pressed = rows.buttons(first.colourings, first.colouring, "colour ")
         if pressed:
             looks.colour_by(pressed)
     if viewer.space:

@@ -16,9 +16,9 @@ from typing import Any
 
 import numpy as np
 
-from app.render import fluid_shaders as shaders
 from app.render.camera3d import FARTHEST, NEAREST, Camera3D
-from app.render.fluid_pictures import BEHIND, BEHIND_DEPTH, DEPTH, NORMALS, OTHER_DEPTH, THICKNESS, FluidPictures
+from app.render.fluid import shaders
+from app.render.fluid.pictures import BEHIND, BEHIND_DEPTH, DEPTH, NORMALS, OTHER_DEPTH, THICKNESS, FluidPictures
 from app.render.opengl import shader_program
 from app.render.scenery import KEY
 from app.render.vertex_arrays import LOOK, POSITION, uniform_matrix
