@@ -12,15 +12,19 @@ from model.scene.scene import Scene
 
 
 def view_of(scene: Scene, quick: bool = False) -> Any:
-    """A SheetView or, for bodies, a BodiesView or a TetrahedraView, in the current OpenGL context. Raises BackendUnavailable.
+    """A SheetView or, for bodies, a BodiesView or a TetrahedraView, for fluids a FluidView, in the current OpenGL context.
+    Raises BackendUnavailable.
 
     `quick`: frames matter more than edges and shadows, which are left out where a processor does the drawing.
     """
     from app.render.bodies_view import BodiesView
+    from app.render.fluid_view import FluidView
     from app.render.sheet_view import SheetView
     from app.render.tetrahedra_view import TetrahedraView
 
     detail = usual_detail(renderer_name()) if quick else FINE
+    if scene.fluids:
+        return FluidView(scene, detail)
     kind = BodiesView if scene.bodies else TetrahedraView if scene.tetrahedra else SheetView
     return kind(scene, detail)
 
