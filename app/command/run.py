@@ -12,7 +12,15 @@ import numpy as np
 import psutil
 
 from app.command.run_length import step_count
-from app.command.run_parts import bodies_report, body_lines, caught_lines, collider_lines, contact_report
+from app.command.run_parts import (
+    bodies_report,
+    body_lines,
+    caught_lines,
+    collider_lines,
+    contact_report,
+    fluid_notes,
+    fluid_report,
+)
 from app.driver import open_simulation
 from app.output.export import Exporter, Target, check_export
 from app.output.files import check_state_target, read_state, write_state, write_trajectory
@@ -115,7 +123,7 @@ def run_scene(scene: Scene, request: Request, *, progress: bool = True) -> Resul
             _report(simulation, state, steps, seconds, compile_seconds, diverged), state, simulation.scene,
             notes=notes, diverged=diverged,
         )  # fmt: skip
-        notes += caught_lines(result.report)
+        notes += caught_lines(result.report) + fluid_notes(result.report)
         if exporter:
             result.written += exporter.finish(simulation, notes)
         _write_results(result, request, recorder, simulation, start, clip)
@@ -244,6 +252,7 @@ def _report(
         "outcome": "ok" if diverged is None else "diverged",
         **contact_report(simulation, state),
         **bodies_report(simulation, state),
+        **fluid_report(simulation, state),
     }
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from model.contact.particle_parameters import G_DISTANCE, kinds_of_particles, pair_rows
 from model.contact.surface_collider import SurfaceCollider, naming
 from model.core.simulation import Simulation, State
+from model.fluid.measure import compression, height
 from model.geometry.neighbours import TooMany, close_pairs
 from model.scene.scene import Scene
 from model.shape_matching.spare import counts
@@ -85,6 +86,31 @@ def caught_lines(report: dict[str, Any]) -> list[str]:
         f"bodies lie in each other: {report['caught']} particles are nearer than {CAUGHT:g} of what contacts keep, the "
         f"nearest at {report['least_distance']:.2f}; more substeps, stiffer clusters, a larger contact.separation_speed or "
         "contact.sweeps, or a contact.maximum_speed of an eighth of the distance a substep help"
+    ]
+
+
+def fluid_report(simulation: Simulation, state: State) -> dict[str, Any]:
+    """Of fluids, by how much densities exceed that at rest, the `height` of the highest hundredth of particles over where the
+    lowest one's floor was, and neighbours that lists had no room for."""
+    scene = simulation.scene
+    if not scene.fluids or not np.isfinite(state.position).all():
+        return {}
+    mean, largest = compression(scene, state.position)
+    return {
+        "mean_compression": mean,
+        "largest_compression": largest,
+        "height": height(scene, state.position),
+        "neighbours_lost": simulation.neighbours_lost,  # type: ignore[attr-defined]
+    }
+
+
+def fluid_notes(report: dict[str, Any]) -> list[str]:
+    """What to do where lists were too short."""
+    if not report.get("neighbours_lost"):
+        return []
+    return [
+        f"{report['neighbours_lost']} neighbours did not fit into the lists of their particles: the fluid is pressed too "
+        "much; more substeps or iterations, or a smaller support, help"
     ]
 
 

@@ -25,6 +25,9 @@ UNITS = {
     "conserved": "J",
     "max_speed": "m/s",
     "error": "of the spacing",
+    "mean_compression": "of the density at rest",
+    "largest_compression": "of the density at rest",
+    "height": "m",
 }
 ABSENT = ("error", "threads_reason")  # no line where there is none
 
@@ -71,7 +74,7 @@ def print_scenes(console: Console) -> None:
         grid, method = scene.grid, scene.method
         size = (
             str(counts(scene).particles)
-            if scene.mesh or scene.bodies or scene.tetrahedra
+            if scene.mesh or scene.bodies or scene.tetrahedra or scene.fluids
             else f"{grid.rows} x {grid.columns}"
         )
         table.add_row(name, escape(scene.title), size, method.name)

@@ -47,6 +47,12 @@ def pieces_of(
         return [_body(scene, copy, position, matrices) for copy in scene.body_set.copies if there[copy.number]]
     if scene.tetrahedra:
         return _skins(scene, position)
+    if scene.fluids:
+        fluid, flat = scene.fluid_set.fluid, position if position.shape[1] == 3 else np.pad(position, ((0, 0), (0, 1)))
+        return [
+            Piece(name, np.ascontiguousarray(flat[fluid == number]), colours.BODIES[(number + 1) % len(colours.BODIES)])
+            for number, name in enumerate(scene.fluids)
+        ]
     name = next((name for name, part in scene.parts.items() if part is scene.grid), "grid")
     triangles = triangles_of(scene) if scene.cloth else np.zeros((0, 3), np.int32)
     if len(triangles):

@@ -84,6 +84,8 @@ class PlanReport:
             counts = {"bodies": len(found.parts), "tetrahedra": len(found.tetrahedra)}
             if found.sheet:
                 counts["triangles"] = len(found.sheet.mesh.triangles)
+        if self.scene.fluids:
+            counts = {"fluids": len(self.scene.fluids)}
         if self.scene.bodies:
             clusters = self.scene.body_set.clusters
             counts = {

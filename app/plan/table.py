@@ -6,6 +6,7 @@ from rich.console import Console
 from rich.table import Column, Table
 
 from app.command.tables import number
+from app.plan.fluid import fluid_lines
 from app.plan.passes import BackendPlan
 from app.plan.report import PlanReport, Row, limit_line, share
 from model.core.stability_limit import frequency_lines
@@ -64,6 +65,8 @@ def print_plan(console: Console, report: PlanReport) -> None:
     """The stages of a step, each with what it moves and computes; each backend's kernel; the stability limit."""
     scene = report.scene
     amounts = f"{number(scene.grid.particle_count)} masses, {number(report.springs)} springs"
+    if scene.fluids:
+        amounts = str(scene.fluid_set)
     if scene.tetrahedra:
         amounts = str(scene.tetrahedra_set)
     if scene.bodies:
@@ -78,7 +81,7 @@ def print_plan(console: Console, report: PlanReport) -> None:
             f"{number(body_set.clusters.count)} clusters, {entries:.2f} a particle"
         )
     console.print(f"{scene.name}  {amounts}, {report.plan.dimensions}-D, {report.precision}", soft_wrap=True)
-    for line in (limit_line(report), *frequency_lines(scene)):
+    for line in (limit_line(report), *frequency_lines(scene), *fluid_lines(scene)):
         console.print(line, soft_wrap=True, markup=False)
     measured = ", measured microseconds of the whole grid" if any(row.seconds for row in report.rows) else ""
     console.print(f"\none step, stage by stage: bytes and operations a mass{measured}", soft_wrap=True)

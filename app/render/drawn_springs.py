@@ -25,6 +25,8 @@ def drawn_lines(scene: Scene) -> list[tuple[np.ndarray, float]]:
     Of a mesh by classes of rest lengths that differ by less than ALIKE, each with its mean.
     """
     grid = scene.grid
+    if scene.fluids:
+        return []
     if scene.dimensions == 2:
         return [(spring_ends(grid.rows, grid.columns), scene.springs.rest_length)] if scene.springs else []
     if scene.tetrahedra:
@@ -46,6 +48,8 @@ def alike(ends: np.ndarray, rest: np.ndarray) -> list[tuple[np.ndarray, float]]:
 def drawn_strain(scene: Scene, position: np.ndarray) -> np.ndarray:
     """(springs,) float64: (length - rest) / rest of the springs that are drawn, of a grid or a cloth; (0,) without. Of bodies
     (entries,), how far particles are from their goals, in spacings."""
+    if scene.fluids:
+        return np.zeros(0)
     if scene.bodies or scene.tetrahedra:
         return spring_strain(scene, position)
     if not scene.cloth:

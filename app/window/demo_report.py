@@ -97,6 +97,8 @@ def masses_text(scene: Scene, inverse_mass: np.ndarray | None = None) -> str:
     inverse masses as in State (None: when the scene starts); and colliders."""
     colliders = len(scene.colliders)
     found = f"{scene.grid.rows} x {scene.grid.columns} masses"
+    if scene.fluids:
+        found = str(scene.fluid_set)
     if scene.tetrahedra:
         found = str(scene.tetrahedra_set)
     if scene.bodies:

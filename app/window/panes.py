@@ -31,6 +31,8 @@ def check_alike(scenes: Sequence[Scene]) -> None:
 def _look(scene: Scene) -> str:
     if scene.bodies:
         return "bodies"
+    if scene.fluids:
+        return f"a fluid in {scene.dimensions} dimensions"
     return "masses in a plane" if scene.dimensions == 2 else "masses in space"
 
 

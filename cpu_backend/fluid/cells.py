@@ -154,9 +154,9 @@ def make_sort(compiler: Compiler, parts: frozenset[str]) -> SimpleNamespace:
         for c in range(low, high):
             starts[c] = 0
         for k in range(count):
-            c = np.int64(cell[k])
-            if low <= c < high:
-                starts[c] += 1
+            own = np.int64(cell[k])
+            if low <= own < high:
+                starts[own] += 1
                 inside += 1
         return inside
 
@@ -173,28 +173,28 @@ def make_sort(compiler: Compiler, parts: frozenset[str]) -> SimpleNamespace:
             starts[c] = np.int32(end)
             end += np.int64(inside)
         for k in range(count):
-            c = np.int64(cell[k])
-            if low <= c < high:
-                order[starts[c]] = np.int32(k)
-                starts[c] += 1
+            own = np.int64(cell[k])
+            if low <= own < high:
+                order[starts[own]] = np.int32(k)
+                starts[own] += 1
         start = np.int64(first)
         for c in range(low, high):
             last = np.int64(starts[c])
             for n in range(start + 1, last):
-                k, q = order[n], n
-                while q > start and number[order[q - 1]] > number[k]:
+                one, q = order[n], n
+                while q > start and number[order[q - 1]] > number[one]:
                     order[q] = order[q - 1]
                     q -= 1
-                order[q] = k
+                order[q] = one
             starts[c] = np.int32(start)
             start = last
         for axis in range(AXES):
             at = axis * room
             for q in range(first, end):
-                k = np.int64(order[q])
-                new_before[at + q] = before[at + k]
-                new_place[at + q] = place[at + k]
-                new_meant[at + q] = meant[at + k]
+                old = at + np.int64(order[q])
+                new_before[at + q] = before[old]
+                new_place[at + q] = place[old]
+                new_meant[at + q] = meant[old]
         for q in range(first, end):
             new_number[q] = number[order[q]]
             if several:

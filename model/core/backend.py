@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from model.fluid.measure import pressures
 from model.scene.scene import Scene
 from model.scene.sheets import scene_normals
 
@@ -83,6 +84,14 @@ class Backend(ABC):
     def _read_deformation(self) -> np.ndarray:
         """(clusters, 3, 3): what takes rest offsets to goals, with particles where they are now, as a new host array."""
         raise NotImplementedError
+
+    def _multipliers(self) -> np.ndarray:
+        """(particles,) [m^2]: of the density constraints of fluids, of the last substep, as a new host array."""
+        raise NotImplementedError
+
+    def _read_pressure(self) -> np.ndarray:
+        """(particles,) [Pa]: what the pairs of each carry, as a new host array."""
+        return pressures(self.scene, self._download()[0], self._multipliers())
 
     def _read_clusters(self) -> tuple[np.ndarray, np.ndarray]:
         """(rotation (clusters, 4), centre of mass (clusters, 3) [m]) of bodies with particles where they are now, as new

@@ -223,15 +223,14 @@ class Simulation(Backend):
         unit normals for drawing it; of bodies `rotation` (clusters, 4), unit quaternions (w, x, y, z), and `centre`
         (clusters, 3) [m], of mass, with particles where they are now, for skins; `deformation` (clusters, 3, 3): the
         rotation, or whatever else takes rest offsets to where a cluster wants them; of plastic ones `plastic`, as in State:
-        what has bent their rest offsets. Each is computed only when asked.
-
-        `into`: a host array, or (GPU, position and normal) anything with `__cuda_array_interface__`; None: a new host
-        array. Does not check for divergence: it is what the window draws.
+        what has bent their rest offsets; of fluids `strain`, density over that at rest less 1, and `pressure` [Pa]. Computed
+        when asked. `into`: a host array, or (GPU, position and normal) anything with `__cuda_array_interface__`; None: a new
+        one. Does not check for divergence: it is what the window draws.
         """
         if name == "position":
             return self._read_position(into)
         if name == "normal":
-            if self.scene.dimensions == 2 or self.scene.bodies:
+            if self.scene.dimensions == 2 or self.scene.bodies or self.scene.fluids:
                 raise SceneError("read", name, "must be one of position, velocity, strain: a grid lies in a plane")
             return self._read_normal(into)
         if name == "velocity":
@@ -245,8 +244,9 @@ class Simulation(Backend):
         elif self.scene.bodies:
             names = "position, velocity, rotation, centre, deformation"
             raise SceneError("read", name, f"must be one of {names}{', plastic' * ('plastic' in self.plan.parts)}")
-        elif name == "strain":
-            result = spring_strain(self.scene, self._download()[0])
+        elif name == "strain" or (name == "pressure" and self.scene.fluids):
+            strained = name == "strain"
+            result = spring_strain(self.scene, self._download()[0]) if strained else self._read_pressure()
         else:
             names = "position, velocity, strain" + (", normal" if self.scene.dimensions == 3 else "")
             raise SceneError("read", name, f"must be one of {names}")

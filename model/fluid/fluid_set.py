@@ -120,6 +120,9 @@ def check_fluids(parts: Mapping[str, Fluid], domain: Domain | None, domain_name:
     if count > MAX_PARTICLES:
         raise SceneError(field, told, f"at most {MAX_PARTICLES} particles (32-bit indices)")
     require(count * PARTICLE_BYTES, available_bytes(), field, told, "main memory")
+    for name, part in parts.items():
+        if part.vortices and (domain is None or not {"x", "y"} <= set(domain.repeats)):
+            raise SceneError(f"{name}.vortices", part.vortices, "needs a domain that repeats along x and y")
     if domain is None:
         return
     if len(domain.size) < one.dimensions:
@@ -134,8 +137,17 @@ def check_fluids(parts: Mapping[str, Fluid], domain: Domain | None, domain_name:
             raise SceneError(f"{domain_name}.size", list(domain.size), told)
 
 
-def make_fluid_set(parts: Mapping[str, Fluid]) -> FluidSet:
-    """The set of a scene's fluids, by name."""
+def vortices(place: np.ndarray, domain: Domain) -> np.ndarray:
+    """(n, dimensions): velocities of G. I. Taylor and A. E. Green's vortices, of speed 1, at places [m] of a box that
+    repeats: one wave along x and along y."""
+    x, y = (2 * np.pi * (place[:, axis] - domain.origin[axis]) / domain.size[axis] for axis in (0, 1))
+    found = np.zeros_like(place)
+    found[:, 0], found[:, 1] = np.sin(x) * np.cos(y), -np.cos(x) * np.sin(y) * domain.size[1] / domain.size[0]
+    return found
+
+
+def make_fluid_set(parts: Mapping[str, Fluid], domain: Domain | None = None) -> FluidSet:
+    """The set of a scene's fluids, by name, in the scene's box."""
     axes = next(iter(parts.values())).dimensions
     positions, velocities, numbers = [], [], []
     for number, part in enumerate(parts.values()):
@@ -143,7 +155,10 @@ def make_fluid_set(parts: Mapping[str, Fluid]) -> FluidSet:
             counts = part.counts(block)
             steps = np.indices(counts[::-1]).reshape(axes, -1)[::-1].T  # x fastest
             positions.append(np.array(block.origin)[:axes] + (steps + 0.5) * part.rest_distance)
-            velocities.append(np.tile(np.array(part.velocity)[:axes], (len(steps), 1)))
+            velocity = np.tile(np.array(part.velocity)[:axes], (len(steps), 1))
+            if part.vortices and domain is not None:
+                velocity = velocity + part.vortices * vortices(positions[-1], domain)
+            velocities.append(velocity)
             numbers.append(np.full(len(steps), number, np.int32))
     return FluidSet(
         names=tuple(parts),

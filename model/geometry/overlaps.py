@@ -42,6 +42,8 @@ def overlap_lines(scene: Scene) -> list[str]:
         return []
     body = build(scene)
     pinned, free = body.position[body.pinned], body.position[body.inverse_mass > 0]
+    if scene.dimensions == 2:  # of a fluid
+        free = np.pad(free, ((0, 0), (0, 1)))
     some = free[:: -(-len(free) // MAX_ASKED) or 1]
     formulas, lines = colliders.make(float), []
     for (kind, collider), row in zip(scene.colliders, collider_rows(scene, np.float64), strict=True):
@@ -60,6 +62,6 @@ def overlap_lines(scene: Scene) -> list[str]:
             about = f"about {deep * len(free) // len(some)}" if len(some) < len(free) else str(deep)
             lines.append(
                 f"{about} of {len(free)} free masses begin deep inside a {kind}: the first step moves them to its surface "
-                "and draws their springs out; begin beside it"
+                + ("at once; begin beside it" if scene.fluids else "and draws their springs out; begin beside it")
             )
     return lines

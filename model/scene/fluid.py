@@ -40,6 +40,7 @@ class Fluid(Part):
     support: Positive | None = None  # m, how far a particle sees; rest_distance / 0.55 unless given
     density: Positive = 1000.0  # kg/m^3
     velocity: Vector = ZERO  # m/s, at the start
+    vortices: NotNegative = 0.0  # m/s, on top of it: of Taylor and Green, in a domain that repeats along x and y
     viscosity: NotNegative = 0.0  # Pa s, by XSPH; that of the method itself comes on top
     cohesion: NotNegative = 0.0  # N/m: how strongly particles draw one another
     surface_tension: NotNegative = 0.0  # N/m: how strongly a surface is drawn flat

@@ -173,7 +173,7 @@ class SceneParts:
     @cached_property
     def fluid_set(self) -> FluidSet:
         """All particles of the scene's fluids, made when first asked for."""
-        return make_fluid_set(self.fluids)
+        return make_fluid_set(self.fluids, self.domain)
 
     @property
     def cloth(self) -> Cloth | None:

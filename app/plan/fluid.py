@@ -1,0 +1,41 @@
+"""What each backend makes of a fluid's step, and what its parameters mean, for `softlab plan`."""
+
+from __future__ import annotations
+
+from app.plan.passes import BackendPlan, cpu_plan, merged_passes, stages_of
+from model.core.plan import Plan
+from model.fluid.parameters import MAX_NEIGHBOURS, smoothing, speed_limit
+from model.fluid.plan import neighbours_at_rest
+from model.scene.scene import Scene
+from model.scene.words import notes_of
+
+
+def fluid_on_cpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
+    """Lists of neighbours, sixteen particles side by side, all substeps of a call by one team of threads."""
+    why = "sorted by cells each substep, lists of neighbours in slices; all substeps of a call in one kernel"
+    groups = [[stage] for stage in stages_of(plan)]
+    return cpu_plan("fused", why, merged_passes(groups, plan, precision, "a phase of the team"))
+
+
+def fluid_lines(scene: Scene) -> list[str]:
+    """Each parameter of a scene's fluids with its value, unit and meaning, and what follows from them."""
+    if not scene.fluids:
+        return []
+    found, lines = scene.fluid_set, []
+    met = f"{neighbours_at_rest(scene):.0f} neighbours at rest, {MAX_NEIGHBOURS[scene.dimensions]} at most"
+    lines.append(f"fluids: {found}; support {found.support:g} m, {met}")
+    for name, part in scene.fluids.items():
+        notes = notes_of(type(part))
+        for field, value in part.model_dump().items():
+            if field in ("origin", "size", "blocks", "dimensions", "velocity", "vortices"):
+                continue
+            told = "none" if value is None else f"{value:g}"
+            if field == "support" and value is None:
+                told = f"{part.support_radius:g}"
+            lines.append(f"  {name}.{field} = {told}  ({notes.get(field, '')})")
+        share = smoothing(scene, part)
+        lines.append(
+            f"  of {name}: nothing faster than {speed_limit(scene, part):.4g} m/s (half a support a substep); XSPH takes "
+            f"{share:.3g} of a difference of velocities; a particle weighs {part.density * found.lattice.volume:.4g} kg"
+        )
+    return lines
