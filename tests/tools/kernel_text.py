@@ -32,14 +32,14 @@ def record_of(real: Any, family: str) -> Any:
 
 def kernel_text(kernel: Any, letters: str, real: Any, math: str) -> str:
     """The PTX of a kernel from its entry on. `letters`, one of each argument: R and I arrays of reals and of integers, L of
-    64-bit and U of unsigned ones, P the record of constants of solvers of quads, i and l numbers of 32 and 64
-    bits, b a yes or no."""
+    64-bit and U of unsigned ones, P the record of constants of solvers of quads, r a real, i and l
+    numbers of 32 and 64 bits, b a yes or no."""
     from numba import cuda, types
 
     numbers = (types.float32 if real is np.float32 else types.float64)[::1]
     known = {"R": numbers, "I": types.int32[::1], "L": types.int64[::1], "U": types.uint64[::1]}
     known["P"] = record_of(real, "quads")
-    known |= {"i": types.int32, "l": types.int64, "b": types.boolean}
+    known |= {"r": numbers.dtype, "i": types.int32, "l": types.int64, "b": types.boolean}
     arguments = tuple(known[letter] for letter in letters)
     text, _ = cuda.compile_ptx(kernel.py_func, arguments, cc=(9, 0), fastmath=math == "fast")
     found: str = text[text.index(".entry") :]

@@ -1,0 +1,217 @@
+"""Particles into the order of their cells, on CUDA: a counting sort whose every launch has a size fixed at the start.
+
+`hash_particles` asks a counter of its cell for a place, in whatever order threads come; the counters are summed up, and
+`fill` puts each particle's number into a place of its cell. No order of atomics is left in the end: `arrange` counts for each
+particle the lower numbers in its cell, which are about six, and a twenty-seventh of those that the search looks at anyway. So
+a cell's particles are in the order of their numbers, the whole order hangs on positions alone, and is the same in every run.
+Whole numbers only, but for the box, whose minima and maxima no order changes.
+
+How many cells there are is known on the device alone (`numbers[CELLS]`): a launch covers all that there may be, and blocks
+beyond end at once.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+from numba import cuda
+
+from gpu_backend.core.compile import inlined, kernel_options, make_kernels, variant_name
+from gpu_backend.core.device import simulated
+from gpu_backend.core.formulas import device_formulas
+from gpu_backend.core.quads import SIZE, load_quad, store_quad
+from gpu_backend.core.scan import make_before
+from model.formulas import fluid_cells
+
+THREADS = 32 if simulated() else 256  # of a block that reduces; the simulator runs each as one of Python's
+EACH = 4 if simulated() else 8  # cells of a thread that scans
+CHUNK = THREADS * EACH  # cells of a block that scans
+AXES = 3
+BOX = 2 * AXES  # numbers of a box: the lowest coordinate along each axis, then the highest
+# the grid's whole numbers: cells along x, y, z; whether that axis wraps; all cells
+WIDTH, HEIGHT, DEPTH, WRAPS, CELLS = 0, 1, 2, 3, 6
+NUMBERS = 7
+LOW, INVERSE = 0, AXES  # the grid's reals, a number an axis: the corner [m], cells a metre
+REALS = 2 * AXES
+
+
+@cache
+def make_box(real: Any) -> Any:
+    """keep_box(lx, ly, lz, hx, hy, hz, boxes): the box of what the block's threads have, as a row of `boxes`; every thread
+    of the block must call it."""
+    room, threads, box = BOX * THREADS, np.int32(THREADS), np.int32(BOX)
+
+    @inlined("exact")
+    def keep_box(lx, ly, lz, hx, hy, hz, boxes):
+        memory = cuda.shared.array(room, real)
+        t = np.int32(cuda.threadIdx.x)
+        memory[t], memory[t + threads], memory[t + 2 * threads] = lx, ly, lz
+        memory[t + 3 * threads], memory[t + 4 * threads], memory[t + 5 * threads] = hx, hy, hz
+        cuda.syncthreads()
+        reach = np.int32(threads // 2)
+        while reach > 0:
+            if t < reach:
+                for axis in range(AXES):
+                    at = np.int32(axis * threads + t)
+                    memory[at] = min(memory[at], memory[at + reach])
+                    at = np.int32(at + AXES * threads)
+                    memory[at] = max(memory[at], memory[at + reach])
+            cuda.syncthreads()
+            reach = np.int32(reach // 2)
+        if t < box:
+            boxes[box * cuda.blockIdx.x + t] = memory[t * threads]
+
+    return keep_box
+
+
+def _make_grid(real: Any) -> tuple[Any, ...]:
+    """The kernels that make a grid of a box."""
+    keep_box, cells = make_box(real), device_formulas(fluid_cells.make, real, "exact")
+    fitted = fluid_cells.make_numbers(inlined("exact")).fitted
+    cells_along, zero, none, threads = cells.cells_along, real(0), real(np.inf), np.int32(THREADS)
+
+    def bound(position, limit, boxes):
+        """A row of `boxes` for each block: the box of the quads it looked at that are within `limit` of the origin."""
+        lx, ly, lz, hx, hy, hz = none, none, none, -none, -none, -none
+        for k in range(np.int32(cuda.grid(1)), position.size // SIZE, np.int32(cuda.gridsize(1))):
+            p = load_quad(position, k)
+            if abs(p[0]) <= limit and abs(p[1]) <= limit and abs(p[2]) <= limit:  # false for NaN
+                lx, ly, lz = min(lx, p[0]), min(ly, p[1]), min(lz, p[2])
+                hx, hy, hz = max(hx, p[0]), max(hy, p[1]), max(hz, p[2])
+        keep_box(lx, ly, lz, hx, hy, hz, boxes)
+
+    def span(boxes, sides, fixed, most, reals, numbers):
+        """The grid of at most `most` cells over all boxes: one block. `sides`: of each axis the corner of a side that repeats
+        [m], then cells a metre; `fixed`: its cells where it repeats, else 0."""
+        t = np.int32(cuda.threadIdx.x)
+        lx, ly, lz, hx, hy, hz = none, none, none, -none, -none, -none
+        for row in range(t, boxes.size // BOX, threads):
+            at = np.int32(row * BOX)
+            lx, ly, lz = min(lx, boxes[at]), min(ly, boxes[at + 1]), min(lz, boxes[at + 2])
+            hx, hy, hz = max(hx, boxes[at + 3]), max(hy, boxes[at + 4]), max(hz, boxes[at + 5])
+        cuda.syncthreads()
+        keep_box(lx, ly, lz, hx, hy, hz, boxes)  # as row 0: this is block 0
+        cuda.syncthreads()
+        if t == 0:
+            for axis in range(AXES):
+                low, high = boxes[axis], boxes[AXES + axis]
+                if fixed[axis] > 0:
+                    low, high = sides[axis], sides[axis]
+                elif not low <= high:
+                    low, high = zero, zero
+                reals[LOW + axis], reals[INVERSE + axis] = low, sides[AXES + axis]
+                numbers[axis] = cells_along(low, high, sides[AXES + axis])
+            x, y, z = fitted(numbers[0], numbers[1], numbers[2], fixed[0], fixed[1], fixed[2], most)
+            numbers[WRAPS] = np.int32(x != numbers[0] or fixed[0] > 0)
+            numbers[WRAPS + 1] = np.int32(y != numbers[1] or fixed[1] > 0)
+            numbers[WRAPS + 2] = np.int32(z != numbers[2] or fixed[2] > 0)
+            numbers[WIDTH], numbers[HEIGHT], numbers[DEPTH] = x, y, z
+            numbers[CELLS] = np.int32(x * y * z)
+
+    return bound, span
+
+
+@cache
+def make_place(real: Any) -> Any:
+    """place_of(p, reals, numbers) -> (x, y, z): the cell of the grid that a quad lies in."""
+    cell_of = device_formulas(fluid_cells.make, real, "exact").cell_of
+    wrapped = fluid_cells.make_numbers(inlined("exact")).wrapped
+
+    @inlined("exact")
+    def place_of(p, reals, numbers):
+        x = cell_of(p[0], reals[LOW], reals[INVERSE])
+        y = cell_of(p[1], reals[LOW + 1], reals[INVERSE + 1])
+        z = cell_of(p[2], reals[LOW + 2], reals[INVERSE + 2])
+        return (
+            wrapped(x, numbers[WIDTH], numbers[WRAPS]),
+            wrapped(y, numbers[HEIGHT], numbers[WRAPS + 1]),
+            wrapped(z, numbers[DEPTH], numbers[WRAPS + 2]),
+        )
+
+    return place_of
+
+
+def _make_sort(real: Any) -> tuple[Any, ...]:
+    """The kernels that count, sum up, and fill."""
+    place_of, before, zero, one = make_place(real), make_before(THREADS), np.int32(0), np.int32(1)
+    each, chunk, threads = np.int32(EACH), np.int32(CHUNK), np.int32(THREADS)
+
+    def hash_particles(position, reals, numbers, keys, slots, counts):
+        k = np.int32(cuda.grid(1))
+        if k < keys.size:
+            x, y, z = place_of(load_quad(position, k), reals, numbers)
+            key = np.int32((z * numbers[HEIGHT] + y) * numbers[WIDTH] + x)
+            keys[k], slots[k] = key, cuda.atomic.add(counts, key, one)
+
+    def chunks(counts, numbers, starts, totals):
+        """starts[k]: the sum of the chunk's counts before k; totals[b]: of a whole chunk. One block a chunk."""
+        cells = numbers[CELLS]
+        if np.int32(cuda.blockIdx.x) * chunk < cells:
+            first = np.int32(cuda.grid(1) * each)
+            last, own = min(np.int32(first + each), cells), zero
+            for k in range(first, last):
+                own = np.int32(own + counts[k])
+            start = before(own)
+            for k in range(first, last):
+                count = counts[k]
+                starts[k] = start
+                start = np.int32(start + count)
+            if cuda.threadIdx.x == threads - one:
+                totals[cuda.blockIdx.x] = start
+
+    def totals(numbers, sums):
+        """The same in place, over all chunks: one block, each thread a strip of its own."""
+        size = np.int32((numbers[CELLS] + chunk - one) // chunk)
+        strip = np.int32((size + threads - one) // threads)
+        first = np.int32(strip * cuda.threadIdx.x)
+        last, own = min(np.int32(first + strip), size), zero
+        for k in range(first, last):
+            own = np.int32(own + sums[k])
+        start = before(own)
+        for k in range(first, last):
+            number = sums[k]
+            sums[k] = start
+            start = np.int32(start + number)
+
+    def fill(keys, slots, number, starts, sums, numbers, counts, begins, filled):
+        """filled[...]: the numbers of a cell's particles in any order; begins[k]: where those of cell k begin, one number
+        more than there are cells; and counts are 0 again."""
+        cells, stride = numbers[CELLS], np.int32(cuda.gridsize(1))
+        for k in range(np.int32(cuda.grid(1)), keys.size, stride):
+            key = keys[k]
+            filled[starts[key] + sums[key // chunk] + slots[k]] = number[k]
+        for k in range(np.int32(cuda.grid(1)), cells, stride):
+            begins[k], counts[k] = np.int32(starts[k] + sums[k // chunk]), zero
+        if cuda.grid(1) == 0:
+            begins[cells] = np.int32(keys.size)
+
+    def arrange(
+        keys, begins, filled, position, before_, velocity, number, sorted_position, sorted_before, sorted_velocity,
+        sorted_number,
+    ):  # fmt: skip
+        """Particles in the order of their cells, and of one cell in that of their numbers."""
+        k = np.int32(cuda.grid(1))
+        if k < keys.size:
+            key, own = keys[k], number[k]
+            place = begins[key]
+            for e in range(begins[key], begins[key + one]):
+                if filled[e] < own:
+                    place = np.int32(place + one)
+            p, b, v = load_quad(position, k), load_quad(before_, k), load_quad(velocity, k)
+            store_quad(sorted_position, place, p[0], p[1], p[2], p[3])
+            store_quad(sorted_before, place, b[0], b[1], b[2], b[3])
+            store_quad(sorted_velocity, place, v[0], v[1], v[2], v[3])
+            sorted_number[place] = own
+
+    return hash_particles, chunks, totals, fill, arrange
+
+
+@cache
+def make_cell_sort(real: Any) -> SimpleNamespace:
+    """`bound`, `span`, `hash_particles`, `chunks`, `totals`, `fill` and `arrange`, as told above, for launches of blocks of
+    THREADS."""
+    kernels = (*_make_grid(real), *_make_sort(real))
+    return make_kernels(kernels, f"fluid_cells_{variant_name(real)}", **kernel_options("exact"))
