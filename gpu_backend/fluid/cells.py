@@ -11,8 +11,8 @@ neighbours, about 28 in space; the candidates of a search, 27 cells' particles o
 | hash_particles | 16 | 8, one atomic | memory |
 | chunks, totals | 4 c | 4 c | memory |
 | fill | 12 + 4 c | 4 + 8 c | memory |
-| arrange | 60 | 52 | memory |
-| find | 16 | 4 n + 4 | the caches, 16 bytes a candidate; 9 flop each |
+| arrange | 60 | 56 | memory |
+| find | 20 | 4 n + 4 | the caches, 16 bytes a candidate; 9 flop each |
 """
 
 from __future__ import annotations
@@ -24,16 +24,14 @@ import numpy as np
 from numba import cuda
 
 from gpu_backend.core.device import simulated
-from gpu_backend.fluid.lists import make_lists
-from gpu_backend.fluid.sort_kernels import AXES, BOX, CHUNK, NUMBERS, REALS, THREADS, make_cell_sort
+from gpu_backend.fluid.sort_kernels import BOX, CHUNK, NUMBERS, REALS, THREADS, make_cell_sort
 
 MOST_BOXES = 3 if simulated() else 1024  # blocks that look for the particles' box
-LIST_THREADS = 32 if simulated() else 128
 
 
 def cell_bytes(particles: int, cells: int, neighbours: int, item: int) -> int:
     """Device memory for so many particles, cells and neighbours of a particle, `item` bytes a scalar."""
-    return 4 * (4 * particles + 3 * cells + neighbours * particles) + item * BOX * MOST_BOXES
+    return 4 * (5 * particles + 3 * cells + neighbours * particles) + item * BOX * MOST_BOXES
 
 
 class Cells:
@@ -42,32 +40,29 @@ class Cells:
     `found` (particles,) int32: how many neighbours each particle has; `table` (neighbours * particles,): the s-th of particle
     i in place s * particles + i, so that a warp's loads lie side by side.
 
-    `most`: cells at most. `sides`: of each axis (the corner of a side that repeats [m], cells a metre); `fixed`: its cells
-    where it repeats, else 0. `limit` [m]: a coordinate beyond it widens no grid.
+    `most`: cells at most. `repeats`: axes whose sides do. `limit` [m]: a coordinate beyond it widens no grid.
     """
 
     launches = 7  # of a sort and a search, if something else looks for the box
 
     def __init__(
-        self, real: Any, axes: int, particles: int, neighbours: int, most: int, limit: float,
-        sides: Sequence[tuple[float, float]], fixed: Sequence[int], stream: Any,
-    ):  # fmt: skip
+        self, real: Any, particles: int, neighbours: int, most: int, limit: float, repeats: frozenset[str], stream: Any
+    ):
         self._real, self._stream, self._most = real, stream, np.int32(most)
         self.limit = real(limit)
-        self._sides, self._fixed = self._new(np.zeros(2 * AXES, real)), self._new(np.asarray(fixed, np.int32))
-        self.change(sides)
         self.blocks = min(MOST_BOXES, (particles + THREADS - 1) // THREADS)
         self.boxes = self._new(np.zeros(BOX * self.blocks, real))
         self.reals, self.numbers = self._new(np.zeros(REALS, real)), self._new(np.zeros(NUMBERS, np.int32))
-        self._keys, self._slots, self._filled, self.found = (self._integers(particles) for _ in range(4))
+        self._keys, self._slots, self._filled, self.sorted_keys, self.found = (
+            self._integers(particles) for _ in range(5)
+        )
         self._chunks = (most + CHUNK - 1) // CHUNK
         self._counts, self._starts, self.begins = (self._integers(most + extra) for extra in (0, 0, 1))
         self._totals = self._integers(self._chunks)
         self.table = cuda.device_array(neighbours * particles, np.int32, stream=stream)
-        self._lost = self._new(np.zeros(1, np.int64))
+        self.beyond = self._new(np.zeros(1, np.int64))
         self._flat = (particles + THREADS - 1) // THREADS, THREADS, stream
-        self._find_flat = (particles + LIST_THREADS - 1) // LIST_THREADS, LIST_THREADS, stream
-        self._sort, self._lists = make_cell_sort(real), make_lists(real, axes, neighbours)
+        self._sort = make_cell_sort(real, repeats)
 
     def _new(self, array: np.ndarray) -> Any:
         return cuda.to_device(array, stream=self._stream)
@@ -75,39 +70,28 @@ class Cells:
     def _integers(self, count: int) -> Any:
         return self._new(np.zeros(count, np.int32))
 
-    def change(self, sides: Sequence[tuple[float, float]]) -> None:
-        """Take over another support."""
-        values = np.array([*(low for low, _ in sides), *(inverse for _, inverse in sides)], self._real)
-        self._sides.copy_to_device(values, stream=self._stream)
-
     def bound(self, position: Any) -> None:
         """The boxes of quads, where no other launch has left them."""
         self._sort.bound[self.blocks, THREADS, self._stream](position, self.limit, self.boxes)
 
-    def sort(self, given: Sequence[Any], into: Sequence[Any]) -> None:
+    def sort(self, record: Any, given: Sequence[Any], into: Sequence[Any]) -> None:
         """(position, before, velocity: quads; number: int32) of particles whose boxes are known, in the order of cells."""
         kernels, flat, stream = self._sort, self._flat, self._stream
-        kernels.span[1, THREADS, stream](self.boxes, self._sides, self._fixed, self._most, self.reals, self.numbers)
+        kernels.span[1, THREADS, stream](self.boxes, record, self._most, self.reals, self.numbers)
         kernels.hash_particles[flat](given[0], self.reals, self.numbers, self._keys, self._slots, self._counts)
         kernels.chunks[self._chunks, THREADS, stream](self._counts, self.numbers, self._starts, self._totals)
         kernels.totals[1, THREADS, stream](self.numbers, self._totals)
         counted = self._keys, self._slots, given[-1], self._starts, self._totals, self.numbers, self._counts
         kernels.fill[flat](*counted, self.begins, self._filled)
-        kernels.arrange[flat](self._keys, self.begins, self._filled, *given, *into)
-
-    def find(self, position: Any, record: Any) -> None:
-        """The neighbours of sorted particles."""
-        self._lists.find[self._find_flat](
-            position, record, self.reals, self.numbers, self.begins, self.table, self.found, self._lost
-        )
+        kernels.arrange[flat](self._keys, self.begins, self._filled, *given, *into, self.sorted_keys)
 
     @property
     def lost(self) -> int:
         """How many neighbours were beyond those that a particle keeps, over all searches so far."""
-        host = self._lost.copy_to_host(stream=self._stream)
+        host = self.beyond.copy_to_host(stream=self._stream)
         cuda.synchronize()
         return int(host[0])
 
     def forget(self) -> None:
         """Nothing was lost so far."""
-        self._lost.copy_to_device(np.zeros(1, np.int64), stream=self._stream)
+        self.beyond.copy_to_device(np.zeros(1, np.int64), stream=self._stream)

@@ -67,11 +67,33 @@ def make_box(real: Any) -> Any:
     return keep_box
 
 
-def _make_grid(real: Any) -> tuple[Any, ...]:
+def _make_grid(real: Any, repeats: frozenset[str]) -> tuple[Any, ...]:
     """The kernels that make a grid of a box."""
     keep_box, cells = make_box(real), device_formulas(fluid_cells.make, real, "exact")
-    fitted = fluid_cells.make_numbers(inlined("exact")).fitted
-    cells_along, zero, none, threads = cells.cells_along, real(0), real(np.inf), np.int32(THREADS)
+    cells_along, coarser, repeated = cells.cells_along, cells.coarser, cells.repeated
+    along_x, along_y, along_z = "x" in repeats, "y" in repeats, "z" in repeats
+    zero, none, threads, one = real(0), real(np.inf), np.int32(THREADS), np.int32(1)
+
+    @inlined("exact")
+    def begun(axis, boxes, inverse, reals, numbers):
+        """A grid's axis that does not repeat."""
+        low, high = boxes[axis], boxes[AXES + axis]
+        if not low <= high:
+            low, high = zero, zero
+        reals[LOW + axis], reals[INVERSE + axis] = low, inverse
+        numbers[axis], numbers[WRAPS + axis] = cells_along(low, high, inverse), 0
+
+    @inlined("exact")
+    def begun_again(axis, low, side, count, reals, numbers):
+        """One that does."""
+        reals[LOW + axis], reals[INVERSE + axis] = low, repeated(count, side)
+        numbers[axis], numbers[WRAPS + axis] = np.int32(count), 1
+
+    @inlined("exact")
+    def over(numbers, most):
+        """Whether there are too many cells; no product overflows."""
+        x, y, z = np.int64(numbers[WIDTH]), np.int64(numbers[HEIGHT]), np.int64(numbers[DEPTH])
+        return x > most or y > most or z > most or x * y > most or x * y * z > most
 
     def bound(position, limit, boxes):
         """A row of `boxes` for each block: the box of the quads it looked at that are within `limit` of the origin."""
@@ -83,9 +105,8 @@ def _make_grid(real: Any) -> tuple[Any, ...]:
                 hx, hy, hz = max(hx, p[0]), max(hy, p[1]), max(hz, p[2])
         keep_box(lx, ly, lz, hx, hy, hz, boxes)
 
-    def span(boxes, sides, fixed, most, reals, numbers):
-        """The grid of at most `most` cells over all boxes: one block. `sides`: of each axis the corner of a side that repeats
-        [m], then cells a metre; `fixed`: its cells where it repeats, else 0."""
+    def span(boxes, record, most, reals, numbers):
+        """The grid of at most `most` cells over all boxes: one block."""
         t = np.int32(cuda.threadIdx.x)
         lx, ly, lz, hx, hy, hz = none, none, none, -none, -none, -none
         for row in range(t, boxes.size // BOX, threads):
@@ -96,53 +117,43 @@ def _make_grid(real: Any) -> tuple[Any, ...]:
         keep_box(lx, ly, lz, hx, hy, hz, boxes)  # as row 0: this is block 0
         cuda.syncthreads()
         if t == 0:
+            parameters = record[0]
             for axis in range(AXES):
-                low, high = boxes[axis], boxes[AXES + axis]
-                if fixed[axis] > 0:
-                    low, high = sides[axis], sides[axis]
-                elif not low <= high:
-                    low, high = zero, zero
-                reals[LOW + axis], reals[INVERSE + axis] = low, sides[AXES + axis]
-                numbers[axis] = cells_along(low, high, sides[AXES + axis])
-            x, y, z = fitted(numbers[0], numbers[1], numbers[2], fixed[0], fixed[1], fixed[2], most)
-            numbers[WRAPS] = np.int32(x != numbers[0] or fixed[0] > 0)
-            numbers[WRAPS + 1] = np.int32(y != numbers[1] or fixed[1] > 0)
-            numbers[WRAPS + 2] = np.int32(z != numbers[2] or fixed[2] > 0)
-            numbers[WIDTH], numbers[HEIGHT], numbers[DEPTH] = x, y, z
-            numbers[CELLS] = np.int32(x * y * z)
+                begun(axis, boxes, parameters.inverse_cell, reals, numbers)
+            if along_x:
+                begun_again(0, parameters.low_x, parameters.side_x, parameters.cells_x, reals, numbers)
+            if along_y:
+                begun_again(1, parameters.low_y, parameters.side_y, parameters.cells_y, reals, numbers)
+            if along_z:
+                begun_again(2, parameters.low_z, parameters.side_z, parameters.cells_z, reals, numbers)
+            while over(numbers, most):
+                widest, count = np.int32(-1), one
+                for axis in range(AXES):
+                    if numbers[WRAPS + axis] == 0 and numbers[axis] > count:
+                        widest, count = np.int32(axis), numbers[axis]
+                if widest < 0:
+                    break
+                inverse = coarser(reals[INVERSE + widest])
+                reals[INVERSE + widest] = inverse
+                numbers[widest] = cells_along(boxes[widest], boxes[AXES + widest], inverse)
+            numbers[CELLS] = np.int32(numbers[WIDTH] * numbers[HEIGHT] * numbers[DEPTH])
 
     return bound, span
 
 
-@cache
-def make_place(real: Any) -> Any:
-    """place_of(p, reals, numbers) -> (x, y, z): the cell of the grid that a quad lies in."""
-    cell_of = device_formulas(fluid_cells.make, real, "exact").cell_of
-    wrapped = fluid_cells.make_numbers(inlined("exact")).wrapped
-
-    @inlined("exact")
-    def place_of(p, reals, numbers):
-        x = cell_of(p[0], reals[LOW], reals[INVERSE])
-        y = cell_of(p[1], reals[LOW + 1], reals[INVERSE + 1])
-        z = cell_of(p[2], reals[LOW + 2], reals[INVERSE + 2])
-        return (
-            wrapped(x, numbers[WIDTH], numbers[WRAPS]),
-            wrapped(y, numbers[HEIGHT], numbers[WRAPS + 1]),
-            wrapped(z, numbers[DEPTH], numbers[WRAPS + 2]),
-        )
-
-    return place_of
-
-
 def _make_sort(real: Any) -> tuple[Any, ...]:
     """The kernels that count, sum up, and fill."""
-    place_of, before, zero, one = make_place(real), make_before(THREADS), np.int32(0), np.int32(1)
+    cell_of, before = device_formulas(fluid_cells.make, real, "exact").cell_of, make_before(THREADS)
+    zero, one = np.int32(0), np.int32(1)
     each, chunk, threads = np.int32(EACH), np.int32(CHUNK), np.int32(THREADS)
 
     def hash_particles(position, reals, numbers, keys, slots, counts):
         k = np.int32(cuda.grid(1))
         if k < keys.size:
-            x, y, z = place_of(load_quad(position, k), reals, numbers)
+            p = load_quad(position, k)
+            x = cell_of(p[0], reals[LOW], reals[INVERSE], numbers[WIDTH])
+            y = cell_of(p[1], reals[LOW + 1], reals[INVERSE + 1], numbers[HEIGHT])
+            z = cell_of(p[2], reals[LOW + 2], reals[INVERSE + 2], numbers[DEPTH])
             key = np.int32((z * numbers[HEIGHT] + y) * numbers[WIDTH] + x)
             keys[k], slots[k] = key, cuda.atomic.add(counts, key, one)
 
@@ -190,7 +201,7 @@ def _make_sort(real: Any) -> tuple[Any, ...]:
 
     def arrange(
         keys, begins, filled, position, before_, velocity, number, sorted_position, sorted_before, sorted_velocity,
-        sorted_number,
+        sorted_number, sorted_keys,
     ):  # fmt: skip
         """Particles in the order of their cells, and of one cell in that of their numbers."""
         k = np.int32(cuda.grid(1))
@@ -204,14 +215,14 @@ def _make_sort(real: Any) -> tuple[Any, ...]:
             store_quad(sorted_position, place, p[0], p[1], p[2], p[3])
             store_quad(sorted_before, place, b[0], b[1], b[2], b[3])
             store_quad(sorted_velocity, place, v[0], v[1], v[2], v[3])
-            sorted_number[place] = own
+            sorted_number[place], sorted_keys[place] = own, key
 
     return hash_particles, chunks, totals, fill, arrange
 
 
 @cache
-def make_cell_sort(real: Any) -> SimpleNamespace:
+def make_cell_sort(real: Any, repeats: frozenset[str]) -> SimpleNamespace:
     """`bound`, `span`, `hash_particles`, `chunks`, `totals`, `fill` and `arrange`, as told above, for launches of blocks of
-    THREADS."""
-    kernels = (*_make_grid(real), *_make_sort(real))
-    return make_kernels(kernels, f"fluid_cells_{variant_name(real)}", **kernel_options("exact"))
+    THREADS. `repeats`: axes whose sides do."""
+    kernels = (*_make_grid(real, repeats), *_make_sort(real))
+    return make_kernels(kernels, f"fluid_cells_{variant_name(real, repeats)}", **kernel_options("exact"))

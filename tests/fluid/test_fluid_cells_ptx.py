@@ -16,7 +16,7 @@ SORT = {  # of each kernel's arguments, see kernel_text.py
     "chunks": "IIII",
     "totals": "II",
     "fill": "IIIIIIIII",
-    "arrange": "IIIRRRIRRRI",
+    "arrange": "IIIRRRIRRRII",
 }
 ATOMICS = {"hash_particles"}
 
