@@ -67,5 +67,8 @@ def open_simulation(
 
 def _open(scene: Scene, backend: str, options: Options, threads: str | int) -> Simulation:
     """The solver of the scene on the backend; the other backend is not even imported."""
-    solver = named(family_of(scene).solvers[backend])
+    family = family_of(scene)
+    if backend not in family.solvers:
+        raise SceneError("--backend", backend, f"does not know a {family.name} yet; use {', '.join(family.solvers)}")
+    solver = named(family.solvers[backend])
     return solver(scene, options, threads) if backend == "cpu" else solver(scene, options)

@@ -165,6 +165,9 @@ def plan_report(
     rows, order = flatten(plan.root)
     found, unknown = [], {}
     for name in backends:
+        if name not in family.passes:
+            unknown[name] = f"does not know a {family.name} yet"
+            continue
         try:
             found.append(named(family.passes[name])(scene, precision, plan))
         except ImportError as error:

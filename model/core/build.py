@@ -9,6 +9,7 @@ import numpy as np
 
 from model.core.memory import require_sheet
 from model.core.pins import pin_indices
+from model.fluid.fluid_set import FluidSet
 from model.geometry.sheets import sheet_positions
 from model.geometry.topology import mesh_of, pinned_vertices, vertex_masses
 from model.scene.cloth import Cloth, Fold
@@ -45,7 +46,7 @@ def sheet_name(scene: Scene) -> str:
     return scene.name_of(*SHEETS, default="bodies")
 
 
-Sheet = Grid | BodySet | TetrahedraSet
+Sheet = Grid | BodySet | TetrahedraSet | FluidSet
 
 
 def pinned_indices(grid: Sheet) -> np.ndarray:
@@ -60,7 +61,7 @@ def pinned_indices(grid: Sheet) -> np.ndarray:
 def rest_positions(grid: Sheet) -> np.ndarray:
     """(particles, dimensions) float64 [m]: (column * spacing, -row * spacing), row-major; a cloth's from its origin, in
     z = const where it hangs, along +z instead of -y where it lies. Of a mesh, where its vertices are."""
-    if isinstance(grid, BodySet | TetrahedraSet):
+    if isinstance(grid, BodySet | TetrahedraSet | FluidSet):
         return grid.position
     if isinstance(grid, Mesh):
         return mesh_of(grid).position + grid.origin
@@ -121,7 +122,7 @@ def _build(scene: Scene) -> Body:
         return Body(1, count, grid.position.copy(), grid.velocity, inverse_mass, np.flatnonzero(waiting), grid.extent)
     cloth, fold = scene.cloth, scene.fold
     position = folded_positions(cloth, fold) if cloth and fold else rest_positions(grid).copy()
-    velocity = grid.velocity.copy() if isinstance(grid, TetrahedraSet) else np.zeros_like(position)
+    velocity = grid.velocity.copy() if isinstance(grid, TetrahedraSet | FluidSet) else np.zeros_like(position)
     pinned = pinned_indices(grid)
     inverse_mass = 1 / np.broadcast_to(masses(scene), (count, 1))[:, 0]
     inverse_mass[pinned] = 0
@@ -146,7 +147,7 @@ def masses(scene: Scene, waiting: np.ndarray | None = None) -> np.ndarray | floa
     if scene.bodies:
         mass = scene.body_set.clusters.mass
         return (mass if waiting is None else np.where(waiting, 0.0, mass))[:, None]
-    if isinstance(scene.grid, TetrahedraSet):
+    if isinstance(scene.grid, TetrahedraSet | FluidSet):
         return scene.grid.masses[:, None]
     if scene.mesh and scene.mesh.density is not None:
         return vertex_masses(scene.mesh)[:, None]

@@ -6,6 +6,7 @@ from __future__ import annotations
 from model.core.errors import SceneError
 from model.core.family import SolverFamily
 from model.core.plan import Plan
+from model.fluid.family import FLUID
 from model.mass_spring.family import CLOTH, GRID
 from model.scene.scene import Scene
 from model.shape_matching.family import BODIES, WINDOWS
@@ -14,7 +15,7 @@ from model.tetrahedra.newton import TETRAHEDRA_NEWTON
 from model.tetrahedra.vbd import TETRAHEDRA_VBD
 from model.xpbd.family import MESH, SHEET
 
-FAMILIES = (GRID, CLOTH, SHEET, MESH, WINDOWS, BODIES, TETRAHEDRA, TETRAHEDRA_VBD, TETRAHEDRA_NEWTON)
+FAMILIES = (GRID, CLOTH, SHEET, MESH, WINDOWS, BODIES, TETRAHEDRA, TETRAHEDRA_VBD, TETRAHEDRA_NEWTON, FLUID)
 
 
 def family_of(scene: Scene) -> SolverFamily:

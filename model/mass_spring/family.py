@@ -20,7 +20,7 @@ def _note(scene: Scene) -> str:
 
 
 def _is_stepped(scene: Scene) -> bool:
-    return not (scene.bodies or scene.tetrahedra) and not scene.method.position_based
+    return not (scene.bodies or scene.tetrahedra or scene.fluids) and not scene.method.position_based
 
 
 GRID = SolverFamily(

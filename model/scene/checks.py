@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Collection
+from typing import Any
 
 from model.core.errors import SceneError
+from model.fluid.fluid_set import check_fluids
 from model.scene.attachment import check_attachment
 from model.scene.bodies import BODY_KINDS
 from model.scene.cloth import CLOTH_KINDS, COLLIDER_KINDS, CONSTRAINT_KINDS, SPRING_KINDS
+from model.scene.method import OF_FLUIDS, Method
 from model.scene.method import OF_TETRAHEDRA as TETRAHEDRAL_SOLVERS
-from model.scene.method import Method
 from model.scene.motion import motions_of_pins
 from model.scene.particle_contact import MAX_KINDS
 from model.scene.parts import Elastic
@@ -30,11 +32,17 @@ OF_TETRAHEDRA = (
     *COLLIDER_KINDS,
 )  # fmt: skip
 OF_PARTICLES = ("restitution", "adhesion_reach", "maximum_speed", "sleeping_speed")  # surfaces know nothing of these
+WITH_FLUIDS = ("fluid", "domain", "gravity", "external", "method", *COLLIDER_KINDS)
+OF_A_FLUID: dict[str, Any] = {"solver": OF_FLUIDS, "dt": 1 / 60, "substeps": 4, "iterations": 10}  # unless told
 OF_BODIES = (*BODY_KINDS, "contact", "damping", "gravity", "method", *COLLIDER_KINDS)  # what goes with them
 
 
 def check_fit(scene: SceneParts) -> None:
     """Raise SceneError for a part that belongs to the other kind of sheet."""
+    if scene.fluids:
+        _check_fluids(scene)
+        return
+    _refuse(scene, ("domain",), "is for fluids; leave it out")
     if scene.tetrahedra:
         _check_tetrahedra(scene)
         return
@@ -56,6 +64,17 @@ def _refuse(scene: SceneParts, kinds: Collection[str], why: str) -> None:
     for name, kind in scene.kinds.items():
         if kind in kinds:
             raise SceneError(f"{name}.kind", kind, why)
+
+
+def _check_fluids(scene: SceneParts) -> None:
+    """Raise SceneError for what does not go with fluids, or not yet."""
+    _refuse(scene, KINDS.keys() - WITH_FLUIDS, f"does not go with fluids yet, which have {', '.join(WITH_FLUIDS)}")
+    check_fluids(scene.fluids, scene.domain, scene.name_of("domain"))
+    method = scene.one("method")
+    if method is None:
+        scene.parts["method"], scene.kinds["method"] = Method(**OF_A_FLUID), "method"
+    elif method.solver != OF_FLUIDS:
+        raise SceneError("method.solver", method.solver, f"must be {OF_FLUIDS} for fluids")
 
 
 def _check_bodies(scene: SceneParts) -> None:
@@ -122,6 +141,8 @@ def check_solver(scene: SceneParts) -> None:
     solver, integrator = scene.method.solver, scene.method.integrator
     if scene.method.rows == "blocks" and not scene.tetrahedra:
         raise SceneError("method.rows", "blocks", "is for tetrahedral bodies; leave it out")
+    if solver == OF_FLUIDS and not scene.fluids:
+        raise SceneError("method.solver", solver, "is for fluids; take mass-spring, xpbd, pbd or shape-matching")
     if solver in TETRAHEDRAL_SOLVERS and not scene.tetrahedra:
         raise SceneError(
             "method.solver", solver, "is for tetrahedral bodies; take mass-spring, xpbd, pbd or shape-matching"

@@ -12,7 +12,8 @@ IntegratorName = Literal[
     "lab", "semi-implicit-euler", "velocity-verlet", "rk4", "explicit-euler", "taylor", "implicit-euler",
     "implicit-euler-linear",
 ]  # fmt: skip
-SolverName = Literal["mass-spring", "xpbd", "pbd", "shape-matching", "vbd", "newton"]
+SolverName = Literal["mass-spring", "xpbd", "pbd", "shape-matching", "vbd", "newton", "pbf"]
+SchemeName = Literal["macklin", "averaged"]
 RowsName = Literal["scalar", "blocks"]
 OrderingName = Literal["gauss-seidel", "jacobi", "averaged-jacobi"]
 POSITION_BASED = ("xpbd", "pbd", "shape-matching")
@@ -30,7 +31,9 @@ class Method(Part):
     so that the material changes with iterations, substeps and dt. `shape-matching` moves masses towards where windows of the
     grid, 2 `region` + 1 masses wide and high, would have them if they were rigid. Tetrahedra are two scalar `rows` each, or
     `blocks`, which end at implicit Euler where iterations do; `vbd` descends vertex by vertex, `iterations` times over all,
-    and `newton` solves implicit Euler to the end, in at most `iterations` Newton steps.
+    and `newton` solves implicit Euler to the end, in at most `iterations` Newton steps. `pbf` keeps the density of fluids: by
+    the `scheme` macklin a substep's pressure grows over its iterations, each going the part `relaxation` of its way; averaged
+    is the one of the particle libraries, which shares corrections among neighbours and lets a fluid sink together.
     """
 
     solver: SolverName = "mass-spring"
@@ -42,6 +45,11 @@ class Method(Part):
     pbd_stiffness: Annotated[float, Field(gt=0, le=1, strict=True)] = 1.0
     region: Annotated[int, Field(ge=1, le=MAX_REGION, strict=True)] = 1  # masses to either side
     rows: RowsName = "scalar"
+    scheme: SchemeName = "macklin"  # of a fluid
+    relaxation: Annotated[float, Field(gt=0, le=1, strict=True)] | None = None  # 0.5 of macklin, 1 of averaged
+    softness: Annotated[float, Field(gt=0, allow_inf_nan=False, strict=True)] = 1e-3  # of a fluid's constraint
+    tensile_correction: Annotated[float, Field(ge=0, le=1, strict=True)] = 0.0  # keeps a fluid's particles apart
+    tensile_distance: Annotated[float, Field(gt=0, lt=1, strict=True)] = 0.2  # of the support, where it is that strong
 
     @model_validator(mode="after")
     def _fields_belong_to_the_solver(self) -> Method:
@@ -57,7 +65,7 @@ class Method(Part):
     @property
     def position_based(self) -> bool:
         """Whether the solver moves masses until constraints hold, instead of adding up forces."""
-        return self.solver in (*POSITION_BASED, *OF_TETRAHEDRA)
+        return self.solver in (*POSITION_BASED, *OF_TETRAHEDRA, OF_FLUIDS)
 
     @property
     def name(self) -> str:
@@ -74,10 +82,21 @@ class Method(Part):
         """The solver and what it is told: `mass-spring rk4`, `xpbd jacobi`, `shape-matching`."""
         if self.matches_shapes or self.solver in OF_TETRAHEDRA:
             return self.solver
+        if self.solver == OF_FLUIDS:
+            return f"{self.solver} {self.scheme}"
         blocks = ", blocks" * (self.rows == "blocks")
         return f"{self.solver} {self.ordering if self.position_based else self.integrator}{blocks}"
 
+    @property
+    def part_of_the_way(self) -> float:
+        """How far an iteration of `pbf` goes towards its constraint."""
+        if self.relaxation is not None:
+            return self.relaxation
+        return 1.0 if self.scheme == "averaged" else 0.5
+
     def _idle_fields(self) -> set[str]:
+        if self.solver == OF_FLUIDS and self.relaxation is None:
+            return set(type(self).model_fields) - (set(FIELDS_OF_SOLVER[self.solver]) - {"relaxation"})
         told = set(FIELDS_OF_SOLVER[self.solver]) - ({"rows"} if self.rows == "scalar" else set())
         return set(type(self).model_fields) - told
 
@@ -89,5 +108,17 @@ FIELDS_OF_SOLVER = {
     "shape-matching": ("solver", "dt", "substeps", "iterations", "region"),
     "vbd": ("solver", "dt", "substeps", "iterations"),
     "newton": ("solver", "dt", "substeps", "iterations"),
+    "pbf": (
+        "solver",
+        "dt",
+        "substeps",
+        "iterations",
+        "scheme",
+        "relaxation",
+        "softness",
+        "tensile_correction",
+        "tensile_distance",
+    ),
 }
 OF_TETRAHEDRA = ("vbd", "newton")  # solvers of tetrahedral bodies alone
+OF_FLUIDS: SolverName = "pbf"

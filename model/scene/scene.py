@@ -31,12 +31,12 @@ class Scene(SceneParts):
             if kind not in SEVERAL and len(self.all_of(kind)) > 1:
                 raise SceneError(kind, list(self.all_of(kind)), "one part of this kind a scene")
         sheets = list(self.all_of(*SHEETS))
-        if len(sheets) != 1 and not ((self.bodies or self.tetrahedra) and not sheets):
+        if len(sheets) != 1 and not ((self.bodies or self.tetrahedra or self.fluids) and not sheets):
             raise SceneError(
                 "grid",
                 sheets or None,
                 "a scene needs one part of kind grid or cloth, with rows and columns, or mesh; "
-                "or bodies: soft_body, soft_sheet, soft_lattice, rigid_body, or tetrahedral_body",
+                "or bodies: soft_body, soft_sheet, soft_lattice, rigid_body, or tetrahedral_body, or fluid",
             )
         check_fit(self)
         if self.one("method") is None:

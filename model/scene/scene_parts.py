@@ -14,6 +14,7 @@ from pydantic import ValidationError
 
 from model.contact.mesh_collider import MeshCollider
 from model.core.errors import SceneError
+from model.fluid.fluid_set import FluidSet, make_fluid_set
 from model.geometry.distance_field import DistanceField
 from model.scene.attachment import Attachment, motion_with, pins
 from model.scene.bodies import BODY_KINDS, Placed
@@ -28,6 +29,7 @@ from model.scene.cloth import (
     Fold,
     Wind,
 )
+from model.scene.fluid import FLUID_KINDS, Domain, Fluid
 from model.scene.mesh import MESH_KINDS, Mesh
 from model.scene.method import Method
 from model.scene.motion import Motion
@@ -61,6 +63,7 @@ KINDS: dict[str, type[Part]] = (
     | XPBD_KINDS
     | BODY_KINDS
     | TETRAHEDRAL_KINDS
+    | FLUID_KINDS
     | {"contact": Contact, "region": Region, "attachment": Attachment, "material": Material}
 )
 SHEETS = ("grid", "cloth", "mesh")  # a scene has one of them
@@ -68,6 +71,7 @@ SEVERAL = (
     *SHEETS,
     *BODY_KINDS,
     *TETRAHEDRAL_KINDS,
+    "fluid",
     *COLLIDER_KINDS,
     "load",
     "motion",
@@ -132,8 +136,10 @@ class SceneParts:
     @property
     def grid(self) -> Grid:
         """The sheet of masses: a grid, or the cloth, which is one in space, of triangles if it is a mesh; or the body set
-        or the set of tetrahedra, which are a row of masses to whoever asks no more than that."""
+        or the set of tetrahedra or of fluids, which are a row of masses to whoever asks no more than that."""
         sheet = self.cloth or self.one("grid")
+        if not sheet and self.fluids:
+            return self.fluid_set  # type: ignore[return-value]
         return sheet or (self.tetrahedra_set if self.tetrahedra else self.body_set)  # type: ignore[return-value]
 
     @property
@@ -157,13 +163,25 @@ class SceneParts:
         return make_tetrahedra_set(self.tetrahedra, self.regions, self.held_parts, self.materials)
 
     @property
+    def fluids(self) -> dict[str, Fluid]:
+        """The scene's fluids, by the part's name."""
+        return self.all_of("fluid")
+
+    @cached_property
+    def fluid_set(self) -> FluidSet:
+        """All particles of the scene's fluids, made when first asked for."""
+        return make_fluid_set(self.fluids)
+
+    @property
     def cloth(self) -> Cloth | None:
         """The sheet in space: rows and columns, or a mesh."""
         return self.one("cloth") or self.mesh
 
     @property
     def dimensions(self) -> int:
-        """2, and 3 for a cloth and for bodies of any kind."""
+        """2, and 3 for a cloth and for bodies of any kind; of fluids what they say."""
+        if self.fluids:
+            return next(iter(self.fluids.values())).dimensions
         return 3 if self.cloth or self.bodies or self.tetrahedra else 2
 
     @property
@@ -215,6 +233,7 @@ class SceneParts:
     attachments: Attachments | None = _part("attachments")
     contact: Contact | None = _part("contact")  # what makes particles of bodies meet
     damping: Damping | None = _part("damping")
+    domain: Domain | None = _part("domain")
     external: External | None = _part("external")
     fold: Fold | None = _part("fold")
     gravity: Gravity | None = _part("gravity")

@@ -26,7 +26,7 @@ WINDOWS = replace(
     SHEET,
     name="shape-matching grid",
     knows=frozenset(MATCHED),
-    accepts=lambda scene: scene.method.matches_shapes and not (scene.bodies or scene.tetrahedra),
+    accepts=lambda scene: scene.method.matches_shapes and not (scene.bodies or scene.tetrahedra or scene.fluids),
     stored=_stored_in_windows,
     solvers={
         "cpu": "cpu_backend.shape_matching.grid_solver:ShapeMatching",

@@ -45,7 +45,8 @@ SHEET = SolverFamily(
     name="position-based sheet",
     knows=(GRID.knows | CLOTH.knows | {"load", "attachments", "self_collision"}) - {"manufactured"},
     accepts=lambda scene: (
-        scene.method.position_based and not (scene.method.matches_shapes or scene.mesh or scene.tetrahedra)
+        scene.method.position_based
+        and not (scene.method.matches_shapes or scene.mesh or scene.tetrahedra or scene.fluids)
     ),
     plan=xpbd_plan,
     record=xpbd_record,

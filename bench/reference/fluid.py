@@ -1,0 +1,258 @@
+"""A fluid in slow, plain NumPy float64: every pair within the support, the judge of both backends.
+
+From the papers, without model/formulas or a backend: M. Macklin and M. Mueller, "Position Based Fluids", SIGGRAPH 2013,
+with the poly6 density as a number of particles over that of the starting lattice, the spiky slope scaled to the pressure
+of that lattice, and multipliers that are summed over a substep's iterations and never pull. The order of a substep is in
+model/fluid/plan.py; sums here have none, so that solvers are held to this within rounding. Own forces and lists that
+overflow are not here."""
+
+from __future__ import annotations
+
+from itertools import product
+
+import numpy as np
+
+from bench.reference import cloth
+from model.fluid.measure import differences
+from model.scene.cloth import SURFACE_KINDS
+from model.scene.scene import Scene
+
+
+class _Kernels:
+    """W and the gradient of what C = V sum W - 1 is, of a scene; `slope(r)` [1/m^2] times x_i - x_j is minus that
+    gradient."""
+
+    def __init__(self, scene: Scene):
+        self.axes, self.h, self.d = scene.dimensions, scene.fluid_set.support, scene.fluid_set.spacing
+        self.scale = self.of_gradient = 1.0
+        places = np.array(list(product(range(-4, 5), repeat=self.axes))) * self.d
+        r = np.linalg.norm(places, axis=1)
+        self.scale = 1 / self.kernel(r).sum()
+        self.of_gradient = self.axes / np.sum(self.slope(r) * r * r)
+        layer = places[:, 1] < 0
+        first = 1 - self.d / 2 / self.h
+        self.wall = self.scale * np.sum(self._bare(r[layer])) / first**5
+        pushed = np.sum(self.slope(r[layer]) * -places[layer, 1])
+        self.wall_slope = pushed / first**4
+
+    def _bare(self, r: np.ndarray) -> np.ndarray:
+        return np.maximum(self.h**2 - r**2, 0) ** 3 / self.h**6
+
+    def kernel(self, r: np.ndarray) -> np.ndarray:
+        """Of one neighbour, in C."""
+        return self.scale * self._bare(r)
+
+    def slope(self, r: np.ndarray) -> np.ndarray:
+        """See the class."""
+        spiky = {2: 30 / np.pi, 3: 45 / np.pi}[self.axes] / self.h ** (self.axes + 3)
+        poly6 = {2: 4 / np.pi, 3: 315 / (64 * np.pi)}[self.axes] / self.h**self.axes
+        volume = self.scale / poly6
+        with np.errstate(divide="ignore", invalid="ignore"):
+            found = volume * spiky * np.maximum(self.h - r, 0) ** 2 / r * self.of_gradient
+        return np.where(r > 0, found, 0.0)
+
+    def wall_at(self, distance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(what a wall adds to C, how fast that grows with distance [1/m])."""
+        q = np.clip(distance / self.h, 0, 1)
+        return self.wall * (1 - q) ** 5, -self.wall_slope * (1 - q) ** 4
+
+
+class _World:
+    """A scene's fluids in three coordinates."""
+
+    def __init__(self, scene: Scene):
+        self.scene, self.kernels, self.axes = scene, _Kernels(scene), scene.dimensions
+        self.h = scene.method.dt / scene.method.substeps
+        self.fine = scene.replace({"method.dt": self.h, "method.substeps": 1})
+        found = scene.fluid_set
+        self.weight = np.array(found.lightness)[found.fluid]
+
+    def of(self, field: str) -> np.ndarray:
+        """A field of each particle's fluid; what is not given is infinite."""
+        values = [getattr(part, field) for part in self.scene.fluids.values()]
+        return np.array([np.inf if value is None else value for value in values], float)[self.scene.fluid_set.fluid]
+
+    def walls(self, p: np.ndarray, time: float) -> tuple[np.ndarray, np.ndarray]:
+        total, gradient = np.zeros(len(p)), np.zeros_like(p)
+        for kind, collider in self.scene.colliders:
+            if kind in SURFACE_KINDS:
+                continue
+            distance, normal = cloth.distances(kind, collider, p, time)
+            share, slope = self.kernels.wall_at(distance.reshape(-1) - collider.thickness)
+            gradient = gradient * (1 - share)[:, None] + (slope * (1 - total))[:, None] * normal
+            total = total + share - total * share
+        return total, gradient
+
+    def collide(self, number: int, before: np.ndarray, p: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        if not self.scene.colliders:
+            return p, v
+        found = cloth.collide(self.fine, before[None], p[None], v[None], number)
+        return found[0][0], found[1][0]
+
+
+class _Pairs:
+    """Pairs that were neighbours when a substep began, now."""
+
+    def __init__(self, world: _World, p: np.ndarray):
+        self.world, self.count = world, len(p)
+        self.pairs = differences(world.scene, p[:, : world.axes])[0]
+        self.i, self.j = self.pairs.T
+
+    def at(self, p: np.ndarray, number: np.ndarray) -> None:
+        """Differences and distances where particles are at `p`; `number`: their places in the arrays."""
+        domain, d = self.world.scene.domain, p[self.i] - p[self.j]
+        for axis in domain.repeats if domain else ():
+            k = "xyz".index(axis)
+            assert domain is not None
+            d[:, k] -= domain.size[k] * np.round(d[:, k] / domain.size[k])
+        self.bare = np.linalg.norm(d, axis=1)
+        short = 1e-4 * self.world.kernels.h
+        together = self.bare < short
+        d[together, 1] = np.where(number[self.i] < number[self.j], -short, short)[together]
+        self.d, self.r = d, np.linalg.norm(d, axis=1)
+        self.s = self.world.kernels.slope(self.r)
+
+    def sum(self, of_i: np.ndarray, of_j: np.ndarray) -> np.ndarray:
+        """What each pair gives to its first particle and to its second, summed."""
+        shape = (self.count, *of_i.shape[1:])
+        total = np.zeros(shape)
+        np.add.at(total, self.i, of_i)
+        np.add.at(total, self.j, of_j)
+        return total
+
+
+def _places(world: _World, p: np.ndarray) -> np.ndarray:
+    """(n,): where particles stand in arrays sorted by cells; it matters only to those in one place."""
+    return np.argsort(np.lexsort((np.arange(len(p)), p[:, 0], p[:, 1], p[:, 2])))
+
+
+def _solve(world: _World, number: int, x: np.ndarray, p: np.ndarray, pairs: _Pairs) -> tuple[np.ndarray, ...]:
+    """(positions, constraints, multipliers [m^2]) after a substep's iterations."""
+    method, weight = world.scene.method, world.weight
+    end, place = (number + 1) * world.h, _places(world, p)
+    averaged = method.scheme == "averaged"
+    neighbours = pairs.sum(np.ones(len(pairs.i)), np.ones(len(pairs.i)))
+    pairs.at(p, place)
+    g = -pairs.s[:, None] * pairs.d
+    _, wall = world.walls(p, end)
+    square = (g**2).sum(axis=1)
+    own = pairs.sum(weight[pairs.j] * square, weight[pairs.i] * square)
+    across = pairs.sum(g, -g) + wall
+    below = weight * (across**2).sum(axis=1) + own + 2 * weight * (wall**2).sum(axis=1)
+    factor = method.part_of_the_way / (below + method.softness / world.kernels.h**2)
+    multiplier = np.zeros(len(p))
+    for _ in range(method.iterations):
+        pairs.at(p, place)
+        kernel = world.kernels.kernel(pairs.bare)
+        share, wall = world.walls(p, end)
+        c = pairs.sum(kernel, kernel) + world.kernels.kernel(np.zeros(1)) + share - 1
+        if averaged:
+            delta = np.minimum(-factor * c, 0)
+        else:
+            delta = np.minimum(multiplier - factor * c, 0) - multiplier
+        multiplier = multiplier + delta
+        both = delta[pairs.i] + delta[pairs.j]
+        if method.tensile_correction:
+            h, at = world.kernels.h, method.tensile_distance
+            ratio = np.maximum(1 - (pairs.r / h) ** 2, 0) ** 3 / (1 - at**2) ** 3
+            both = both - method.tensile_correction * h**2 * ratio**4
+        way = -(both * pairs.s)[:, None] * pairs.d
+        total = pairs.sum(way, -way) + 2 * delta[:, None] * wall
+        if averaged:
+            total /= np.maximum(neighbours, 1)[:, None]
+        p, _ = world.collide(number, x, p + weight[:, None] * total, np.zeros_like(p))
+    pairs.at(p, place)
+    weights = pairs.s * pairs.r**2
+    mean = (multiplier[pairs.i] + multiplier[pairs.j]) / 2 * weights
+    carried = pairs.sum(mean, mean) / np.maximum(pairs.sum(weights, weights), 1e-300)
+    return p, c, carried
+
+
+def _smooth(world: _World, p: np.ndarray, v: np.ndarray, pairs: _Pairs) -> np.ndarray:
+    """Velocities after what neighbours do to them."""
+    scene, h, weight = world.scene, world.kernels.h, world.weight
+    i, j = pairs.i, pairs.j
+    pairs.at(p, _places(world, p))
+
+    def mean(values: np.ndarray) -> np.ndarray:
+        return (values[i] + values[j]) / 2
+
+    spread = {2: h**2 / 20, 3: h**2 / 22}[world.axes]
+    viscosity = np.minimum(world.of("viscosity") / world.of("density") * world.h / spread, 1)
+    share = mean(viscosity) * 2 / (weight[i] + weight[j]) * world.kernels.kernel(pairs.r)
+    way = share[:, None] * (v[j] - v[i])
+    smoothing = weight[:, None] * pairs.sum(way, -way)
+    density = next(iter(scene.fluids.values())).density
+    q, direction = pairs.r / h, pairs.d / np.maximum(pairs.r, 1e-300)[:, None]
+    spline = np.where(q > 0.5, 64 * (1 - q) ** 3 * q**3, 128 * (1 - q) ** 3 * q**3 - 1)
+    spline = np.where(q < 1, spline, 0)
+    pulls = -(mean(world.of("cohesion")) * spline)[:, None] * direction * world.h / (density * h**2)
+    g = -pairs.s[:, None] * pairs.d
+    normal = pairs.sum(g, -g)
+    flat = -mean(world.of("surface_tension"))[:, None] * (normal[i] - normal[j]) * world.h / (density * h)
+    new = v + smoothing + weight[:, None] * pairs.sum(pulls + flat, -pulls - flat)
+    strength = world.of("vorticity_confinement") * world.h
+    if strength.any():
+        curl = np.cross(v[j] - v[i], g)
+        curl = pairs.sum(curl, curl)
+        length = np.linalg.norm(curl, axis=1)
+        rise = (length[j] - length[i])[:, None] * g
+        rise = pairs.sum(rise, rise)
+        steep = np.linalg.norm(rise, axis=1)
+        toward = rise / np.where(steep > 0, steep, 1)[:, None]
+        new = new + strength[:, None] * np.cross(toward, curl)
+    return new
+
+
+def substep(world: _World, number: int, x: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, ...]:
+    """(position, velocity, constraints, multipliers) after the substep of that number, all in three coordinates."""
+    scene, h = world.scene, world.h
+    gravity = scene.gravity.acceleration if scene.gravity and scene.gravity.enabled else 0.0
+    fastest = np.minimum(world.of("maximum_speed"), world.kernels.h / 2 / h)
+
+    def limited(velocity: np.ndarray) -> np.ndarray:
+        speed = np.linalg.norm(velocity, axis=1)
+        return velocity * np.where(speed > fastest, fastest / np.where(speed > 0, speed, 1), 1)[:, None]
+
+    u = v.copy()
+    u[:, 1] -= h * gravity * world.of("buoyancy")
+    u = limited(u)
+    p, x = x + h * u, x.copy()
+    for axis in scene.domain.repeats if scene.domain else ():
+        k = "xyz".index(axis)
+        assert scene.domain is not None
+        low, side = scene.domain.origin[k], scene.domain.size[k]
+        shift = np.where(p[:, k] < low, side, np.where(p[:, k] >= low + side, -side, 0))
+        p[:, k], x[:, k] = p[:, k] + shift, x[:, k] + shift
+    pairs = _Pairs(world, p)
+    p, c, multiplier = _solve(world, number, x, p, pairs)
+    v = (p - x) / h
+    change = world.of("maximum_acceleration") * h
+    far = np.linalg.norm(v - u, axis=1)
+    v = u + (v - u) * np.where(far > change, change / np.where(far > 0, far, 1), 1)[:, None]
+    p, v = world.collide(number, x, p, v)
+    v = _smooth(world, p, v, pairs)
+    rate = world.of("drag") + world.of("free_surface_drag") * np.clip(-c, 0, 1)
+    return p, limited(v / (1 + h * rate)[:, None]), c, multiplier
+
+
+def run(
+    scene: Scene, steps: int, position: np.ndarray, velocity: np.ndarray, first_step: int = 0
+) -> tuple[np.ndarray, ...]:
+    """(position, velocity (n, dimensions), density errors (n,), pressures (n,) [Pa] of the last substep) after `steps`
+    steps."""
+    world, axes = _World(scene), scene.dimensions
+    p, v = (np.pad(np.array(array, np.float64), ((0, 0), (0, 3 - axes))) for array in (position, velocity))
+    c = multiplier = np.zeros(len(p))
+    for number in range(first_step * scene.method.substeps, (first_step + steps) * scene.method.substeps):
+        p, v, c, multiplier = substep(world, number, p, v)
+    pressure = -multiplier * next(iter(scene.fluids.values())).density / world.h**2
+    return p[:, :axes], v[:, :axes], c, pressure
+
+
+def simulate(
+    scene: Scene, steps: int, position: np.ndarray, velocity: np.ndarray, first_step: int = 0
+) -> tuple[np.ndarray, np.ndarray]:
+    """(position [m], velocity [m/s]), (particles, dimensions) float64, after `steps` steps from such ones."""
+    found = run(scene, steps, position, velocity, first_step)
+    return found[0], found[1]

@@ -1,0 +1,45 @@
+"""Fluids by particles that keep their density."""
+
+from __future__ import annotations
+
+from math import inf
+
+from model.core.family import SolverFamily
+from model.fluid.measure import density_errors
+from model.fluid.parameters import fluid_record, highest_viscosity, speed_limit
+from model.fluid.plan import WALLS, fluid_plan
+from model.scene.cloth import COLLIDER_KINDS
+from model.scene.scene import Scene
+
+
+def fluid_note(scene: Scene) -> str:
+    """A line on what the method does to a motion, and what it holds back."""
+    slowest = min(speed_limit(scene, part) for part in scene.fluids.values())
+    told = f"density is kept by positions, at any step size; nothing is faster than {slowest:.3g} m/s"
+    for name, part in scene.fluids.items():
+        most = highest_viscosity(scene, part)
+        if part.viscosity > most:
+            told += f"; of {name}.viscosity only {most:.3g} Pa s act at this substep"
+    if scene.method.scheme == "averaged":
+        told += "; the averaged scheme lets a fluid sink together"
+    silent = sorted({kind for kind, _ in scene.colliders} - set(WALLS))
+    return told + (f"; {' and '.join(silent)} add nothing to its density" if silent else "")
+
+
+FLUID = SolverFamily(
+    name="fluid",
+    knows=frozenset({"fluid", "domain", "gravity", "external", "method", *COLLIDER_KINDS}),
+    accepts=lambda scene: bool(scene.fluids),
+    plan=fluid_plan,
+    record=fluid_record,
+    limit=lambda scene, frequency: inf,
+    limited_by_net=False,
+    note=fluid_note,
+    stored=lambda scene, position, plastic: (0.0, {}),
+    strain=lambda scene, position, kind, plastic: density_errors(scene, position),
+    spring_count=lambda scene: 0,
+    solvers={"cpu": "cpu_backend.fluid.solver:Fluid"},
+    passes={"cpu": "app.plan.fluid:fluid_on_cpu"},
+    reference="bench.reference.fluid",
+    unknown="no converged motion of a fluid's particles is known; its density error is told instead",
+)

@@ -1,0 +1,154 @@
+"""All fluids of a scene as one set of particles: what its solvers start from."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from math import prod
+
+import numpy as np
+
+from model.core.errors import SceneError
+from model.core.memory import MAX_PARTICLES, available_bytes, require
+from model.fluid.lattice import Lattice, lattice_of
+from model.scene.fluid import REPEATED, WIDER, Domain, Fluid
+
+PARTICLE_BYTES = 700  # on the host: state, what is sorted, a list of 64 neighbours
+OF_ALL = ("dimensions", "rest_distance", "support_radius")  # in which fluids of a scene are alike
+MAX_FLUIDS = 64
+
+
+@dataclass(frozen=True, eq=False)
+class FluidSet:
+    """The particles of all fluids, one block after the other, in the order of the file; x runs fastest, then y.
+
+    `position`, `velocity` (particles, dimensions) float64 [m], [m/s]; `fluid` (particles,) int32: which of `parts` each is
+    of. To the rest of the lab it is a row of masses: `rows` 1, `columns` all, `spacing` the rest distance [m], `mass` that of
+    a particle of the first fluid [kg].
+    """
+
+    names: tuple[str, ...]
+    parts: tuple[Fluid, ...]
+    position: np.ndarray
+    velocity: np.ndarray
+    fluid: np.ndarray
+    rows: int = 1
+    spring_count: int = 0
+    pinned: str = "none"
+
+    @property
+    def columns(self) -> int:
+        """All particles: the set is one row."""
+        return len(self.position)
+
+    @property
+    def particle_count(self) -> int:
+        """How many particles."""
+        return len(self.position)
+
+    @property
+    def dimensions(self) -> int:
+        """2 or 3."""
+        return self.parts[0].dimensions
+
+    @property
+    def spacing(self) -> float:
+        """The rest distance [m]."""
+        return self.parts[0].rest_distance
+
+    @property
+    def support(self) -> float:
+        """How far a particle sees [m]."""
+        return self.parts[0].support_radius
+
+    @property
+    def lattice(self) -> Lattice:
+        """What its kernels are scaled by."""
+        return lattice_of(self.spacing, self.support, self.dimensions)
+
+    @cached_property
+    def particle_masses(self) -> tuple[float, ...]:
+        """Of each fluid's particles [kg], in a plane of a layer one metre thick: those with which its lattice has its
+        density."""
+        return tuple(part.density * self.lattice.volume for part in self.parts)
+
+    @property
+    def mass(self) -> float:
+        """Of a particle of the first fluid [kg]; what is lighter or heavier counts by its `lightness`."""
+        return self.particle_masses[0]
+
+    @property
+    def masses(self) -> np.ndarray:
+        """(particles,) float64 [kg]."""
+        return np.array(self.particle_masses)[self.fluid]
+
+    @cached_property
+    def lightness(self) -> tuple[float, ...]:
+        """Of each fluid: the first one's density over its own."""
+        return tuple(self.parts[0].density / part.density for part in self.parts)
+
+    @property
+    def extent(self) -> float:
+        """Its longest side [m]."""
+        return float(np.ptp(self.position, axis=0).max()) + self.spacing
+
+    def __str__(self) -> str:
+        """`4000 particles of 2 fluids`."""
+        fluids = "1 fluid" if len(self.parts) == 1 else f"{len(self.parts)} fluids"
+        return f"{self.particle_count} particles of {fluids}"
+
+
+def particle_count(parts: Mapping[str, Fluid]) -> int:
+    """How many particles fluids have, before any is made."""
+    return sum(prod(part.counts(block)) for part in parts.values() for block in part.all_blocks)
+
+
+def check_fluids(parts: Mapping[str, Fluid], domain: Domain | None, domain_name: str) -> None:
+    """Raise SceneError where fluids are not alike in what they share, are too many, do not fit into memory, or into their
+    box."""
+    (first, one), *others = parts.items()
+    for name, other in others:
+        for field in OF_ALL:
+            if getattr(other, field) != getattr(one, field):
+                told = f"must be that of {first}, {getattr(one, field):g}: fluids of a scene meet"
+                raise SceneError(f"{name}.{field.removesuffix('_radius')}", getattr(other, field), told)
+    if len(parts) > MAX_FLUIDS:
+        raise SceneError(first, len(parts), f"at most {MAX_FLUIDS} fluids")
+    count = particle_count(parts)
+    field, told = f"{first}.rest_distance", f"{one.rest_distance:g} m, {count} particles"
+    if count > MAX_PARTICLES:
+        raise SceneError(field, told, f"at most {MAX_PARTICLES} particles (32-bit indices)")
+    require(count * PARTICLE_BYTES, available_bytes(), field, told, "main memory")
+    if domain is None:
+        return
+    if len(domain.size) < one.dimensions:
+        raise SceneError(f"{domain_name}.size", list(domain.size), f"must have {one.dimensions} numbers")
+    if one.dimensions == 2 and "z" in domain.repeats:
+        told = f'must be of x and y in 2 dimensions, such as repeats = ["{domain.repeats[0]}"]'
+        raise SceneError(f"{domain_name}.repeats", list(domain.repeats), told)
+    least = REPEATED * WIDER * one.support_radius
+    for axis in domain.repeats:
+        if domain.size["xyz".index(axis)] < least:
+            told = f"must be {REPEATED} supports long at least where it repeats, {least:g} m along {axis}"
+            raise SceneError(f"{domain_name}.size", list(domain.size), told)
+
+
+def make_fluid_set(parts: Mapping[str, Fluid]) -> FluidSet:
+    """The set of a scene's fluids, by name."""
+    axes = next(iter(parts.values())).dimensions
+    positions, velocities, numbers = [], [], []
+    for number, part in enumerate(parts.values()):
+        for block in part.all_blocks:
+            counts = part.counts(block)
+            steps = np.indices(counts[::-1]).reshape(axes, -1)[::-1].T  # x fastest
+            positions.append(np.array(block.origin)[:axes] + (steps + 0.5) * part.rest_distance)
+            velocities.append(np.tile(np.array(part.velocity)[:axes], (len(steps), 1)))
+            numbers.append(np.full(len(steps), number, np.int32))
+    return FluidSet(
+        names=tuple(parts),
+        parts=tuple(parts.values()),
+        position=np.concatenate(positions),
+        velocity=np.concatenate(velocities),
+        fluid=np.concatenate(numbers),
+    )

@@ -1,0 +1,65 @@
+"""What a fluid's particles say at one moment: density errors and heights; in float64 on the host, for judging and showing."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from model.fluid.lattice import poly6, spiky_slope
+from model.scene.scene import Scene
+
+TOP = 0.01  # of a fluid's particles: the highest ones, by which its height is told
+
+
+def differences(scene: Scene, position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(pairs (n, 2), x_i - x_j (n, dimensions) [m]) of all particles within the support, wrapped where the box repeats."""
+    place, support = np.array(position, np.float64), scene.fluid_set.support
+    domain, axes = scene.domain, place.shape[1]
+    repeats = [domain is not None and axis in domain.repeats for axis in "xyz"[:axes]]
+    sides = np.zeros(axes)
+    for axis, is_wrapped in enumerate(repeats):
+        if is_wrapped and domain is not None:
+            sides[axis] = domain.size[axis]
+            place[:, axis] = (place[:, axis] - domain.origin[axis]) % sides[axis]
+        else:
+            place[:, axis] -= place[:, axis].min()
+    box = np.where(sides > 0, sides, np.ptp(place, axis=0) + 4 * support)
+    pairs = cKDTree(np.minimum(place, np.nextafter(box, 0)), boxsize=box).query_pairs(support, output_type="ndarray")
+    apart = place[pairs[:, 0]] - place[pairs[:, 1]]
+    return pairs, apart - sides * np.round(apart / np.where(sides > 0, sides, 1))
+
+
+def density_errors(scene: Scene, position: np.ndarray) -> np.ndarray:
+    """(particles,): density over that at rest, less 1, without walls: at surfaces and walls it lacks what is not there."""
+    found = scene.fluid_set
+    (first, second), apart = (array := differences(scene, position))[0].T, array[1]
+    kernel = poly6(np.sqrt((apart**2).sum(axis=1)), found.support, scene.dimensions)
+    count, own = len(position), float(poly6(np.zeros(1), found.support, scene.dimensions)[0])
+    total = own + np.bincount(first, kernel, count) + np.bincount(second, kernel, count)
+    return np.asarray(found.lattice.volume * total - 1)
+
+
+def compression(scene: Scene, position: np.ndarray) -> tuple[float, float]:
+    """(mean, largest) of what densities exceed that at rest by, over it."""
+    over = np.maximum(density_errors(scene, position), 0.0)
+    return float(over.mean()), float(over.max())
+
+
+def pressures(scene: Scene, position: np.ndarray, multiplier: np.ndarray) -> np.ndarray:
+    """(particles,) [Pa]: what the pairs of each carry, of its last substep's multipliers [m^2]; its own where it has none."""
+    found = scene.fluid_set
+    (first, second), apart = (array := differences(scene, position))[0].T, array[1]
+    r = np.sqrt((apart**2).sum(axis=1))
+    weight, count = spiky_slope(r, found.support, scene.dimensions) * r, len(position)
+    carried = weight * (multiplier[first] + multiplier[second]) / 2
+    total, over = (np.bincount(first, each, count) + np.bincount(second, each, count) for each in (carried, weight))
+    mean = np.where(over > 0, total / np.where(over > 0, over, 1), multiplier)
+    return np.asarray(-mean * found.parts[0].density * (scene.method.substeps / scene.method.dt) ** 2)
+
+
+def height(scene: Scene, position: np.ndarray) -> float:
+    """[m]: from the scene's lowest particle at the start, its half of a rest distance added, to the mean of the highest
+    hundredth of all now."""
+    found = scene.fluid_set
+    highest = np.sort(np.asarray(position, np.float64)[:, 1])[-max(1, round(TOP * len(position))) :]
+    return float(highest.mean() + found.spacing - found.position[:, 1].min())

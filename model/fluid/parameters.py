@@ -1,0 +1,149 @@
+"""The constants that a fluid's kernels read: one small record, and a row for each fluid of the scene."""
+
+from __future__ import annotations
+
+from math import floor, prod
+
+import numpy as np
+
+from model.core.clock import START, Clock
+from model.core.own_forces import own_fields, own_names, own_values
+from model.core.parameters import rounded_record
+from model.fluid.fluid_set import FluidSet
+from model.scene.fluid import REPEATED, WIDER, Fluid
+from model.scene.scene import Scene
+
+AXES = "xyz"
+BOX = ("low", "high", "side", "half", "cells", "inverse_side")  # of an axis that repeats; the last one: cells a metre
+MAX_NEIGHBOURS = {2: 24, 3: 64}  # of a particle, by dimensions
+CELLS_EACH = 8  # cells of a table for each particle, at most; cells are larger where more would be needed
+FEWEST_CELLS = 4096  # of that limit
+SPREAD = {2: 1 / 20, 3: 1 / 22}  # of XSPH: half the kernel's second moment along an axis, in squares of the support
+MOST_SMOOTHED = 1.0  # of XSPH: beyond it velocities overshoot
+SPEED_SHARE = 0.5  # supports that a particle moves in a substep at most
+
+FLUID_PARAMETERS = (
+    "dt",  # of a substep, s
+    "inverse_dt",
+    "first_step",  # since which time is counted in substeps: a number of them,
+    "first_time",  # and that substep's time, s
+    "gravity",  # m/s^2, along +y (so negative)
+    "support",  # m
+    "inverse_support",
+    "density_scale",  # see model/fluid/lattice.py
+    "gradient_scale",
+    "wall_scale",
+    "wall_gradient",
+    "relaxation",
+    "softness",  # 1/m^2
+    "tensile",  # m^2
+    "inverse_tensile",  # 1 / (1 - q^2) where the tensile correction has that strength
+    "inverse_cell",  # 1/m, of an axis that does not repeat
+    *(f"{what}_{axis}" for axis in AXES for what in BOX),  # of one that does, else 0
+)
+FIELDS = {"dt": "method.dt", "gravity": "gravity.acceleration", **own_fields()}
+
+# A fluid's row:
+FLUID_FIELDS = 10
+(
+    F_WEIGHT,  # inverse mass of its particles, of the first fluid's 1
+    F_BUOYANCY,  # of gravity
+    F_VISCOSITY,  # XSPH's coefficient times the density's scale
+    F_COHESION,  # m/s a substep
+    F_TENSION,  # m^2/s a substep
+    F_CONFINEMENT,  # m a substep
+    F_DRAG,  # 1/s
+    F_SURFACE_DRAG,  # 1/s
+    F_SPEED,  # m/s
+    F_CHANGE,  # m/s: of a velocity by neighbours and walls in a substep, at most
+) = range(FLUID_FIELDS)
+
+
+def speed_limit(scene: Scene, part: Fluid) -> float:
+    """[m/s]: what no particle of a fluid exceeds: half a support a substep, or less if it is told so."""
+    own = SPEED_SHARE * part.support_radius * scene.method.substeps / scene.method.dt
+    return own if part.maximum_speed is None else min(own, part.maximum_speed)
+
+
+def smoothing(scene: Scene, part: Fluid) -> float:
+    """XSPH's coefficient for a fluid's viscosity: nu h / (half the kernel's second moment), MOST_SMOOTHED at most."""
+    spread = SPREAD[part.dimensions] * part.support_radius**2
+    return min(part.viscosity / part.density * scene.method.dt / scene.method.substeps / spread, MOST_SMOOTHED)
+
+
+def highest_viscosity(scene: Scene, part: Fluid) -> float:
+    """[Pa s]: what XSPH can do of it at this substep."""
+    spread = SPREAD[part.dimensions] * part.support_radius**2
+    return MOST_SMOOTHED * spread * part.density * scene.method.substeps / scene.method.dt
+
+
+def fluid_record(
+    scene: Scene, real: type, poke: tuple[float, ...] = (0.0, 0.0, 0.0), clock: Clock = START
+) -> np.ndarray:
+    """(1,): FLUID_PARAMETERS, then those of own forces, in the arithmetic `real`: computed in float64, rounded once. Raises
+    SceneError."""
+    method, found = scene.method, scene.fluid_set
+    h, lattice, support = method.dt / method.substeps, found.lattice, found.support
+    values = {
+        "dt": h,
+        "inverse_dt": 1 / h,
+        **clock.values(h, method.substeps),
+        "gravity": -scene.gravity.acceleration if scene.gravity and scene.gravity.enabled else 0.0,
+        "support": support,
+        "inverse_support": 1 / support,
+        "density_scale": lattice.density_scale,
+        "gradient_scale": lattice.gradient_scale,
+        "wall_scale": lattice.wall_scale,
+        "wall_gradient": lattice.wall_gradient,
+        "relaxation": method.part_of_the_way,
+        "softness": method.softness / support**2,
+        "tensile": method.tensile_correction * support**2,
+        "inverse_tensile": 1 / (1 - method.tensile_distance**2),
+        "inverse_cell": 1 / (WIDER * support),
+        **_box(scene),
+    }
+    assert tuple(values) == FLUID_PARAMETERS, f"{set(values) ^ set(FLUID_PARAMETERS)} or their order differ"
+    axes = scene.dimensions
+    return rounded_record(scene, values | own_values(scene, poke[:axes], axes), FIELDS, real)
+
+
+def record_names(axes: int) -> tuple[str, ...]:
+    """What the constants of a record are called, in their order."""
+    return (*FLUID_PARAMETERS, *own_names(axes))
+
+
+def _box(scene: Scene) -> dict[str, float]:
+    """Of each axis that repeats its ends [m], its length and half of it, and into how many cells it is divided; 0 of one that
+    does not."""
+    values = {f"{what}_{axis}": 0.0 for axis in AXES for what in BOX}
+    domain = scene.domain
+    for axis in domain.repeats if domain else ():
+        assert domain is not None
+        low, side = domain.origin[AXES.index(axis)], domain.size[AXES.index(axis)]
+        cells = max(REPEATED, floor(side / (WIDER * scene.fluid_set.support)))
+        ends = low, low + side, side, side / 2, float(cells), cells / side
+        numbers = dict(zip(BOX, ends, strict=True))
+        values |= {f"{what}_{axis}": number for what, number in numbers.items()}
+    return values
+
+
+def fluid_rows(scene: Scene, real: type) -> np.ndarray:
+    """(fluids, FLUID_FIELDS) in the arithmetic `real`, in the order of the scene's fluids."""
+    found: FluidSet = scene.fluid_set
+    h, rows = scene.method.dt / scene.method.substeps, np.zeros((len(found.parts), FLUID_FIELDS))
+    for row, part, weight in zip(rows, found.parts, found.lightness, strict=True):
+        row[F_WEIGHT], row[F_BUOYANCY] = weight, part.buoyancy
+        row[F_VISCOSITY] = smoothing(scene, part) * found.lattice.density_scale
+        row[F_COHESION] = h * part.cohesion / (found.parts[0].density * found.support**2)
+        row[F_TENSION] = h * part.surface_tension / (found.parts[0].density * found.support)
+        row[F_CONFINEMENT] = h * part.vorticity_confinement
+        row[F_DRAG], row[F_SURFACE_DRAG] = part.drag, part.free_surface_drag
+        row[F_SPEED] = speed_limit(scene, part)
+        row[F_CHANGE] = h * part.maximum_acceleration if part.maximum_acceleration else np.finfo(real).max / 4
+    return rows.astype(real)
+
+
+def most_cells(scene: Scene) -> int:
+    """How many cells a table has at most: for so many particles, and at least for those along axes that repeat."""
+    repeated = prod(int(cells) or 1 for name, cells in _box(scene).items() if name.startswith("cells"))
+    return max(CELLS_EACH * scene.fluid_set.particle_count, FEWEST_CELLS, repeated)

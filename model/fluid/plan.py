@@ -1,0 +1,138 @@
+"""A substep of a fluid: its stages, and the order of every sum in it, which both backends keep.
+
+Arrays are planes (x, y, z; in 2 dimensions z is 0 throughout, and the rest is the same). `number` of a particle is its place
+in the scene's set. The state between substeps is position and velocity, no more.
+
+Whatever is computed is a formula of model/formulas/fluid (density.py, motion.py, cells.py), but comparisons, and sums of
+whole numbers.
+
+1. `predict`. a = (0, buoyant(gravity, buoyancy), 0), then own forces (model/core/own_forces.py, by the particle's
+   number), gravity only where the plan has it. u = accelerated(v, dt, a) axis by axis; speed_of(u), `slowed` to F_SPEED;
+   p = drifted(x, u, dt). Of an axis that repeats: shift = turned_round(p, low, high, side), added to p and to x.
+2. `sort into cells`. low = the least p of all particles along each axis, high = the largest, of those that are finite (of
+   an axis that repeats both of the record). A table (model/formulas/fluid/cells.py): inverse = inverse_cell, count =
+   cells_along(low, high, inverse), of an axis that repeats inverse = inverse_side and count = cells. While not fits(nx,
+   ny, nz, most_cells): of the axes that do not repeat the one with the largest count (the first of equals) gets
+   halved(inverse), and its count anew; if that is 1, nothing more is to be had. Cell along an axis: cell_of(p, low,
+   inverse, count); cell = (z * ny + y) * nx + x. Particles go in ascending (cell, number): so their order is a function
+   of positions alone, whatever it was before. With each go x, p, u, number and fluid.
+3. `find neighbours`. Of each particle, those within the support of p, itself not among them: cells z - 1, z, z + 1, in
+   each y - 1, y, y + 1, in each x - 1, x, x + 1 (a run: places that follow each other), in a cell ascending places.
+   Beyond the table there are none, but on an axis that repeats they wrap around (x: cell -1 is the last one, looked at
+   first). No more than MAX_NEIGHBOURS are listed; those beyond are counted and told. d = x_i - x_j is `wrapped` on axes
+   that repeat, everywhere.
+4. `factors`. g = 0, own = 0; for each neighbour: dy = apart(...), squared anew, s = slope, g = gradient_added, own =
+   own_added (weight of j's fluid). Walls (below) at p. `factor` with F_WEIGHT of i; multiplier = 0.
+5. iteration, as many as told:
+   `density`. total = 0; for each neighbour total = density_added(total, near(squared)); (wall density, its gradient) at p;
+   c = constraint(...); delta = change(multiplier, factor, c), which is added to the multiplier; scheme averaged: delta =
+   change_alone(factor, c).
+   `correct`, from all positions at once into new ones. a = 0; for each neighbour: as in 4 dy, squared and s; both =
+   delta_i + delta_j; with the tensile correction both = both - crowded(near, ...); a = correction_added(a, both, s, d).
+   Then a = wall_added(a, delta_i, w) axis by axis. p = moved(p, F_WEIGHT, a), or moved_mean(..., max(neighbours, 1)).
+   Then colliders, from x to p; the velocity that they answer with (given 0) is dropped.
+6. `update velocity`. v = velocity_of(p, x, inverse_dt); with a maximum acceleration held_back(v, u, speed_of(v - u),
+   F_CHANGE); then colliders, from x to p with v.
+7. `normals and vorticity`, where one is asked for: n = 0, w = 0; for each neighbour: dy, squared, s at the new p; n =
+   gradient_added; w_x = curl_added(w_x, s, dy, dz, vy, vz, ...), w_y of (z, x), w_z of (x, y).
+8. `smooth velocities`, where asked for: sums m = 0, f = 0, r = 0; for each neighbour, what the scene has of it: m =
+   smooth_added, f = pull_added, f = tension_added, r = rise_added (lengths speed_of(w)). v = smoothed(v, m, F_WEIGHT, f),
+   then confined of the axes (y, z), (z, x), (x, y). From all velocities at once into new ones.
+9. `limit velocities`: with drag braked(..., c), c of the last iteration's `density`; speed_of(v), `slowed` to F_SPEED.
+   The new state is p and v.
+
+Walls, of planes, spheres, capsules and boxes, in the colliders' order: t = wall_near(beyond(distance, thickness)), share =
+wall_density(t), slope = wall_slope(t); gradient = joined_gradient(gradient, total, slope, share, n) axis by axis, then
+total = joined_density(total, share), from 0. Distances: `plane`, `sphere`, `capsule`, `box` of
+model/formulas/colliders.py, of a collider that is `moved` (model/formulas/cloth.py) to the substep's end.
+
+A particle's pressure is read as what its pairs carry: the mean over neighbours, weighted by s r^2, of -(multiplier_i +
+multiplier_j) / 2 * density / dt^2 of the last substep (`pressures` of model/fluid/measure.py).
+
+Where all fluids weigh the same (no part `fluids`), F_ rows are the first one's, whichever fluid a particle is of.
+"""
+
+from __future__ import annotations
+
+from math import pi
+
+from model.core.own_forces import own_parts
+from model.core.plan import Node, Plan, Stage
+from model.formulas import colliders
+from model.formulas.fluid import density, motion
+from model.mass_spring.plan import own_stages
+from model.scene.scene import Scene
+
+WALLS = ("plane", "sphere", "capsule", "box")  # kinds of colliders that add to a fluid's density
+LOOKED_AT = {2: 9, 3: 27}  # cells
+SMOOTHING = frozenset({"viscosity", "cohesion", "surface-tension", "vorticity"})
+SHAPES = frozenset({"surface-tension", "vorticity"})
+OF_FLUIDS = {  # part of the plan -> field of a fluid that asks for it
+    "viscosity": "viscosity",
+    "cohesion": "cohesion",
+    "surface-tension": "surface_tension",
+    "vorticity": "vorticity_confinement",
+}
+
+
+def fluid_parts(scene: Scene, live: frozenset[str] = frozenset()) -> frozenset[str]:
+    """The parts that need code: `flat` (2 dimensions), `fluids` (several), `repeats`, `averaged`, `tensile`, `walls`,
+    kinds of colliders with `friction` and `restitution`, `gravity`, `drag`, `held-back`, those of OF_FLUIDS, own
+    forces."""
+    parts, fluids = own_parts(scene, live), scene.fluids.values()
+    parts |= {kind for kind, _ in scene.colliders}
+    wanted = {
+        "flat": scene.dimensions == 2,
+        "fluids": len(fluids) > 1,
+        "repeats": scene.domain is not None,
+        "averaged": scene.method.scheme == "averaged",
+        "tensile": scene.method.tensile_correction > 0,
+        "walls": bool(parts & set(WALLS)),
+        "friction": any(collider.static_friction > 0 for _, collider in scene.colliders),
+        "restitution": any(collider.restitution > 0 for _, collider in scene.colliders),
+        "gravity": scene.gravity is not None and (scene.gravity.enabled or "gravity" in live),
+        "drag": any(part.drag > 0 or part.free_surface_drag > 0 for part in fluids),
+        "held-back": any(part.maximum_acceleration is not None for part in fluids),
+    }
+    wanted |= {name: any(getattr(part, field) > 0 for part in fluids) for name, field in OF_FLUIDS.items()}
+    return frozenset(parts | {name for name, there in wanted.items() if there})
+
+
+def neighbours_at_rest(scene: Scene) -> float:
+    """How many neighbours a particle inside has, about."""
+    across = scene.fluid_set.support / scene.fluid_set.spacing
+    return (pi * across**2 if scene.dimensions == 2 else 4 / 3 * pi * across**3) - 1
+
+
+def fluid_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
+    """The plan of a step. Numbers are per particle and axis, as in model/core/plan.py; of neighbours as many as at rest."""
+    parts, axes = fluid_parts(scene, live), scene.dimensions
+    met, across = neighbours_at_rest(scene), scene.fluid_set.support / scene.fluid_set.spacing
+    looked_at = LOOKED_AT[axes] * across**axes
+    listed = round(met / axes)  # of four bytes each, as if they were scalars
+    gathered = round(met)
+    touch = sum(colliders.OPERATIONS[kind] for kind, _ in scene.colliders)
+    stages: list[Stage | Node] = [*own_stages(parts, memory=0)]
+    if "gravity" in parts:
+        stages.insert(0, Stage("gravity", 0, 0, 1))
+    stages += [
+        Stage("predict", 2, 2, motion.OPERATIONS_VELOCITY),
+        Stage("sort into cells", 4, 4, 4 * axes),
+        Stage("find neighbours", 1, listed, round(looked_at * density.OPERATIONS_FIND)),
+        Stage("factors", 1 + gathered + listed, 1, round(met * density.OPERATIONS_FACTORS)),
+    ]
+    iteration = (
+        Stage("density", 1 + gathered + listed, 1, round(met * density.OPERATIONS_DENSITY)),
+        Stage("correct", 1 + gathered + listed, 1, round(met * density.OPERATIONS_CORRECT) + touch),
+    )
+    stages += [Node("iteration", iteration, scene.method.iterations), Stage("update velocity", 2, 1, 20 + touch)]
+    if parts & SHAPES:
+        stages.append(
+            Stage("normals and vorticity", 2 + 2 * gathered + listed, 2, round(met * motion.OPERATIONS_SHAPE))
+        )
+    if parts & SMOOTHING:
+        stages.append(Stage("smooth velocities", 2 + 2 * gathered + listed, 1, round(met * motion.OPERATIONS_SMOOTH)))
+    stages.append(Stage("limit velocities", 1, 1, motion.OPERATIONS_VELOCITY))
+    root = Node("step", (Node("substep", tuple(stages), scene.method.substeps),))
+    scalars = sum(stage.reads + stage.writes for stage in root.stages())
+    return Plan(root, scalars, parts, dimensions=axes)

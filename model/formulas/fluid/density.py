@@ -1,0 +1,187 @@
+"""The density constraint of a fluid: kernels, walls, multipliers, corrections.
+
+C_i = scale (1 + sum_j (1 - q^2)^3) + wall - 1 <= 0, q = r / support: of the number of particles around i, over that of the
+lattice at rest, so that fluids of several densities have one constraint (B. Solenthaler and R. Pajarola, "Density Contrast
+SPH Interfaces", SCA 2008). Its gradients take the spiky kernel's slope, as M. Macklin and M. Mueller, "Position Based
+Fluids", SIGGRAPH 2013 (eqs. 8 to 14), here both scaled on the starting lattice; the multiplier of all iterations of a
+substep together is never positive: a fluid pushes and does not pull.
+
+A wall adds scale (1 - q)^5 at a distance of q supports, so that the layer of the lattice next to it lacks nothing, and as
+steeply there as if the lattice went on behind it: or particles gather at walls. (In place of particles there: N. Akinci et
+al., "Versatile Rigid-Fluid Coupling", SIGGRAPH 2012.) The pressure in it is the particle's own, mirrored.
+
+d is always x_i - x_j, of particle i and its neighbour j; a sum over neighbours begins at 0 and goes in the order of the list.
+"""
+
+from __future__ import annotations
+
+from math import sqrt
+from types import SimpleNamespace
+
+from model.formulas import joined, plain
+
+OPERATIONS_FIND = 9  # a particle that is looked at: the distance's square and its comparison
+OPERATIONS_DENSITY = 13  # a neighbour: the distance's square, the kernel, the sum
+OPERATIONS_FACTORS = 26  # a neighbour: a root and a quotient among them
+OPERATIONS_CORRECT = 24  # a neighbour
+
+
+def make(real, compiled=plain):
+    """See the functions; in the arithmetic `real`."""
+    zero, one, two = real(0), real(1), real(2)
+    nowhere = real(1e-4)  # of the support: what is nearer than that is in one place
+
+    @compiled
+    def squared(dx, dy, dz):
+        """[m^2]"""
+        return (dx * dx + dy * dy) + dz * dz
+
+    @compiled
+    def wrapped(d, side, half):
+        """A difference of coordinates [m] along an axis that repeats after `side`: the shortest."""
+        if d > half:
+            return d - side
+        return d + side if d < -half else d
+
+    @compiled
+    def within(squared_distance, support):
+        """Whether a particle is a neighbour."""
+        return squared_distance < support * support
+
+    @compiled
+    def apart(dy, squared_distance, support, first):
+        """The second component of d [m]; of two particles in one place, of which that is `first` that comes first in the
+        arrays, an upright distance, so that they know which way to part."""
+        short = nowhere * support
+        if squared_distance < short * short:
+            return -short if first else short
+        return dy
+
+    @compiled
+    def near(squared_distance, inverse_support):
+        """1 - q^2, 0 beyond the support."""
+        return max(one - (squared_distance * inverse_support) * inverse_support, zero)
+
+    @compiled
+    def density_added(total, t):
+        """The sum with the poly6 kernel's share of a neighbour; t: `near`."""
+        return total + (t * t) * t
+
+    @compiled
+    def constraint(total, density_scale, wall):
+        """C_i; `wall`: `wall_density` of all of them, joined."""
+        return (density_scale * (one + total) + wall) - one
+
+    @compiled
+    def slope(squared_distance, inverse_support, gradient_scale):
+        """s [1/m^2]: -s d is the gradient of C_i with respect to x_i that a neighbour at d makes."""
+        length = sqrt(squared_distance)
+        t = max(one - length * inverse_support, zero)
+        return gradient_scale * (t * t) / length if length > zero else zero
+
+    @compiled
+    def gradient_added(total, s, d):
+        """One axis of the sum of gradients with respect to x_i."""
+        return total - s * d
+
+    @compiled
+    def own_added(total, weight, s, squared_distance):
+        """The sum of w_j |grad_j C_i|^2; `weight`: the neighbour's, its fluid's lightness."""
+        return total + weight * ((s * s) * squared_distance)
+
+    @compiled
+    def factor(relaxation, weight, gx, gy, gz, own, wx, wy, wz, softness):
+        """-(change of the multiplier) [m^2] over C_i: relaxation / (w_i |g + w|^2 + own + 2 w_i |w|^2 + softness), g: of
+        neighbours, w: of walls, which push back twice (mirrored)."""
+        ax, ay, az = gx + wx, gy + wy, gz + wz
+        across, walls = (ax * ax + ay * ay) + az * az, (wx * wx + wy * wy) + wz * wz
+        return relaxation / ((((weight * across) + own) + two * (weight * walls)) + softness)
+
+    @compiled
+    def change(multiplier, factor, c):
+        """What is added to the multiplier, which is never positive (scheme `macklin`)."""
+        return min(multiplier - factor * c, zero) - multiplier
+
+    @compiled
+    def change_alone(factor, c):
+        """The same of an iteration by itself (scheme `averaged`)."""
+        return min(-(factor * c), zero)
+
+    @compiled
+    def crowded(t, inverse_t, strength):
+        """The tensile correction [m^2]: strength (W / W_q)^4 = strength ((1 - q^2) inverse_t)^12."""
+        ratio = t * inverse_t
+        cubed = (ratio * ratio) * ratio
+        square = cubed * cubed
+        return strength * (square * square)
+
+    @compiled
+    def correction_added(total, change, s, d):
+        """One axis of the sum of corrections; `change`: both multipliers' changes together."""
+        return total - (change * s) * d
+
+    @compiled
+    def wall_added(total, change, w):
+        """One axis: the wall's part, which comes last."""
+        return total + (two * change) * w
+
+    @compiled
+    def moved(position, weight, total):
+        """One axis of a particle's position after a correction."""
+        return position + weight * total
+
+    @compiled
+    def moved_mean(position, weight, total, neighbours):
+        """The same, averaged by the count of neighbours, of which it has one at least."""
+        return position + (weight * total) / neighbours
+
+    steps = SimpleNamespace(
+        squared=squared, wrapped=wrapped, within=within, apart=apart, near=near, density_added=density_added,
+        constraint=constraint, slope=slope, gradient_added=gradient_added, own_added=own_added, factor=factor,
+        change=change, change_alone=change_alone, crowded=crowded, correction_added=correction_added,
+        wall_added=wall_added, moved=moved, moved_mean=moved_mean,
+    )  # fmt: skip
+    return joined(steps, make_walls(real, compiled))
+
+
+def make_walls(real, compiled=plain):
+    """`wall_density`, `wall_slope`: of a wall at a distance; `joined_density`, `joined_gradient`: of several; in the
+    arithmetic `real`."""
+    zero, one = real(0), real(1)
+
+    @compiled
+    def beyond(distance, thickness):
+        """How far [m] a particle is from what a collider keeps it from."""
+        return distance - thickness
+
+    @compiled
+    def wall_near(distance, inverse_support):
+        """1 - q, 1 in the wall and 0 beyond the support."""
+        return min(max(one - distance * inverse_support, zero), one)
+
+    @compiled
+    def wall_density(t, wall_scale):
+        """What a wall adds to C, scale (1 - q)^5; t: `wall_near`."""
+        square = t * t
+        return wall_scale * ((square * square) * t)
+
+    @compiled
+    def wall_slope(t, wall_gradient):
+        """How fast C changes with the distance, negative [1/m]."""
+        square = t * t
+        return -(wall_gradient * (square * square))
+
+    @compiled
+    def joined_density(total, share):
+        """Of walls so far and one more, as if they overlapped like chances: a corner is not counted twice."""
+        return (total + share) - total * share
+
+    @compiled
+    def joined_gradient(gradient, total, slope, share, n):
+        """One axis of the gradient of that; `total`: before this wall, n: its normal."""
+        return gradient * (one - share) + (slope * n) * (one - total)
+
+    return SimpleNamespace(
+        beyond=beyond, wall_near=wall_near, wall_density=wall_density, wall_slope=wall_slope, joined_density=joined_density,
+        joined_gradient=joined_gradient,
+    )  # fmt: skip

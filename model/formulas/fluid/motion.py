@@ -1,0 +1,148 @@
+"""What a fluid's particles do beside keeping their density: where they are told to go, and what smooths their velocities.
+
+Viscosity as in XSPH, vorticity confinement: M. Macklin and M. Mueller, "Position Based Fluids", SIGGRAPH 2013 (eqs. 15 to
+17); cohesion and the difference of normals: N. Akinci, G. Akinci and M. Teschner, "Versatile Surface Tension and Adhesion
+for SPH Fluids", SIGGRAPH Asia 2013 (eqs. 1 to 5). What two particles do to each other keeps momentum: coefficients of a
+pair are the mean of both, and its masses enter by the weights.
+
+d is x_i - x_j as in model/formulas/fluid/density.py, t its `near`, s its `slope`; sums go in the order of the list.
+"""
+
+from __future__ import annotations
+
+from math import sqrt
+from types import SimpleNamespace
+
+from model.formulas import joined, plain
+
+OPERATIONS_SHAPE = 40  # a neighbour: slope, three sums of normals, six of the curl
+OPERATIONS_SMOOTH = 45  # a neighbour
+OPERATIONS_VELOCITY = 20  # a particle
+
+
+def make(real, compiled=plain):
+    """See the functions; in the arithmetic `real`."""
+    zero, one, two, half = real(0), real(1), real(2), real(0.5)
+
+    @compiled
+    def accelerated(velocity, dt, acceleration):
+        """One axis, [m/s]."""
+        return velocity + dt * acceleration
+
+    @compiled
+    def buoyant(gravity, buoyancy):
+        """What of gravity [m/s^2] acts on a fluid."""
+        return gravity * buoyancy
+
+    @compiled
+    def speed_of(x, y, z):
+        """[m/s]"""
+        return sqrt((x * x + y * y) + z * z)
+
+    @compiled
+    def slowed(velocity, speed, most):
+        """One axis of a velocity that is no faster than `most`."""
+        return velocity * (most / speed) if speed > most else velocity
+
+    @compiled
+    def drifted(position, velocity, dt):
+        """One axis, [m]."""
+        return position + dt * velocity
+
+    @compiled
+    def turned_round(position, low, high, side):
+        """What is added to a coordinate [m] on an axis that repeats from low to high."""
+        if position < low:
+            return side
+        return -side if position >= high else zero
+
+    @compiled
+    def velocity_of(position, before, inverse_dt):
+        """One axis of what positions say, [m/s]."""
+        return (position - before) * inverse_dt
+
+    @compiled
+    def held_back(velocity, meant, difference, most):
+        """One axis of a velocity that differs from that before corrections by `most` at most; `difference`: how long the
+        whole difference is."""
+        return meant + (velocity - meant) * (most / difference) if difference > most else velocity
+
+    @compiled
+    def braked(velocity, dt, drag, surface_drag, c):
+        """One axis after drag [1/s], and that of what lies at the surface: where the constraint c is negative, a share."""
+        share = min(max(-c, zero), one)
+        return velocity / (one + dt * (drag + surface_drag * share))
+
+    neighbours = make_pairs(real, compiled, half, two)
+    alone = SimpleNamespace(
+        accelerated=accelerated, buoyant=buoyant, speed_of=speed_of, slowed=slowed, drifted=drifted,
+        turned_round=turned_round, velocity_of=velocity_of, held_back=held_back, braked=braked,
+    )  # fmt: skip
+    return joined(alone, neighbours)
+
+
+def make_pairs(real, compiled, half, two):
+    """What neighbours do: in the arithmetic `real`."""
+    zero, one, four = real(0), real(1), real(4)
+
+    @compiled
+    def smooth_share(t, viscosity, other_viscosity, weight, other_weight):
+        """XSPH's share of a difference of velocities that i takes from j; `viscosity`: of each fluid, the kernel's scale in
+        it; weights: of two fluids, w_i and w_j."""
+        mean = half * (viscosity + other_viscosity)
+        return (mean * ((two * weight) / (weight + other_weight))) * ((t * t) * t)
+
+    @compiled
+    def smooth_added(total, share, velocity, other_velocity):
+        """One axis."""
+        return total + share * (other_velocity - velocity)
+
+    @compiled
+    def pull(squared_distance, inverse_support, cohesion, other_cohesion):
+        """The change of velocity [1/s] over d by which i is drawn to j, of a particle of weight 1: Akinci's spline, 1
+        where it is largest: 64 (1 - q)^3 q^3 beyond half of the support, twice that less 1 within."""
+        length = sqrt(squared_distance)
+        q = length * inverse_support
+        near = max(one - q, zero) * q
+        spline = (four * near) * ((four * near) * (four * near))
+        if q < half:
+            spline = two * spline - one
+        mean = half * (cohesion + other_cohesion)
+        return mean * spline / length if length > zero and q < one else zero
+
+    @compiled
+    def pull_added(total, pull, d):
+        """One axis: towards j."""
+        return total - pull * d
+
+    @compiled
+    def tension_added(total, tension, other_tension, n, other_n):
+        """One axis: normals that differ draw a surface flat."""
+        return total - (half * (tension + other_tension)) * (n - other_n)
+
+    @compiled
+    def smoothed(velocity, smoothing, weight, force):
+        """One axis of a velocity after both sums; `weight`: the particle's."""
+        return (velocity + smoothing) + weight * force
+
+    @compiled
+    def curl_added(total, s, da, db, va, vb, other_va, other_vb):
+        """One axis of the vorticity [1/s], of its two others a and b in turn: sum (v_j - v_i) x grad_i, grad_i = -s d."""
+        return total - s * ((other_va - va) * db - (other_vb - vb) * da)
+
+    @compiled
+    def rise_added(total, s, d, length, other_length):
+        """One axis of the gradient of the vorticity's length: sum (|w_j| - |w_i|) grad_j, up to its length."""
+        return total - s * ((other_length - length) * d)
+
+    @compiled
+    def confined(total, strength, rise_length, ra, rb, wa, wb):
+        """One axis: strength N x w, of its two others a and b in turn, N = rise / |rise|."""
+        if rise_length > zero:
+            return total + strength * ((ra * wb - rb * wa) / rise_length)
+        return total
+
+    return SimpleNamespace(
+        smooth_share=smooth_share, smooth_added=smooth_added, pull=pull, pull_added=pull_added,
+        tension_added=tension_added, smoothed=smoothed, curl_added=curl_added, rise_added=rise_added, confined=confined,
+    )  # fmt: skip

@@ -1,0 +1,109 @@
+"""The parts of a scene that are fluids: blocks of particles, and the box that they live in where its sides repeat."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, model_validator
+
+from model.scene.parts import ZERO, NotNegative, Number, Part, Positive, Vector
+
+SUPPORT = 1 / 0.55  # rest distances, unless told
+NARROWEST, WIDEST = 1.2, 4.0  # supports in rest distances: neighbours on the lattice are 6 and 250
+WIDER = 1.001  # a cell's edge over the support: what rounding brings within reach lies in a cell beside
+REPEATED = 3  # cells that a side is long at least, where it repeats: cells around a particle are three different ones
+Flat = tuple[Number, Number]
+Sides = tuple[Positive, Positive, Positive] | tuple[Positive, Positive]  # of a block, m
+AxisName = Literal["x", "y", "z"]
+
+
+class Block(Part):
+    """One more block of a fluid."""
+
+    origin: Vector | Flat = ZERO  # m, its lowest corner
+    size: Sides  # m, along x, y and z
+
+
+class Fluid(Part):
+    """A fluid by particles that keep its density: blocks of them on a lattice of `rest_distance`, half of one from the sides.
+
+    Each particle asks those within `support` of it. Fluids of a scene have one rest distance and one support; what else they
+    are may differ. A speed is at most half a support a substep, so that nothing is passed unseen, or `maximum_speed`. With
+    `dimensions = 2` all is computed in the plane z = 0, of a layer one metre thick.
+    """
+
+    dimensions: Literal[2, 3] = 3
+    origin: Vector | Flat = ZERO  # m, the lowest corner of the block
+    size: Sides  # m, along x, y and, unless flat, z; rounded to whole rest distances
+    blocks: tuple[Block, ...] = ()  # more of them
+    rest_distance: Positive = 0.05  # m, of the lattice that has its density
+    support: Positive | None = None  # m, how far a particle sees; rest_distance / 0.55 unless given
+    density: Positive = 1000.0  # kg/m^3
+    velocity: Vector = ZERO  # m/s, at the start
+    viscosity: NotNegative = 0.0  # Pa s, by XSPH; that of the method itself comes on top
+    cohesion: NotNegative = 0.0  # N/m: how strongly particles draw one another
+    surface_tension: NotNegative = 0.0  # N/m: how strongly a surface is drawn flat
+    vorticity_confinement: NotNegative = 0.0  # m/s: acceleration over the vorticity, across it
+    drag: NotNegative = 0.0  # 1/s: the rate at which velocities decay
+    free_surface_drag: NotNegative = 0.0  # 1/s: the same of what lies at a surface, by what its density lacks
+    buoyancy: Number = 1.0  # of gravity, how much of it acts
+    maximum_speed: Positive | None = None  # m/s
+    maximum_acceleration: Positive | None = None  # m/s^2, by neighbours and walls
+
+    @model_validator(mode="after")
+    def _it_can_be_filled(self) -> Fluid:
+        across = self.support_radius / self.rest_distance
+        if self.support is not None and across < 1:
+            raise ValueError(f"rest_distance: must be less than the support, {self.support:g} m")
+        if not NARROWEST <= across <= WIDEST:
+            raise ValueError(
+                f"support: must be {NARROWEST:g} to {WIDEST:g} rest distances, {NARROWEST * self.rest_distance:g} to "
+                f"{WIDEST * self.rest_distance:g} m"
+            )
+        one: Any
+        for field, one in (("size", self), *(("blocks", block) for block in self.blocks)):
+            if len(one.size) != self.dimensions:
+                told = f"must have {self.dimensions} numbers in {self.dimensions} dimensions"
+                raise ValueError(f"{field}: {told}")
+            if min(one.size) < self.rest_distance / 2:
+                raise ValueError(f"{field}: holds no particle; a side is half a rest distance long at least")
+            if self.dimensions == 2 and len(one.origin) == 3 and one.origin[2] != 0:
+                raise ValueError("origin: must lie in the plane z = 0 in 2 dimensions")
+            if self.dimensions == 3 and len(one.origin) != 3:
+                raise ValueError("origin: must have 3 numbers in 3 dimensions")
+        if self.dimensions == 2 and self.velocity[2] != 0:
+            raise ValueError("velocity: must lie in the plane z = 0 in 2 dimensions")
+        return self
+
+    @property
+    def support_radius(self) -> float:
+        """How far a particle sees [m]."""
+        return self.rest_distance * SUPPORT if self.support is None else self.support
+
+    @property
+    def all_blocks(self) -> tuple[Any, ...]:
+        """Its own block and the others: what has an origin and a size."""
+        return (self, *self.blocks)
+
+    def counts(self, block: Any) -> tuple[int, ...]:
+        """How many particles lie along each side of a block."""
+        return tuple(max(1, round(side / self.rest_distance)) for side in block.size)
+
+
+class Domain(Part):
+    """A box whose sides repeat: what leaves a fluid by one of them comes in by the opposite one."""
+
+    origin: Vector | Flat = ZERO  # m, its lowest corner
+    size: Sides  # m, along x, y and z
+    repeats: Annotated[tuple[AxisName, ...], Field(min_length=1)] = ("x", "z")  # axes whose sides do
+
+    @model_validator(mode="after")
+    def _each_axis_has_numbers(self) -> Domain:
+        if len(self.origin) < len(self.size):
+            raise ValueError(f"origin: must have {len(self.size)} numbers, as the size has")
+        if "z" in self.repeats and len(self.size) < 3:
+            raise ValueError("repeats: has a z, and the size none")
+        return self
+
+
+FLUID_KINDS: dict[str, type[Part]] = {"fluid": Fluid, "domain": Domain}
