@@ -40,16 +40,14 @@ class Cells:
     `found` (particles,) int32: how many neighbours each particle has; `table` (neighbours * particles,): the s-th of particle
     i in place s * particles + i, so that a warp's loads lie side by side.
 
-    `most`: cells at most. `repeats`: axes whose sides do. `limit` [m]: a coordinate beyond it widens no grid.
+    `most`: cells at most. `repeats`: axes whose sides do.
     """
 
     launches = 7  # of a sort and a search, if something else looks for the box
 
-    def __init__(
-        self, real: Any, particles: int, neighbours: int, most: int, limit: float, repeats: frozenset[str], stream: Any
-    ):
+    def __init__(self, real: Any, particles: int, neighbours: int, most: int, repeats: frozenset[str], stream: Any):
         self._real, self._stream, self._most = real, stream, np.int32(most)
-        self.limit = real(limit)
+        self.limit = real(np.finfo(real).max)  # what is beyond, or no number, widens no grid
         self.blocks = min(MOST_BOXES, (particles + THREADS - 1) // THREADS)
         self.boxes = self._new(np.zeros(BOX * self.blocks, real))
         self.reals, self.numbers = self._new(np.zeros(REALS, real)), self._new(np.zeros(NUMBERS, np.int32))

@@ -47,10 +47,8 @@ def make_relax(real: Any, math: str, parts: frozenset[str]) -> Any:
         c = constraint(total, parameters.density_scale, wall)
         if keeps:
             constraints[k] = c
-        if alone:
-            return change_alone(factor, c)
         multiplier = zero if first else multipliers[k]
-        delta = change(multiplier, factor, c)
+        delta = change_alone(factor, c) if alone else change(multiplier, factor, c)
         multipliers[k] = multiplier + delta
         return delta
 
@@ -59,8 +57,8 @@ def make_relax(real: Any, math: str, parts: frozenset[str]) -> Any:
 
 @cache
 def make_move(real: Any, math: str, parts: frozenset[str], repeats: frozenset[str]) -> Any:
-    """move(k, p, b, position, near_by, gradients, fluids, world, number) -> (x, y, z): particle k at p, which began the substep
-    at b, after a correction and the colliders. `gradients`: of walls, three numbers a particle."""
+    """move(k, p, b, position, near_by, gradients, fluids, world, number) -> (x, y, z): particle k at p, which began the
+    substep at b, after a correction and the colliders. `gradients`: of walls, three numbers a particle."""
     sums, collide = make_sums(real, math, parts, repeats), make_collide(real, math, parts)
     formulas, sum_correction, row = device_formulas(density.make, real, math), sums.sum_correction, make_row(parts)
     moved, moved_mean, weight_field = formulas.moved, formulas.moved_mean, np.int32(F_WEIGHT)
@@ -166,8 +164,9 @@ def make_density_kernels(
             position[SIZE * np.int64(k) + 3] = delta  # which no thread of this launch looks at
 
     def correct(
-        before, position, record, table, found, gradients, fluids, bodies, integers, counter, place, substeps, substep, into
-    ):
+        before, position, record, table, found, gradients, fluids, bodies, integers, counter, place, substeps, substep,
+        into,
+    ):  # fmt: skip
         k, particles = np.int32(cuda.grid(1)), np.int32(found.size)
         if k < particles:
             p, b, near_by = load_quad(position, k), load_quad(before, k), List(table, found[k], particles)

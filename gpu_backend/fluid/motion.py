@@ -1,8 +1,9 @@
 """CUDA kernels of a fluid's motion: where particles are told to go, and velocities, a thread a particle; see
 model/fluid/plan.py. A position's fourth number is the particle's fluid, before and after a substep.
 
-Bytes a particle in float32, n neighbours: `begin` reads 36 and writes 32; `settle` reads 4 n + 68 and writes 32; `shape` reads
-4 n + 32 and writes 32; `smooth` reads 4 n + 64 and writes 16. All are bound by memory but for the neighbours, 24 to 45 flop each.
+Bytes a particle in float32, n neighbours: `begin` reads 36 and writes 32; `settle` reads 4 n + 68 and writes 32; `shape`
+reads 4 n + 32 and writes 32; `smooth` reads 4 n + 64 and writes 16. All are bound by memory but for the neighbours, 24 to
+45 flop each.
 """
 
 from __future__ import annotations
@@ -42,8 +43,9 @@ from model.formulas.fluid import density, motion
 
 @cache
 def make_ends(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
-    """`answered(b, u, x, y, z, fluids, at, world, number)` -> (x, y, z, vx, vy, vz): a particle that came from b, meant to go at
-    u, to (x, y, z), after the colliders, whose fluid's row begins at `at`; `limited(vx, vy, vz, c, fluids, at, parameters)`."""
+    """`answered(b, u, x, y, z, fluids, at, world, number)` -> (x, y, z, vx, vy, vz): a particle that came from b, meant
+    to go at u, to (x, y, z), after the colliders, whose fluid's row begins at `at`; `limited(vx, vy, vz, c, fluids, at,
+    parameters)`."""
     formulas, inline, collide = device_formulas(motion.make, real, math), inlined(math), make_collide(real, math, parts)
     velocity_of, held_back, speed_of = formulas.velocity_of, formulas.held_back, formulas.speed_of
     braked, slowed = formulas.braked, formulas.slowed
@@ -132,9 +134,9 @@ def make_begin(real: Any, math: str, parts: frozenset[str], repeats: frozenset[s
 @cache
 def make_settle(real: Any, math: str, parts: frozenset[str], repeats: frozenset[str]) -> SimpleNamespace:
     """`settle(before, meant, position, record, table, found, constraints, gradients, fluids, *world, new_position,
-    new_velocity)`: the last correction, then velocities, limited unless neighbours have a say; `update(before, meant, position,
-    record, fluids, *world, new_position, new_velocity)`: velocities alone; `limit(position, velocity, constraints, record,
-    fluids)`."""
+    new_velocity)`: the last correction, then velocities, limited unless neighbours have a say; `update(before, meant,
+    position, record, fluids, *world, new_position, new_velocity)`: velocities alone; `limit(position, velocity,
+    constraints, record, fluids)`."""
     ends, move, row = make_ends(real, math, parts), make_move(real, math, parts, repeats), make_row(parts)
     answered, limited, clock = ends.answered, ends.limited, make_clock(math, parts)
     ended, is_dragged, zero = not parts & SMOOTHING, "drag" in parts, real(0)
@@ -165,9 +167,7 @@ def make_settle(real: Any, math: str, parts: frozenset[str], repeats: frozenset[
             p, b = load_quad(position, k), load_quad(before, k)
             _, number = clock(counter, place, substeps, substep)
             world = World(record[0], bodies, integers)
-            x, y, z, vx, vy, vz = answered(
-                b, load_quad(meant, k), p[0], p[1], p[2], fluids, row(b[3]), world, number
-            )
+            x, y, z, vx, vy, vz = answered(b, load_quad(meant, k), p[0], p[1], p[2], fluids, row(b[3]), world, number)
             store_quad(new_position, k, x, y, z, b[3])
             store_quad(new_velocity, k, vx, vy, vz, zero)
 
@@ -188,11 +188,12 @@ def make_settle(real: Any, math: str, parts: frozenset[str], repeats: frozenset[
 def make_smoothing(
     real: Any, math: str, parts: frozenset[str], repeats: frozenset[str], ends_there: bool
 ) -> SimpleNamespace:
-    """`shape(position, velocity, record, table, found, normals, curls)`: normals [1/m], and vorticities [1/s] and their lengths;
-    `smooth(position, velocity, record, table, found, constraints, fluids, normals, curls, into)`: velocities after all that
-    neighbours do to them; where `ends_there`, limited too."""
-    formulas, sums, inline = device_formulas(motion.make, real, math), device_formulas(density.make, real, math), inlined(math)
-    pair, limited, row = make_sums(real, math, parts, repeats).pair, make_ends(real, math, parts).limited, make_row(parts)
+    """`shape(position, velocity, record, table, found, normals, curls)`: normals [1/m], and vorticities [1/s] and their
+    lengths; `smooth(position, velocity, record, table, found, constraints, fluids, normals, curls, into)`: velocities
+    after all that neighbours do to them; where `ends_there`, limited too."""
+    formulas, sums = device_formulas(motion.make, real, math), device_formulas(density.make, real, math)
+    inline, pair, row = inlined(math), make_sums(real, math, parts, repeats).pair, make_row(parts)
+    limited = make_ends(real, math, parts).limited
     near, slope, gradient_added, speed_of = sums.near, sums.slope, sums.gradient_added, formulas.speed_of
     curl_added, rise_added, confined, smoothed = (
         formulas.curl_added, formulas.rise_added, formulas.confined, formulas.smoothed,

@@ -1,8 +1,8 @@
 """Position-based fluids on CUDA: a substep is a dozen launches, all of them in the order of cells.
 
-The method, and every order of summation, is in model/fluid/plan.py. Particles change places in every substep; `particle` holds
-the number of each, and whatever is read comes in the scene's order. Kernels: `launch`, and `graph`, the same captured as a CUDA
-graph; `stages`, stage by stage. In `exact` math all give the same bits, and the CPU's.
+The method, and every order of summation, is in model/fluid/plan.py. Particles change places in every substep; `particle`
+holds the number of each, and whatever is read comes in the scene's order. Kernels: `launch`, and `graph`, the same
+captured as a CUDA graph; `stages`, stage by stage. In `exact` math all give the same bits, and the CPU's.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ class Fluid(SubstepSimulation):
         self.plan, self.kernel = fluid_plan(scene, options.live), launched_kernel(options.kernel, "fluids")
         self.threads, self.neighbours = THREADS, MAX_NEIGHBOURS[scene.dimensions]
         self.repeats = frozenset(scene.domain.repeats) if scene.domain else frozenset()
-        self.most_cells = most_cells(self.particle_count)
+        self.most_cells = most_cells(scene)
         self._require_space()
         self._start(THREADS)
 
@@ -73,7 +73,7 @@ class Fluid(SubstepSimulation):
             for size in (count, count, count if "drag" in parts else 1, walls if "walls" in parts else 1)
         )
         self.factors, self.multipliers, self.constraints, self.gradients = self.relaxed
-        self.cells = Cells(real, count, self.neighbours, self.most_cells, self._bound, self.repeats, self.stream)
+        self.cells = Cells(real, count, self.neighbours, self.most_cells, self.repeats, self.stream)
 
     def _build(self) -> None:
         """Compile and load every kernel, by running it once on arrays that `reset` then overwrites."""
@@ -165,6 +165,7 @@ class Fluid(SubstepSimulation):
     def _upload(self, position: np.ndarray, velocity: np.ndarray) -> None:
         super()._upload(position, velocity)
         self.particle[self._current].copy_to_device(self._numbers, stream=self.stream)
+        self.multipliers.copy_to_device(np.zeros(self.particle_count, self.real), stream=self.stream)
         self.synchronize()
 
     def _to_host(self, array: Any) -> np.ndarray:
@@ -174,6 +175,14 @@ class Fluid(SubstepSimulation):
         found = np.empty((self.particle_count, self.scene.dimensions), self.real)
         found[particle] = quads[:, : self.scene.dimensions]
         return found
+
+    def _multipliers(self) -> np.ndarray:
+        """(particles,): of the last substep [m^2], in the scene's order, for pressures."""
+        found, particle = self.multipliers.copy_to_host(stream=self.stream), self.particle[self._current].copy_to_host()
+        self.synchronize()
+        ordered = np.empty_like(found)
+        ordered[particle] = found
+        return ordered
 
     def _read_position(self, into: Any) -> Any:
         if into is not None and hasattr(into, "__cuda_array_interface__"):

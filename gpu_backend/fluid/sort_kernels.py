@@ -24,7 +24,7 @@ from gpu_backend.core.device import simulated
 from gpu_backend.core.formulas import device_formulas
 from gpu_backend.core.quads import SIZE, load_quad, store_quad
 from gpu_backend.core.scan import make_before
-from model.formulas import fluid_cells
+from model.formulas.fluid import cells as grid
 
 THREADS = 32 if simulated() else 256  # of a block that reduces; the simulator runs each as one of Python's
 EACH = 4 if simulated() else 8  # cells of a thread that scans
@@ -69,8 +69,8 @@ def make_box(real: Any) -> Any:
 
 def _make_grid(real: Any, repeats: frozenset[str]) -> tuple[Any, ...]:
     """The kernels that make a grid of a box."""
-    keep_box, cells = make_box(real), device_formulas(fluid_cells.make, real, "exact")
-    cells_along, coarser, repeated = cells.cells_along, cells.coarser, cells.repeated
+    keep_box, cells = make_box(real), device_formulas(grid.make, real, "exact")
+    cells_along, halved, fits = cells.cells_along, cells.halved, grid.make_fits(inlined("exact"))
     along_x, along_y, along_z = "x" in repeats, "y" in repeats, "z" in repeats
     zero, none, threads, one = real(0), real(np.inf), np.int32(THREADS), np.int32(1)
 
@@ -84,16 +84,10 @@ def _make_grid(real: Any, repeats: frozenset[str]) -> tuple[Any, ...]:
         numbers[axis], numbers[WRAPS + axis] = cells_along(low, high, inverse), 0
 
     @inlined("exact")
-    def begun_again(axis, low, side, count, reals, numbers):
+    def begun_again(axis, low, inverse, count, reals, numbers):
         """One that does."""
-        reals[LOW + axis], reals[INVERSE + axis] = low, repeated(count, side)
+        reals[LOW + axis], reals[INVERSE + axis] = low, inverse
         numbers[axis], numbers[WRAPS + axis] = np.int32(count), 1
-
-    @inlined("exact")
-    def over(numbers, most):
-        """Whether there are too many cells; no product overflows."""
-        x, y, z = np.int64(numbers[WIDTH]), np.int64(numbers[HEIGHT]), np.int64(numbers[DEPTH])
-        return x > most or y > most or z > most or x * y > most or x * y * z > most
 
     def bound(position, limit, boxes):
         """A row of `boxes` for each block: the box of the quads it looked at that are within `limit` of the origin."""
@@ -121,19 +115,19 @@ def _make_grid(real: Any, repeats: frozenset[str]) -> tuple[Any, ...]:
             for axis in range(AXES):
                 begun(axis, boxes, parameters.inverse_cell, reals, numbers)
             if along_x:
-                begun_again(0, parameters.low_x, parameters.side_x, parameters.cells_x, reals, numbers)
+                begun_again(0, parameters.low_x, parameters.inverse_side_x, parameters.cells_x, reals, numbers)
             if along_y:
-                begun_again(1, parameters.low_y, parameters.side_y, parameters.cells_y, reals, numbers)
+                begun_again(1, parameters.low_y, parameters.inverse_side_y, parameters.cells_y, reals, numbers)
             if along_z:
-                begun_again(2, parameters.low_z, parameters.side_z, parameters.cells_z, reals, numbers)
-            while over(numbers, most):
+                begun_again(2, parameters.low_z, parameters.inverse_side_z, parameters.cells_z, reals, numbers)
+            while not fits(numbers[WIDTH], numbers[HEIGHT], numbers[DEPTH], most):
                 widest, count = np.int32(-1), one
                 for axis in range(AXES):
                     if numbers[WRAPS + axis] == 0 and numbers[axis] > count:
                         widest, count = np.int32(axis), numbers[axis]
                 if widest < 0:
                     break
-                inverse = coarser(reals[INVERSE + widest])
+                inverse = halved(reals[INVERSE + widest])
                 reals[INVERSE + widest] = inverse
                 numbers[widest] = cells_along(boxes[widest], boxes[AXES + widest], inverse)
             numbers[CELLS] = np.int32(numbers[WIDTH] * numbers[HEIGHT] * numbers[DEPTH])
@@ -143,7 +137,7 @@ def _make_grid(real: Any, repeats: frozenset[str]) -> tuple[Any, ...]:
 
 def _make_sort(real: Any) -> tuple[Any, ...]:
     """The kernels that count, sum up, and fill."""
-    cell_of, before = device_formulas(fluid_cells.make, real, "exact").cell_of, make_before(THREADS)
+    cell_of, before = device_formulas(grid.make, real, "exact").cell_of, make_before(THREADS)
     zero, one = np.int32(0), np.int32(1)
     each, chunk, threads = np.int32(EACH), np.int32(CHUNK), np.int32(THREADS)
 

@@ -11,8 +11,8 @@ from model.core.plan import Moment, StageRun
 
 
 def bind_fluid_stages(sim: Any) -> dict[str, StageRun]:
-    """What runs each stage of the plan of `sim`, a gpu_backend.fluid.solver.Fluid. The state keeps its buffer; gravity and what
-    else acts on a particle by itself is part of `predict`, since fluids differ in their buoyancy."""
+    """What runs each stage of the plan of `sim`, a gpu_backend.fluid.solver.Fluid. The state keeps its buffer; gravity
+    and what else acts on a particle by itself is part of `predict`, since fluids differ in their buoyancy."""
     flat, cells, relaxing, settling = sim._flat, sim.cells, sim.relaxing, sim.settling
     state, velocity, count = sim.position[0], sim.velocity[0], np.int64(0)
     now = {"given": (), "position": sim.sorted, "other": sim.corrected}

@@ -101,6 +101,4 @@ def make_sums(real: Any, math: str, parts: frozenset[str], repeats: frozenset[st
             x, y, z = wall_added(x, p[3], wall[1]), wall_added(y, p[3], wall[2]), wall_added(z, p[3], wall[3])
         return x, y, z
 
-    return SimpleNamespace(
-        pair=pair, sum_factor=sum_factor, sum_density=sum_density, sum_correction=sum_correction
-    )
+    return SimpleNamespace(pair=pair, sum_factor=sum_factor, sum_density=sum_density, sum_correction=sum_correction)

@@ -15,8 +15,8 @@ from gpu_backend.core.quads import load_quad
 
 @cache
 def make_fluid_tools(real: Any, axes: int) -> SimpleNamespace:
-    """`count(counter, steps)`; `first_diverged(position, velocity, particle, bound, result)`; `write_position(position, particle,
-    out)`. `particle`: the particles' numbers."""
+    """`count(counter, steps)`; `first_diverged(position, velocity, particle, bound, result)`; `write_position(position,
+    particle, out)`. `particle`: the particles' numbers."""
     solid = axes == 3
 
     def count(counter, steps):

@@ -30,17 +30,15 @@ from model.mass_spring.cloth_parameters import (
 
 @cache
 def make_walls(real: Any, math: str, parts: frozenset[str]) -> Any:
-    """walls(p, world, step) -> (density, gx, gy, gz): what all colliders that are walls add to the constraint of a particle at
-    p (a quad), as they are at the end of substep `step`; see model/fluid/plan.py."""
+    """walls(p, world, step) -> (density, gx, gy, gz): what all colliders that are walls add to the constraint of a
+    particle at p (a quad), as they are at the end of substep `step`; see model/fluid/plan.py."""
     distances, sums = device_formulas(colliders.make, real, math), device_formulas(density.make, real, math)
     plane, sphere, capsule, box = distances.plane, distances.sphere, distances.capsule, distances.box
-    wall_density, wall_slope = sums.wall_density, sums.wall_slope
+    wall_density, wall_slope, wall_near, beyond = sums.wall_density, sums.wall_slope, sums.wall_near, sums.beyond
     joined_density, joined_gradient = sums.joined_density, sums.joined_gradient
     times = device_formulas(cloth.make, real, math)
     instant, moved, inline, zero, next_one = times.instant, times.moved, inlined(math), real(0), np.int64(1)
-    has_planes, has_spheres, has_capsules, has_boxes = (
-        kind in parts for kind in ("plane", "sphere", "capsule", "box")
-    )
+    has_planes, has_spheres, has_capsules, has_boxes = (kind in parts for kind in ("plane", "sphere", "capsule", "box"))
 
     @inline
     def way(p, bodies, at, time):
@@ -54,9 +52,8 @@ def make_walls(real: Any, math: str, parts: frozenset[str]) -> Any:
     @inline
     def joined(so_far, surface, bodies, at, parameters):
         total, gx, gy, gz = so_far
-        distance = surface[0] - bodies[at + B_THICKNESS]
-        share = wall_density(distance, parameters.inverse_support, parameters.wall_scale)
-        slope = wall_slope(distance, parameters.inverse_support, parameters.wall_gradient)
+        t = wall_near(beyond(surface[0], bodies[at + B_THICKNESS]), parameters.inverse_support)
+        share, slope = wall_density(t, parameters.wall_scale), wall_slope(t, parameters.wall_gradient)
         gx = joined_gradient(gx, total, slope, share, surface[1])
         gy = joined_gradient(gy, total, slope, share, surface[2])
         gz = joined_gradient(gz, total, slope, share, surface[3])
