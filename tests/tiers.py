@@ -169,6 +169,8 @@ test_simulated_lattice.py *counts0-1* test_windows_in_turn*
 test_simulated_implicit.py *springs-implicit*
 test_simulated_newton.py *bodies?float64? *hookean* *are_the_cpus?corotated* *braked?float32? test_pins_go*
 test_newton_ptx.py *pins-*
+test_fluid_ptx.py test_exact*begin? test_exact*find? test_exact*update? test_exact*limit? test_exact*factors?
+    test_exact*density? test_exact*shape?
 # the same again in plain Python or on a CPU's machine code: a value fewer, a second judge, a picture
 test_bodies_catalogue.py test_bodies_fall*cloth-on-jelly? test_what_waits*
 test_rebound.py test_against*float32-29? test_against*float64-0? test_two_that_meet*1.0-3000.0?
@@ -221,5 +223,5 @@ THINNED = {
     "test_particle_contacts_ptx.py", "test_simulated_bodies_material.py", "test_bodies_material_ptx.py",
     "test_cloth_tiles_ptx.py", "test_xpbd_ptx.py", "test_xpbd_mesh_ptx.py", "test_distance_field_cloths.py",
     "test_simulated_distance_field.py", "test_simulated_mesh_collider.py", "test_contacts_ptx.py",
-    "test_cloth_ptx.py", "test_bodies_ptx.py",
+    "test_cloth_ptx.py", "test_bodies_ptx.py", "test_fluid_ptx.py",
 }  # fmt: skip

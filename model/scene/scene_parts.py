@@ -136,8 +136,8 @@ class SceneParts:
     @property
     def grid(self) -> Grid:
         """The sheet of masses: a grid, or the cloth, which is one in space, of triangles if it is a mesh; or the body set
-        or the set of tetrahedra, a cloth beside them too, or of fluids, which are a row of masses to whoever asks no more than
-        that."""
+        or the set of tetrahedra, a cloth beside them too, or of fluids, which are a row of masses to whoever asks no more
+        than that."""
         if self.tetrahedra:
             return self.tetrahedra_set  # type: ignore[return-value]
         if self.fluids:
