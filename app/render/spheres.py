@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from app.render import body_shaders
+from app.render.bodies import shaders as body_shaders
 from app.render.camera3d import Camera3D
 from app.render.opengl import shader_program
 from app.render.scenery import KEY, Lit, Scenery

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 POSITION, NORMAL = 0, 1  # where shaders look for them
-LOOK = 4  # likewise, those of app/render/body_shaders.py
+LOOK = 4  # likewise, those of app/render/bodies/shaders.py
 
 
 def static_buffer(data: np.ndarray) -> int:

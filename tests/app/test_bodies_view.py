@@ -17,11 +17,11 @@ from test_viewer import StillWindow, display, needs_display  # noqa: F401
 
 from app.output.offscreen import OffscreenRenderer, render_frame
 from app.render import colours
+from app.render.bodies.skinning import ClusterFrames, of_quaternions
 from app.render.camera3d import Camera3D
 from app.render.collider_shapes import grounds, shadow_matrix
 from app.render.particle_colours import COLOURINGS, cluster_colours, nearest_clusters, particle_colours
 from app.render.scenery import KEY
-from app.render.skinning import ClusterFrames, of_quaternions
 from app.window.controls import BODY_KEYS, KEYS, hint, keys_text
 from app.window.demo import Demo
 from app.window.demo_report import masses_text, numbers_text

@@ -21,8 +21,8 @@ from app.output.export import Exporter, check_export
 from app.output.offscreen import OffscreenRenderer, render_frame
 from app.output.pieces import pieces_of
 from app.render import colours
+from app.render.bodies.skinning import ClusterFrames
 from app.render.camera3d import Camera3D
-from app.render.skinning import ClusterFrames
 from app.window.demo import Demo
 from app.window.demo_report import demo_state, masses_text
 from app.window.mouse import Mouse

@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from app.render.body_shaders import ACROSS
+from app.render.bodies.shaders import ACROSS
 from app.render.vertex_arrays import NORMAL, POSITION, delete_all, static_buffer, vertex_array
 from model.shape_matching.body_set import Copy
 
-CLUSTER, WEIGHT = 2, 3  # where the shaders of app/render/body_shaders.py look for them
+CLUSTER, WEIGHT = 2, 3  # where the shaders of app/render/bodies/shaders.py look for them
 
 
 class Skins:

@@ -8,14 +8,15 @@ from itertools import groupby
 
 import numpy as np
 
-from app.render import body_shaders, colours, shaders
+from app.render import colours, shaders
+from app.render.bodies import shaders as body_shaders
+from app.render.bodies.skinning import ClusterFrames
+from app.render.bodies.skins import ClusterTexture, Skins
 from app.render.camera3d import Camera3D
 from app.render.detail import FINE, Detail
 from app.render.opengl import shader_program
 from app.render.particle_colours import COLOURINGS, cluster_colours, particle_colours
 from app.render.scenery import Lit
-from app.render.skinning import ClusterFrames
-from app.render.skins import ClusterTexture, Skins
 from app.render.spheres import Spheres, use_shadow
 from app.render.vertex_arrays import (
     delete_all,
