@@ -38,7 +38,7 @@ class Piece:
 def pieces_of(
     scene: Scene, position: np.ndarray, matrices: np.ndarray | None = None, inverse_mass: np.ndarray | None = None
 ) -> list[Piece]:
-    """What moves: `position` (particles, dimensions) [m]; of bodies `matrices` (clusters, 3, 4) as ClusterFrames makes them, but
+    """What moves: `position` (particles, dimensions) [m]; of bodies `matrices` (clusters, 3, 4) of ClusterFrames, but
     for those that wait by `inverse_mass`, as in State (None: when the scene starts). A body without a skin is its particles;
     a sheet without triangles its lines; one without springs its masses."""
     if scene.bodies:
