@@ -29,9 +29,7 @@ class Contact(Part):
     likewise, with both its sides; what has come through it stays on the other one.
     """
 
-    distance: Positive | None = (
-        None  # m, between tetrahedral bodies, a cloth too: a quarter of the shortest edge unless told
-    )
+    distance: Positive | None = None  # m, of tetrahedral bodies and a cloth: a quarter of the shortest edge unless told
     static_friction: NotNegative = 0.4
     dynamic_friction: NotNegative = 0.3
     separation_speed: Positive = 3.0  # m/s
