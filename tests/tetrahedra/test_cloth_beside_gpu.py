@@ -1,4 +1,4 @@
-"""A cloth beside tetrahedral bodies on a real GPU: the bits of the CPU in exact math; in fast math it holds what falls on it."""
+"""A cloth beside tetrahedral bodies on a real GPU: in exact math the bits of the CPU, in fast it holds what falls on it."""
 
 from __future__ import annotations
 
