@@ -83,9 +83,11 @@ def simulate(
     cloth = [replace(item, corners=item.corners + start) for item in xpbd_mesh.items_of(scene)] if scene.mesh else []
     bodies, joints = _bodies(scene), _joints(scene)
     p, v = np.array(position, np.float64), np.array(velocity, np.float64)
-    for _ in range(steps * method.substeps):
+    sail = found.surface[(found.surface >= start).all(axis=1)]
+    for number in range(steps * method.substeps):
         before = p
-        v = np.where(free, v * (1 - h * drag) + h * gravity, 0.0)
+        force = xpbd_mesh.wind_on(scene, p, v, number * h, sail) if scene.wind else np.zeros_like(p)
+        v = np.where(free, v * (1 - h * drag) + h * (gravity + force * inverse_mass[:, None]), 0.0)
         p = before + h * v
         sweeps = [
             Sweep(body, inverse_mass, before, h, damping / h, np.zeros((n, 3, 3)), np.zeros(n))

@@ -22,7 +22,7 @@ from model.core.errors import SceneError
 from model.core.plan import Executor, Plan
 from model.scene.scene import Scene
 from model.tetrahedra.constraints import constraint_sets, projections_of, tetrahedra_plan
-from model.tetrahedra.tables import surface_lists
+from model.tetrahedra.tables import cloth_lists, surface_lists
 
 
 class Tetrahedra(MeshPositionBased):
@@ -39,6 +39,9 @@ class Tetrahedra(MeshPositionBased):
 
     def _surface_lists(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         return surface_lists(self.scene.tetrahedra_set)
+
+    def _wind_lists(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        return cloth_lists(self.scene.tetrahedra_set)
 
     def _contacts(self) -> SurfaceContacts | None:
         if self.scene.contact is None:

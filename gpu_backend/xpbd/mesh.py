@@ -76,9 +76,13 @@ class MeshPositionBased(DrivenSimulation, SubstepSimulation):
         return sets, projections_of(self.plan.parts)
 
     def _surface_lists(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """See `wind_lists`; for normals, too."""
+        """See `wind_lists`; for normals."""
         assert self.scene.mesh is not None
         return wind_lists(mesh_of(self.scene.mesh))
+
+    def _wind_lists(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The same of what wind blows on."""
+        return self._surface_lists()
 
     def _contacts(self) -> Any:
         """Those of surfaces, or None."""
@@ -91,7 +95,10 @@ class MeshPositionBased(DrivenSimulation, SubstepSimulation):
         self._allocate_driven()
         self.driven = self.on_device(self.body.pinned.astype(np.int32)) if self._first_pin else None
         self._weight = (self.body.inverse_mass * scene.grid.mass).astype(real)
-        self._lists = [self.on_device(array) for array in self._surface_lists()]
+        self._surface = [self.on_device(array) for array in self._surface_lists()]
+        self._lists = (
+            [self.on_device(array) for array in self._wind_lists()] if "wind" in self.plan.parts else self._surface
+        )
         self.contacts = self._contacts()
 
     # ------------------------------------------------------------------ kernels
@@ -237,4 +244,4 @@ class MeshPositionBased(DrivenSimulation, SubstepSimulation):
         super()._parameters_changed()
 
     def _normal_arguments(self) -> tuple[Any, ...]:
-        return tuple(self._lists)
+        return tuple(self._surface)

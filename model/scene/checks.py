@@ -29,7 +29,7 @@ SOLVERS_OF_TETRAHEDRA = ("xpbd", *TETRAHEDRAL_SOLVERS)
 SUBSTEPS = 20  # of tetrahedra, unless told: a beam of 1e6 Pa then sags as its mesh says, to a fifth
 OF_TETRAHEDRA = (
     *TETRAHEDRAL_KINDS, "contact", "damping", "external", "gravity", "method", "motion", "region", "attachment", "material",
-    "mesh", *(kind for kind in CONSTRAINT_KINDS if kind != "shear"), *COLLIDER_KINDS,
+    "mesh", "wind", *(kind for kind in CONSTRAINT_KINDS if kind != "shear"), *COLLIDER_KINDS,
 )  # fmt: skip
 OF_PARTICLES = ("restitution", "adhesion_reach", "maximum_speed", "sleeping_speed")  # surfaces know nothing of these
 WITH_FLUIDS = ("fluid", "domain", "gravity", "external", "method", *COLLIDER_KINDS)
@@ -120,6 +120,7 @@ def _check_tetrahedra(scene: SceneParts) -> None:
         raise SceneError(f"{scene.name_of('mesh')}.kind", "mesh", told + "--set method.solver=xpbd, or leave it out")
     if not scene.mesh:
         _refuse(scene, CONSTRAINT_KINDS, "holds a cloth together: add one, a table [mesh], or leave it out")
+        _refuse(scene, ("wind",), "blows on a cloth alone: add one, a table [mesh], or leave it out")
     _check_surfaces(scene)
 
 

@@ -56,6 +56,7 @@ TETRAHEDRA = SolverFamily(
             "attachment",
             "material",
             "mesh",
+            "wind",
             *CONSTRAINT_KINDS,
             *COLLIDER_KINDS,
         }

@@ -50,16 +50,17 @@ def on_cloth(**parts: Any) -> Scene:
 
 
 def tied(**parts: Any) -> Scene:
-    """A cloth that hangs by its left side on the right side of a box, a foot hung on it by its top, and a cube that comes
-    down on it between them."""
-    small = {"shape": {"name": "box", "sides": [0.05] * 3}, "velocity": [0.0, -0.5, 0.0]}
+    """A cloth that hangs by its left side on the right side of a box, a foot hung on it by its top, and a cube that comes up
+    to it from below between them, in a wind."""
+    small = {"shape": {"name": "box", "sides": [0.05] * 3}, "velocity": [0.0, 0.5, 0.0]}
     large = {"shape": {"name": "box", "sides": [SIDE, SIDE, 0.3]}, "pinned": ["left"]}
     bodies = {
         "box": BOX | large | {"origin": [-SIDE / 2, 0.0, 0.1]},
         "foot": BOX | {"origin": [0.29, -SIDE / 2, 0.11], "material": "neo-hookean"},
-        "cube": BOX | small | {"origin": [0.12, 0.033, 0.11]},
+        "cube": BOX | small | {"origin": [0.12, -0.033, 0.11]},
     }  # fmt: skip
-    return on_cloth(**bodies | {"cloth": sheet(5, 8, pinned="none"), "tie": TIE, "hook": HOOK} | parts)
+    wind = {"velocity": [1.0, 0.5, 3.0], "drag": 1.2, "lift": 0.8}
+    return on_cloth(**bodies | {"wind": wind} | {"cloth": sheet(5, 8, pinned="none"), "tie": TIE, "hook": HOOK} | parts)
 
 
 def crumpled_state(scene: Scene, seed: int = 1) -> State:

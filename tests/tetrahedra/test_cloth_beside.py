@@ -60,7 +60,9 @@ def test_threads_and_kernels_give_the_same_bits() -> None:
 def test_momentum_goes_from_the_cloth_to_bodies_and_back() -> None:
     """Nothing is held: contacts, joints and constraints push as much as they are pushed, but for rounding."""
     loose = BOX | {"origin": [-0.05, 0.0, 0.1], "shape": {"name": "box", "sides": [0.1, 0.1, 0.3]}}
-    scene = tied(box=loose, gravity=None, cube=BOX | {"origin": [0.12, 0.058, 0.11], "velocity": [0.2, -1.0, 0.0]})
+    scene = tied(
+        box=loose, gravity=None, wind=None, cube=BOX | {"origin": [0.12, 0.058, 0.11], "velocity": [0.2, -1.0, 0.0]}
+    )
     m, begin = scene.tetrahedra_set.masses[:, None], crumpled_state(scene)
     state = run(scene, 4, begin)
     scale = float((m * np.abs(begin.velocity)).sum())
@@ -188,6 +190,10 @@ def test_energies_and_drawings_count_the_cloth() -> None:
             "xpbd alone, and not under newton: --set method.solver=xpbd",
         ),
         ({"cloth": None}, r"structural.kind = 'structural': holds a cloth together: add one, a table \[mesh\]"),
+        (
+            {"cloth": None, "structural": None, "bending": None, "wind": {}},
+            "wind.kind = 'wind': blows on a cloth alone",
+        ),
         ({"shear": {"stiffness": 1.0}}, "shear.kind = 'shear': does not go with tetrahedral bodies"),
         ({"self_collision": {"thickness": 0.01}}, "does not go with tetrahedral bodies"),
         (

@@ -124,7 +124,7 @@ def test_bodies_that_are_slowed_compile_likewise(real: Any, math: str) -> None:
     assert ".local" not in body and (".f64" not in body if real is np.float32 else "fma.rn.f64" not in body)
 
 
-@pytest.mark.parametrize("model", ["world", "bodies"])
+@pytest.mark.parametrize("model", ["world", "bodies", "cloth"])
 def test_attachments_compile_likewise(model: str) -> None:
     for real, math in ((np.float32, "fast"), (np.float64, "exact")):
         text = text_of("", real, math, ITERATED, f"attachment-{model}")
