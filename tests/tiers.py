@@ -111,7 +111,7 @@ test_tetrahedra_experiment.py test_both_errors*
 test_tetrahedra_meshes.py test_a_swing*newton?
 test_hard_tetrahedra.py test_the_laws*newton* test_the_laws*B2[23]* test_verdicts*
 test_kinematic.py *newton? *vbd?
-test_attachments.py *newton? *vbd?
+test_attachments.py *newton? *vbd? *newton-0.001? *vbd-0.0?
 test_matter.py *newton? *vbd?
 test_newton_coarse.py test_a_step_needs*
 test_vbd_cpu.py test_a_cantilever*
@@ -168,6 +168,8 @@ test_simulated_matching.py *1-1-1? *2-1-2?
 test_simulated_lattice.py *counts0-1* test_windows_in_turn*
 test_simulated_implicit.py *springs-implicit*
 test_simulated_newton.py *bodies?float64? *hookean* *are_the_cpus?corotated* *braked?float32? test_pins_go*
+    *attachments?float64?
+test_simulated_kinematic.py test_attached*xpbd?
 test_newton_ptx.py *pins-*
 # the same again in plain Python or on a CPU's machine code: a value fewer, a second judge, a picture
 test_bodies_catalogue.py test_bodies_fall*cloth-on-jelly? test_what_waits*

@@ -8,6 +8,7 @@ the same bits, for any number of threads.
 from __future__ import annotations
 
 from functools import cached_property
+from types import SimpleNamespace
 
 import numpy as np
 
@@ -24,6 +25,7 @@ from model.core.plan import Moment, Plan, StageRun
 from model.scene.scene import Scene
 from model.tetrahedra.constraints import DAMPED
 from model.tetrahedra.descent import Descent, descents, stage_name, vbd_plan
+from model.tetrahedra.springs import PARTS, springs
 
 
 class VertexBlockDescent(Tetrahedra):
@@ -41,7 +43,8 @@ class VertexBlockDescent(Tetrahedra):
 
     @cached_property
     def _descents(self) -> tuple[DescentArrays, ...]:
-        return tuple(descent_arrays(found, self.real, self._damped) for found in descents(self.scene))
+        held = springs(self.scene.tetrahedra_set, "vbd")
+        return tuple(descent_arrays(found, self.real, self._damped, held) for found in descents(self.scene))
 
     @cached_property
     def _inertial(self) -> np.ndarray:
@@ -70,9 +73,14 @@ class VertexBlockDescent(Tetrahedra):
             found |= self._of_material(one, arrays)
         return found
 
+    def _visits_of(self, one: Descent) -> SimpleNamespace:
+        sprung = bool(self.plan.parts & PARTS)
+        found: SimpleNamespace = make_descent_stages(self.real, self.options.math, one.number, self._damped, sprung)
+        return found
+
     def _of_material(self, one: Descent, arrays: DescentArrays) -> dict[str, StageRun]:
         """What runs its stages of the plan."""
-        stage, bands = make_descent_stages(self.real, self.options.math, one.number, self._damped), self._bands
+        stage, bands = self._visits_of(one), self._bands
         position, velocity, before, inertial = self._position, self._velocity, self._before, self._inertial
 
         def descend(first: int, last: int) -> StageRun:

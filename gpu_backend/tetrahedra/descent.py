@@ -23,6 +23,7 @@ from model.formulas.elastic.descent import STRESSES
 from model.scene.scene import Scene
 from model.tetrahedra.constraints import DAMPED
 from model.tetrahedra.descent import Descent, descents, stage_name, vbd_plan
+from model.tetrahedra.springs import PARTS, springs
 
 Launch = Callable[[Any, Any, Any], None]  # (before, velocity, position): quads
 
@@ -54,6 +55,10 @@ class VertexBlockDescent(Tetrahedra):
     def _build(self) -> None:
         self._first: list[tuple[str, Launch]] = []  # what of a substep comes before its iterations
         self._visits: list[tuple[str, Launch]] = []
+        held = springs(self.scene.tetrahedra_set, "vbd").arrays(self.real)
+        self._springs = tuple(
+            self.on_device(one if one.size else np.zeros(1, one.dtype)) for one in map(np.ravel, held)
+        )
         for found in descents(self.scene):
             self._bind(found)
         super()._build()
@@ -61,7 +66,8 @@ class VertexBlockDescent(Tetrahedra):
     def _bind(self, found: Descent) -> None:
         """Put the stages of a material among those of a step."""
         damped, real, count = DAMPED in self.plan.parts, self.real, np.int32(len(found.corners))
-        kernels = make_visits(real, self.options.math, found.number, damped)
+        sprung = bool(self.plan.parts & PARTS)
+        kernels = make_visits(real, self.options.math, found.number, damped, sprung)
         corners, values = self.on_device(found.corners.T), self.on_device(found.values.T.astype(real))
         lists = tuple(self.on_device(one) for one in (found.order, found.offsets, found.entries))
         stresses = self.on_device(np.zeros(STRESSES * len(found.corners) if damped else 1, real))
@@ -77,7 +83,7 @@ class VertexBlockDescent(Tetrahedra):
         def descend(first: int, stop: int) -> Launch:
             launch, bounds = self._over(stop - first, THREADS), (np.int32(first), np.int32(stop), count)
             return lambda before, velocity, position: kernels.descend[launch](
-                position, self._inertial, *lists, corners, values, stresses, *bounds, self.record
+                position, self._inertial, *lists, corners, values, stresses, *self._springs, *bounds, self.record
             )
 
         if damped:

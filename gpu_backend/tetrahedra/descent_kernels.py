@@ -15,21 +15,23 @@ from numba import cuda
 from gpu_backend.core.compile import inlined, kernel_options, make_kernels, variant_name
 from gpu_backend.core.formulas import device_formulas
 from gpu_backend.core.quads import load_quad, store_quad
+from gpu_backend.tetrahedra.springs import make_pulled
 from model.core.tuples import each_of, tuple_of
 from model.formulas.elastic import descent
 from model.tetrahedra.descent import CORNERS, RATE, SCALE
 
 
 @cache
-def make_visits(real: Any, math: str, material: int, damped: bool) -> SimpleNamespace:
+def make_visits(real: Any, math: str, material: int, damped: bool, sprung: bool = False) -> SimpleNamespace:
     """`remember(before, corners, values, stresses, count)`: of every tetrahedron of a material, where a substep begins;
     `start(before, velocity, inertial, position, order, falls, stop, record)`: of the vertices before `stop` of the order,
-    pinned ones too; `descend(position, inertial, order, offsets, entries, corners, values, stresses, first, stop, count,
-    record)`: of a colour. `count`: tetrahedra of the material."""
+    pinned ones too; `descend(position, inertial, order, offsets, entries, corners, values, stresses, meets,
+    sprung_entries, ends, numbers, first, stop, count, record)`: of a colour; `meets` to `numbers`: of springs, looked at
+    where there are such (`sprung`). `count`: tetrahedra of the material."""
     formulas = device_formulas(descent.make, real, math, material=material, damped=damped)
     element, held, added = formulas.element, formulas.held, formulas.added
     moved, coasted = formulas.moved, formulas.coasted
-    inline, zero = inlined(math), real(0)
+    pulled, inline, zero = make_pulled(real, math), inlined(math), real(0)
     nobody, one, two, three = np.int32(0), np.int32(1), np.int32(2), np.int32(3)
     nothing, no_sums = (zero,) * descent.STRESSES, (zero,) * descent.SUMS
 
@@ -72,7 +74,8 @@ def make_visits(real: Any, math: str, material: int, damped: bool) -> SimpleName
             store_quad(position, vertex, x, y, z, b[3])
 
     def descend(
-        position, inertial, order, offsets, entries, corners, values, stresses, first, stop, size, record
+        position, inertial, order, offsets, entries, corners, values, stresses, meets, sprung_entries, ends, numbers, first,
+        stop, size, record,
     ):  # fmt: skip
         parameters = record[0]
         k, count = np.int32(first + cuda.grid(1)), np.int32(size)  # type: ignore[call-arg]
@@ -86,6 +89,9 @@ def make_visits(real: Any, math: str, material: int, damped: bool) -> SimpleName
                     old = stresses_of(stresses, t, count, t)
                 points = points_of(position, corners, count, t)
                 sums = added(sums, element(points, values_of(values, t, count, t), old, corner, rate))
+            if sprung:
+                x, y, z, hard, _ = pulled(vertex, position, meets, sprung_entries, ends, numbers)
+                sums = added(sums, (x, y, z, hard, hard, hard, zero, zero, zero))
             p = load_quad(position, vertex)
             x, y, z = moved(xyz(p), xyz(load_quad(inertial, vertex)), p[3], parameters[SCALE], sums)
             store_quad(position, vertex, x, y, z, p[3])

@@ -88,7 +88,7 @@ def _check_tetrahedra(scene: SceneParts) -> None:
         raise SceneError("method.ordering", method.ordering, "must be gauss-seidel for tetrahedral bodies")
     colliders = dict(scene.all_of(*COLLIDER_KINDS))
     for name, held in scene.held_parts.items():
-        check_attachment(name, held, scene.tetrahedra, colliders, scene.method.solver)
+        check_attachment(name, held, scene.tetrahedra, colliders)
         check_word(f"{name}.vertices", held.vertices, scene.regions)
     if scene.method.rows == "blocks":
         for name, part in scene.tetrahedra.items():

@@ -15,6 +15,7 @@ from model.scene.scene import Scene
 from model.tetrahedra.body_set import TetrahedraSet
 from model.tetrahedra.constraints import DAMPED, tetrahedra_parts
 from model.tetrahedra.material import constraint_values, material_of
+from model.tetrahedra.springs import held_bodies, springs
 from model.tetrahedra.topology import neighbours
 from model.xpbd.mesh_plan import constrained_plan
 
@@ -30,7 +31,7 @@ class Descent:
     `order` (vertices,) int32: particles, of colour c from `starts[c]` to before `starts[c + 1]`, ascending; after the last
     colour those that are pinned. Vertex k of them is a corner of the tetrahedra `entries[offsets[k]:offsets[k + 1]]`, each
     4 x the tetrahedron + which corner of it, ascending; nothing at a pinned one. `falls` (vertices,) int32: 1 of a body
-    without pins. `corners` (tetrahedra, 4) int32: particles;
+    that nothing holds. `corners` (tetrahedra, 4) int32: particles;
     `values` (tetrahedra, COUNT) float64, as the formula takes them.
     """
 
@@ -64,7 +65,8 @@ def descents(scene: Scene) -> tuple[Descent, ...]:
     found = scene.tetrahedra_set
     if found not in _known:
         made = material_of(found)
-        colours = vertex_colours(found.tetrahedra, found.particle_count)
+        together = np.concatenate([found.tetrahedra, springs(found, "vbd").fours])
+        colours = vertex_colours(together, found.particle_count)
         _known[found] = tuple(_of_material(found, colours, np.flatnonzero(made == kind)) for kind in np.unique(made))
     return _known[found]
 
@@ -87,17 +89,8 @@ def _of_material(found: TetrahedraSet, colours: np.ndarray, chosen: np.ndarray) 
     sizes = np.sort(sizes[sizes > 0])[::-1]
     values = descent_values(found, chosen)
     material = found.parts[found.body[chosen[0]]].material
-    falls = (~has_pins(found)[order]).astype(np.int32)
+    falls = (~held_bodies(found)[order]).astype(np.int32)
     return Descent(material, order, offsets_of(sizes), offsets, at.indices[: offsets[-1]], falls, corners, values)
-
-
-def has_pins(found: TetrahedraSet) -> np.ndarray:
-    """(particles,) bool: whether a particle's body is pinned anywhere."""
-    bodies = np.searchsorted(found.first_particle, np.arange(found.particle_count), side="right") - 1
-    held = np.zeros(len(found.parts), bool)
-    held[bodies[found.pinned_vertices]] = True
-    pinned: np.ndarray = held[bodies]
-    return pinned
 
 
 def descent_values(found: TetrahedraSet, chosen: np.ndarray) -> np.ndarray:
