@@ -103,7 +103,9 @@ def make_matrix_rows(compiler: Compiler, real: Any, parts: frozenset[str], conta
                 for axis in range(AXES):
                     blocks[n, 4 * axis] = blocks[n, 4 * axis] + inertia
                 if has_bodies:
-                    x, y, z, hard = nearly_within(k, number, position, target, before, matrix, given)
+                    x, y, z, hard = nearly_within(
+                        k, number, position, target, before, matrix[5], (given[0], given[3], given[4])
+                    )
                     a, b, c, d, e, f = outer(x, y, z, hard)
                     blocks[n, 0], blocks[n, 4], blocks[n, 8] = blocks[n, 0] + a, blocks[n, 4] + d, blocks[n, 8] + f
                     blocks[n, 1], blocks[n, 3] = blocks[n, 1] + b, blocks[n, 3] + b
@@ -237,7 +239,7 @@ def make_moving(
                     p, q, r, _, held = pulled(k, position, (rows[7], rows[8], rows[9], rows[10]))
                     own, x, y, z = own + held, x + p, y + q, z + r
                 if has_bodies:
-                    p, q, r, hard = within(k, number, position, before, matrix, given)
+                    p, q, r, hard = within(k, number, position, before, matrix[5], (given[0], given[3], given[4]))
                     own = own + kept(hard, p, q, r)
                     x, y, z = x + hard * p, y + hard * q, z + hard * r
                 gradient[k, 0], gradient[k, 1], gradient[k, 2] = x, y, z

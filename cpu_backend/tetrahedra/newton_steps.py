@@ -73,7 +73,7 @@ def make_substep_ends(
         if has_motion:
             drive_between(low, high, number, state, given)
         if has_bodies:
-            pressed(first, last, number, position, velocity, before, matrix, given)
+            pressed(low, high, number, position, velocity, before, matrix[5], (parameters, bodies, kinds))
             collide(low, high, number, before, position, velocity, parameters, bodies, kinds)
 
     return SimpleNamespace(begin_groups=begin_groups, finish_groups=finish_groups)

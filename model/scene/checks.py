@@ -99,6 +99,9 @@ def _check_tetrahedra(scene: SceneParts) -> None:
     _check_surfaces(scene)
 
 
+MEETING = ("xpbd", "vbd")  # solvers under which tetrahedral bodies meet
+
+
 def _check_surfaces(scene: SceneParts) -> None:
     """Raise SceneError for contacts that surfaces of tetrahedral bodies do not know, or a solver of them does not."""
     part, name = scene.contact, scene.name_of("contact", default="contact")
@@ -107,8 +110,8 @@ def _check_surfaces(scene: SceneParts) -> None:
             if of_body.self_collision:
                 raise SceneError(f"{body}.self_collision", True, "needs contacts: add a table [contact]")
         return
-    if scene.method.solver != "xpbd":
-        told = "tetrahedral bodies meet under xpbd alone so far; without a [contact] they pass through each other"
+    if scene.method.solver not in MEETING:
+        told = f"tetrahedral bodies meet under {' or '.join(MEETING)}; without a [contact] they pass through each other"
         raise SceneError(f"{name}.kind", "contact", f"is not known to the solver {scene.method.solver}: {told}")
     if len(scene.tetrahedra) > MAX_KINDS:
         raise SceneError(name, len(scene.tetrahedra), f"at most {MAX_KINDS} tetrahedral bodies that meet")

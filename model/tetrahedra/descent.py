@@ -11,13 +11,14 @@ from model.core.plan import Node, Plan, Stage
 from model.formulas.constraints.tetrahedron import MATERIALS
 from model.formulas.elastic import descent
 from model.geometry.lists import grouped, offsets_of
+from model.scene.cloth import COLLIDER_KINDS
 from model.scene.scene import Scene
 from model.tetrahedra.body_set import TetrahedraSet
 from model.tetrahedra.constraints import DAMPED, tetrahedra_parts
 from model.tetrahedra.material import constraint_values, material_of
-from model.tetrahedra.springs import held_bodies, springs
+from model.tetrahedra.springs import PARTS, held_bodies, springs
 from model.tetrahedra.topology import neighbours
-from model.xpbd.mesh_plan import constrained_plan
+from model.xpbd.mesh_plan import PROJECT_CONTACTS, constrained_plan
 
 CORNERS = 4
 SCALE, RATE = "elastic_scale", "inverse_substep"  # of the record: h^2 / m, 1 / h
@@ -120,6 +121,11 @@ def vertex_colours(tetrahedra: np.ndarray, count: int) -> np.ndarray:
     return colours
 
 
+def visited(parts: frozenset[str]) -> frozenset[str]:
+    """Those of a plan that a visit depends on."""
+    return parts & (PARTS | frozenset(COLLIDER_KINDS) | {"friction", "restitution"})
+
+
 def stage_name(work: str, material: str, colour: int | None = None) -> str:
     """Of the plan: `stress`, `start` or `descend` of a material."""
     return f"{work} {material}" + ("" if colour is None else f" {colour}")
@@ -149,6 +155,9 @@ def vbd_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
     (substep,) = bare.root.children
     assert isinstance(substep, Node)
     at = next(place for place, one in enumerate(substep.children) if isinstance(one, Node))
+    sweep = substep.children[at]
+    assert isinstance(sweep, Node)
     (predict, *pins), end = substep.children[:at], substep.children[at + 1 :]
+    colours += [one for one in sweep.children if isinstance(one, Stage) and one.name == PROJECT_CONTACTS]
     steps = predict, *begin, *pins, Node("iteration", tuple(colours), method.iterations), *end
     return Plan(Node("step", (Node("substep", steps, method.substeps),)), bare.fused_scalars, parts, dimensions=3)

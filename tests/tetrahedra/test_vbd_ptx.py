@@ -10,27 +10,33 @@ import pytest
 
 from model.core.parameters import record_type
 from model.formulas.constraints import tetrahedron
+from model.tetrahedra import springs
 from model.tetrahedra.descent import SCALE
+from model.tetrahedra.newton import CONSTANTS
 from model.xpbd.parameters import XPBD_PARAMETERS
 
 pytestmark = pytest.mark.usefixtures("ptx_compiler")
 
-KERNELS = {"remember": "RIRRi", "start": "RRRRIIiP", "descend": "RRIIIIRRIIIRiiiP"}
+PARTS = springs.PARTS | {"plane", "box", "friction"}
+KERNELS = {"remember": "RIRRi", "start": "RRRRIIiP", "descend": "RRIIIIRRIIIRRRiiiPRUWwww"}
 
 
-def text(name: str, real: Any, math: str, material: int, damped: bool = False, sprung: bool = False) -> str:
+def text(name: str, real: Any, math: str, material: int, damped: bool = False, parts: frozenset[str] = PARTS) -> str:
     """Of a kernel from its entry on. R and I: arrays of reals and of indices, P the record, i a number."""
     from numba import cuda, typeof, types
 
     from gpu_backend.tetrahedra.descent_kernels import make_visits
 
-    kernel = getattr(make_visits(real, math, material, damped, sprung), name)
+    kernel = getattr(make_visits(real, math, material, damped, parts), name)
     known = {
         "R": (types.float32 if real is np.float32 else types.float64)[::1],
         "I": types.int32[::1],
         "i": types.int32,
+        "U": types.uint64[::1],
+        "W": types.int64[::1],
+        "w": types.int64,
     }
-    known["P"] = typeof(np.zeros(1, record_type((SCALE, *XPBD_PARAMETERS), real)))
+    known["P"] = typeof(np.zeros(1, record_type((SCALE, *CONSTANTS, *XPBD_PARAMETERS), real)))
     arguments = tuple(known[letter] for letter in KERNELS[name])
     found, _ = cuda.compile_ptx(kernel.py_func, arguments, cc=(9, 0), fastmath=math == "fast")
     return str(found[found.index(".entry") :])
@@ -40,19 +46,21 @@ def text(name: str, real: Any, math: str, material: int, damped: bool = False, s
 @pytest.mark.parametrize("math", ["fast", "exact"])
 def test_float32_visits_hold_no_double_and_no_local_memory(math: str, material: int) -> None:
     for name in KERNELS:
-        found = text(name, np.float32, math, material, damped=math == "fast", sprung=True)
+        found = text(name, np.float32, math, material, damped=math == "fast")
         assert ".f64" not in found and ".local" not in found and "call" not in found, name
 
 
 @pytest.mark.parametrize("material", range(len(tetrahedron.MATERIALS)))
 def test_exact_visits_contract_nothing(material: int) -> None:
     """In float64, whose quotients are an instruction: no product runs into a sum."""
-    found = text("descend", np.float64, "exact", material, damped=True, sprung=True)
+    found = text("descend", np.float64, "exact", material, damped=True)
     assert "fma.rn.f64" not in found and "mul.rn.f64" in found
 
 
 def test_who_has_no_damper_reads_no_stresses() -> None:
     """9 + 4 values of a tetrahedron; 6 stresses beside them; of the neo-Hookean material only its damper needs R."""
-    plain, damped = (text("descend", np.float32, "fast", tetrahedron.HOOKEAN, one) for one in (False, True))
+    plain, damped = (
+        text("descend", np.float32, "fast", tetrahedron.HOOKEAN, one, frozenset()) for one in (False, True)
+    )
     assert damped.count("ld.global.f32") - plain.count("ld.global.f32") == 6 + 2  # the time, and 1 / h
     assert "sqrt" not in plain and "sqrt" in damped
