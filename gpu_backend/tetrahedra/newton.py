@@ -28,6 +28,7 @@ from model.tetrahedra.block_rows import BLOCKS, block_rows
 from model.tetrahedra.constraints import ITERATED
 from model.tetrahedra.material import material_of
 from model.tetrahedra.newton import DAMPED, SUMMED, element_values, holding, newton_plan, rounding_floor
+from model.tetrahedra.springs import rounding_of, springs
 from model.tetrahedra.tables import surface_lists
 
 STEPS = 64  # a launch, so that it can be interrupted
@@ -48,7 +49,8 @@ class TetrahedraNewton(DrivenSimulation):
 
     def _make_tables(self) -> None:
         found, count = self.scene.tetrahedra_set, self.particle_count
-        rows = block_rows(found.tetrahedra, count)
+        self._springs = springs(found, "newton")
+        rows = block_rows(found.tetrahedra, count, self._springs.pairs)
         groups = aggregates(found, rows, self.body.inverse_mass > 0)
         pairs: Couplings = couplings(groups, rows)
         self._tables = Lists._make(
@@ -59,13 +61,14 @@ class TetrahedraNewton(DrivenSimulation):
                 *groups.arrays,
                 *vars(pairs).values(),
                 np.zeros(count if "motion" in self.plan.parts else 0, np.int32),
+                *self._springs.arrays(self.real)[:3],
             )
         )
         tetrahedra, blocks, size = len(found.tetrahedra), len(rows.columns), len(groups.reach)
         dampers = blocks if DAMPED in self.plan.parts else 0
         parts = max(-(-max(count, tetrahedra) // SUMMED), groups.count)
         self._sizes = (  # of the arrays that are only worked in, as the kernel takes them
-            BLOCKS * 9 * tetrahedra, 9 * blocks, 9 * dampers, 6 * count, 4 * SIZE * tetrahedra,
+            9 * (BLOCKS * tetrahedra + len(self._springs.blocks)), 9 * blocks, 9 * dampers, 6 * count, 4 * SIZE * tetrahedra,
         )  # fmt: skip
         inverse = int(pairs.places[-1]) if self.options.math != "exact" else 0
         self._coarse_sizes = SIZE * groups.count, size * groups.width, 3 * size, inverse
@@ -93,9 +96,13 @@ class TetrahedraNewton(DrivenSimulation):
         self._arrays = (
             room(WORKING * SIZE * self.particle_count), self.on_device(element_values(found).T.astype(real)),
             *(room(size) for size in self._sizes), self.on_device(holding(found).astype(real)),
+            self.on_device(np.append(self._springs.values.ravel(), 0).astype(real)),
             *(room(size) for size in self._coarse_sizes), self.on_device(packed(self._tables)), room(self._sum_size),
         )  # fmt: skip
-        self._floor = real(rounding_floor(found, real))
+        held = np.zeros(self._sizes[0], real)
+        held[9 * BLOCKS * len(found.tetrahedra) :] = self._springs.blocks.ravel()
+        self._arrays[2].copy_to_device(held)
+        self._floor = real(rounding_floor(found, real) + rounding_of(self._springs, found.extent, real))
 
     def _build(self) -> None:
         self._tools = SimpleNamespace(**vars(make_cloth_tools(self.real)) | vars(make_mesh_tools(self.real)))

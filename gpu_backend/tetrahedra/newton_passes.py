@@ -42,6 +42,7 @@ from model.formulas.elastic.newton import (
     UPDATE,
     WEIGH,
 )
+from model.tetrahedra.block_rows import BLOCKS as BLOCKS_EACH
 from model.tetrahedra.newton import DAMPED, SUMMED
 from model.xpbd.mesh_plan import BODY_DAMPING
 
@@ -117,7 +118,7 @@ def make_unit_passes(real: Any, math: str, parts: frozenset[str]) -> SimpleNames
     load_block, store_block = access.load_block, access.store_block
     zero, summed, unit_size, both = real(0), np.int32(SUMMED), np.int32(UNIT), np.int32(2)
     damped, moves = DAMPED in parts, MOTION in parts
-    ordered = math == "exact"
+    ordered, kept = math == "exact", np.int32(BLOCKS_EACH)
     next_one = np.int32(1)
 
     @inline
@@ -150,7 +151,10 @@ def make_unit_passes(real: Any, math: str, parts: frozenset[str]) -> SimpleNames
         first, rate = np.int32(group * summed), world.parameters.newton_rate
         last = np.int32(min(np.int32(first + summed), particles))
         for n in range(lists.starts[first] + t, lists.starts[last], threads):
-            m = gather(n, lists, matrix.found)
+            limit = np.int32(matrix.found.size // 9)
+            if kind == DAMPER_ROWS:
+                limit = np.int32(len(lists.materials) * kept)
+            m = gather(n, lists, matrix.found, limit)
             if kind == DAMPER_ROWS:
                 store_block(matrix.damper, n, m)
             else:

@@ -65,10 +65,8 @@ def motion_with(attachment: Attachment, collider: Collider) -> Motion | None:
     )  # fmt: skip
 
 
-def check_attachment(
-    name: str, part: Attachment, bodies: Mapping[str, Any], colliders: Mapping[str, Collider], solver: str
-) -> None:
-    """Raise SceneError for what is not there, or what the solver does not know."""
+def check_attachment(name: str, part: Attachment, bodies: Mapping[str, Any], colliders: Mapping[str, Collider]) -> None:
+    """Raise SceneError for what is not there."""
     if part.body not in bodies:
         told = f"must be a tetrahedral body or a cloth of the scene: {', '.join(bodies)}{suggestion(part.body, bodies)}"
         raise SceneError(f"{name}.body", part.body, told)
@@ -81,6 +79,3 @@ def check_attachment(
     collider = colliders.get(part.to or "")
     if collider and part.compliance > 0 and motion_with(part, collider):
         raise SceneError(f"{name}.compliance", part.compliance, f"must be 0, since {part.to} moves")
-    if solver != "xpbd" and not pins(part, bodies):
-        field, value = ("to", part.to) if part.to in bodies else ("compliance", part.compliance)
-        raise SceneError(f"{name}.{field}", value, f"is not known to the solver {solver}: --set method.solver=xpbd")

@@ -107,7 +107,7 @@ def _check_tetrahedra(scene: SceneParts) -> None:
         raise SceneError("method.ordering", method.ordering, "must be gauss-seidel for tetrahedral bodies")
     colliders = dict(scene.all_of(*COLLIDER_KINDS))
     for name, held in scene.held_parts.items():
-        check_attachment(name, held, scene.holdable, colliders, scene.method.solver)
+        check_attachment(name, held, scene.holdable, colliders)
         check_word(f"{name}.vertices", held.vertices, scene.regions)
     if scene.method.rows == "blocks":
         for name, part in scene.tetrahedra.items():
@@ -124,6 +124,9 @@ def _check_tetrahedra(scene: SceneParts) -> None:
     _check_surfaces(scene)
 
 
+MEETING = ("xpbd", "vbd")  # solvers under which tetrahedral bodies meet
+
+
 def _check_surfaces(scene: SceneParts) -> None:
     """Raise SceneError for contacts that surfaces of tetrahedral bodies do not know, or a solver of them does not."""
     part, name = scene.contact, scene.name_of("contact", default="contact")
@@ -132,8 +135,8 @@ def _check_surfaces(scene: SceneParts) -> None:
             if of_body.self_collision:
                 raise SceneError(f"{body}.self_collision", True, "needs contacts: add a table [contact]")
         return
-    if scene.method.solver != "xpbd":
-        told = "tetrahedral bodies meet under xpbd alone so far; without a [contact] they pass through each other"
+    if scene.method.solver not in MEETING:
+        told = f"tetrahedral bodies meet under {' or '.join(MEETING)}; without a [contact] they pass through each other"
         raise SceneError(f"{name}.kind", "contact", f"is not known to the solver {scene.method.solver}: {told}")
     if len(scene.holdable) > MAX_KINDS:
         raise SceneError(name, len(scene.holdable), f"at most {MAX_KINDS} tetrahedral bodies that meet")

@@ -14,6 +14,7 @@ from model.xpbd.mesh_constraints import constraint_sets, model_of, operations_of
 from model.xpbd.plan import LOOKED_AT, xpbd_parts
 
 BODY_DAMPING = "body-damping"  # of the parts: bodies have rates of damping of their own
+PROJECT_CONTACTS = "project contacts"  # a stage
 PINS = Stage("pins", 0, 0, 0, 1.0)  # that follow a motion: where they are as a substep ends, and how fast
 
 
@@ -68,7 +69,7 @@ def constrained_plan(scene: Scene, parts: frozenset[str], sets: Sequence[tuple[C
     search: list[Stage] = []
     if scene.contact:  # of surfaces
         search.append(Stage("find contacts", 3, 2, LOOKED_AT * contact.OPERATIONS_NEAREST))
-        colours.append(Stage("project contacts", 2, 1, scene.contact.sweeps * contact.OPERATIONS_CONTACT))
+        colours.append(Stage(PROJECT_CONTACTS, 2, 1, scene.contact.sweeps * contact.OPERATIONS_CONTACT))
     stages: list[Node | Stage] = [
         Stage("predict", 2, 2, forces),
         *pins,

@@ -10,6 +10,7 @@ import pytest
 
 from model.core.parameters import record_type
 from model.tetrahedra.newton import CONSTANTS, DAMPED
+from model.tetrahedra.springs import PARTS
 from model.xpbd.mesh_plan import BODY_DAMPING
 from model.xpbd.parameters import XPBD_PARAMETERS
 
@@ -17,7 +18,7 @@ pytestmark = pytest.mark.usefixtures("ptx_compiler")
 
 FREE = frozenset({"gravity", "load"})
 EVERYTHING = FREE | {DAMPED, "pins", "damping", "external", "poke", "plane", "sphere", "capsule", "box", "friction"}
-PINS = FREE | {DAMPED, "pins", "motion", BODY_DAMPING}
+PINS = FREE | {DAMPED, "pins", "motion", BODY_DAMPING} | PARTS
 
 
 def text(real: Any, math: str, parts: frozenset[str]) -> str:
@@ -30,7 +31,7 @@ def text(real: Any, math: str, parts: frozenset[str]) -> str:
     reals, whole, wide = one[::1], types.int32[::1], types.int64[::1]
     record = typeof(np.zeros(1, record_type((*CONSTANTS, *XPBD_PARAMETERS), real)))
     arguments = (
-        *(reals,) * 14, whole, reals, whole, wide, record, reals, types.uint64[::1], wide, types.int64, types.int64,
+        *(reals,) * 15, whole, reals, whole, wide, record, reals, types.uint64[::1], wide, types.int64, types.int64,
         types.int64, one,
     )  # fmt: skip
     kernel = make_newton(real, math, parts)

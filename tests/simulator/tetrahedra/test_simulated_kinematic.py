@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from kinematic_scenes import CUBE, ENDS, HOOK, LOOSE, kinematic_scene, run
+from kinematic_scenes import CLAMP, CUBE, ENDS, HOOK, LOOSE, kinematic_scene, run
 
 from app.driver import open_simulation
 
@@ -20,9 +20,9 @@ def test_bits_are_the_cpus(solver: str) -> None:
         assert np.array_equal(state.velocity, expected.velocity), kernel
 
 
-def test_attached_bodies_are_the_cpus() -> None:
-    clamp = {"kind": "attachment", "body": "bar", "vertices": "left", "compliance": 1e-4}
-    scene = kinematic_scene("xpbd", bar=LOOSE, cube=CUBE, hook=HOOK, clamp=clamp)
+@pytest.mark.parametrize("solver", ["xpbd", "vbd"])
+def test_attached_bodies_are_the_cpus(solver: str) -> None:
+    scene = kinematic_scene(solver, bar=LOOSE, cube=CUBE, hook=HOOK, clamp=CLAMP)
     expected = run(scene, 2, precision="float32", math="exact", threads=1)
     for kernel in ("launch", "stages"):
         state = run(scene, 2, "gpu", precision="float32", math="exact", kernel=kernel)

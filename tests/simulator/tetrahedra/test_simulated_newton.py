@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from kinematic_scenes import BAR, ENDS, LOOSE, kinematic_scene
+from kinematic_scenes import BAR, CLAMP, CUBE, ENDS, HOOK, LOOSE, kinematic_scene
 from newton_scenes import end_state, groups_and_bodies, newton_scene
 from tetrahedra_scenes import BODY
 
@@ -65,6 +65,15 @@ PINS: dict[str, Any] = {
 def test_bits_of_pins_that_move_and_of_bodies_that_are_braked(precision: str) -> None:
     """Dampers, too: a pin works against them."""
     scene = kinematic_scene("newton", **PINS)
+    held_against_the_cpu(scene, precision, 2, initial=None)
+
+
+@pytest.mark.parametrize("precision", ["float32", "float64"])
+def test_bits_of_attachments(precision: str) -> None:
+    """That give, and not; to the world, to another body, whose vertices are pinned, too; no damper counts them."""
+    scene = kinematic_scene(
+        "newton", bar=PINS["bar"], cube=CUBE | {"edge": 0.1}, hook=HOOK, clamp=CLAMP | {"body": "cube"}, **ENDS
+    )
     held_against_the_cpu(scene, precision, 2, initial=None)
 
 

@@ -6,14 +6,22 @@ from typing import Any
 
 import numpy as np
 import pytest
-from vbd_scenes import BODY, EVERYTHING, end_state, vbd_scene
+from vbd_scenes import BODY, EVERYTHING, FREE, METHOD, end_state, vbd_scene
 
 from model.scene.scene import Scene
 
-SCENES: dict[str, Any] = {"everything": lambda: Scene(EVERYTHING), "alone": lambda: vbd_scene(BODY, iterations=1)}
+NEAR: dict[str, Any] = {
+    "body": BODY, "second": FREE | {"origin": [0.22, 0.03, 0.01], "velocity": [-1.0, 0.0, 0.2], "spin": [0.0] * 3},
+    "contact": {"distance": 0.03, "static_friction": 0.3, "dynamic_friction": 0.2}, "method": METHOD | {"substeps": 2},
+}  # fmt: skip
+SCENES: dict[str, Any] = {
+    "everything": lambda: Scene(EVERYTHING),
+    "alone": lambda: vbd_scene(BODY, iterations=1),
+    "meeting": lambda: Scene(NEAR),
+}
 
 
-@pytest.mark.parametrize("name,precision", [("everything", "float32"), ("alone", "float64")])
+@pytest.mark.parametrize("name,precision", [("everything", "float32"), ("alone", "float64"), ("meeting", "float32")])
 def test_bits_are_the_cpus(name: str, precision: str) -> None:
     scene = SCENES[name]()
     expected = end_state(scene, 1, precision=precision)
