@@ -42,7 +42,7 @@ def sweep(
     scene: Annotated[
         list[str] | None,
         typer.Option(
-            help="With --peers: only grid, cloth, xpbd, implicit-16, implicit-4, implicit-1, tetrahedra or rigid. Repeatable."
+            help="With --peers: only grid, cloth, xpbd, implicit (-16, -4, -1), tetrahedra (-1e5 ...) or rigid. Repeatable."
         ),
     ] = None,
     store: StorePath = DEFAULT_STORE,

@@ -10,9 +10,12 @@ from bench.peers.cuda_cpp_blocked import CudaCppBlocked
 from bench.peers.cuda_cpp_cloth import CudaCppCloth
 from bench.peers.newton_rigid import NewtonRigid
 from bench.peers.newton_sheet import NewtonSemiImplicit, NewtonVbd, NewtonXpbd
+from bench.peers.newton_tetrahedra import NewtonTetrahedra
 from bench.peers.numpy_grid import NumpyGrid
+from bench.peers.own_tetrahedra import OwnTetrahedra
 from bench.peers.own_xpbd import OwnXpbd
 from bench.peers.warp_cloth import WarpCloth
+from bench.peers.warp_fem import WarpFem
 from bench.peers.warp_grid import WarpGrid
 from bench.peers.warp_xpbd import WarpXpbd
 
@@ -24,6 +27,11 @@ def _of_warp(backend: str) -> tuple[Peer, ...]:
         WarpGrid(backend), WarpCloth(backend), WarpXpbd(backend), NewtonSemiImplicit(backend), NewtonXpbd(backend, 10),
         NewtonVbd(backend, 10), NewtonVbd(backend, 50), OwnXpbd(backend, 2), OwnXpbd(backend, 10),
         NewtonRigid(backend, "XPBD", 10), NewtonRigid(backend, "VBD", 10), NewtonRigid(backend, "Steel"),
+        NewtonTetrahedra(backend, "SemiImplicit"), NewtonTetrahedra(backend, "VBD", 4, 10),
+        NewtonTetrahedra(backend, "VBD", 10, 50), NewtonTetrahedra(backend, "XPBD", 30, 1),
+        NewtonTetrahedra(backend, "XPBD", 10, 10), WarpFem(backend),
+        *(OwnTetrahedra(backend, "xpbd", substeps, 1) for substeps in (30, 128, 512)),
+        OwnTetrahedra(backend, "vbd", 4, 30),
     )  # fmt: skip
 
 
