@@ -237,7 +237,8 @@ def tetrahedra(
     store: StorePath = DEFAULT_STORE,
 ) -> None:
     """Does E mean E? A bar of tetrahedra: how far its solver, and how far its mesh, is off, and what a frame costs."""
-    from bench.experiments.tetrahedra import print_tetrahedra, run_tetrahedra
+    from bench.experiments.tetrahedra import run_tetrahedra
+    from bench.experiments.tetrahedral.decides import print_tetrahedra
     from bench.experiments.tetrahedral.meshes import print_meshes, run_meshes
 
     chosen = precisions_of(precision, "float32")

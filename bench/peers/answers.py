@@ -10,10 +10,10 @@ import numpy as np
 from app.driver import open_simulation
 from bench.experiments.checks import displaced
 from bench.measure.cases import SweepSummary
+from bench.peers.bars.tip import Tip
 from bench.peers.base import PeerError
 from bench.peers.cases import Beside, PeerCase
 from bench.peers.results import DIFFERENCE, OWN_LAW
-from bench.peers.tip import Tip
 from bench.store.database import Store
 from model.core.build import Body
 from model.core.simulation import Simulation, State

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from bench.experiments.checks import CHECK_ROWS, LIMITS
-from bench.peers.tip import Tip
+from bench.peers.bars.tip import Tip
 from model.core.build import build
 from model.core.parameters import PARAMETERS, parameter_record
 from model.core.simulation import PRECISIONS
@@ -79,7 +79,7 @@ class Peer(ABC):
         return rounding_bound(scene, precision)
 
     def tip(self, scene: Scene) -> Tip | None:
-        """Of a bar that is held against an exact answer (bench/peers/tip.py): that of the peer's own law, None where the
+        """Of a bar that is held against an exact answer (bench/peers/bars/tip.py): that of the peer's own law, None where the
         scene's is its own."""
         return None
 

@@ -15,10 +15,10 @@ import bench.peers
 from bench.experiments.checks import CHECK_STEPS, OWN_SIZE_STEPS
 from bench.experiments.sweep import source_hash
 from bench.measure.cases import Case
+from bench.peers.bars.tip import Tip
 from bench.peers.base import Opened, Peer, rounding_bound
 from bench.peers.registry import OURS
 from bench.peers.scenes import PeerScene, shape_of
-from bench.peers.tip import Tip
 from bench.store.results import configuration
 from cpu_backend.core.threads import thread_count, threading_layer, wait_policy
 from model.core.build import Body
@@ -103,7 +103,7 @@ class Beside:
 def peer_sources(backend: str) -> str:
     """The hash of what a comparison depends on: the backend's sources and those of the peers."""
     digest = hashlib.sha256(source_hash(backend).encode())
-    for file in sorted(Path(bench.peers.__file__).parent.iterdir()):
+    for file in sorted(Path(bench.peers.__file__).parent.rglob("*")):
         if file.suffix in (".py", ".cpp", ".cu"):
             digest.update(file.name.encode() + b"\0" + file.read_bytes() + b"\0")
     return digest.hexdigest()[:16]

@@ -16,11 +16,11 @@ import numpy as np
 from app.driver import open_simulation
 from bench.experiments.checks import displaced
 from bench.peers.answers import distances
+from bench.peers.bars.tip import BARS, Tip
 from bench.peers.base import Opened, Peer
 from bench.peers.cuda_cpp import CudaConstants
 from bench.peers.registry import PEERS
 from bench.peers.scenes import SCENES, PeerScene
-from bench.peers.tip import BARS, Tip
 from model.core.build import build
 from model.core.simulation import State
 from model.scene.scene import Scene

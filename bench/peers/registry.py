@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from bench.peers.bars.fem import WarpFem
+from bench.peers.bars.newton import NewtonTetrahedra
+from bench.peers.bars.own import OwnTetrahedra
 from bench.peers.base import Peer
 from bench.peers.cpp_openmp import CppOpenmp, CppOpenmpBlocked
 from bench.peers.cpp_tetrahedra import CppTetrahedra
@@ -10,12 +13,9 @@ from bench.peers.cuda_cpp_blocked import CudaCppBlocked
 from bench.peers.cuda_cpp_cloth import CudaCppCloth
 from bench.peers.newton_rigid import NewtonRigid
 from bench.peers.newton_sheet import NewtonSemiImplicit, NewtonVbd, NewtonXpbd
-from bench.peers.newton_tetrahedra import NewtonTetrahedra
 from bench.peers.numpy_grid import NumpyGrid
-from bench.peers.own_tetrahedra import OwnTetrahedra
 from bench.peers.own_xpbd import OwnXpbd
 from bench.peers.warp_cloth import WarpCloth
-from bench.peers.warp_fem import WarpFem
 from bench.peers.warp_grid import WarpGrid
 from bench.peers.warp_xpbd import WarpXpbd
 

@@ -12,10 +12,10 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
+from bench.peers.bars.tip import BARS
 from bench.peers.own_xpbd import IMPLICIT
 from bench.peers.registry import OURS, label
 from bench.peers.scenes import SCENES, shape_of, word_of
-from bench.peers.tip import BARS
 from bench.store.database import Store, canonical
 from bench.store.results import SPREAD_LIMIT
 
@@ -24,7 +24,7 @@ NO_BREAK = "\N{NO-BREAK SPACE}"  # in the cells of a narrow terminal
 DIFFERENCE = (
     "peer_difference"  # the measure: how far a state is from the lab's own in float64, in spacings; of bars that
 )
-# are held against an exact answer (bench/peers/tip.py), how far the tip is off its way, relative
+# are held against an exact answer (bench/peers/bars/tip.py), how far the tip is off its way, relative
 OWN_LAW = (
     "peer_law_difference"  # of a peer whose material is its own, whose law the reason tells: off the scene's answer
 )

@@ -3,7 +3,7 @@
 A sheet keeps its material and its spacing at every size. Cloth by implicit Euler is the same sheet at three step sizes, of
 one, four and sixteen steps in a sixtieth of a second: there the peers are iterative solvers, whose error grows with the step.
 Rigid bodies are towers of ten beams that fall a centimetre on each other and come to rest, n x n of them. Tetrahedra are a
-bar held at one end, n voxels across and five times as many long; and, at three Young's moduli, the bar of bench/peers/tip.py.
+bar held at one end, n voxels across and five times as many long; and, at three Young's moduli, the bar of bars/tip.py.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import Any
 
 from bench.experiments.checks import CHECK_STEPS
 from bench.experiments.sweep import shapes
-from bench.peers.tip import ACROSS, BARS, NEAR, Tip, bar_of, exact_tip
+from bench.peers.bars.tip import ACROSS, BARS, NEAR, Tip, bar_of, exact_tip
 from model.core.errors import SceneError
 from model.scene.scene import Scene, load_scene
 

@@ -11,15 +11,15 @@ from rich.console import Console
 
 from app.driver import open_simulation
 from bench.experiments.tetrahedra import POISSON
+from bench.peers.bars.fem import WarpFem
+from bench.peers.bars.newton import NewtonTetrahedra, squares_stress, stable_substeps
+from bench.peers.bars.own import OwnTetrahedra
+from bench.peers.bars.tip import BARS, by_stress, exact_tip, quickest
 from bench.peers.base import Peer
-from bench.peers.newton_tetrahedra import NewtonTetrahedra, squares_stress, stable_substeps
-from bench.peers.own_tetrahedra import OwnTetrahedra
 from bench.peers.registry import PEERS
 from bench.peers.results import print_peers, ratios
 from bench.peers.scenes import SCENES, peer_scenes, shape_of, word_of
 from bench.peers.sweep import run_peers
-from bench.peers.tip import BARS, by_stress, exact_tip, quickest
-from bench.peers.warp_fem import WarpFem
 from bench.reference.elastic_materials import cofactor, lame, linear_tangent, stress
 from bench.store.database import Store
 from bench.store.results import measures

@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
+from bench.peers.bars.tip import BARS, NEAR, lame_of, tetrahedra_refusal
 from bench.peers.base import Opened, PeerError
-from bench.peers.tip import BARS, NEAR, lame_of, tetrahedra_refusal
 from bench.peers.warp_base import WarpPeer, load_warp
 from model.core.build import build
 from model.scene.scene import Scene

@@ -9,7 +9,7 @@ de Goes, Kim, "Stable Neo-Hookean Flesh Simulation", ACM TOG 2018):
   3/4 mu and lambda - 5/8 mu. It is given 4/3 mu and lambda + 5/6 mu, so that it is the one asked for.
 - XPBD: mu/2 (|F|^2 - 3)^2 + lambda/2 (J - 1)^2, each square a constraint. The first is of second order in the strain, not
   of first: at rest it resists stretch of the trace and nothing else. A bar of it has no bending stiffness to begin with,
-  whatever mu; no choice of numbers makes it the one asked for. It is held against its own law (bench/peers/tip.py).
+  whatever mu; no choice of numbers makes it the one asked for. It is held against its own law (bench/peers/bars/tip.py).
 
 XPBD adds up the full corrections of all tetrahedra of a vertex at once, times 0.9, as of springs. Explicit and undamped,
 semi-implicit Euler takes as few substeps as its mesh's quickest vibration allows, and some more.
@@ -22,9 +22,9 @@ from typing import Any
 
 import numpy as np
 
+from bench.peers.bars.tip import BARS, NEAR, Tip, across_of, by_stress, lame_of, quickest, tetrahedra_refusal, young_of
 from bench.peers.base import Opened
 from bench.peers.newton_sheet import Newton, load_newton
-from bench.peers.tip import BARS, NEAR, Tip, across_of, by_stress, lame_of, quickest, tetrahedra_refusal, young_of
 from bench.peers.warp_base import Replayed
 from bench.reference.elastic_materials import cofactor
 from model.core.build import build

@@ -7,9 +7,9 @@ strains, of a thousandth, the bar is the same.
 from __future__ import annotations
 
 from app.driver import open_simulation
+from bench.peers.bars.tip import BARS, NEAR, tetrahedra_refusal
 from bench.peers.base import Opened
 from bench.peers.own_xpbd import Own, OwnXpbd
-from bench.peers.tip import BARS, NEAR, tetrahedra_refusal
 from model.scene.scene import Scene
 
 
