@@ -260,6 +260,8 @@ def bar(
 ) -> None:
     """Every method, one body: sag, frequency and shear of a bar against what its material says; laws of bodies."""
     from bench.experiments.bar import run_bar
+    from bench.experiments.bar_costs import print_bar_costs, run_bar_costs
     from bench.experiments.bar_rows import print_bar
 
     measure(store, run_bar, print_bar, quick=quick, backends=backend)
+    measure(store, run_bar_costs, print_bar_costs, quick=quick, backends=backend)

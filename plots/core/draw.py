@@ -24,6 +24,7 @@ from plots.core.style import Drawing, settings
 from plots.figures import (
     ablation,
     bar,
+    bar_costs,
     convergence,
     crossover,
     graphics,
@@ -76,6 +77,7 @@ DRAWN: dict[str, tuple[str, Callable[[Results], Drawing | str]]] = {  # name -> 
     "hard-verdicts": (hard.VERDICTS_TITLE, hard.draw_verdicts),
     "hard-bodies": (hard_bodies.TITLE, hard_bodies.draw),
     "bar-solvers": (bar.TITLE, bar.draw),
+    "bar-costs": (bar_costs.TITLE, bar_costs.draw),
     "bar-clusters": (bar.CLUSTERS_TITLE, bar.draw_clusters),
 }
 FIGURES = {name: draw for name, (_, draw) in DRAWN.items()}

@@ -46,6 +46,7 @@ ELSEWHERE = {  # figure -> the file whose test holds its labels to the table
     **dict.fromkeys(["hard-states", "hard-verdicts"], "test_hard.py"),
     "hard-bodies": "test_hard_bodies.py",
     **dict.fromkeys(["bar-solvers", "bar-clusters"], "test_bar.py"),
+    "bar-costs": "test_bar_costs.py",
 }
 LARGE = (*SIZES, 1024, 2048, 4096)
 GPU_SQUARES = np.array(sorted([n * n for n in LARGE] + [100 * 100]), float)  # of the sweep

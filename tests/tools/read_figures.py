@@ -48,6 +48,7 @@ LABELS: dict[str, list[tuple[str, str]]] = {  # figure -> (x, y) of each panel, 
     "hard-verdicts": [],
     "hard-bodies": [("measured over its bound", "")],
     "bar-solvers": BAR,
+    "bar-costs": [("time of a frame / ms", f"{what} off a rod's") for what in ("sag", "first frequency")],
     "bar-clusters": [
         ("masses along the strip", "sag / a rod's"), ("overlap: cluster radius / cluster spacing", "over a rod's"),
     ],
