@@ -105,6 +105,7 @@ test_contact_restitution.py test_a_swarm* test_whole_steps*
 test_mesh.py *million*
 test_side_by_side.py test_the_clocks*
 test_view3d.py test_a_pulled_cloth*
+test_bars_of_peers.py test_peers_move*
 # of tetrahedra: one solver, one budget, one case by default
 test_element_projections.py test_larger_bars* test_quick_is*
 test_advise_tetrahedra.py test_measured_bars* test_what_is_advised* test_stiff_bars*
