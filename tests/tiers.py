@@ -196,6 +196,10 @@ test_newton.py test_single_precision* test_what_falls*
 test_compiled.py *implicit?tetrahedra*
 test_compiled.py *sheets?of?bodies*
 test_ablate.py test_a_time_between* test_asked_again* test_the_command_prints* test_interrupted* test_the_figure_and*
+# dear to compile, and the same again with fewer parts or other numbers
+test_compiled.py *?grid?in?stages? *grid?of?two?springs*
+test_newton_ptx.py *everything-* *free-exact*
+test_no_trace.py *lab-parts1*float32?
 # ten thousand meshes of every kind
 test_tetrahedra_soup.py test_ten_thousand*
 # the tool that measures how many deliberate mistakes are noticed (python -m tests.mistakes), end to end
@@ -220,5 +224,6 @@ THINNED = {
     "test_particle_contacts_ptx.py", "test_simulated_bodies_material.py", "test_bodies_material_ptx.py",
     "test_cloth_tiles_ptx.py", "test_xpbd_ptx.py", "test_xpbd_mesh_ptx.py", "test_distance_field_cloths.py",
     "test_simulated_distance_field.py", "test_simulated_mesh_collider.py", "test_contacts_ptx.py",
-    "test_cloth_ptx.py", "test_bodies_ptx.py",
+    "test_cloth_ptx.py", "test_bodies_ptx.py", "test_ptx.py", "test_no_trace_ptx.py", "test_implicit_ptx.py",
+    "test_newton_ptx.py", "test_tetrahedra_ptx.py", "test_surface_contacts_ptx.py",
 }  # fmt: skip
