@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from kernel_text import entry_of
 
 from model.core.parameters import record_type
 from model.tetrahedra.newton import CONSTANTS, DAMPED
@@ -23,7 +24,7 @@ PINS = FREE | {DAMPED, "pins", "motion", BODY_DAMPING} | PARTS
 
 def text(real: Any, math: str, parts: frozenset[str]) -> str:
     """From its entry on."""
-    from numba import cuda, typeof, types
+    from numba import typeof, types
 
     from gpu_backend.tetrahedra.newton_kernel import make_newton
 
@@ -34,9 +35,7 @@ def text(real: Any, math: str, parts: frozenset[str]) -> str:
         *(reals,) * 15, whole, reals, whole, wide, record, reals, types.uint64[::1], wide, types.int64, types.int64,
         types.int64, one,
     )  # fmt: skip
-    kernel = make_newton(real, math, parts)
-    found, _ = cuda.compile_ptx(kernel.py_func, arguments, cc=(9, 0), fastmath=math == "fast")
-    return str(found[found.index(".entry") :])
+    return entry_of(make_newton(real, math, parts).py_func, arguments, math)
 
 
 @pytest.mark.parametrize("math", ["fast", "exact"])

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from kernel_text import entry_of
 
 from model.core.parameters import record_type
 from model.formulas.constraints import tetrahedron
@@ -23,7 +24,7 @@ KERNELS = {"remember": "RIRRi", "start": "RRRRIIiP", "descend": "RRIIIIRRIIIRRRi
 
 def text(name: str, real: Any, math: str, material: int, damped: bool = False, parts: frozenset[str] = PARTS) -> str:
     """Of a kernel from its entry on. R and I: arrays of reals and of indices, P the record, i a number."""
-    from numba import cuda, typeof, types
+    from numba import typeof, types
 
     from gpu_backend.tetrahedra.descent_kernels import make_visits
 
@@ -37,9 +38,7 @@ def text(name: str, real: Any, math: str, material: int, damped: bool = False, p
         "w": types.int64,
     }
     known["P"] = typeof(np.zeros(1, record_type((SCALE, *CONSTANTS, *XPBD_PARAMETERS), real)))
-    arguments = tuple(known[letter] for letter in KERNELS[name])
-    found, _ = cuda.compile_ptx(kernel.py_func, arguments, cc=(9, 0), fastmath=math == "fast")
-    return str(found[found.index(".entry") :])
+    return entry_of(kernel.py_func, tuple(known[letter] for letter in KERNELS[name]), math)
 
 
 @pytest.mark.parametrize("material", range(len(tetrahedron.MATERIALS)))
