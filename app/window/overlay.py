@@ -85,7 +85,7 @@ class Overlay:
                 keys_text(width, viewer.space, viewer.bodies, len(demo.worlds) > 1, tetrahedra), width, height
             )
             self._keys.draw()
-        elif not self._keys_seen:
+        elif not self._keys_seen and not viewer.panel.open:
             self._hint.place(hint(viewer.space, viewer.bodies, len(demo.worlds) > 1, tetrahedra), width, height)
             self._hint.draw()
             above = self._hint.height + 8

@@ -71,6 +71,8 @@ class Steering(Poking):
 
     def set_fields(self, wanted: Sequence[Mapping[str, Any]], told: Callable[[], str]) -> bool:
         """Other fields of each changed world, which are opened anew in them; `told` of it."""
+        if self._blocked():
+            return False
         changes = {id(world): fields for world, fields in zip(self.changed, wanted, strict=True)}
         scenes: list[Scene] = []
 

@@ -200,6 +200,7 @@ class Viewer:
             "keys_shown": self.overlay.show_keys,
             "numbers_shown": self.overlay.show_numbers,
             "graph_shown": self.overlay.show_graph,
+            "panel": self.panel.told(),
             "screenshot": str(self.shots.screenshot) if self.shots.screenshot else None,
             "way": self.views[0].vertices.way,
         }

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from time import perf_counter
 from typing import Any
 
-from app.window.panel.available import load_imgui
+from app.render.dear_imgui import load_imgui
 from app.window.panel.look import Look
 
 KEYS = {  # pyglet's names of keys -> Dear ImGui's: those that texts and sliders know
@@ -28,6 +28,7 @@ class Context:
     def __init__(self, look: Look | None = None):
         self.imgui: Any = load_imgui()
         self._context = self.imgui.create_context()
+        self.make_current()  # it is not, where there is one already
         self.look = look or Look()
         self.look.load_fonts(self.imgui)
         self.look.apply(self.imgui)

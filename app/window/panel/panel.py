@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from app.window.panel.available import REMEDY, panel_available
+from app.render.dear_imgui import REMEDY, panel_available
 from app.window.panel.context import Context
 from app.window.panel.layout import Layout
 from app.window.panel.look import SIZES, Look
@@ -68,6 +68,12 @@ class Panel:
         self._drawing.draw(self.viewer.width, self.viewer.height)
         if (unit, theme) != (self.look.unit, self.look.theme):
             self.look.apply(self._context.imgui)
+
+    def told(self) -> dict[str, list[int]] | None:
+        """Where things of it lie, for another program: (left, top, right, bottom) [pixels]; None while it is closed."""
+        if not self.open:
+            return None
+        return {name: [round(edge) for edge in place] for name, place in self.state.places.items()}
 
     def close(self) -> None:
         """Free everything."""
