@@ -115,7 +115,7 @@ def _display() -> Finding:
 
 
 def _panel() -> Finding:
-    from app.render.dear_imgui import REMEDY, panel_available
+    from app.command.dear_imgui import REMEDY, panel_available
 
     works, told = panel_available()
     return Finding("panel of the window", works, told, "" if works else f"{REMEDY}; the keys work without it")

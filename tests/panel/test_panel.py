@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from app.render.dear_imgui import REMEDY
+from app.command.dear_imgui import REMEDY
 from app.window import keeping
 from app.window.panel import panel as panel_module
 from app.window.panel.look import DARK, Look

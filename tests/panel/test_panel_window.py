@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from test_viewer import Window, display, needs_display  # noqa: F401
 
-from app.render.dear_imgui import REMEDY
+from app.command.dear_imgui import REMEDY
 
 
 @pytest.mark.display

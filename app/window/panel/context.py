@@ -7,7 +7,7 @@ from collections.abc import Callable
 from time import perf_counter
 from typing import Any
 
-from app.render.dear_imgui import load_imgui
+from app.command.dear_imgui import load_imgui
 from app.window.panel.look import Look
 
 KEYS = {  # pyglet's names of keys -> Dear ImGui's: those that texts and sliders know

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from app.render.dear_imgui import REMEDY, panel_available
+from app.command.dear_imgui import REMEDY, panel_available
 from app.window.panel.context import Context
 from app.window.panel.layout import Layout
 from app.window.panel.look import SIZES, Look
