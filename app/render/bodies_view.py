@@ -112,16 +112,24 @@ class BodiesView(View):
         program.use()
         program["shine"] = PARTICLE_SHINE
         program.stop()
-        side = np.cross(KEY, (0.0, 0.0, 1.0))
-        side /= np.linalg.norm(side)
         for program in (self._skin_shadow, self._sphere_shadow):
             self._scenery.shadow_constants(program)
-        self._sphere_shadow.use()
-        self._sphere_shadow["side"], self._sphere_shadow["other"] = tuple(side), tuple(np.cross(KEY, side))
-        self._sphere_shadow.stop()
+        self.shine(KEY)
         self._skin_shadow.use()
         self._skin_shadow["clusters"] = 0
         self._skin_shadow.stop()
+
+    def _lits(self) -> list[Lit]:
+        return [*super()._lits(), self._lit_skin, self._lit_spheres]
+
+    def shine(self, light: np.ndarray) -> None:
+        """See View; the shadow of a sphere is that of its disc across the light."""
+        super().shine(light)
+        side = np.cross(light, (0.0, 0.0, 1.0))
+        side /= np.linalg.norm(side)
+        self._sphere_shadow.use()
+        self._sphere_shadow["side"], self._sphere_shadow["other"] = tuple(side), tuple(np.cross(light, side))
+        self._sphere_shadow.stop()
 
     # ------------------------------------------------------------------ the state
 

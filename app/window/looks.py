@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import cos, sin
 from typing import Any
+
+import numpy as np
 
 from app.render.detail import Detail, next_detail
 from app.window.demo import NO_BODIES, Demo
@@ -31,6 +34,7 @@ class Looks:
             if view.space and old.space:
                 view.show_in(old.detail)
                 view.show_colliders(old.colliders)
+                view.shine(old.light)
             if type(view) is not type(old):
                 continue
             for name in ("particles", "skin", "clusters", "links"):
@@ -58,6 +62,13 @@ class Looks:
         """Show or hide what masses collide with; the ground stays."""
         for view in self.views:
             view.show_colliders(not view.colliders)
+
+    def shine(self, turned: float, height: float) -> None:
+        """In space, the light that throws shadows from `turned` [rad] about the vertical, 0 from +z, `height` [rad] up."""
+        flat = cos(height)
+        light = np.array([flat * sin(turned), sin(height), flat * cos(turned)])
+        for view in self.views:
+            view.shine(light)
 
     def show_in(self, detail: Detail) -> None:
         """How much goes into the picture, in space."""

@@ -112,13 +112,15 @@ class Viewer:
         self.frame_seconds += 0.1 * (now - self._last_frame - self.frame_seconds)
         self._last_frame = now
         demo = self.demo
+        if self.panel.open:
+            self.panel.lay_out()  # before the scene moves: what is pressed in it may change everything
+        if demo.generation != self._generation:
+            self._renew()
         self._lay_out()
         self.controls.mouse.pull()
         if not self.frame_count:
             self._show_the_start()
         demo.frame()
-        if demo.generation != self._generation:
-            self._renew()
         if self.follow:
             self.following.approach(FOLLOW_SHARE)
         self.following.stay_above_ground()

@@ -5,6 +5,8 @@ from __future__ import annotations
 from types import SimpleNamespace
 from typing import Any, Self
 
+import numpy as np
+
 from app.render.detail import FINE
 from app.render.views import camera_of
 from app.window.demo import Demo
@@ -27,7 +29,7 @@ class FakeView:
         self.scene, self.space = scene, scene.dimensions == 3
         self.detail, self.lines, self.colliders = FINE, False, True
         self.particles, self.skin, self.clusters, self.links = False, True, False, False
-        self.colouring = "body"
+        self.colouring, self.light = "body", np.array([0.0, 0.8, 0.6])
 
     def toggle_lines(self) -> bool:
         self.lines = not self.lines
@@ -42,6 +44,9 @@ class FakeView:
 
     def show_colliders(self, shown: bool) -> None:
         self.colliders = shown
+
+    def shine(self, light: np.ndarray) -> None:
+        self.light = light
 
     def show_in(self, detail: Any) -> None:
         self.detail = detail

@@ -176,6 +176,9 @@ def test_layers_and_colliders() -> None:
         stage.click("Colliders", 0.05)
         view = stage.viewer.views[0]
         assert view.lines and not view.colliders
+        stage.drag("Light turned", 0.5, 0.75)
+        stage.let_go()
+        assert view.light == pytest.approx([0.6, 0.8, 0.0], abs=0.05)
         stage.click("picture quick")
         assert view.detail.name == "quick"
 
@@ -240,12 +243,13 @@ def test_a_closed_panel_takes_nothing_and_an_open_one_what_is_over_it(monkeypatc
         panel._buttons = {1: 0}
         panel.toggle()
         assert panel.open and panel.width == 372
+        panel.lay_out()
         panel.draw()
         assert not panel.pressed(100.0, 100.0, 1) and panel.pressed(1190.0, 10.0, 1)
         assert panel.moved(100.0, 100.0), "what was pressed in it is its until it is let go"
         assert panel.released(1) and not panel.released(1)
-        panel.draw()
-        panel.draw()
+        panel.lay_out()
+        panel.lay_out()
         assert not panel.moved(100.0, 100.0)
         panel.toggle()
         assert panel.width == 0 and not stage.demo.wants_momentum

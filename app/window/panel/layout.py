@@ -42,7 +42,8 @@ class Layout:
 
     def draw(self) -> None:
         """One frame, at the right of the window."""
-        imgui, viewer, width = self.imgui, self.viewer, self.look.width
+        imgui, viewer = self.imgui, self.viewer
+        width = viewer.width - viewer.shown_width
         self.state.history.look(viewer.demo.world, viewer.demo.statistics)
         self.state.places.clear()
         fixed = imgui.WindowFlags_
@@ -65,4 +66,5 @@ class Layout:
                 self.said.rows.gap(6)
                 imgui.unindent(6 * self.look.unit)
         imgui.end_child()
+        self.state.cancels = False
         imgui.end()

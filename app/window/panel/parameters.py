@@ -22,6 +22,7 @@ DECADES = 100.0  # a factor to either side of a positive value
 MOST = {  # where a slider ends for which its own table knows no bound
     "acceleration": 30.0, "substeps": 64, "iterations": 64, "sweeps": 16,
 }  # fmt: skip
+WHERE_NONE = {"s": 0.0125, "m": 0.025}  # a quarter of a slider's length, of what is 0 where it begins; else 0.25
 VECTOR = {"velocity": 20.0}  # to either side of 0
 WHY = {  # why a field is not live, by kind of table
     "method": "the stages of a step are compiled for it",
@@ -58,7 +59,7 @@ class Parameter:
     @property
     def field(self) -> str:
         """Its name there."""
-        return self.path.partition(".")[2]
+        return self.path.partition(".")[2].strip()
 
     @property
     def label(self) -> str:
@@ -105,7 +106,7 @@ def _parameter(scene: Scene, told: Scene, part: str, field: str, live: bool) -> 
         return None
     kind: Literal["number", "whole"] = "whole" if isinstance(value, int) and _whole(info) else "number"
     base = float(given) if isinstance(given, int | float) and isfinite(given) else float(value)
-    low, high, logarithmic = _range(field, info, kind, base or float(value))
+    low, high, logarithmic = _range(field, info, kind, base or float(value) or WHERE_NONE.get(unit, 0.25))
     low, high = min(low, float(value)), max(high, float(value))
     return Parameter(path, kind, unit, low, high, logarithmic, live=live, why=why, note=note)
 

@@ -126,6 +126,10 @@ class Rows:
                 pressed, _ = imgui.selectable(word, word == now)
                 if pressed:
                     chosen = word
+                if word == now:
+                    imgui.set_item_default_focus()
+            if self.state.cancels:
+                imgui.close_current_popup()
             imgui.end_combo()
         self.keep_place(name)
         return chosen if chosen != now else None

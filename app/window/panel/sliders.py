@@ -46,7 +46,7 @@ class Sliders(Rows):
         """A slider that shows how far it is by being filled, with its number upon that."""
         imgui = self.imgui
         flags = imgui.SliderFlags_.no_round_to_format | (imgui.SliderFlags_.logarithmic if logarithmic else 0)
-        text = f"%.4g {UNITS.get(unit, unit)}".rstrip()
+        text = f"%.4g{'' if unit == '°' else ' '}{UNITS.get(unit, unit)}".rstrip()
         changed, found = self.filled(
             lambda: imgui.slider_float(f"##{name}", float(value), low, high, text, int(flags)),
             share_of(value, low, high, logarithmic),
@@ -106,6 +106,8 @@ class Sliders(Rows):
             for word in one.words:
                 pressed, _ = imgui.selectable(word, word == now)
                 chosen = word if pressed and word != now else chosen
+            if self.state.cancels:
+                imgui.close_current_popup()
             imgui.end_combo()
         self.keep_place(one.path)
         return chosen

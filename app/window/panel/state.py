@@ -13,7 +13,7 @@ class PanelState:
     """`pending`: dotted path -> value of what is being changed and is given to the scene when it is let go; `history`: of
     energy and momentum; `error`: what was told of it last; `scene_file`, `state_file`: what is typed as the names of
     files; `places`: (left, top, right, bottom) [pixels] of what was laid out last, by name; `every`:
-    whether what can be opened is open at first."""
+    whether what can be opened is open at first; `cancels`: a list of words is to close."""
 
     pending: dict[str, Any] = field(default_factory=dict)
     history: History = field(default_factory=History)
@@ -21,4 +21,5 @@ class PanelState:
     scene_file: str = ""
     state_file: str = ""
     every: bool = False
+    cancels: bool = False
     places: dict[str, tuple[float, float, float, float]] = field(default_factory=dict)

@@ -31,8 +31,4 @@ def head(said: Said) -> None:
     rows.keep_place("speed")
     if changed and 0 <= found < len(STEPS_PER_FRAME):
         demo.set_steps(STEPS_PER_FRAME[found])
-    if demo.frozen:
-        rows.note(demo.failure, "warning")
-    elif demo.message:
-        rows.note(demo.message)
     rows.gap(1)
