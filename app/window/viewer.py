@@ -60,7 +60,7 @@ class Viewer:
         self.frame_count = 0
         self.frame_seconds = 1 / 60
         self.draw_seconds = 0.0
-        self._generation = demo.generation
+        self._generation, self._scenes = demo.generation, demo.scenes
         self._last_frame = perf_counter()
         self.following.approach(1.0)
         self.controls = Controls(self)
@@ -135,7 +135,7 @@ class Viewer:
             self.close()
 
     def _renew(self) -> None:
-        """The worlds became others: views of them that look as those before, and, of another kind of scene, all about it."""
+        """The worlds became others: views of them that look as those before, and, of other scenes, all about them."""
         demo, before = self.demo, self.views
         self._generation = demo.generation
         space, bodies = demo.world.scene.dimensions == 3, bool(demo.world.scene.bodies)
@@ -150,7 +150,9 @@ class Viewer:
         self.overlay.renew()
         self._lay_out()
         self.following = Following(self)
-        self.frame_everything()
+        if demo.scenes is not self._scenes:
+            self._scenes = demo.scenes
+            self.frame_everything()
 
     def _show_the_start(self) -> None:
         """The scene before its first step, which may compile for a minute: nobody should look at a black window so long."""

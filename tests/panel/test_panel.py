@@ -125,6 +125,17 @@ def test_the_material_of_tetrahedra_has_sliders() -> None:
         assert "poisson_ratio" in stage.demo.message
 
 
+def test_what_one_of_two_scenes_lacks_is_changed_in_the_other() -> None:
+    bare = {name: table for name, table in GRID.items() if name not in ("damping", "gravity")}
+    with Stage(scene(), scene(bare)) as stage:
+        assert stage.demo.set_field("damping.coefficient", 0.1) and stage.demo.set_field("gravity.acceleration", 1.0)
+        assert not stage.demo.set_field("external.magnitude", 0.1) and "no such table" in stage.demo.message
+        first, second = (world.scene for world in stage.demo.worlds)
+        assert first.damping.coefficient == 0.1 and not {"damping", "gravity", "external"} & set(second.parts)  # type: ignore[union-attr]
+        assert stage.demo.set_field("springs.stiffness", 20.0)
+        assert [world.scene.springs.stiffness for world in stage.demo.worlds] == [20.0, 20.0]  # type: ignore[union-attr]
+
+
 # ---------------------------------------------------------------------- the rest of it
 
 
