@@ -26,17 +26,19 @@ class Looks:
         self._space, self._bodies = scene.dimensions == 3, bool(scene.bodies)
         self._tetrahedra = bool(scene.tetrahedra)
 
-    def renew(self, views: Sequence[Any], before: Sequence[Any]) -> None:
-        """Of other views from now on, which look as those `before`, as far as they can."""
+    def renew(self, views: Sequence[Any], before: Sequence[Any], alike: bool = True) -> None:
+        """Of other views from now on, which look as those `before`, as far as they can; of scenes that are not `alike` the
+        light and how much is drawn."""
         self._of(views)
         old = before[0]
         for view in views:
             if view.space and old.space:
                 view.show_in(old.detail)
-                view.show_colliders(old.colliders)
                 view.shine(old.light)
-            if type(view) is not type(old):
+            if type(view) is not type(old) or not alike:
                 continue
+            if view.space:
+                view.show_colliders(old.colliders)
             for name in ("particles", "skin", "clusters", "links"):
                 if getattr(view, name, None) != getattr(old, name, None):
                     getattr(view, f"toggle_{name}")()

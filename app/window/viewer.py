@@ -140,7 +140,7 @@ class Viewer:
         self._generation = demo.generation
         space, bodies = demo.world.scene.dimensions == 3, bool(demo.world.scene.bodies)
         self.views = [view_of(world.scene, quick=True) for world in demo.worlds]
-        self.looks.renew(self.views, before)
+        self.looks.renew(self.views, before, alike=demo.scenes[0].name == self._scenes[0].name)
         for view in before:
             view.delete()
         if (space, bodies) != (self.space, self.bodies):

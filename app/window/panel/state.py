@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, TypeVar
 
 from app.window.panel.history import History
+
+T = TypeVar("T")
 
 
 @dataclass
@@ -23,3 +26,12 @@ class PanelState:
     every: bool = False
     cancels: bool = False
     places: dict[str, tuple[float, float, float, float]] = field(default_factory=dict)
+    _kept: dict[str, tuple[tuple[object, ...], Any]] = field(default_factory=dict)
+
+    def kept(self, name: str, of: tuple[object, ...], make: Callable[[], T]) -> T:
+        """What `make` gives, made anew only when one of the objects that it is `of` is another: frames are many."""
+        before, found = self._kept.get(name, ((), None))
+        if len(before) != len(of) or any(one is not other for one, other in zip(before, of, strict=True)):
+            found = make()
+            self._kept[name] = of, found
+        return found

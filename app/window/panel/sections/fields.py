@@ -19,7 +19,8 @@ def parameters(said: Said) -> None:
     """A row a field; the tables that it is in are headings."""
     demo, rows = said.demo, said.rows
     scene, told = demo.world.scene, demo.scenes[demo.current]
-    found = parameters_of(scene, told, demo.world.options.live)
+    live = demo.world.options.live
+    found = said.state.kept("fields", (scene, told, live), lambda: parameters_of(scene, told, live))
     gravity = [one for one in found if one.path.startswith("gravity.")]
     if not gravity:
         rows.heading("gravity")
