@@ -125,6 +125,16 @@ def test_the_material_of_tetrahedra_has_sliders() -> None:
         assert "poisson_ratio" in stage.demo.message
 
 
+def test_the_wind_has_three_sliders_in_one() -> None:
+    with Stage(scene(CLOTH)) as stage:
+        stage.drag("wind.velocity", 0.15, 0.3)
+        stage.let_go()
+        wind = stage.demo.world.scene.wind
+        assert wind is not None and wind.velocity[0] > 10 and stage.demo.message.startswith("wind.velocity = [")
+        stage.demo.frame()
+        assert stage.demo.world.read("velocity")[-1, 0] > 0
+
+
 def test_what_one_of_two_scenes_lacks_is_changed_in_the_other() -> None:
     bare = {name: table for name, table in GRID.items() if name not in ("damping", "gravity")}
     with Stage(scene(), scene(bare)) as stage:

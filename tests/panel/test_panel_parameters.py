@@ -57,6 +57,13 @@ def test_what_is_live_comes_first_and_the_rest_says_why_not() -> None:
     assert next(one for one in found if one.path == "method.integrator").why
 
 
+def test_what_no_stage_is_compiled_for_is_not_live() -> None:
+    cloth = {"cloth": {"rows": 2, "columns": 2}, "structural": {}}
+    still = Scene(cloth | {"damping": {"coefficient": 0.0}, "wind": {"drag": 0.0, "lift": 0.0}})
+    assert not {"damping", "wind"} & set(live_parts(still))
+    assert {"damping", "wind"} <= set(live_parts(Scene(cloth | {"damping": {}, "wind": {}})))
+
+
 def test_live_fields_hold_gravity_where_there_is_none() -> None:
     fields = live_fields(Scene({"grid": GRID["grid"], "springs": {}}))
     assert fields == {

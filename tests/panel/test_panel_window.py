@@ -37,7 +37,13 @@ def test_a_dragged_slider_of_the_window_changes_gravity(tmp_path: Path, display:
         state = window.wait("gravity", lambda state: state["gravity"])
         fell = window.wait("a fall", lambda later: later["step"] > state["step"] + 100)
         assert fell["mean"][1] < state["mean"][1]
-        window.xdotool("mousemove", 300, 500)
+        left, top, right, bottom = window.frames()["panel"]["Compare: twice"]
+        window.xdotool("mousemove", (left + right) // 2, (top + bottom) // 2)
+        window.frames()
+        window.xdotool("click", 1)
+        both = window.wait("two worlds", lambda state: len(state["worlds"]) == 2)
+        assert both["alone"] and both["current"] == 1 and both["worlds"][0]["step"] == both["worlds"][1]["step"] > 0
+        window.xdotool("mousemove", 600, 500)
         window.frames()
         window.key("a")
         window.wait("no panel", lambda state: state["panel"] is None)
