@@ -57,6 +57,15 @@ def test_what_is_live_comes_first_and_the_rest_says_why_not() -> None:
     assert next(one for one in found if one.path == "method.integrator").why
 
 
+def test_a_spring_of_a_compliance_has_a_live_stiffness() -> None:
+    tables = {"grid": GRID["grid"], "springs": {"compliance": 0.01}, "method": {"solver": "xpbd"}}
+    scene = Scene(tables)
+    found = {one.path: one for one in parameters_of(scene, scene, live_parts(scene))}
+    assert found["springs.stiffness"].live and not found["springs.compliance"].live
+    rigid = Scene(tables | {"springs": {"compliance": 0.0}})
+    assert "springs.stiffness" not in {one.path for one in parameters_of(rigid, rigid, live_parts(rigid))}
+
+
 def test_what_no_stage_is_compiled_for_is_not_live() -> None:
     cloth = {"cloth": {"rows": 2, "columns": 2}, "structural": {}}
     still = Scene(cloth | {"damping": {"coefficient": 0.0}, "wind": {"drag": 0.0, "lift": 0.0}})

@@ -14,6 +14,7 @@ from annotated_types import Ge, Gt, Le
 from pydantic.fields import FieldInfo
 
 from model.core.options import LIVE_PATHS
+from model.scene.parts import Elastic
 from model.scene.scene import Scene
 from model.scene.words import notes_of
 
@@ -80,7 +81,10 @@ def parameters_of(scene: Scene, told: Scene, live: Collection[str]) -> list[Para
     paths = {path for name in live for path in LIVE_PATHS[name]}
     found = []
     for part, table in scene.parts.items():
-        for field in table.model_dump(mode="python"):  # what says nothing in this table is left out
+        fields = list(table.model_dump(mode="python"))  # what says nothing in this table is left out
+        if f"{part}.stiffness" in paths and isinstance(table, Elastic) and table.compliance:
+            fields.append("stiffness")  # which is live, whichever of both the table gives
+        for field in fields:
             made = _parameter(scene, told, part, field, f"{part}.{field}" in paths)
             if made is not None:
                 found.append(made)
