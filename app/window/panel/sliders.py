@@ -83,7 +83,8 @@ class Sliders(Rows):
         """A row for one field: its new value, once it is to be given to the scene. What is not live waits until it is let
         go. The button at the right takes back what the scene said."""
         imgui, state = self.imgui, self.state
-        self.name(one.label, _tip(one))
+        unit = f", {UNITS.get(one.unit, one.unit)}" if one.kind == "vector" and one.unit else ""
+        self.name(one.label + unit, _tip(one))
         shown = state.pending.get(one.path, now)
         imgui.set_next_item_width(-(RESET + 8) * self.look.unit)
         found: Any = None
@@ -113,30 +114,47 @@ class Sliders(Rows):
         return chosen
 
     def _number(self, one: Parameter, shown: Any) -> Any:
-        imgui, pending = self.imgui, self.state.pending
+        imgui = self.imgui
         if one.kind == "vector":
-            changed, found = imgui.slider_float3(
-                f"##{one.path}", [float(part) for part in shown], one.low, one.high, "%.3g"
-            )
-            self.keep_place(one.path)
-            new: Any = tuple(rounded(part) for part in found)
-        elif one.kind == "whole":
+            return self._vector(one, shown)
+        if one.kind == "whole":
             changed, found = self.filled(
                 lambda: imgui.slider_int(f"##{one.path}", int(shown), int(one.low), int(one.high), "%d"),
                 share_of(float(shown), one.low, one.high, False),
             )
             self.keep_place(one.path)
-            new = int(found)
+            new: Any = int(found)
         else:
             changed, found = self._drag(one.path, shown, one.low, one.high, one.unit, one.logarithmic)
             new = rounded(found)
+        return self._given(one, new if changed else None, imgui.is_item_deactivated())
+
+    def _vector(self, one: Parameter, shown: Any) -> Any:
+        """Three sliders in the place of one, along x, y and z; left of their middle is less than 0."""
+        imgui, gap = self.imgui, 4 * self.look.unit
+        width = (imgui.calc_item_width() - 2 * gap) / 3
+        parts, changed, let_go = [float(part) for part in shown], False, False
+        for axis, value in enumerate(parts):
+            if axis:
+                imgui.same_line(0.0, gap)
+            imgui.set_next_item_width(width)
+            label = f"##{one.path}.{'xyz'[axis]}"
+            moved, found = self.filled(
+                lambda value=value, label=label: imgui.slider_float(label, value, one.low, one.high, "%.3g"),  # type: ignore[misc]
+                share_of(value, one.low, one.high, False),
+            )
+            self.keep_place(f"{one.path}.{'xyz'[axis]}")
+            parts[axis] = rounded(found) if moved else value
+            changed, let_go = changed or moved, let_go or imgui.is_item_deactivated()
+        return self._given(one, tuple(parts) if changed else None, let_go)
+
+    def _given(self, one: Parameter, new: Any, let_go: bool) -> Any:
+        """What is given to the scene now: a `new` value of what is live, else what waits once it is `let_go`."""
         if one.live:
-            return new if changed else None
-        if changed:
-            pending[one.path] = new
-        if imgui.is_item_deactivated() and one.path in pending:
-            return pending.pop(one.path)
-        return None
+            return new
+        if new is not None:
+            self.state.pending[one.path] = new
+        return self.state.pending.pop(one.path, None) if let_go else None
 
     def _reset(self, path: str) -> bool:
         """The button at the right: an arrow back, drawn, since not every font has one."""
