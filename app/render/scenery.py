@@ -30,8 +30,12 @@ class Lit:
 
     def __init__(self, vertex: str = shaders3d.SURFACE_VERTEX, fragment: str = shaders3d.SURFACE_FRAGMENT) -> None:
         self.program = shader_program(vertex, fragment)
+        self.shine(KEY)
+
+    def shine(self, light: np.ndarray) -> None:
+        """The light that throws shadows comes from there (3,), a unit vector, from now on."""
         self.program.use()
-        self.program["key"] = tuple(KEY.tolist())
+        self.program["key"] = tuple(light.tolist())
         self.program.stop()
 
     def use(self, camera: Camera3D) -> None:
@@ -51,7 +55,8 @@ class Lit:
 
 
 class Scenery:
-    """The colliders and the ground of `scene`. Needs a current OpenGL 3.3 context, the same in every call.
+    """The colliders and the ground of `scene`; `light` (3,): the unit vector toward what throws shadows. Needs a current
+    OpenGL 3.3 context, the same in every call.
 
     `draw_colliders` and `draw_shadows` before what is see-through, `draw_ground` after what is not; `delete()` frees it.
     """
@@ -59,7 +64,7 @@ class Scenery:
     def __init__(self, scene: Scene):
         from pyglet import gl
 
-        self.scene, self.shows_colliders = scene, True
+        self.scene, self.shows_colliders, self.light = scene, True, KEY
         self.size = scene.grid.extent
         self._shadow_program = shader_program(shaders3d.SHADOW_VERTEX, shaders3d.SHADOW_FRAGMENT)
         self._ground_program = shader_program(shaders3d.GROUND_VERTEX, shaders3d.GROUND_FRAGMENT)
@@ -130,9 +135,9 @@ class Scenery:
         gl.glEnable(gl.GL_POLYGON_OFFSET_FILL)  # a little behind the ground, whose lines are drawn over it
         gl.glPolygonOffset(1.0, 2.0)
         for ground in grounds(self.scene, time, lowest):
-            if ground.normal @ KEY < MIN_SLOPE or not self._above(ground, camera):
+            if ground.normal @ self.light < MIN_SLOPE or not self._above(ground, camera):
                 continue
-            centre, flatten = self._centre(ground, camera), shadow_matrix(ground, KEY)
+            centre, flatten = self._centre(ground, camera), shadow_matrix(ground, self.light)
             program.use()
             program["transform"] = uniform_matrix(camera.matrix())
             program["centre"], program["flatten"] = tuple(centre.tolist()), uniform_matrix(flatten)

@@ -27,11 +27,16 @@ class Spheres:
         self._lit.program.use()
         self._lit.program["shine"] = SHINE
         self._lit.program.stop()
-        side = np.cross(KEY, (0.0, 0.0, 1.0))
-        side /= np.linalg.norm(side)
         scenery.shadow_constants(self._shadow)
+        self.shine(KEY)
+
+    def shine(self, light: np.ndarray) -> None:
+        """As of Lit; the shadow of a sphere is that of its disc across the light."""
+        self._lit.shine(light)
+        side = np.cross(light, (0.0, 0.0, 1.0))
+        side /= np.linalg.norm(side)
         self._shadow.use()
-        self._shadow["side"], self._shadow["other"] = tuple(side), tuple(np.cross(KEY, side))
+        self._shadow["side"], self._shadow["other"] = tuple(side), tuple(np.cross(light, side))
         self._shadow.stop()
 
     def draw(self, camera: Camera3D, smooth: bool, balls: Iterable[Balls]) -> None:

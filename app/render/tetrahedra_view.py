@@ -92,6 +92,9 @@ class TetrahedraView(SheetView):
         self._surfaces = {True: _Surface(found.skin), False: _Surface(outer_faces(found))}
         self._tinted = Lit(shaders3d.TINTED_VERTEX, shaders3d.TINTED_FRAGMENT)
 
+    def _lits(self) -> list[Any]:
+        return [*super()._lits(), self._tinted]
+
     # ------------------------------------------------------------------ how they look
 
     def look(self, names: Sequence[str]) -> None:

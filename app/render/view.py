@@ -62,6 +62,21 @@ class View(ABC):
         self._target.delete()
         self.detail, self._target = detail, SmoothTarget(detail)
 
+    @property
+    def light(self) -> np.ndarray:
+        """(3,), the unit vector toward the light that throws shadows; in space."""
+        return self._scenery.light
+
+    def shine(self, light: np.ndarray) -> None:
+        """That light comes from there (3,) from now on, a unit vector that points upward; in space."""
+        self._scenery.light = light
+        for lit in self._lits():
+            lit.shine(light)
+
+    def _lits(self) -> list[Any]:
+        """Whatever is lit, in space: each has a `shine`."""
+        return [self._lit]
+
     def show_colliders(self, shown: bool) -> None:
         """Draw them from now on, with their shadows, or not; planes, the ground, stay. In space."""
         self.colliders = self._scenery.shows_colliders = shown

@@ -11,7 +11,7 @@ import math
 from collections.abc import Sequence
 
 from app.window.live import live_fields, stiffness_paths
-from app.window.materials import material_changes, material_text
+from app.window.materials import material_at, material_changes, material_text
 from app.window.spare_bodies import counts_text, drop, next_spare
 from app.window.steering import Steering
 from app.window.worlds import STEPS_PER_FRAME
@@ -94,6 +94,12 @@ class Demo(Steering):
             return
         wanted = [material_changes(world.scene, field, presses) for world in self.changed]
         self.set_fields(wanted, lambda: material_text(self.world.scene, field))
+
+    def change_material_to(self, field: str, value: float) -> None:
+        """The panel's: of the first body a `field` is `value` then; the others change alike."""
+        if self._guard(lambda: self.world.scene.replace({f"{next(iter(self.world.scene.tetrahedra))}.{field}": value})):
+            wanted = [material_at(world.scene, field, value) for world in self.changed]
+            self.set_fields(wanted, lambda: material_text(self.world.scene, field))
 
     def limit_text(self) -> str:
         """The step size against its limit, in words."""

@@ -45,8 +45,9 @@ def load_state(demo: Demo, name: str) -> bool:
     def load() -> None:
         if not name.strip():
             raise InputError("give the name of a state file (.npz)")
-        for world in demo.changed:
-            world.load(read_state(name.strip(), world.scene))
+        states = [read_state(name.strip(), world.scene) for world in demo.changed]
+        for world, state in zip(demo.changed, states, strict=True):
+            world.load(state)
 
     if not demo.goes_on_from(load, LOADED):
         return False

@@ -21,10 +21,11 @@ def live_parts(scene: Scene) -> tuple[str, ...]:
     """What the demo can change in this scene while it runs: gravity always, stiffness where springs give, pokes but of
     bodies, which are pulled through their state (app/window/grip.py); dampers and wind where there are any, which compiles
     nothing that is not there anyway."""
+    blows = bool(scene.wind and (scene.wind.drag > 0 or scene.wind.lift > 0))
     damped = bool(scene.damping and scene.damping.coefficient > 0)
     present = {
         "gravity": True, "poke": not scene.bodies, "dt": True, "stiffness": bool(stiffness_paths(scene)),
-        "damping": damped, "wind": scene.wind is not None,
+        "damping": damped, "wind": blows,
     }  # fmt: skip
     return tuple(name for name, there in present.items() if there)
 

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import cos, sin
 from typing import Any
+
+import numpy as np
 
 from app.render.detail import Detail, next_detail
 from app.window.demo import NO_BODIES, Demo
@@ -23,16 +26,19 @@ class Looks:
         self._space, self._bodies = scene.dimensions == 3, bool(scene.bodies)
         self._subject = views[0].subject
 
-    def renew(self, views: Sequence[Any], before: Sequence[Any]) -> None:
-        """Of other views from now on, which look as those `before`, as far as they can."""
+    def renew(self, views: Sequence[Any], before: Sequence[Any], alike: bool = True) -> None:
+        """Of other views from now on, which look as those `before`, as far as they can; of scenes that are not `alike` the
+        light and how much is drawn."""
         self._of(views)
         old = before[0]
         for view in views:
             if view.space and old.space:
                 view.show_in(old.detail)
-                view.show_colliders(old.colliders)
-            if type(view) is not type(old):
+                view.shine(old.light)
+            if type(view) is not type(old) or not alike:
                 continue
+            if view.space:
+                view.show_colliders(old.colliders)
             for name in ("particles", "skin", "clusters", "links"):
                 if getattr(view, name, None) != getattr(old, name, None):
                     getattr(view, f"toggle_{name}")()
@@ -58,6 +64,13 @@ class Looks:
         """Show or hide what masses collide with; the ground stays."""
         for view in self.views:
             view.show_colliders(not view.colliders)
+
+    def shine(self, turned: float, height: float) -> None:
+        """In space, the light that throws shadows from `turned` [rad] about the vertical, 0 from +z, `height` [rad] up."""
+        flat = cos(height)
+        light = np.array([flat * sin(turned), sin(height), flat * cos(turned)])
+        for view in self.views:
+            view.shine(light)
 
     def show_in(self, detail: Detail) -> None:
         """How much goes into the picture, in space."""

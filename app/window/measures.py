@@ -54,7 +54,7 @@ def measure(
     pushed: tuple[float, ...] = ()
     if momentum:
         mass = masses(world.scene, absent(world.scene, state.inverse_mass))
-        pushed = tuple(np.sum(mass * state.velocity, axis=0, dtype=np.float64).tolist())
+        pushed = tuple(np.atleast_1d(np.sum(mass * state.velocity, axis=0, dtype=np.float64)).tolist())
     return Statistics(energy["total"], energy["kinetic"], _worst(strain), wanted, _bounds(there, before), pushed)
 
 

@@ -83,7 +83,7 @@ class Overlay:
         if self.show_keys:
             self._keys.place(keys_text(width, subject, viewer.space, several), width, height)
             self._keys.draw()
-        elif not self._keys_seen:
+        elif not self._keys_seen and not viewer.panel.open:
             self._hint.place(hint(subject, viewer.space, several), width, height)
             self._hint.draw()
             above = self._hint.height + 8

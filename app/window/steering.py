@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from app.window.hand import Hand
-from app.window.live import live_parts, stiffness_paths
+from app.window.live import stiffness_paths
 from app.window.poking import Poking
 from app.window.worlds import STEPS_PER_FRAME
 from model.core.errors import SoftlabError
@@ -56,21 +56,28 @@ class Steering(Poking):
 
     def is_live(self, path: str) -> bool:
         """Whether a field changes while the world runs."""
-        return any(path in LIVE_PATHS[name] for name in live_parts(self.world.scene))
+        return any(path in LIVE_PATHS[name] for name in self.world.options.live)
 
     def set_field(self, path: str, value: Any) -> bool:
-        """A field of the worlds that are changed, live or by opening them anew."""
+        """A field of the worlds that are changed, and have that table, live or by opening them anew."""
         if self._blocked():
             return False
+        part = path.partition(".")[0]
+        fields = [{path: value} if part in world.scene.parts else {} for world in self.changed]
+        if not any(fields):
+            self.say(f"{self.whose}{path}: there is no such table here")
+            return False
         if not self.is_live(path):
-            return self.set_fields([{path: value} for _ in self.changed], lambda: f"{path} = {_text(value)}")
-        if not self._change([(world, {path: value}) for world in self.changed]):
+            return self.set_fields(fields, lambda: f"{path} = {_text(value)}")
+        if not self._change(list(zip(self.changed, fields, strict=True))):
             return False
         self.say(f"{self.whose}{path} = {_text(value)}")
         return True
 
     def set_fields(self, wanted: Sequence[Mapping[str, Any]], told: Callable[[], str]) -> bool:
         """Other fields of each changed world, which are opened anew in them; `told` of it."""
+        if self._blocked():
+            return False
         changes = {id(world): fields for world, fields in zip(self.changed, wanted, strict=True)}
         scenes: list[Scene] = []
 
@@ -200,11 +207,7 @@ class Steering(Poking):
 
     def keep_current(self) -> None:
         """Of several worlds the current one alone, as it is."""
-        state: list[State] = []
-        disturbed = self.disturbed
-        if not self._blocked() and self._guard(lambda: state.append(self.world.state())):
-            if self.show([self.world.scene], state):
-                self.disturbed = disturbed
+        self._show_as_it_is(1)
 
     def guarded(self, action: Callable[[], object]) -> bool:
         """Whether `action` went well; else the reason is said."""
@@ -222,17 +225,20 @@ class Steering(Poking):
 
     def compare(self) -> bool:
         """The current world twice, side by side, each as it is now: what is changed from now on is changed in the second."""
-        if self._blocked():
+        if not self._show_as_it_is(2):
             return False
-        scene = self.world.scene
-        state: list[State] = []
-        if not self._guard(lambda: state.append(self.world.state())):
-            return False
-        disturbed = self.disturbed
-        if not self.show([scene, scene], [state[0], state[0]]):
-            return False
-        self.disturbed = disturbed
         self.choose(1)
+        return True
+
+    def _show_as_it_is(self, times: int) -> bool:
+        """The current world so many times, and no other."""
+        states: list[State] = []
+        if not self.guarded(lambda: states.append(self.world.state())):
+            return False
+        disturbed, steps = self.disturbed, self.steps_per_frame
+        if not self.show([self.world.scene] * times, states * times):
+            return False
+        self.disturbed, self.steps_per_frame = disturbed, steps
         return True
 
 

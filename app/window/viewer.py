@@ -60,7 +60,7 @@ class Viewer:
         self.frame_count = 0
         self.frame_seconds = 1 / 60
         self.draw_seconds = 0.0
-        self._generation = demo.generation
+        self._generation, self._scenes = demo.generation, demo.scenes
         self._last_frame = perf_counter()
         self.following.approach(1.0)
         self.controls = Controls(self)
@@ -112,13 +112,15 @@ class Viewer:
         self.frame_seconds += 0.1 * (now - self._last_frame - self.frame_seconds)
         self._last_frame = now
         demo = self.demo
+        if self.panel.open:
+            self.panel.lay_out()  # before the scene moves: what is pressed in it may change everything
+        if demo.generation != self._generation:
+            self._renew()
         self._lay_out()
         self.controls.mouse.pull()
         if not self.frame_count:
             self._show_the_start()
         demo.frame()
-        if demo.generation != self._generation:
-            self._renew()
         if self.follow:
             self.following.approach(FOLLOW_SHARE)
         self.following.stay_above_ground()
@@ -133,12 +135,12 @@ class Viewer:
             self.close()
 
     def _renew(self) -> None:
-        """The worlds became others: views of them that look as those before, and, of another kind of scene, all about it."""
+        """The worlds became others: views of them that look as those before, and, of other scenes, all about them."""
         demo, before = self.demo, self.views
         self._generation = demo.generation
         space, bodies = demo.world.scene.dimensions == 3, bool(demo.world.scene.bodies)
         self.views = [view_of(world.scene, quick=True) for world in demo.worlds]
-        self.looks.renew(self.views, before)
+        self.looks.renew(self.views, before, alike=demo.scenes[0].name == self._scenes[0].name)
         for view in before:
             view.delete()
         if (space, bodies) != (self.space, self.bodies):
@@ -148,7 +150,9 @@ class Viewer:
         self.overlay.renew()
         self._lay_out()
         self.following = Following(self)
-        self.frame_everything()
+        if demo.scenes is not self._scenes:
+            self._scenes = demo.scenes
+            self.frame_everything()
 
     def _show_the_start(self) -> None:
         """The scene before its first step, which may compile for a minute: nobody should look at a black window so long."""
@@ -200,6 +204,7 @@ class Viewer:
             "keys_shown": self.overlay.show_keys,
             "numbers_shown": self.overlay.show_numbers,
             "graph_shown": self.overlay.show_graph,
+            "panel": self.panel.told(),
             "screenshot": str(self.shots.screenshot) if self.shots.screenshot else None,
             "way": self.views[0].vertices.way,
         }

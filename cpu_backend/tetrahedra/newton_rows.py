@@ -25,7 +25,11 @@ AXES = 3
 def make_matrix_rows(compiler: Compiler, real: Any, parts: frozenset[str], contact: SimpleNamespace) -> SimpleNamespace:
     """`apply(k, rows, blocks, vector)`, `resist`: a row's product, three numbers; `assemble(...)`, `gather_damper(...)` of
     groups."""
-    compiled, formulas, gathered = compiler.compiled, newton.make(real, compiler.compiled), make_gather(compiler, real, parts)
+    compiled, formulas, gathered = (
+        compiler.compiled,
+        newton.make(real, compiler.compiled),
+        make_gather(compiler, real, parts),
+    )
     inertia_of, inverse, outer = formulas.inertia_of, formulas.inverse, formulas.outer
     has_bodies, nearly_within, gather = contact.has_bodies, contact.nearly_within, gathered.gather
     zero, one = real(0), real(1)
@@ -137,6 +141,7 @@ def make_gather(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleN
             gather(n, rows, matrix[0], BLOCKS * len(matrix[4]), matrix[2])
 
     return SimpleNamespace(gather=gather, gather_damper=gather_damper)
+
 
 def make_solving(compiler: Compiler, real: Any, apply: Any, corrected: Any) -> SimpleNamespace:
     """The passes of conjugate gradients, each over groups: `start`, `product`, `update`, `correct`, `direct`."""

@@ -5,6 +5,7 @@ clusters on the graphics card, with what they collide with and a ground. The win
 from __future__ import annotations
 
 from itertools import groupby
+from typing import Any
 
 import numpy as np
 
@@ -113,6 +114,9 @@ class BodiesView(View):
         self._skin_shadow.use()
         self._skin_shadow["clusters"] = 0
         self._skin_shadow.stop()
+
+    def _lits(self) -> list[Any]:
+        return [*super()._lits(), self._lit_skin, self._balls]
 
     # ------------------------------------------------------------------ the state
 

@@ -49,7 +49,7 @@ class FluidSurface:
         from pyglet import gl
 
         self.count, self.filtered = count, filtered
-        self._radius = 1.0
+        self._radius, self._light = 1.0, KEY
         self._programs = {
             name: shader_program(vertex, fragment)
             for name, vertex, fragment in (
@@ -84,6 +84,10 @@ class FluidSurface:
             gl.glVertexAttribDivisor(place, 1)
         gl.glBindVertexArray(0)
         return array
+
+    def shine(self, light: np.ndarray) -> None:
+        """The sun stands there (3,), a unit vector, from now on."""
+        self._light = light
 
     # ------------------------------------------------------------------ the particles
 
@@ -234,7 +238,7 @@ class FluidSurface:
         for unit, name in enumerate(("depth", "thickness", "behind", "others")):
             program[name] = unit
         program["planes"] = (NEAREST * camera.distance, FARTHEST * camera.distance)
-        program["axes"], program["key"] = tuple(camera.axes.ravel().tolist()), tuple(KEY.tolist())
+        program["axes"], program["key"] = tuple(camera.axes.ravel().tolist()), tuple(self._light.tolist())
         program["bend"], program["zenith"], program["horizon"], program["floor_colour"] = BEND, ZENITH, HORIZON, FLOOR
         self._pictures.bind(depth=self._result, thickness=THICKNESS, behind=BEHIND, others=BEHIND_DEPTH)
         self._pictures.screen()

@@ -77,6 +77,9 @@ class FluidView(View):
         radius = np.full((len(colour), 1), self._radius)
         return np.ascontiguousarray(np.concatenate([colour, radius], axis=1), np.float32)
 
+    def _lits(self) -> list[Any]:
+        return [*super()._lits(), self._balls, *self._surfaces.values()]
+
     # ------------------------------------------------------------------ how it looks
 
     def toggle_lines(self) -> bool:

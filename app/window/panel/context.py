@@ -7,7 +7,7 @@ from collections.abc import Callable
 from time import perf_counter
 from typing import Any
 
-from app.window.panel.available import load_imgui
+from app.command.dear_imgui import load_imgui
 from app.window.panel.look import Look
 
 KEYS = {  # pyglet's names of keys -> Dear ImGui's: those that texts and sliders know
@@ -23,11 +23,13 @@ LONGEST_FRAME = 0.1  # s that it is told to have passed, at most: after a compil
 
 
 class Context:
-    """A context of Dear ImGui with the lab's `look`; `imgui`: the module. Raises BackendUnavailable where it is missing."""
+    """A context of Dear ImGui with the lab's `look`; `imgui`: the module; `frames` so far. Raises BackendUnavailable where
+    it is missing."""
 
     def __init__(self, look: Look | None = None):
         self.imgui: Any = load_imgui()
         self._context = self.imgui.create_context()
+        self.make_current()  # it is not, where there is one already
         self.look = look or Look()
         self.look.load_fonts(self.imgui)
         self.look.apply(self.imgui)
@@ -36,6 +38,7 @@ class Context:
         io.set_log_filename("")
         io.backend_flags |= self.imgui.BackendFlags_.renderer_has_textures
         self._last = perf_counter()
+        self.frames = 0
 
     def frame(self, width: int, height: int, draw: Callable[[], None], seconds: float | None = None) -> None:
         """Lay out what `draw` says over a window of so many pixels; `seconds` since the last frame, unless measured."""
@@ -48,6 +51,7 @@ class Context:
         self.imgui.new_frame()
         draw()
         self.imgui.render()
+        self.frames += 1
 
     def make_current(self) -> None:
         """Of several contexts it is this one that is meant from now on."""
@@ -90,8 +94,14 @@ class Context:
 
     @property
     def takes_keys(self) -> bool:
-        """Whether something is being typed, or dragged."""
-        return bool(self.io.want_text_input or self.io.want_capture_keyboard)
+        """Whether something is being typed, dragged or chosen from a list."""
+        return bool(self.io.want_text_input or self.io.want_capture_keyboard or self.lists_words)
+
+    @property
+    def lists_words(self) -> bool:
+        """Whether a list of words is open to be chosen from."""
+        flag = self.imgui.PopupFlags_
+        return bool(self.imgui.is_popup_open("", int(flag.any_popup_id | flag.any_popup_level)))
 
     def close(self) -> None:
         """Free it."""

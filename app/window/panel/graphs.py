@@ -34,6 +34,11 @@ def _small(imgui: Any, look: Look, x: float, y: float, text: str, colour: str, r
     imgui.pop_font()
 
 
+def _digits(number: float) -> str:
+    """Two digits at least, and no exponent."""
+    return f"{number:.0f}" if number >= 10 else f"{number:.2g}"
+
+
 def frame_times(imgui: Any, look: Look, times: FrameTimes) -> None:
     """The last frames: a bar each, drawing on top of physics, and the line of 60 frames a second."""
     lines, left, top, width, tall = _frame(imgui, look, HEIGHT)
@@ -53,12 +58,17 @@ def frame_times(imgui: Any, look: Look, times: FrameTimes) -> None:
     lines.add_line((left, line), (left + width, line), look.colour(imgui, "warning", 0.8), unit)
     recent = 1e3 * times.seconds[-30:].mean(axis=0)
     x = left + 6 * unit
-    for text, colour in ((f"physics {recent[0]:.2g} ms", "physics"), (f"drawing {recent[1]:.2g} ms", "drawing")):
+    for text, colour in (
+        (f"physics {_digits(recent[0])} ms", "physics"),
+        (f"drawing {_digits(recent[1])} ms", "drawing"),
+    ):
         _small(imgui, look, x, top + 1 * unit, text, colour)
         imgui.push_font(look.plain, 12.0)
         x += imgui.calc_text_size(text).x + 12 * unit
         imgui.pop_font()
-    _small(imgui, look, left + width - 5 * unit, line - 14 * unit, f"{1e3 * BUDGET:.1f} ms", "warning", right=True)
+    corner = left + width - 48 * unit, line - 15 * unit
+    lines.add_rect_filled(corner, (left + width, line - unit), look.colour(imgui, "ground", 0.85), 3 * unit)
+    _small(imgui, look, left + width - 4 * unit, line - 15 * unit, f"{1e3 * BUDGET:.1f} ms", "warning", right=True)
 
 
 def curves(

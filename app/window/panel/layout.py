@@ -6,7 +6,6 @@ from collections.abc import Callable
 from typing import Any
 
 from app.window.panel.look import Look
-from app.window.panel.rows import Rows
 from app.window.panel.sections.fields import parameters
 from app.window.panel.sections.files import files
 from app.window.panel.sections.itself import itself
@@ -17,6 +16,7 @@ from app.window.panel.sections.running import head
 from app.window.panel.sections.said import Said
 from app.window.panel.sections.scene import scene
 from app.window.panel.sections.view import view
+from app.window.panel.sliders import Sliders
 from app.window.panel.state import PanelState
 from app.window.shown import Shown
 
@@ -33,15 +33,17 @@ SECTIONS: tuple[tuple[str, Callable[[Said], None], bool], ...] = (
 
 
 class Layout:
-    """The panel over a viewer; `draw` lays out a frame of it."""
+    """The panel over a viewer; `draw` lays out a frame of it. `every`: all of its sections are open at first."""
 
-    def __init__(self, imgui: Any, viewer: Shown, look: Look, state: PanelState):
+    def __init__(self, imgui: Any, viewer: Shown, look: Look, state: PanelState, every: bool = False):
+        self.every = state.every = every
         self.imgui, self.viewer, self.look, self.state = imgui, viewer, look, state
-        self.said = Said(Rows(imgui, look, state), viewer, look, state)
+        self.said = Said(Sliders(imgui, look, state), viewer, look, state)
 
     def draw(self) -> None:
         """One frame, at the right of the window."""
-        imgui, viewer, width = self.imgui, self.viewer, self.look.width
+        imgui, viewer = self.imgui, self.viewer
+        width = viewer.width - viewer.shown_width
         self.state.history.look(viewer.demo.world, viewer.demo.statistics)
         self.state.places.clear()
         fixed = imgui.WindowFlags_
@@ -53,15 +55,16 @@ class Layout:
         imgui.separator()
         imgui.begin_child("sections", imgui.ImVec2(0, 0))
         for name, section, opened in SECTIONS:
-            imgui.set_next_item_open(opened, int(imgui.Cond_.once))
+            imgui.set_next_item_open(opened or self.every, int(imgui.Cond_.once))
             imgui.push_font(self.look.bold, 15.0)
             shown = imgui.collapsing_header(name)
             imgui.pop_font()
-            self.said.rows._place(f"section {name}")
+            self.said.rows.keep_place(f"section {name}")
             if shown:
                 imgui.indent(6 * self.look.unit)
                 section(self.said)
                 self.said.rows.gap(6)
                 imgui.unindent(6 * self.look.unit)
         imgui.end_child()
+        self.state.cancels = False
         imgui.end()

@@ -101,14 +101,14 @@ class Look:
         """Make it the current context's style."""
         style, unit, theme = imgui.get_style(), self.unit, self.theme
         pairs = {
-            "window_padding": (16, 12), "frame_padding": (9, 5), "item_spacing": (8, 7), "item_inner_spacing": (7, 4),
+            "window_padding": (16, 12), "frame_padding": (9, 5), "item_spacing": (8, 6), "item_inner_spacing": (7, 4),
             "cell_padding": (4, 3),
         }  # fmt: skip
         for name, (x, y) in pairs.items():
             setattr(style, name, imgui.ImVec2(x * unit, y * unit))
         numbers = {
             "window_rounding": 0, "frame_rounding": 5, "grab_rounding": 4, "popup_rounding": 6, "scrollbar_rounding": 6,
-            "scrollbar_size": 10, "grab_min_size": 12, "indent_spacing": 12, "window_border_size": 0,
+            "scrollbar_size": 10, "grab_min_size": 3, "indent_spacing": 12, "window_border_size": 0,
             "popup_border_size": 1, "frame_border_size": 0,
         }  # fmt: skip
         for name, value in numbers.items():
@@ -117,13 +117,13 @@ class Look:
         style.hover_delay_normal = 0.35
         for names, colour in (
             ("text", theme.ink), ("text_disabled", theme.faint), ("window_bg popup_bg child_bg", theme.ground),
-            ("border separator", theme.line), ("frame_bg button", theme.raised),
+            ("border separator", theme.line), ("frame_bg button checkbox_selected_bg", theme.raised),
             ("frame_bg_hovered button_hovered", theme.hovered), ("frame_bg_active button_active", theme.pressed),
             ("slider_grab slider_grab_active check_mark text_link", theme.accent),
             ("header", theme.ground), ("header_hovered", theme.raised), ("header_active", theme.hovered),
             ("scrollbar_bg", theme.ground), ("scrollbar_grab", theme.hovered),
             ("scrollbar_grab_hovered scrollbar_grab_active", theme.pressed),
-            ("text_selected_bg nav_cursor", theme.pressed), ("input_text_cursor", theme.ink),
+            ("text_selected_bg nav_cursor tree_lines", theme.pressed), ("input_text_cursor", theme.ink),
         ):  # fmt: skip
             for name in names.split():
                 style.set_color_(int(getattr(imgui.Col_, name)), imgui.ImVec4(*colour, 1.0))

@@ -5,12 +5,14 @@ from __future__ import annotations
 
 from typing import Any
 
-from app.window.panel.available import REMEDY, panel_available
+from app.command.dear_imgui import REMEDY, panel_available
 from app.window.panel.context import Context
 from app.window.panel.layout import Layout
 from app.window.panel.look import SIZES, Look
 from app.window.panel.state import PanelState
 from app.window.shown import Shown
+
+MOST = 0.65  # of the window's width
 
 
 class Panel:
@@ -30,8 +32,8 @@ class Panel:
 
     @property
     def width(self) -> int:
-        """Pixels, 0 while it is closed."""
-        return self.look.width if self.open else 0
+        """Pixels, 0 while it is closed; of a narrow window most."""
+        return min(self.look.width, round(MOST * self.viewer.width)) if self.open else 0
 
     def toggle(self) -> None:
         """A: show or hide it; where what draws it is missing, say how to get that."""
@@ -59,15 +61,22 @@ class Panel:
         buttons = self.viewer.pyglet.window.mouse
         self._buttons = {buttons.LEFT: 0, buttons.RIGHT: 1, buttons.MIDDLE: 2}
 
-    def draw(self) -> None:
-        """A frame of it, over what was drawn."""
-        if self._context is None or self._layout is None:
-            return
-        unit, theme = self.look.unit, self.look.theme
-        self._context.frame(self.viewer.width, self.viewer.height, self._layout.draw)
-        self._drawing.draw(self.viewer.width, self.viewer.height)
-        if (unit, theme) != (self.look.unit, self.look.theme):
+    def lay_out(self) -> None:
+        """A frame of it, and what was pressed in it is done."""
+        if self._context is not None and self._layout is not None:
             self.look.apply(self._context.imgui)
+            self._context.frame(self.viewer.width, self.viewer.height, self._layout.draw)
+
+    def draw(self) -> None:
+        """Draw the last frame of it over the window."""
+        if self._context is not None and self._context.frames:
+            self._drawing.draw(self.viewer.width, self.viewer.height)
+
+    def told(self) -> dict[str, list[int]] | None:
+        """Where things of it lie, for another program: (left, top, right, bottom) [pixels]; None while it is closed."""
+        if not self.open:
+            return None
+        return {name: [round(edge) for edge in place] for name, place in self.state.places.items()}
 
     def close(self) -> None:
         """Free everything."""
@@ -127,7 +136,9 @@ class Panel:
         """A key went down or up."""
         if not self.open or self._context is None:
             return False
-        self._context.key(self._names.get(symbol, ""), down)
+        name = self._names.get(symbol, "")
+        self.state.cancels |= down and name == "ESCAPE" and self._context.lists_words
+        self._context.key(name, down)
         return down and self._context.takes_keys
 
     def text(self, text: str) -> bool:

@@ -14,6 +14,7 @@ from annotated_types import Ge, Gt, Le
 from pydantic.fields import FieldInfo
 
 from model.core.options import LIVE_PATHS
+from model.scene.parts import Elastic
 from model.scene.scene import Scene
 from model.scene.words import notes_of
 
@@ -22,6 +23,7 @@ DECADES = 100.0  # a factor to either side of a positive value
 MOST = {  # where a slider ends for which its own table knows no bound
     "acceleration": 30.0, "substeps": 64, "iterations": 64, "sweeps": 16,
 }  # fmt: skip
+WHERE_NONE = {"s": 0.0125, "m": 0.025}  # a quarter of a slider's length, of what is 0 where it begins; else 0.25
 VECTOR = {"velocity": 20.0}  # to either side of 0
 WHY = {  # why a field is not live, by kind of table
     "method": "the stages of a step are compiled for it",
@@ -58,7 +60,7 @@ class Parameter:
     @property
     def field(self) -> str:
         """Its name there."""
-        return self.path.partition(".")[2]
+        return self.path.partition(".")[2].strip()
 
     @property
     def label(self) -> str:
@@ -79,7 +81,10 @@ def parameters_of(scene: Scene, told: Scene, live: Collection[str]) -> list[Para
     paths = {path for name in live for path in LIVE_PATHS[name]}
     found = []
     for part, table in scene.parts.items():
-        for field in table.model_dump(mode="python"):  # what says nothing in this table is left out
+        fields = list(table.model_dump(mode="python"))  # what says nothing in this table is left out
+        if f"{part}.stiffness" in paths and isinstance(table, Elastic) and table.compliance:
+            fields.append("stiffness")  # which is live, whichever of both the table gives
+        for field in fields:
             made = _parameter(scene, told, part, field, f"{part}.{field}" in paths)
             if made is not None:
                 found.append(made)
@@ -105,7 +110,7 @@ def _parameter(scene: Scene, told: Scene, part: str, field: str, live: bool) -> 
         return None
     kind: Literal["number", "whole"] = "whole" if isinstance(value, int) and _whole(info) else "number"
     base = float(given) if isinstance(given, int | float) and isfinite(given) else float(value)
-    low, high, logarithmic = _range(field, info, kind, base or float(value))
+    low, high, logarithmic = _range(field, info, kind, base or float(value) or WHERE_NONE.get(unit, 0.25))
     low, high = min(low, float(value)), max(high, float(value))
     return Parameter(path, kind, unit, low, high, logarithmic, live=live, why=why, note=note)
 

@@ -27,7 +27,8 @@ def measured(said: Said) -> None:
     going = not (demo.paused or demo.frozen)
     rows.value("Frames", f"{speed:.0f} a second, {speed * demo.steps_of(demo.world) * going:.0f} steps a second")
     rows.value("Strain", strain_text(demo))
-    for name, number in counts_of(demo.world).items():
+    counts = said.state.kept("counts", (demo.world, demo.world.body), lambda: counts_of(demo.world))
+    for name, number in counts.items():
         rows.value(name, f"{number:,}".replace(",", " "))
     _error(said)
 

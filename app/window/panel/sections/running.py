@@ -22,16 +22,13 @@ def head(said: Said) -> None:
         said.state.pending.clear()
         demo.restart()
     place = STEPS_PER_FRAME.index(demo.steps_per_frame)
-    rows._name("Speed", "steps a frame; - and +")
+    rows.name("Speed", "steps a frame; - and +")
     imgui.set_next_item_width(-1)
     pace = demo.steps_per_frame * max(w.scene.method.dt for w in demo.worlds)
     each = f"{demo.steps_per_frame} step{'s' * (demo.steps_per_frame != 1)} a frame, {pace * 1e3:.3g} ms"
-    changed, found = imgui.slider_int("##speed", place, 0, len(STEPS_PER_FRAME) - 1, each.replace("%", "%%"))
-    rows._place("speed")
+    last = len(STEPS_PER_FRAME) - 1
+    changed, found = rows.filled(lambda: imgui.slider_int("##speed", place, 0, last, each), place / last)
+    rows.keep_place("speed")
     if changed and 0 <= found < len(STEPS_PER_FRAME):
         demo.set_steps(STEPS_PER_FRAME[found])
-    if demo.frozen:
-        rows.note(demo.failure, "warning")
-    elif demo.message:
-        rows.note(demo.message)
     rows.gap(1)

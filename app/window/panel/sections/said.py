@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from app.window.demo import Demo
 from app.window.panel.look import Look
-from app.window.panel.rows import Rows
+from app.window.panel.sliders import Sliders
 from app.window.panel.state import PanelState
 from app.window.shown import Shown
 
@@ -15,7 +15,7 @@ from app.window.shown import Shown
 class Said:
     """The `rows` that are laid out, of a `viewer`, in a `look`, and what the panel remembers, its `state`."""
 
-    rows: Rows
+    rows: Sliders
     viewer: Shown
     look: Look
     state: PanelState

@@ -1,17 +1,31 @@
-"""The camera."""
+"""The camera, and the light."""
 
 from __future__ import annotations
 
-from math import degrees, radians
+from math import asin, atan2, degrees, radians
 
 from app.render.camera3d import MAX_PITCH
 from app.window.panel.sections.said import Said
 
+LOWEST, HIGHEST = 10.0, 88.0  # degrees, of the light: flatter, shadows go on and on; straight above it has no turn
 CLOSER = 50.0  # a slider's reach of distances and scales, as a factor to either side
 
 
+def _light(said: Said) -> None:
+    """The one that throws shadows."""
+    rows, looks = said.rows, said.viewer.looks
+    x, y, z = said.viewer.views[0].light.tolist()
+    turned, height = atan2(x, z), asin(min(max(y, -1.0), 1.0))
+    found = rows.slider("Light turned", degrees(turned), -180, 180, "°")
+    if found is not None:
+        looks.shine(radians(found), height)
+    found = rows.slider("Light from above", degrees(height), LOWEST, HIGHEST, "°")
+    if found is not None:
+        looks.shine(turned, radians(min(max(found, LOWEST), HIGHEST)))
+
+
 def view(said: Said) -> None:
-    """Where from, how near, and whether it follows."""
+    """Where from, how near, from where it is lit, and whether it follows."""
     viewer, rows = said.viewer, said.rows
     camera = viewer.camera
     if viewer.space:
@@ -34,6 +48,8 @@ def view(said: Said) -> None:
         if found is not None and found > 0:
             viewer.follow = False
             camera.magnify(found / camera.scale)
+    if viewer.space:
+        _light(said)
     if rows.check("Follow what moves", viewer.follow):
         viewer.follow = not viewer.follow
     if rows.button("Frame everything", -1.0):

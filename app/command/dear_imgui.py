@@ -1,8 +1,9 @@
-"""Whether the panel can be shown: it is drawn by Dear ImGui, which comes with an extra."""
+"""Dear ImGui, by which the panel of the demo is laid out: whether it is there. It comes with an extra."""
 
 from __future__ import annotations
 
 from functools import cache
+from typing import Any
 
 from model.core.errors import BackendUnavailable
 
@@ -19,7 +20,7 @@ def panel_available() -> tuple[bool, str]:
     return True, f"Dear ImGui {imgui.get_version()}"
 
 
-def load_imgui() -> object:
+def load_imgui() -> Any:
     """The module `imgui`. Raises BackendUnavailable."""
     works, told = panel_available()
     if not works:
