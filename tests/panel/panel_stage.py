@@ -8,6 +8,8 @@ from typing import Any, Self
 import numpy as np
 
 from app.render.detail import FINE
+from app.render.particle_colours import COLOURINGS as OF_BODIES
+from app.render.tetrahedra_view import COLOURINGS as OF_TETRAHEDRA
 from app.render.views import camera_of
 from app.window.demo import Demo
 from app.window.frame_times import FrameTimes
@@ -29,6 +31,8 @@ class FakeView:
         self.scene, self.space = scene, scene.dimensions == 3
         self.detail, self.lines, self.colliders = FINE, False, True
         self.particles, self.skin, self.clusters, self.links = False, True, False, False
+        self.subject = "bodies" if scene.bodies else "tetrahedra" if scene.tetrahedra else "sheet"
+        self.colourings = {"bodies": OF_BODIES, "tetrahedra": OF_TETRAHEDRA}.get(self.subject, ())
         self.colouring, self.light = "body", np.array([0.0, 0.8, 0.6])
 
     def toggle_lines(self) -> bool:
