@@ -11,6 +11,7 @@ from beside_scenes import BOX, METHOD, TIE, crumpled_state, on_cloth, sheet, tie
 
 from app.driver import open_simulation
 from app.output.pieces import pieces_of
+from app.plan.report import plan_report
 from bench.reference import tetrahedra_cloth as reference
 from model.contact.self_contact_parameters import MAX_CONTACTS
 from model.contact.surface_parameters import contact_surface
@@ -176,6 +177,19 @@ def test_energies_and_drawings_count_the_cloth() -> None:
     assert (box.name, cloth.name) == ("box", "cloth") and cloth.triangles is not None and len(cloth.triangles) == 32
     assert np.array_equal(cloth.vertices, state.position[first:])
     assert str(scene.tetrahedra_set).endswith("of 1 body and a cloth of 32 triangles")
+
+
+def test_a_plan_tells_of_the_cloth_and_of_what_is_launched() -> None:
+    """Its constraints come after the tetrahedra's and before attachments; on CUDA none of it stays on the chip."""
+    report = plan_report(tied())
+    told = report.as_dict()
+    assert (told["bodies"], told["triangles"]) == (3, 56)
+    names = [row.stage.name for row in report.rows if row.stage]
+    first = [
+        next(n for n, name in enumerate(names) if word in name) for word in ("voxels", "edges", "bending", "attachment")
+    ]
+    assert first == sorted(first)
+    assert [one.kernel for one in report.backends if one.name == "gpu"] in ([], ["graph"])
 
 
 @pytest.mark.parametrize(
