@@ -93,6 +93,7 @@ test_surface_contacts_scenes.py test_the_heap_comes* test_the_creature*
 test_links.py test_a_sheet_hangs*
 test_distance_field_scenes.py *mill
 test_vbd_cpu.py test_b21*neo* test_b21*recovers?corotated*
+test_vbd_chebyshev.py test_a_stiff*
 test_vbd_contact.py test_a_belt* *60.0? *bits?slope? test_surfaces_keep*
 test_vbd_ptx.py *fast-1? *fast-2? *exact-1? *exact-2? *nothing?1? *nothing?2?
 test_bodies_rest.py test_the_catalogues*

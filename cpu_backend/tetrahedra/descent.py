@@ -12,6 +12,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
+from cpu_backend.tetrahedra.descent_acceleration import make_accelerate_stage
 from cpu_backend.tetrahedra.descent_kernels import (
     DescentArrays,
     descent_arrays,
@@ -22,9 +23,10 @@ from cpu_backend.tetrahedra.solver import Tetrahedra
 from cpu_backend.xpbd.mesh_kernels import make_mesh_stages
 from model.core.constraints import ConstraintSet, Projection
 from model.core.plan import Executor, Moment, Plan, StageRun
+from model.formulas.elastic.chebyshev import weights
 from model.scene.scene import Scene
 from model.tetrahedra.constraints import DAMPED
-from model.tetrahedra.descent import Descent, descents, stage_name, vbd_plan, visited
+from model.tetrahedra.descent import ACCELERATE, Descent, descents, stage_name, vbd_plan, visited
 from model.tetrahedra.newton import holding
 from model.tetrahedra.springs import springs
 
@@ -53,6 +55,16 @@ class VertexBlockDescent(Tetrahedra):
         return holding(self.scene.tetrahedra_set).astype(self.real)[:, None]
 
     @cached_property
+    def _ways(self) -> np.ndarray:
+        """Where the last two sweeps ended."""
+        return np.zeros((2, *self._position.shape), self.real)
+
+    @cached_property
+    def _weights(self) -> np.ndarray:
+        method = self.scene.method
+        return weights(method.chebyshev, method.iterations, self.real)
+
+    @cached_property
     def _inertial(self) -> np.ndarray:
         """Where vertices would be by inertia and all but elastic forces."""
         return np.zeros_like(self._position)
@@ -70,7 +82,7 @@ class VertexBlockDescent(Tetrahedra):
         make_descent_advance(*self._variant(), made, self._damped)(
             self._bands, steps, step, method.substeps, method.iterations, self._position, self._velocity, self._before,
             self._inertial, self.parameters, self.integers, self._wind, self._descents, self._holds, self.bodies, self.kinds,
-            self.driven,
+            self.driven, self._ways, self._weights,
         )  # fmt: skip
 
     def _stages(self) -> dict[str, StageRun]:
@@ -83,6 +95,8 @@ class VertexBlockDescent(Tetrahedra):
             stage.predict(bands, moment.step, moment.number, *arguments)
 
         found["predict"] = predict
+        accelerate = make_accelerate_stage(self.real, self.options.math)
+        found[ACCELERATE] = lambda moment: accelerate(bands, position, self._ways, self._weights[moment.iteration])
         for one, arrays in zip(descents(self.scene), self._descents, strict=True):
             found |= self._of_material(one, arrays)
         return found

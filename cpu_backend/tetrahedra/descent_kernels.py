@@ -17,13 +17,14 @@ from cpu_backend.contact.pins import make_drive
 from cpu_backend.core.compile import Compiler
 from cpu_backend.core.progress import shares
 from cpu_backend.mass_spring.cloth.scratch import cloth_variant
+from cpu_backend.tetrahedra.descent_acceleration import make_accelerate
 from cpu_backend.tetrahedra.descent_contact import make_meeting
 from cpu_backend.tetrahedra.springs import make_springs
 from cpu_backend.xpbd.mesh_kernels import make_begin, make_end
 from model.core.tuples import tuple_of
 from model.formulas.elastic import descent
 from model.scene.cloth import COLLIDER_KINDS
-from model.tetrahedra.descent import CORNERS, RATE, SCALE, Descent, visited
+from model.tetrahedra.descent import CHEBYSHEV, CORNERS, RATE, SCALE, Descent, visited
 from model.tetrahedra.springs import PARTS, Springs
 
 ALONE = 8  # vertices of a colour that one thread does sooner than threads come together: some microseconds
@@ -201,7 +202,8 @@ def make_descent_stages(real: Any, math: str, material: int, damped: bool, parts
 @cache
 def make_descent_advance(real: Any, math: str, parts: frozenset[str], made: tuple[int, ...], damped: bool) -> Any:
     """advance(bands, steps, step, substeps, iterations, position, velocity, before, inertial, parameters, integers,
-    wind_lists, descents, holds, bodies, kinds, driven): many steps in one call; `made`: the materials of the `descents`."""
+    wind_lists, descents, holds, bodies, kinds, driven, ways, weights): many steps in one call; `made`: the materials of
+    the `descents`; `weights` (iterations,): of Chebyshev's acceleration."""
     compiler = Compiler(cloth_variant("descent", real, math, parts), math)
     begin, ends = make_begin(compiler, real, parts), make_end(compiler, real, parts)
     update, collide = ends.update, ends.collide
@@ -211,10 +213,11 @@ def make_descent_advance(real: Any, math: str, parts: frozenset[str], made: tupl
     prepare, sweep = all_materials.prepare, all_materials.sweep
     has_bodies, has_motion = bool(parts & set(COLLIDER_KINDS)), "motion" in parts
     drive = make_drive(compiler, real)
+    accelerate, accelerated = make_accelerate(compiler, real), CHEBYSHEV in parts
 
     def advance(
         team, member, bands, steps, step, substeps, iterations, position, velocity, before, inertial, parameters, integers,
-        wind_lists, descents, holds, bodies, kinds, driven,
+        wind_lists, descents, holds, bodies, kinds, driven, ways, weights,
     ):  # fmt: skip
         count = len(position)
         for pass_number in range(steps * substeps):
@@ -231,17 +234,13 @@ def make_descent_advance(real: Any, math: str, parts: frozenset[str], made: tupl
                     first, last = driven.size * band // bands, driven.size * (band + 1) // bands
                     drive(first, last, number, position, velocity, parameters, bodies, driven)
             prepare(team, member, bands, before, velocity, inertial, position, descents, parameters)
-            for _ in range(iterations):
-                sweep(
-                    team,
-                    member,
-                    bands,
-                    position,
-                    inertial,
-                    descents,
-                    parameters,
-                    (number, before, holds, bodies, kinds),
-                )
+            given = number, before, holds, bodies, kinds
+            for iteration in range(iterations):
+                sweep(team, member, bands, position, inertial, descents, parameters, given)
+                if accelerated:
+                    for band in shares(team, member, bands):
+                        first, last = count * band // bands, count * (band + 1) // bands
+                        accelerate(first, last, position, ways, weights[iteration])
             for band in shares(team, member, bands):
                 first, last = count * band // bands, count * (band + 1) // bands
                 update(first, last, before, position, velocity, parameters)

@@ -14,15 +14,16 @@ import numpy as np
 
 from gpu_backend.core.quads import SIZE
 from gpu_backend.core.substeps import launched_kernel
-from gpu_backend.tetrahedra.descent_kernels import make_visits
+from gpu_backend.tetrahedra.descent_kernels import make_accelerate, make_visits
 from gpu_backend.tetrahedra.solver import Tetrahedra
 from gpu_backend.xpbd.mesh import THREADS
 from model.core.constraints import ConstraintSet, Projection
 from model.core.plan import Moment, Plan, StageRun
+from model.formulas.elastic.chebyshev import weights
 from model.formulas.elastic.descent import STRESSES
 from model.scene.scene import Scene
 from model.tetrahedra.constraints import DAMPED
-from model.tetrahedra.descent import Descent, descents, stage_name, vbd_plan, visited
+from model.tetrahedra.descent import ACCELERATE, CHEBYSHEV, Descent, descents, stage_name, vbd_plan, visited
 from model.tetrahedra.newton import holding
 from model.tetrahedra.springs import springs
 
@@ -57,6 +58,10 @@ class VertexBlockDescent(Tetrahedra):
         self._first: list[tuple[str, Launch]] = []  # what of a substep comes before its iterations
         self._visits: list[tuple[str, Launch]] = []
         held = springs(self.scene.tetrahedra_set, "vbd").arrays(self.real)
+        method, size = self.scene.method, 2 * SIZE * self.particle_count
+        self._accelerate = make_accelerate(self.real, self.options.math)
+        self._ways = self.on_device(np.zeros(size, self.real)) if CHEBYSHEV in self.plan.parts else None
+        self._weights = weights(method.chebyshev, method.iterations, self.real)
         self._holds = self.on_device(holding(self.scene.tetrahedra_set).astype(self.real))
         self._springs = tuple(
             self.on_device(one if one.size else np.zeros(1, one.dtype)) for one in map(np.ravel, held)
@@ -122,13 +127,19 @@ class VertexBlockDescent(Tetrahedra):
         self._drive(now, new_velocity, time)
         if self.contacts:
             self.contacts.find(before, now)
-        for _ in range(self.scene.method.iterations):
+        for iteration in range(self.scene.method.iterations):
             for _, launch in self._visits:
                 launch(before, velocity, now, time)
+            self._go_on(now, iteration)
             if self.contacts:
                 self.contacts.project(before, now)
         self._end[self._flat](before, now, new_velocity, self.record, self.bodies, self.integers, *time)
         self._drive(now, new_velocity, time)
+
+    def _go_on(self, position: Any, iteration: int) -> None:
+        """Launch what accelerates sweeps, where they are."""
+        if self._ways is not None:
+            self._accelerate[self._flat](position, self._ways, self._weights[iteration])
 
     @property
     def _launches(self) -> int:
@@ -136,7 +147,9 @@ class VertexBlockDescent(Tetrahedra):
         more = 2 * (self._pins is not None) + (self._slow is not None)
         find, project = (self.contacts.finding, self.contacts.projecting) if self.contacts else (0, 0)
         more += len(self._first) + find
-        return method.substeps * (2 + more + method.iterations * (len(self._visits) + project))
+        return method.substeps * (
+            2 + more + method.iterations * (len(self._visits) + project + (self._ways is not None))
+        )
 
     def _time(self, moment: Moment) -> tuple[Any, ...]:
         return self._counter, np.int64(0), np.int64(moment.substeps), np.int64(moment.substep)
@@ -155,4 +168,5 @@ class VertexBlockDescent(Tetrahedra):
             return lambda moment: launch(before, velocity, position, self._time(moment))
 
         found = {name: run(launch) for name, launch in (*self._first, *self._visits)}
+        found[ACCELERATE] = lambda moment: self._go_on(position, moment.iteration)
         return super()._stages() | found | {"predict": predict}

@@ -12,19 +12,40 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from gpu_backend.core.compile import inlined, kernel_options, make_kernels, variant_name
+from gpu_backend.core.compile import inlined, kernel_options, make_kernel, make_kernels, variant_name
 from gpu_backend.core.formulas import device_formulas
-from gpu_backend.core.quads import load_quad, store_quad
+from gpu_backend.core.quads import SIZE, load_quad, store_quad
 from gpu_backend.core.world import World
 from gpu_backend.tetrahedra.descent_contact import make_meeting
 from gpu_backend.tetrahedra.springs import make_pulled
 from gpu_backend.xpbd.kernels import make_clock
 from model.core.tuples import each_of, tuple_of
-from model.formulas.elastic import descent
+from model.formulas.elastic import chebyshev, descent
 from model.tetrahedra.descent import CORNERS, RATE, SCALE
 from model.tetrahedra.springs import PARTS
 
 NOTHING: frozenset[str] = frozenset()
+
+
+@cache
+def make_accelerate(real: Any, math: str) -> Any:
+    """accelerate(position, ways, w): every particle after a sweep; `ways`: quads of where the last sweep ended, then of the
+    one before it."""
+    beyond, zero = device_formulas(chebyshev.make, real, math).beyond, real(0)
+
+    def accelerate(position, ways, w):
+        k, count = np.int32(cuda.grid(1)), np.int32(position.size // SIZE)  # type: ignore[call-arg]
+        if k < count:
+            p = load_quad(position, k)
+            if p[3] > zero:
+                older = load_quad(ways, count + k)
+                x, y, z = beyond(p[0], older[0], w), beyond(p[1], older[1], w), beyond(p[2], older[2], w)
+                last = load_quad(ways, k)
+                store_quad(ways, count + k, last[0], last[1], last[2], last[3])
+                store_quad(ways, k, x, y, z, zero)
+                store_quad(position, k, x, y, z, p[3])
+
+    return make_kernel(accelerate, f"chebyshev_{variant_name(real, math)}", **kernel_options(math))
 
 
 @cache

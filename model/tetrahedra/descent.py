@@ -9,7 +9,7 @@ import numpy as np
 
 from model.core.plan import Node, Plan, Stage
 from model.formulas.constraints.tetrahedron import MATERIALS
-from model.formulas.elastic import descent
+from model.formulas.elastic import chebyshev, descent
 from model.geometry.lists import grouped, offsets_of
 from model.scene.cloth import COLLIDER_KINDS
 from model.scene.scene import Scene
@@ -21,6 +21,7 @@ from model.tetrahedra.topology import neighbours
 from model.xpbd.mesh_plan import PROJECT_CONTACTS, constrained_plan
 
 CORNERS = 4
+CHEBYSHEV, ACCELERATE = "chebyshev", "accelerate"  # a part of a plan, a stage
 SCALE, RATE = "elastic_scale", "inverse_substep"  # of the record: h^2 / m, 1 / h
 _known: WeakKeyDictionary[TetrahedraSet, tuple[Descent, ...]] = WeakKeyDictionary()
 
@@ -134,7 +135,8 @@ def stage_name(work: str, material: str, colour: int | None = None) -> str:
 def vbd_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
     """Substeps and iterations as in model/xpbd/plan.py. Of a substep the prediction, the stresses that dampers remember,
     where vertices start; of an iteration the vertices of each material, colour by colour."""
-    parts = tetrahedra_parts(scene, live)
+    accelerated = {CHEBYSHEV} if scene.method.chebyshev > 0 else set()
+    parts = tetrahedra_parts(scene, live) | accelerated
     bare, method, particles = constrained_plan(scene, parts, []), scene.method, scene.grid.particle_count
     damped, item = DAMPED in parts, np.dtype(np.float32).itemsize
     begin: list[Stage] = []
@@ -158,6 +160,8 @@ def vbd_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
     sweep = substep.children[at]
     assert isinstance(sweep, Node)
     (predict, *pins), end = substep.children[:at], substep.children[at + 1 :]
+    if accelerated:
+        colours.append(Stage(ACCELERATE, 3, 3, 3 * chebyshev.OPERATIONS))
     colours += [one for one in sweep.children if isinstance(one, Stage) and one.name == PROJECT_CONTACTS]
     steps = predict, *begin, *pins, Node("iteration", tuple(colours), method.iterations), *end
     return Plan(Node("step", (Node("substep", steps, method.substeps),)), bare.fused_scalars, parts, dimensions=3)

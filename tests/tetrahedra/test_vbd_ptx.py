@@ -49,6 +49,16 @@ def test_float32_visits_hold_no_double_and_no_local_memory(math: str, material: 
         assert ".f64" not in found and ".local" not in found and "call" not in found, name
 
 
+def test_acceleration_holds_no_double_and_no_local_memory() -> None:
+    from numba import cuda, types
+
+    from gpu_backend.tetrahedra.descent_kernels import make_accelerate
+
+    arguments = types.float32[::1], types.float32[::1], types.float32
+    found, _ = cuda.compile_ptx(make_accelerate(np.float32, "exact").py_func, arguments, cc=(9, 0))
+    assert ".f64" not in found and ".local" not in found and "call" not in found[found.index(".entry") :]
+
+
 @pytest.mark.parametrize("material", range(len(tetrahedron.MATERIALS)))
 def test_exact_visits_contract_nothing(material: int) -> None:
     """In float64, whose quotients are an instruction: no product runs into a sum."""

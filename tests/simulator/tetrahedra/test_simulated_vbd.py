@@ -12,12 +12,12 @@ from model.scene.scene import Scene
 
 NEAR: dict[str, Any] = {
     "body": BODY, "second": FREE | {"origin": [0.22, 0.03, 0.01], "velocity": [-1.0, 0.0, 0.2], "spin": [0.0] * 3},
-    "contact": {"distance": 0.03, "static_friction": 0.3, "dynamic_friction": 0.2}, "method": METHOD | {"substeps": 2},
+    "contact": {"distance": 0.03, "static_friction": 0.3, "dynamic_friction": 0.2}
 }  # fmt: skip
 SCENES: dict[str, Any] = {
     "everything": lambda: Scene(EVERYTHING),
     "alone": lambda: vbd_scene(BODY, iterations=1),
-    "meeting": lambda: Scene(NEAR),
+    "meeting": lambda: Scene(NEAR | {"method": METHOD | {"substeps": 2, "iterations": 3, "chebyshev": 0.8}}),
 }
 
 
