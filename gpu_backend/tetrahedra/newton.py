@@ -10,9 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from gpu_backend.core.device import simulated
+from gpu_backend.core.cooperative import Cooperative
 from gpu_backend.core.driven import DrivenSimulation
-from gpu_backend.core.launch import prepare
 from gpu_backend.core.quads import SIZE
 from gpu_backend.mass_spring.cloth.kernels import make_cloth_tools
 from gpu_backend.tetrahedra.newton_kernel import DONE, WORKING, Lists, make_newton, packed
@@ -31,7 +30,6 @@ from model.tetrahedra.newton import DAMPED, SUMMED, element_values, holding, new
 from model.tetrahedra.springs import rounding_of, springs
 from model.tetrahedra.tables import surface_lists
 
-STEPS = 64  # a launch, so that it can be interrupted
 CODELESS = {"gauss-seidel", ITERATED}  # parts that change no kernel
 
 
@@ -92,7 +90,7 @@ class TetrahedraNewton(DrivenSimulation):
         def room(size: int) -> Any:
             return self.on_device(np.zeros(size, real))
 
-        self._flags, self._done = self.on_device(np.zeros(1, np.int32)), self.on_device(np.zeros(len(DONE), np.int64))
+        self._done = self.on_device(np.zeros(len(DONE), np.int64))
         self._arrays = (
             room(WORKING * SIZE * self.particle_count), self.on_device(element_values(found).T.astype(real)),
             *(room(size) for size in self._sizes), self.on_device(holding(found).astype(real)),
@@ -106,31 +104,18 @@ class TetrahedraNewton(DrivenSimulation):
 
     def _build(self) -> None:
         self._tools = SimpleNamespace(**vars(make_cloth_tools(self.real)) | vars(make_mesh_tools(self.real)))
-        self._steps = make_newton(self.real, self.options.math, self.plan.parts - CODELESS)
-        self._executor = Executor(self.plan, {}, self._advance_steps)
-        self.blocks = 1
-        if not simulated():
-            arguments = self._arguments(1)
-            prepare(self._steps, arguments, 0, cooperative=True)
-            compiled = self._steps.compile(tuple(self._steps.typeof_pyval(argument) for argument in arguments))
-            self.blocks = min(self._most_blocks, compiled.max_cooperative_grid_blocks(THREADS))
+        kernel = make_newton(self.real, self.options.math, self.plan.parts - CODELESS)
+        self._steps = Cooperative(self, kernel, self._arguments, self._most_blocks, THREADS)
+        self._executor = Executor(self.plan, {}, self._steps.advance)
+        self._steps.prepare()
 
     def _arguments(self, steps: int) -> tuple[Any, ...]:
         method = self.scene.method
         return (
-            self.position[0], self.velocity[0], *self._arrays, self._flags, self._done, self.record, self.bodies,
+            self.position[0], self.velocity[0], *self._arrays, self._steps.flags, self._done, self.record, self.bodies,
             self.integers, self._counter, np.int64(steps), np.int64(method.substeps), np.int64(method.iterations),
             self._floor,
         )  # fmt: skip
-
-    def _advance_steps(self, step: int, steps: int) -> None:
-        self._set_counter(step)
-        while steps > 0:
-            now = min(steps, STEPS)
-            self._flags.copy_to_device(np.zeros(1, np.int32), stream=self.stream)
-            self._steps[self.blocks, THREADS, self.stream](*self._arguments(now))
-            self._count_on(now)
-            steps -= now
 
     @property
     def done(self) -> np.ndarray:

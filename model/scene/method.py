@@ -33,7 +33,7 @@ class Method(Part):
     `blocks`, which end at implicit Euler where iterations do; `vbd` descends vertex by vertex, `iterations` times over all,
     accelerated by Chebyshev's weights where `chebyshev`, what a sweep leaves of the slowest error, is over 0, and `newton`
     solves implicit Euler to the end, in at most `iterations` Newton steps. `pbf` keeps the density of fluids: by the `scheme`
-    macklin a substep's pressure grows over its iterations, each going the part `relaxation` of its way; averaged is the one of
+    macklin a substep's pressure grows over its iterations, each going the part `relaxation` of its way; averaged is that of
     the particle libraries, which shares corrections among neighbours and lets a fluid sink together.
     """
 
