@@ -18,7 +18,7 @@ def view_of(scene: Scene, quick: bool = False) -> Any:
     `quick`: frames matter more than edges and shadows, which are left out where a processor does the drawing.
     """
     from app.render.bodies_view import BodiesView
-    from app.render.fluid_view import FluidView
+    from app.render.fluid.particles import FluidView
     from app.render.sheet_view import SheetView
     from app.render.tetrahedra_view import TetrahedraView
 
