@@ -10,14 +10,78 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from llvmlite import ir
+from numba import types
+from numba.extending import intrinsic
 
-from cpu_backend.contact.particles_find import lowest_bit
 from cpu_backend.core.compile import Compiler
 from cpu_backend.core.layout import row_at
+from cpu_backend.core.plain import in_python
 from model.formulas.fluid import density
 
 LANES = 16
+AROUND = 1024  # particles of the cells around one that are gathered; where there are more, they are looked at in place
+RUNS = 64  # numbers: the ends of runs around a cell
 FAR = 1e15  # m: nobody's place; its square is still a number in float32
+
+
+WORD = 64  # distances that are looked at in one go, a bit each
+
+_built_in: Any = intrinsic  # typed by numba when it is compiled
+
+
+@_built_in
+def bits_below(typing_context, array, offset, limit):
+    """Of the WORD numbers of a flat array from `offset` on, those that are less than `limit`, a bit each."""
+    if not (isinstance(array, types.Array) and array.ndim == 1 and array.layout == "C" and array.dtype == limit):
+        return None
+
+    def build(context, builder, signature, arguments):
+        whole = context.make_array(array)(context, builder, arguments[0])
+        element = context.get_data_type(array.dtype)
+        vector = ir.VectorType(element, WORD)
+        here = builder.bitcast(builder.gep(whole.data, [arguments[1]]), vector.as_pointer())
+        numbers = builder.load(here, align=array.dtype.bitwidth // 8)
+        limits = builder.insert_element(ir.Constant(vector, ir.Undefined), arguments[2], ir.Constant(ir.IntType(32), 0))
+        limits = builder.shuffle_vector(limits, limits, ir.Constant(ir.VectorType(ir.IntType(32), WORD), [0] * WORD))
+        return builder.bitcast(builder.fcmp_ordered("<", numbers, limits), ir.IntType(WORD))
+
+    return types.uint64(array, types.int64, array.dtype), build
+
+
+@in_python(bits_below)
+def _bits_below(array: np.ndarray, offset: int, limit: Any) -> int:
+    return sum(1 << k for k in range(WORD) if array[offset + k] < limit)
+
+
+@_built_in
+def lowest_bit(typing_context, word):
+    """Where the lowest bit of a uint64 that is set lies; of 0 there is none."""
+
+    def build(context, builder, signature, arguments):
+        return builder.cttz(arguments[0], context.get_constant(types.boolean, True))
+
+    return types.int64(types.uint64), build
+
+
+@in_python(lowest_bit)
+def _lowest_bit(word: Any) -> int:
+    return (int(word) & -int(word)).bit_length() - 1
+
+
+@_built_in
+def without_lowest(typing_context, word):
+    """A uint64 without the lowest of its bits."""
+
+    def build(context, builder, signature, arguments):
+        return builder.and_(arguments[0], builder.sub(arguments[0], ir.Constant(ir.IntType(WORD), 1)))
+
+    return types.uint64(types.uint64), build
+
+
+@in_python(without_lowest)
+def _without_lowest(word: Any) -> int:
+    return int(word) & (int(word) - 1)
 
 
 def make_wrap(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
@@ -37,64 +101,82 @@ def make_wrap(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
 
 
 def make_find(compiler: Compiler, real: Any, parts: frozenset[str], most: int) -> Any:
-    """find(first, last, count, room, nobody, place, starts, counts, sides, parameters, lists) -> neighbours that no list
-    holds: of the slices `first` to before `last`. `counts`: of cells along x, y, z; `most`: neighbours of a particle."""
+    """find(first, last, count, room, nobody, place, cell, order, starts, counts, sides, parameters, lists, around) ->
+    neighbours that no list holds: of the slices `first` to before `last`. `counts`: of cells along x, y, z; `most`:
+    neighbours of a particle; `around`: room for those that lie in a cell's 27, whom its particles are all held against:
+    their places (three planes), which they are, and the runs that they come in."""
     formulas, wrap = density.make(real, compiler.compiled), make_wrap(compiler, real, parts)
-    squared, within = formulas.squared, formulas.within
+    squared = formulas.squared
     repeats, flat = "repeats" in parts, "flat" in parts
-    zero = real(0)
+    zero, beyond = real(0), real(FAR)
 
     @compiler.row
-    def look(x, y, z, support, sides, xs, ys, zs):
-        """Which of LANES particles are within the support, a bit each."""
-        found = np.int32(0)
-        for lane in range(LANES):
-            dx, dy, dz = wrap(x - xs[lane], y - ys[lane], z - zs[lane], sides)
-            found |= np.int32(within(squared(dx, dy, dz), support)) << np.int32(lane)
-        return found
+    def distances(many, x, y, z, sides, xs, ys, zs, squares):
+        """The squares of all distances from a place."""
+        for k in range(many):
+            dx, dy, dz = wrap(x - xs[k], y - ys[k], z - zs[k], sides)
+            squares[k] = squared(dx, dy, dz)
 
     @compiler.compiled
-    def listed(i, lane, found, begin, end, room, place, sides, support, entries):
-        """Appends those of the places `begin` to before `end` that are near; returned: how many there are with them."""
-        x, y, z = place[i], place[room + i], place[2 * room + i]
-        for k in range(begin, end, LANES):
-            near = look(x, y, z, support, sides, row_at(place, k), row_at(place, room + k), row_at(place, 2 * room + k))
-            near &= np.int32((1 << min(LANES, end - k)) - 1)
+    def picked(i, lane, found, x, y, z, many, near_x, near_y, near_z, squares, who, sides, limit, entries):
+        """Appends those of the `many` that were gathered that are near to i; returned: how many there are with them."""
+        distances(many, x, y, z, sides, near_x, near_y, near_z, squares)
+        for k in range(many, (many + WORD - 1) // WORD * WORD):
+            squares[k] = beyond
+        for first in range(0, many, WORD):
+            near = bits_below(squares, np.int64(first), limit)
             while near != 0:
-                j = k + lowest_bit(near)
-                near &= near - np.int32(1)
+                j = who[first + lowest_bit(near)]
+                near = without_lowest(near)
                 if j != i:
                     if found < most:
-                        entries[found * LANES + lane] = np.int32(j)
+                        entries[found * LANES + lane] = j
                     found += 1
         return found
 
     @compiler.compiled
-    def of_row(i, lane, found, x, row, nx, room, place, starts, sides, support, wraps, entries):
-        """The cells x - 1, x, x + 1 of a row of cells."""
-        begin, end = max(x - 1, 0), min(x + 2, nx)
-        if wraps and x == 0:
-            at = row + nx - 1
-            found = listed(
-                i, lane, found, np.int64(starts[at]), np.int64(starts[at + 1]), room, place, sides, support, entries
-            )
-        found = listed(
-            i, lane, found, np.int64(starts[row + begin]), np.int64(starts[row + end]), room, place, sides, support, entries
-        )  # fmt: skip
-        if wraps and x == nx - 1:
-            found = listed(
-                i, lane, found, np.int64(starts[row]), np.int64(starts[row + 1]), room, place, sides, support, entries
-            )
-        return found
-
-    @compiler.compiled
-    def find(first, last, count, room, nobody, place, cell, order, starts, counts, sides, parameters, lists):
-        neighbours, longest, entries = lists
-        support, missed = parameters.support, 0
-        nx, ny, nz = counts
+    def runs_around(c, nx, ny, nz, starts, sides, runs):
+        """The runs of places of the 27 cells around one, their ends in `runs`; returned: how many numbers."""
+        x, y, z, n = c % nx, c // nx % ny, c // (nx * ny), 0
         wraps_x = wraps_y = wraps_z = False
         if repeats:
             wraps_x, wraps_y, wraps_z = sides[0] > zero, sides[1] > zero, sides[2] > zero
+        begin, end = max(x - 1, 0), min(x + 2, nx)
+        for beside in range(3 if flat else 0, 6 if flat else 9):
+            j, l = y + beside % 3 - 1, z + beside // 3 - 1  # noqa: E741
+            if wraps_y:
+                j = (j + ny) % ny
+            if wraps_z:
+                l = (l + nz) % nz  # noqa: E741
+            if j < 0 or j >= ny or l < 0 or l >= nz:
+                continue
+            row = (l * ny + j) * nx
+            if wraps_x and x == 0:
+                runs[n], runs[n + 1] = starts[row + nx - 1], starts[row + nx]
+                n += 2
+            runs[n], runs[n + 1] = starts[row + begin], starts[row + end]
+            n += 2
+            if wraps_x and x == nx - 1:
+                runs[n], runs[n + 1] = starts[row], starts[row + 1]
+                n += 2
+        return n
+
+    @compiler.compiled
+    def gathered(k, begin, end, room, place, near_x, near_y, near_z, who):
+        """Copies the places `begin` to before `end`, from number k on; returned: how many there are with them."""
+        for j in range(begin, end):
+            near_x[k], near_y[k], near_z[k] = place[j], place[room + j], place[2 * room + j]
+            who[k] = np.int32(j)
+            k += 1
+        return k
+
+    @compiler.compiled
+    def find(first, last, count, room, nobody, place, cell, order, starts, counts, sides, parameters, lists, around):
+        neighbours, longest, entries = lists
+        near_x, near_y, near_z, squares, who, runs = around
+        limit, missed = squared(parameters.support, zero, zero), 0
+        nx, ny, nz = counts
+        known, ends, many, holds = np.int64(-1), 0, np.int64(0), True
         for s in range(first, last):
             own = row_at(entries, np.int64(s) * (LANES * most))
             longest[s] = 0
@@ -104,19 +186,27 @@ def make_find(compiler: Compiler, real: Any, parts: frozenset[str], most: int) -
                 if i >= count:
                     continue
                 c = np.int64(cell[order[i]])
-                x, y, z = c % nx, c // nx % ny, c // (nx * ny)
-                for beside in range(3 if flat else 0, 6 if flat else 9):
-                    j, l = y + beside % 3 - 1, z + beside // 3 - 1  # noqa: E741
-                    if wraps_y:
-                        j = (j + ny) % ny
-                    if wraps_z:
-                        l = (l + nz) % nz  # noqa: E741
-                    if j < 0 or j >= ny or l < 0 or l >= nz:
-                        continue
-                    row = (l * ny + j) * nx
-                    found = of_row(
-                        i, lane, found, x, row, nx, room, place, starts, sides, support, wraps_x, own
-                    )  # fmt: skip
+                if c != known:
+                    known, ends, total = c, runs_around(c, nx, ny, nz, starts, sides, runs), np.int64(0)
+                    for n in range(0, ends, 2):
+                        total += runs[n + 1] - runs[n]
+                    many, holds = np.int64(0), total <= AROUND
+                    if holds:
+                        for n in range(0, ends, 2):
+                            many = gathered(many, runs[n], runs[n + 1], room, place, near_x, near_y, near_z, who)
+                x, y, z = place[i], place[room + i], place[2 * room + i]
+                if holds:
+                    found = picked(
+                        i, lane, found, x, y, z, many, near_x, near_y, near_z, squares, who, sides, limit, own
+                    )
+                else:  # as many at a time as there is room for
+                    for n in range(0, ends, 2):
+                        for begin in range(runs[n], runs[n + 1], AROUND):
+                            end = min(begin + AROUND, runs[n + 1])
+                            many = gathered(np.int64(0), begin, end, room, place, near_x, near_y, near_z, who)
+                            found = picked(
+                                i, lane, found, x, y, z, many, near_x, near_y, near_z, squares, who, sides, limit, own
+                            )  # fmt: skip
                 missed += max(found - most, 0)
                 neighbours[i] = np.int32(min(found, most))
                 longest[s] = max(longest[s], neighbours[i])

@@ -14,7 +14,7 @@ from cpu_backend.contact.colliders import make_collide_mass, make_instants
 from cpu_backend.core.compile import Compiler
 from cpu_backend.core.layout import row_at
 from cpu_backend.fluid.cells import make_predict, make_row_of, make_sort, make_table
-from cpu_backend.fluid.lists import LANES, make_find
+from cpu_backend.fluid.lists import AROUND, LANES, RUNS, make_find
 from cpu_backend.fluid.pairs import make_pairs
 from cpu_backend.fluid.walls import make_walls
 from model.fluid.parameters import F_WEIGHT, MAX_NEIGHBOURS
@@ -81,11 +81,8 @@ def make_constraint(compiler: Compiler, real: Any, parts: frozenset[str], cells_
     constraint, factor_of, change, change_alone = f.constraint, f.factor, f.change, f.change_alone
     wall_added, moved, moved_mean = f.wall_added, f.moved, f.moved_mean
     most = MAX_NEIGHBOURS[2 if "flat" in parts else 3]
-    find_some, pairs, walls = (
-        make_find(compiler, real, parts, most),
-        make_pairs(compiler, real, parts),
-        make_walls(compiler, real, parts),
-    )
+    find_some, pairs = make_find(compiler, real, parts, most), make_pairs(compiler, real, parts)
+    walls = make_walls(compiler, real, parts)
     densities, gradients, corrections = pairs.densities, pairs.gradients, pairs.corrections
     touch, instants = make_collide_mass(compiler, real, parts), make_instants(compiler, real, parts)
     has_walls, averaged = "walls" in parts, "averaged" in parts
@@ -103,7 +100,10 @@ def make_constraint(compiler: Compiler, real: Any, parts: frozenset[str], cells_
     @compiled
     def find(part, shared, number, world, parameters, fluids, bodies, kinds):
         """Lists of neighbours, and the factors that an iteration multiplies by; multipliers are 0."""
-        (count, room, nobody), _, _, in_order, work, (_, cell, starts, order, _), lists, scratch = world
+        (count, room, nobody), _, _, in_order, work, (_, cell, starts, order, _), lists, (scratch, near, who, runs) = (
+            world
+        )
+        here = np.int64(part) * (4 * AROUND)
         place, fluid, (_, factor, multiplier, _, _, _) = in_order[1], in_order[4], work
         neighbours, longest, entries, missed = lists
         _, _, counts = cells_in(shared, world, parameters)
@@ -111,16 +111,15 @@ def make_constraint(compiler: Compiler, real: Any, parts: frozenset[str], cells_
         first, last = slices * part // shared, slices * (part + 1) // shared
         missed[part] += find_some(
             first, last, count, room, nobody, place, cell, order, starts, counts, sides, parameters,
-            (neighbours, longest, entries),
+            (neighbours, longest, entries), (
+                row_at(near, here), row_at(near, here + AROUND), row_at(near, here + 2 * AROUND),
+                row_at(near, here + 3 * AROUND), row_at(who, np.int64(part) * AROUND), row_at(runs, np.int64(part) * RUNS),
+            ),
         )  # fmt: skip
         _, end, _ = instants(number, parameters)
         at = np.int64(part) * (SCRATCH * LANES)
-        gx, gy, gz, own = (
-            row_at(scratch, at),
-            row_at(scratch, at + LANES),
-            row_at(scratch, at + 2 * LANES),
-            row_at(scratch, at + 3 * LANES),
-        )
+        gx, gy, gz = row_at(scratch, at), row_at(scratch, at + LANES), row_at(scratch, at + 2 * LANES)
+        own = row_at(scratch, at + 3 * LANES)
         for s in range(first, last):
             base = np.int64(s) * LANES
             for lane in range(LANES):
@@ -146,9 +145,8 @@ def make_constraint(compiler: Compiler, real: Any, parts: frozenset[str], cells_
     @compiled
     def constrain(part, shared, number, place, world, parameters, bodies, kinds):
         """The constraints where particles are at `place`, and the changes of their multipliers."""
-        (count, room, _), _, _, _, (_, factor, multiplier, delta, error, wall), _, (_, longest, entries, _), scratch = (
-            world
-        )
+        (count, room, _), _, _, _, (_, factor, multiplier, delta, error, wall), _, lists, (scratch, _, _, _) = world
+        longest, entries = lists[1], lists[2]
         slices, sides = (count + LANES - 1) // LANES, sides_of(parameters)
         _, end, _ = instants(number, parameters)
         total = row_at(scratch, np.int64(part) * (SCRATCH * LANES))
@@ -180,9 +178,8 @@ def make_constraint(compiler: Compiler, real: Any, parts: frozenset[str], cells_
     @compiled
     def correct(part, shared, number, place, there, world, parameters, fluids, bodies, kinds):
         """Particles at `place` moved, into `there`."""
-        (count, room, _), _, _, in_order, (_, _, _, delta, _, wall), _, (neighbours, longest, entries, _), scratch = (
-            world
-        )
+        (count, room, _), _, _, in_order, (_, _, _, delta, _, wall), _, lists, (scratch, _, _, _) = world
+        neighbours, longest, entries = lists[0], lists[1], lists[2]
         before, fluid = in_order[0], in_order[4]
         slices, sides = (count + LANES - 1) // LANES, sides_of(parameters)
         at = np.int64(part) * (SCRATCH * LANES)

