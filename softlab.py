@@ -136,13 +136,16 @@ def demo(
 ) -> None:
     """Show scenes in a window: G toggles gravity, the mouse pulls a mass or a body, H lists the keys."""
     from app.window.viewer import run_demo
+    from bench.experiments.accuracy.judge import judge_run
     from model.core.errors import SceneError
 
     if frames is not None and frames < 1:
         raise SceneError("--frames", frames, "must be at least 1")
     shown = [scene_of(name, settings) for name in scenes or ["lab-grid"]]
     with compilations_told():
-        run_demo(*shown, backend=backend, threads=threads, precision=precision, math=math, frames=frames)
+        run_demo(
+            *shown, backend=backend, threads=threads, precision=precision, math=math, frames=frames, judge=judge_run
+        )
 
 
 app.registered_commands += (

@@ -38,9 +38,9 @@ def open_simulation(
     Raises SceneError or InputError (bad input), UnstableTimeStep (dt over the limit, unless `allow_unstable`),
     BackendUnavailable (no GPU).
 
-    >>> with open_simulation("lab-grid") as simulation:
-    ...     simulation.advance(100)
-    ...     position = simulation.read("position")
+        with open_simulation("lab-grid") as simulation:
+            simulation.advance(100)
+            position = simulation.read("position")
     """
     if not isinstance(scene, Scene):
         scene = load_scene(scene)

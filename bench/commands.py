@@ -42,7 +42,7 @@ def sweep(
     scene: Annotated[
         list[str] | None,
         typer.Option(
-            help="With --peers: only grid, cloth, xpbd, implicit-16, implicit-4, implicit-1, tetrahedra or rigid. Repeatable."
+            help="With --peers: only grid, cloth, xpbd, implicit (-16, -4, -1), tetrahedra (-1e5 ...) or rigid. Repeatable."
         ),
     ] = None,
     store: StorePath = DEFAULT_STORE,
@@ -237,7 +237,8 @@ def tetrahedra(
     store: StorePath = DEFAULT_STORE,
 ) -> None:
     """Does E mean E? A bar of tetrahedra: how far its solver, and how far its mesh, is off, and what a frame costs."""
-    from bench.experiments.tetrahedra import print_tetrahedra, run_tetrahedra
+    from bench.experiments.tetrahedra import run_tetrahedra
+    from bench.experiments.tetrahedral.decides import print_tetrahedra
     from bench.experiments.tetrahedral.meshes import print_meshes, run_meshes
 
     chosen = precisions_of(precision, "float32")
@@ -259,6 +260,8 @@ def bar(
 ) -> None:
     """Every method, one body: sag, frequency and shear of a bar against what its material says; laws of bodies."""
     from bench.experiments.bar import run_bar
+    from bench.experiments.bar_costs import print_bar_costs, run_bar_costs
     from bench.experiments.bar_rows import print_bar
 
     measure(store, run_bar, print_bar, quick=quick, backends=backend)
+    measure(store, run_bar_costs, print_bar_costs, quick=quick, backends=backend)

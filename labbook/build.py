@@ -20,6 +20,7 @@ from labbook.answer import answer_tables
 from labbook.claims import (
     ablation,
     accuracy,
+    bar_costs,
     bodies,
     body_laws,
     busy,
@@ -31,6 +32,7 @@ from labbook.claims import (
     findings,
     hard,
     hard_bodies,
+    hard_tetrahedra,
     kernels,
     stability,
     tetrahedra,
@@ -56,7 +58,7 @@ CLAIMS = {  # every sentence that the measurements make, by name
     name: made
     for module in (
         claim, comparison, kernels, accuracy, findings, costs, convergence, stability, hard, ablation, cloth, throughput,
-        bodies, body_laws, hard_bodies, busy, tetrahedra,
+        bodies, bar_costs, body_laws, hard_bodies, hard_tetrahedra, busy, tetrahedra,
     )
     for name, made in module.CLAIMS.items()
 }  # fmt: skip

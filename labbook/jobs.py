@@ -140,6 +140,7 @@ def _measurements(console: Console, store: Any, quick: bool, command: str) -> di
     from bench.experiments.advise.ablate import ablate
     from bench.experiments.advise.ablation_results import print_ablation
     from bench.experiments.bar import run_bar
+    from bench.experiments.bar_costs import run_bar_costs
     from bench.experiments.busy import run_busy
     from bench.experiments.convergence import run_convergence
     from bench.experiments.findings import run_findings
@@ -168,6 +169,7 @@ def _measurements(console: Console, store: Any, quick: bool, command: str) -> di
         run_throughput,
         run_busy,
         run_bar,
+        run_bar_costs,
         run_meshes,
         run_tetrahedra,
     )

@@ -96,13 +96,22 @@ def ptx_compiler(monkeypatch: pytest.MonkeyPatch) -> None:
     """CUDA kernels can be compiled without a GPU. Needs NVVM and NVRTC: pip install -e ".[ptx]"."""
     cuda = pytest.importorskip("numba.cuda", reason="needs numba-cuda")
     import numba.cuda.dispatcher as dispatcher
-    from numba import types
 
     monkeypatch.setattr(dispatcher, "get_current_device", lambda: SimpleNamespace(compute_capability=(9, 0)))
+    if missing := no_ptx(cuda):
+        pytest.skip(f'the CUDA compiler is not installed (pip install -e ".[ptx]"): {missing}')
+
+
+@cache
+def no_ptx(cuda: Any) -> str:
+    """What is wrong with the CUDA compiler, or ""."""
+    from numba import types
+
     try:
         cuda.compile_ptx(lambda a: None, (types.float32[::1],), cc=(9, 0))
     except Exception as error:
-        pytest.skip(f'the CUDA compiler is not installed (pip install -e ".[ptx]"): {type(error).__name__}')
+        return type(error).__name__
+    return ""
 
 
 PLAIN_SECONDS = 2.0  # of a test, until its kernels are compiled after all: about what compiling one takes
@@ -123,6 +132,15 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
         sys.modules["cpu_backend.core.plain"].plain_python(plain, PLAIN_SECONDS)
     if item.get_closest_marker("gpu") and no_gpu():
         pytest.skip(no_gpu())
+    if "bench.measure.machine" in sys.modules:
+        measured_once(sys.modules["bench.measure.machine"])
+
+
+def measured_once(machine: Any) -> None:
+    """A machine's limits are measured once a process, of small arrays: a hundred tests enter their machine into a store."""
+    if not hasattr(machine.measured_limits, "__wrapped__"):
+        machine.measured_limits = cache(machine.measured_limits)
+        machine.copy_bytes = lambda: 1 << 20
 
 
 @cache

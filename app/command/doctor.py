@@ -114,6 +114,13 @@ def _display() -> Finding:
     )
 
 
+def _panel() -> Finding:
+    from app.command.dear_imgui import REMEDY, panel_available
+
+    works, told = panel_available()
+    return Finding("panel of the window", works, told, "" if works else f"{REMEDY}; the keys work without it")
+
+
 def _fonts() -> Finding:
     from matplotlib import font_manager
 
@@ -155,7 +162,7 @@ def _typst() -> Finding:
 
 
 CHECKS: tuple[Callable[[], Finding], ...] = (
-    _versions, _cpu, _cache, _gpu, _opengl, _display, _fonts, _ffmpeg, _voice, _typst,
+    _versions, _cpu, _cache, _gpu, _opengl, _display, _panel, _fonts, _ffmpeg, _voice, _typst,
 )  # fmt: skip
 
 

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from app.output.pieces import Piece, collider_pieces, pieces_of
-from app.render.skinning import ClusterFrames
+from app.render.bodies.skinning import ClusterFrames
 from model.core.errors import InputError, SceneError
 from model.core.files import check_target, replacing
 from model.core.simulation import Simulation

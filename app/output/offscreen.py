@@ -166,13 +166,15 @@ class OffscreenRenderer:
 
 def check_look(scene: Scene, look: Sequence[str]) -> None:
     """Raise InputError for a look that scenes of this kind, or none, have."""
-    from app.render.tetrahedra_view import LOOKS
+    from app.render.fluid.view import LOOKS as OF_FLUIDS
+    from app.render.tetrahedra_view import LOOKS as OF_TETRAHEDRA
 
+    known = OF_TETRAHEDRA if scene.tetrahedra else OF_FLUIDS if scene.fluids else ()
     for name in look:
-        if not scene.tetrahedra:
-            raise InputError(f"--look {name}: is for tetrahedral bodies; leave it out")
-        if name not in LOOKS:
-            raise InputError(f"--look {name}: must be one of {', '.join(LOOKS)}")
+        if not known:
+            raise InputError(f"--look {name}: is for tetrahedral bodies and fluids; leave it out")
+        if name not in known:
+            raise InputError(f"--look {name}: must be one of {', '.join(known)}")
 
 
 def read_pixels(width: int, height: int) -> np.ndarray:

@@ -38,9 +38,9 @@ class Piece:
 def pieces_of(
     scene: Scene, position: np.ndarray, matrices: np.ndarray | None = None, inverse_mass: np.ndarray | None = None
 ) -> list[Piece]:
-    """What moves: `position` (particles, dimensions) [m]; of bodies `matrices` (clusters, 3, 4) as app/render/skinning.py
-    makes them, but for those that wait by `inverse_mass`, as in State (None: when the scene starts). A body without a skin
-    is its particles; a sheet without triangles its lines; one without springs its masses."""
+    """What moves: `position` (particles, dimensions) [m]; of bodies `matrices` (clusters, 3, 4) of ClusterFrames, but
+    for those that wait by `inverse_mass`, as in State (None: when the scene starts). A body without a skin is its particles;
+    a sheet without triangles its lines; one without springs its masses."""
     if scene.bodies:
         assert matrices is not None
         there = copies_there(scene, inverse_mass)
@@ -65,12 +65,12 @@ def pieces_of(
 
 
 def _skins(scene: Scene, position: np.ndarray) -> list[Piece]:
-    """Of tetrahedral bodies, each carried by its tetrahedra."""
+    """Of tetrahedral bodies, each carried by its tetrahedra, and of a cloth beside them."""
     skin = scene.tetrahedra_set.skin
     points = skin.points(position)
     normals = mesh_normals(points, skin.faces)
     found = []
-    for number, (name, triangles) in enumerate(zip(scene.tetrahedra, skin.triangles, strict=True)):
+    for number, (name, triangles) in enumerate(zip(scene.holdable, skin.triangles, strict=True)):
         low, high = int(triangles.min()), int(triangles.max()) + 1
         colour = colours.BODIES[number % len(colours.BODIES)]
         found.append(Piece(name, points[low:high], colour, triangles - low, normals[low:high]))

@@ -49,8 +49,10 @@ def mesh_on_gpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
 
 def tetrahedra_on_gpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
     """Also where there is no GPU."""
-    from gpu_backend.tetrahedra.resident_launch import default_slabs
+    from gpu_backend.tetrahedra.resident_launch import default_slabs, launched_only
 
+    if launched_only(scene, plan.parts):
+        return mesh_on_gpu(scene, precision, plan)
     device, limits = gpu_device("that slabs are cut for")
     slabs = default_slabs(scene, PRECISIONS[precision], limits)
     if not slabs:

@@ -82,6 +82,8 @@ class PlanReport:
         if self.scene.tetrahedra:
             found = self.scene.tetrahedra_set
             counts = {"bodies": len(found.parts), "tetrahedra": len(found.tetrahedra)}
+            if found.sheet:
+                counts["triangles"] = len(found.sheet.mesh.triangles)
         if self.scene.fluids:
             counts = {"fluids": len(self.scene.fluids)}
         if self.scene.bodies:

@@ -86,27 +86,29 @@ class Legend:
 
 
 class Legends:
-    """The legends that a scene may need: of the strain of what is drawn as lines, and of the levels of tetrahedra."""
+    """The legends that a scene may need: of the strain of what is drawn as lines, and of levels."""
 
     def __init__(self, scene: Scene) -> None:
         self._strain = legend_of(scene)
-        self._levels = Legend(len(pinned_indices(scene.grid)) > 0, levels=True) if scene.tetrahedra else None
+        self._levels = (
+            Legend(len(pinned_indices(scene.grid)) > 0, levels=True) if scene.tetrahedra or scene.fluids else None
+        )
 
     def needed(self, view: Any) -> bool:
         """Whether one goes with what a view shows."""
         return self._chosen(view) is not None
 
     def _chosen(self, view: Any) -> Legend | None:
-        if view.lines:
-            return self._strain
-        return self._levels if self._levels is not None and view.level_legend() is not None else None
+        if self._levels is not None and view.level_legend() is not None:
+            return self._levels
+        return self._strain if view.lines else None
 
     def draw(self, view: Any, width: int, strain_range: float) -> None:
         """The one that goes with what a view shows, if any, in a window `width` pixels wide."""
         chosen = self._chosen(view)
         if chosen is None:
             return
-        levels = None if view.lines else view.level_legend()
+        levels = view.level_legend()
         if levels is None:
             chosen.place(width, strain_range)
         else:

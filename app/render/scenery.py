@@ -30,8 +30,12 @@ class Lit:
 
     def __init__(self, vertex: str = shaders3d.SURFACE_VERTEX, fragment: str = shaders3d.SURFACE_FRAGMENT) -> None:
         self.program = shader_program(vertex, fragment)
+        self.shine(KEY)
+
+    def shine(self, light: np.ndarray) -> None:
+        """The light that throws shadows comes from there (3,), a unit vector, from now on."""
         self.program.use()
-        self.program["key"] = tuple(KEY.tolist())
+        self.program["key"] = tuple(light.tolist())
         self.program.stop()
 
     def use(self, camera: Camera3D) -> None:
@@ -51,7 +55,8 @@ class Lit:
 
 
 class Scenery:
-    """The colliders and the ground of `scene`. Needs a current OpenGL 3.3 context, the same in every call.
+    """The colliders and the ground of `scene`; `light` (3,): the unit vector toward what throws shadows. Needs a current
+    OpenGL 3.3 context, the same in every call.
 
     `draw_colliders` and `draw_shadows` before what is see-through, `draw_ground` after what is not; `delete()` frees it.
     """
@@ -59,7 +64,7 @@ class Scenery:
     def __init__(self, scene: Scene):
         from pyglet import gl
 
-        self.scene = scene
+        self.scene, self.shows_colliders, self.light = scene, True, KEY
         self.size = scene.grid.extent
         self._shadow_program = shader_program(shaders3d.SHADOW_VERTEX, shaders3d.SHADOW_FRAGMENT)
         self._ground_program = shader_program(shaders3d.GROUND_VERTEX, shaders3d.GROUND_FRAGMENT)
@@ -109,6 +114,8 @@ class Scenery:
 
     def draw_colliders(self, lit: Lit, time: float) -> None:
         """Every collider but planes where it is at `time` [s]; `lit` is in use."""
+        if not self.shows_colliders:
+            return
         self._turn_to(time)
         for drawn, velocity in self._meshes:
             lit.look(colours.COLLIDER, colours.COLLIDER, 0.10, velocity * time)
@@ -122,14 +129,15 @@ class Scenery:
         from pyglet import gl
 
         things = [(drawn, np.zeros(3)) for drawn in cloth]
-        things += [(drawn, velocity * time) for drawn, velocity in self._meshes]
+        if self.shows_colliders:
+            things += [(drawn, velocity * time) for drawn, velocity in self._meshes]
         program = self._shadow_program
         gl.glEnable(gl.GL_POLYGON_OFFSET_FILL)  # a little behind the ground, whose lines are drawn over it
         gl.glPolygonOffset(1.0, 2.0)
         for ground in grounds(self.scene, time, lowest):
-            if ground.normal @ KEY < MIN_SLOPE or not self._above(ground, camera):
+            if ground.normal @ self.light < MIN_SLOPE or not self._above(ground, camera):
                 continue
-            centre, flatten = self._centre(ground, camera), shadow_matrix(ground, KEY)
+            centre, flatten = self._centre(ground, camera), shadow_matrix(ground, self.light)
             program.use()
             program["transform"] = uniform_matrix(camera.matrix())
             program["centre"], program["flatten"] = tuple(centre.tolist()), uniform_matrix(flatten)
@@ -142,13 +150,16 @@ class Scenery:
         gl.glDisable(gl.GL_POLYGON_OFFSET_FILL)
 
     def draw_ground(self, camera: Camera3D, time: float, lowest: float) -> None:
-        """The planes, or a ground under `lowest` [m] where there is none; see-through from below."""
+        """The planes, or a ground under `lowest` [m] where there is none; see-through from below. Walls and ceilings are left
+        out where they are seen from behind: they would hide what they hold."""
         from pyglet import gl
 
         program = self._ground_program
         program.use()
         program["transform"] = uniform_matrix(camera.matrix())
         for ground in grounds(self.scene, time, lowest):
+            if ground.normal[1] < MIN_SLOPE and not self._above(ground, camera):
+                continue
             program["centre"] = tuple(self._centre(ground, camera).tolist())
             program["across"], program["along"] = tuple(ground.across.tolist()), tuple(ground.along.tolist())
             program["cover"] = GROUND_COVER if self._above(ground, camera) else 0.0

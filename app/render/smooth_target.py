@@ -30,6 +30,11 @@ class SmoothTarget:
         gl.glGenFramebuffers(2, self._frames)
         gl.glGenRenderbuffers(3, self._stores)
 
+    @property
+    def frame(self) -> int:
+        """The frame buffer that is drawn to."""
+        return int(self._frames[0])
+
     def begin(self, width: int, height: int) -> None:
         """Draw here from now on, `width` x `height` pixels; nothing is cleared."""
         from pyglet import gl

@@ -1,6 +1,6 @@
-"""Draws tetrahedral bodies into the current OpenGL context: their skins, the surfaces that they were cut from, carried by the
-tetrahedra, or the outer faces of the tetrahedra, each body of a colour, or coloured by stress or strain; or the edges of the
-tetrahedra, coloured by strain."""
+"""Draws tetrahedral bodies, and a cloth beside them, into the current OpenGL context: their skins, the surfaces that they
+were cut from, carried by the tetrahedra, or the outer faces of the tetrahedra, each body of a colour, or coloured by stress
+or strain; or the edges of the tetrahedra, coloured by strain."""
 
 from __future__ import annotations
 
@@ -20,8 +20,9 @@ from model.core.errors import InputError
 from model.core.simulation import Simulation
 from model.geometry.normals import mesh_normals
 from model.scene.scene import Scene
-from model.tetrahedra.body_set import Skin, TetrahedraSet
+from model.tetrahedra.body_set import TetrahedraSet
 from model.tetrahedra.material import at_particles, largest_strain, von_mises
+from model.tetrahedra.skin import Skin, plain_skin
 
 SHINE = 0.12
 TOLD = 0.6  # of a colour that is a number: what light and shade leave alone
@@ -34,13 +35,10 @@ LOOKS = ("skin", "mesh", "edges", *COLOURINGS)
 
 
 def outer_faces(found: TetrahedraSet) -> Skin:
-    """The tetrahedra's own surface as a skin whose points are the particles."""
-    number = np.arange(found.particle_count, dtype=np.int32)
-    weights = np.zeros((found.particle_count, 4))
-    weights[:, 0] = 1.0
+    """The tetrahedra's own surface, and a cloth's, as a skin whose points are the particles."""
     body = np.searchsorted(found.first_particle, found.surface[:, 0], side="right") - 1
-    faces = tuple(found.surface[body == k] for k in range(len(found.parts)))
-    return Skin(np.repeat(number[:, None], 4, axis=1), weights, faces)
+    faces = tuple(found.surface[body == k] for k in range(len(found.names)))
+    return plain_skin(np.arange(found.particle_count), faces)
 
 
 class _Surface:
@@ -85,12 +83,17 @@ class TetrahedraView(SheetView):
     """See View; `lines`: as the edges of the tetrahedra and not as surfaces. Particles, pins and edges are a sheet's. `skin`:
     skins, or else the outer faces of the tetrahedra; `colouring`: of COLOURINGS, the range of which only grows."""
 
+    subject, colourings = "tetrahedra", COLOURINGS
+
     def __init__(self, scene: Scene, detail: Detail = FINE):
         super().__init__(scene, detail)
         found = scene.tetrahedra_set
         self.skin, self.colouring, self._most = True, COLOURINGS[0], 0.0
         self._surfaces = {True: _Surface(found.skin), False: _Surface(outer_faces(found))}
         self._tinted = Lit(shaders3d.TINTED_VERTEX, shaders3d.TINTED_FRAGMENT)
+
+    def _lits(self) -> list[Any]:
+        return [*super()._lits(), self._tinted]
 
     # ------------------------------------------------------------------ how they look
 
@@ -119,7 +122,7 @@ class TetrahedraView(SheetView):
             surface.plain()
 
     def level_legend(self) -> tuple[str, float] | None:
-        """(title with its unit, the range in that unit) of the colours of what is shown; None where they are no levels."""
+        """See View."""
         if self.lines or self.colouring not in LEVELS:
             return None
         if self.colouring == "strain":

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 POSITION, NORMAL = 0, 1  # where shaders look for them
-LOOK = 4  # likewise, those of app/render/body_shaders.py
+LOOK = 4  # likewise, those of app/render/bodies/shaders.py
 
 
 def static_buffer(data: np.ndarray) -> int:
@@ -62,9 +62,9 @@ def vertex_array(
     return _array_of([(POSITION, position, dimensions), *normals, *looks], elements)
 
 
-def square_array(position: int, look: int) -> Any:
-    """A vertex array of a square a vertex: (vertices, 3) positions, and colours and sizes (vertices, 4); float32."""
-    return _array_of([(POSITION, position, 3), (LOOK, look, 4)])
+def square_array(position: int, look: int, dimensions: int = 3) -> Any:
+    """A vertex array of a square a vertex: (vertices, dimensions) positions, and colours and sizes (vertices, 4); float32."""
+    return _array_of([(POSITION, position, dimensions), (LOOK, look, 4)])
 
 
 def draw_elements(array: Any, mode: int, count: int) -> None:

@@ -42,6 +42,7 @@ class View(ABC):
     """
 
     lines = False
+    colliders = True  # whether they are drawn, in space
 
     def __init__(self, scene: Scene, detail: Detail = FINE):
         self.scene, self.space = scene, scene.dimensions == 3
@@ -61,6 +62,25 @@ class View(ABC):
         self._target.delete()
         self.detail, self._target = detail, SmoothTarget(detail)
 
+    @property
+    def light(self) -> np.ndarray:
+        """(3,), the unit vector toward the light that throws shadows; in space."""
+        return self._scenery.light
+
+    def shine(self, light: np.ndarray) -> None:
+        """That light comes from there (3,) from now on, a unit vector that points upward; in space."""
+        self._scenery.light = light
+        for lit in self._lits():
+            lit.shine(light)
+
+    def _lits(self) -> list[Any]:
+        """Whatever is lit, in space: each has a `shine`."""
+        return [self._lit]
+
+    def show_colliders(self, shown: bool) -> None:
+        """Draw them from now on, with their shadows, or not; planes, the ground, stay. In space."""
+        self.colliders = self._scenery.shows_colliders = shown
+
     def upload(self, position: np.ndarray, normal: np.ndarray | None = None) -> None:
         """Send positions (particles, dimensions) [m], with a cloth's normals where they are known; a C-contiguous float32
         array goes without a copy. Raises InputError."""
@@ -73,6 +93,10 @@ class View(ABC):
     @abstractmethod
     def toggle_lines(self) -> bool:
         """The other way of `lines`; whether it is that now. Where there is no choice nothing changes."""
+
+    def level_legend(self) -> tuple[str, float] | None:
+        """(title with its unit, the range in that unit) of the colours of what is shown; None where they are no levels."""
+        return None
 
     def keep_above_ground(self, lowest: float) -> None:
         """The ground that a scene in space without a plane gets lies below `lowest` [m] from now on."""

@@ -17,14 +17,14 @@ def view_of(scene: Scene, quick: bool = False) -> Any:
 
     `quick`: frames matter more than edges and shadows, which are left out where a processor does the drawing.
     """
-    from app.render.bodies_view import BodiesView
-    from app.render.fluid.particles import FluidView
+    from app.render.bodies.view import BodiesView
+    from app.render.fluid.view import FluidView
     from app.render.sheet_view import SheetView
     from app.render.tetrahedra_view import TetrahedraView
 
     detail = usual_detail(renderer_name()) if quick else FINE
     if scene.fluids:
-        return FluidView(scene, detail)
+        return FluidView(scene, detail, shaped=not quick)
     kind = BodiesView if scene.bodies else TetrahedraView if scene.tetrahedra else SheetView
     return kind(scene, detail)
 

@@ -26,6 +26,8 @@ KEYS = (
     ("F", "frame everything"),
     ("M", "milliseconds of frames: graph"),
     ("N", "numbers at the top"),
+    ("A", "adjust everything: panel"),
+    (".", "one step, then a pause"),
     ("S", "save a picture (PNG)"),
     ("Escape", "close"),
 )
@@ -62,6 +64,17 @@ TETRAHEDRA_KEYS = (
     ("O", "colour by body, stress, strain"),
     *SPACE_KEYS[9:],
 )
+FLUID_KEYS = (
+    *KEYS[:2],
+    *KEYS[3:8],
+    ("L", "surface, particles"),
+    ("O", "colour by fluid, speed, density"),
+    DETAIL_KEY,
+    ("mouse", "drag a particle: pull it"),
+    ("arrows", "select a particle"),
+    ("Enter", "push it (down, or last arrow)"),
+    *SPACE_KEYS[13:],
+)
 WORLDS_KEY = ("Tab", "change one world alone, all")
 TWO_COLUMNS_FROM = 760  # pixels of window width
 HINT = (
@@ -81,9 +94,27 @@ TETRAHEDRA_HINT = (
 )
 
 
-def hint(space: bool = False, bodies: bool = False, several: bool = False, tetrahedra: bool = False) -> str:
+FLUID_HINT = (
+    "H: keys    L: surface, particles    O: colours    drag beside the fluid: turn    F: frame    space: pause    "
+    "R: restart    Escape: close"
+)
+OWN = {  # of what a view shows (View.subject), or of sheets in space and in a plane: keys, and those needed first
+    "bodies": (BODY_KEYS, BODY_HINT),
+    "tetrahedra": (TETRAHEDRA_KEYS, TETRAHEDRA_HINT),
+    "fluid": (FLUID_KEYS, FLUID_HINT),
+    "space": (SPACE_KEYS, SPACE_HINT),
+    "plane": (KEYS, HINT),
+}
+IN_SPACE = (DETAIL_KEY, ("left", "drag beside it: turn (middle)"))  # keys that a plane has no use for
+
+
+def _own(subject: str, space: bool) -> tuple[tuple[tuple[str, str], ...], str]:
+    return OWN.get(subject) or OWN["space" if space else "plane"]
+
+
+def hint(subject: str = "sheet", space: bool = False, several: bool = False) -> str:
     """The keys that a user needs first; as `keys_text`."""
-    found = BODY_HINT if bodies else TETRAHEDRA_HINT if tetrahedra else SPACE_HINT if space else HINT
+    _, found = _own(subject, space)
     if several:  # the last keys give way to it: the legend is beside them
         return found.replace("H: keys", "H: keys    Tab: one world alone").replace(
             "    R: restart    Escape: close", ""
@@ -91,12 +122,10 @@ def hint(space: bool = False, bodies: bool = False, several: bool = False, tetra
     return found
 
 
-def keys_text(
-    width: int, space: bool = False, bodies: bool = False, several: bool = False, tetrahedra: bool = False
-) -> str:
-    """What the keys do, in lines that fit a window of `width` pixels. `space`: of a scene in three dimensions, `bodies`: of
-    one of bodies, `tetrahedra`: of tetrahedral ones; `several`, side by side."""
-    own = BODY_KEYS if bodies else TETRAHEDRA_KEYS if tetrahedra else SPACE_KEYS if space else KEYS
+def keys_text(width: int, subject: str = "sheet", space: bool = False, several: bool = False) -> str:
+    """What the keys do, in lines that fit a window of `width` pixels. `subject`: of what is shown (View.subject); `space`: in
+    three dimensions; `several`: worlds side by side."""
+    own = tuple(key for key in _own(subject, space)[0] if space or key not in IN_SPACE)
     keys = (*((WORLDS_KEY,) if several else ()), *own)
     lines = [f"{key:8}{meaning:33}" for key, meaning in keys]
     if width >= TWO_COLUMNS_FROM:
@@ -120,7 +149,8 @@ class Controls:
             key.R: demo.restart,
             key.B: demo.switch_backend,
             key.T: demo.cycle_threads,
-            key.S: viewer.ask_for_screenshot,
+            key.A: viewer.panel.toggle,
+            key.S: viewer.shots.ask,
             key.H: viewer.overlay.toggle_keys,
             key.M: viewer.overlay.toggle_graph,
             key.N: viewer.overlay.toggle_numbers,
@@ -151,6 +181,7 @@ class Controls:
             ">": lambda: demo.change_material("damping", 1),
             "-": lambda: demo.change_steps(-1),
             "+": lambda: demo.change_steps(1),
+            ".": demo.one_step,
         }
         self._motions = {
             key.MOTION_LEFT: (-1, 0),
@@ -175,7 +206,11 @@ class Controls:
             on_close=viewer.close,
         )
 
+    # each is asked of the panel first: what is over it, or held or typed in it, is not the scene's
+
     def _key_down(self, symbol: int, modifiers: int) -> bool:
+        if self.viewer.panel.key(symbol, True):
+            return True
         action = self._key_actions.get(symbol)
         key = self.key
         if action is not None and not modifiers & (key.MOD_CTRL | key.MOD_ALT | key.MOD_COMMAND):
@@ -183,16 +218,17 @@ class Controls:
         return True  # pyglet's own handler would close the window on Escape in its own way
 
     def _key_up(self, symbol: int, modifiers: int) -> None:
+        self.viewer.panel.key(symbol, False)
         if symbol in self._enter_keys and self.mouse.pointer is None:
             self.demo.release()
 
     def _text(self, text: str) -> None:
-        action = self._text_actions.get(text)
+        action = None if self.viewer.panel.text(text) else self._text_actions.get(text)
         if action is not None:
             action()
 
     def _motion(self, motion: int) -> None:
-        if motion in self._motions:
+        if motion in self._motions and not self.viewer.panel.takes_keys:
             way = self._motions[motion]
             self.demo.move_selection(*way, self.viewer.camera.direction(*way))
 
@@ -208,7 +244,8 @@ class Controls:
         self.demo.drop_body(viewer.drop_place(*place) if viewer.space else ())
 
     def _mouse_moved(self, x: float, y: float, dx: float, dy: float) -> None:
-        self._pointer = x, y
+        taken = self.viewer.panel.moved(*self._pixels(x, y))
+        self._pointer = None if taken else (x, y)
 
     def _mouse_left(self, x: float, y: float) -> None:
         self._pointer = None
@@ -231,6 +268,8 @@ class Controls:
         return number
 
     def _mouse_down(self, x: int, y: int, button: int, modifiers: int) -> None:
+        if self.viewer.panel.pressed(*self._pixels(x, y), button):
+            return
         if self.mouse.pointer is None:  # a second button changes nothing of what is held
             number = self._enter(x, y)
             if button == self.mouse.button.LEFT:
@@ -238,12 +277,17 @@ class Controls:
         self.mouse.press(*self._in_pane(x, y), button)
 
     def _mouse_drag(self, x: int, y: int, dx: int, dy: int, buttons: int, modifiers: int) -> None:
+        if self.viewer.panel.moved(*self._pixels(x, y)):
+            return
         self.mouse.drag(*self._in_pane(x, y), *self._pixels(dx, dy))
 
     def _mouse_up(self, x: int, y: int, button: int, modifiers: int) -> None:
-        self.mouse.release(button)
+        if not self.viewer.panel.released(button):
+            self.mouse.release(button)
 
     def _scroll(self, x: int, y: int, scroll_x: float, scroll_y: float) -> None:
+        if self.viewer.panel.scrolled(*self._pixels(x, y), scroll_x, scroll_y):
+            return
         if self.mouse.pointer is None:
             self._enter(x, y)
         self.mouse.scroll(*self._in_pane(x, y), scroll_y)

@@ -8,23 +8,20 @@ or, once one was chosen, in that one alone; all else is for all. It never raises
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
-from app.window.hand import Hand
-from app.window.materials import material_changes, material_of, material_text
-from app.window.poking import Poking
+from app.window.live import live_fields, stiffness_paths
+from app.window.materials import material_at, material_changes, material_text
 from app.window.spare_bodies import counts_text, drop, next_spare
-from app.window.worlds import STEPS_PER_FRAME, stiffness_paths
-from model.core.errors import SoftlabError
-from model.core.simulation import Simulation
-from model.scene.scene import Scene
+from app.window.steering import Steering
+from app.window.worlds import STEPS_PER_FRAME
 
 THREAD_WORDS = ("1x", "2x", "4x")
 NO_BODIES = "there are no bodies here"
 FACTOR = 1.25  # one press of [ ] { }
 
 
-class Demo(Poking):
+class Demo(Steering):
     """The running demo of one or more scenes: the keys and the mouse as methods. Raises what `open_simulation` raises, when
     opening only; its public attributes are those of `Worlds`."""
 
@@ -36,26 +33,7 @@ class Demo(Poking):
             self.say("there is one scene only; softlab demo SCENE SCENE shows two side by side")
             return
         following = self.current + 1 if self.alone else 0
-        self.alone = following < len(self.worlds)
-        self.turn_to(following % len(self.worlds))
-        self.say(f"keys change {self.titles[self.current] + ' alone' if self.alone else 'every world'}")
-
-    def turn_to(self, number: int) -> None:
-        """The hand and the numbers are in another world from now on."""
-        if number != self.current:
-            self.release()
-            self.current, self.hand = number, Hand(self.scenes[number].dimensions)
-            self.refresh(force=True)
-
-    @property
-    def changed(self) -> list[Simulation]:
-        """The worlds that keys change."""
-        return [self.world] if self.alone else self.worlds
-
-    @property
-    def whose(self) -> str:
-        """How a message about one world alone begins."""
-        return f"{self.titles[self.current]}: " if self.alone else ""
+        self.choose(following if following < len(self.worlds) else None)
 
     def toggle_gravity(self) -> None:
         """G"""
@@ -71,23 +49,6 @@ class Demo(Poking):
     def gravity(self) -> bool:
         gravity = self.world.scene.gravity
         return bool(gravity and gravity.enabled)
-
-    def _change(self, wanted: Sequence[tuple[Simulation, Mapping[str, float | bool]]]) -> bool:
-        """Set fields of worlds by their paths, or say why not and leave every world as it was."""
-        before = [(world, path, _field(world, path)) for world, fields in wanted for path in fields]
-
-        def change() -> None:
-            try:
-                for world, fields in wanted:
-                    self._at = self.worlds.index(world)
-                    for path, value in fields.items():
-                        world.set(path, value)
-            except SoftlabError:
-                for world, path, value in before:
-                    world.set(path, value)
-                raise
-
-        return self._guard(change)
 
     def toggle_pause(self) -> None:
         """Space"""
@@ -131,17 +92,14 @@ class Demo(Poking):
         if not self.world.scene.tetrahedra:
             self.say(f"{self.whose}there are no tetrahedra here")
             return
-        wanted: list[Scene] = []
+        wanted = [material_changes(world.scene, field, presses) for world in self.changed]
+        self.set_fields(wanted, lambda: material_text(self.world.scene, field))
 
-        def make() -> None:
-            for world in self.worlds:
-                fields = material_changes(world.scene, field, presses) if world in self.changed else {}
-                wanted.append(world.scene.replace(fields))
-
-        if self._guard(make) and self._reopen(self.backend, self.threads, wanted):
-            self._moved = True
-            self.refresh(force=True)
-            self.say(f"{self.whose}{material_text(self.world.scene, field)}, state carried over")
+    def change_material_to(self, field: str, value: float) -> None:
+        """The panel's: of the first body a `field` is `value` then; the others change alike."""
+        if self._guard(lambda: self.world.scene.replace({f"{next(iter(self.world.scene.tetrahedra))}.{field}": value})):
+            wanted = [material_at(world.scene, field, value) for world in self.changed]
+            self.set_fields(wanted, lambda: material_text(self.world.scene, field))
 
     def limit_text(self) -> str:
         """The step size against its limit, in words."""
@@ -156,32 +114,28 @@ class Demo(Poking):
     def change_steps(self, presses: int) -> None:
         """- (-1) and + (+1): steps per frame along 1, 2, 5, 10, 20 ..."""
         place = STEPS_PER_FRAME.index(self.steps_per_frame) + presses
-        self.steps_per_frame = STEPS_PER_FRAME[min(max(place, 0), len(STEPS_PER_FRAME) - 1)]
-        self.say(f"{self.steps_per_frame} steps per frame")
+        self.set_steps(STEPS_PER_FRAME[min(max(place, 0), len(STEPS_PER_FRAME) - 1)])
 
     def restart(self) -> None:
-        """R: masses, step size, stiffness and gravity back to what the scene says."""
+        """R: masses, and everything that was changed, back to what the scene says."""
 
         def back() -> None:
             for world, scene in zip(self.worlds, self.scenes, strict=True):
                 world.reset()
                 if "poke" in world.options.live:
                     world.poke(None)
-                world.set("method.dt", scene.method.dt)
-                world.set("gravity.enabled", bool(scene.gravity and scene.gravity.enabled))
-                for path, stiffness in stiffness_paths(scene).items():
-                    world.set(path, stiffness)
+                for path, value in live_fields(scene).items():
+                    world.set(path, value)
 
         self.hand.held = None
         if self.world.scene.bodies:  # it may wait again
             self.hand.selected = None
         self.hand.forget()
         self.frozen, self.failure = False, ""
-        told = [world.scene.replace(material_of(scene)) for world, scene in zip(self.worlds, self.scenes, strict=True)]
-        changed = any(a.tetrahedra != b.scene.tetrahedra for a, b in zip(told, self.worlds, strict=True))
-        if changed and not self._reopen(self.backend, self.threads, told, from_start=True):
+        if self.rebuilt and not self._reopen(self.backend, self.threads, self.scenes, from_start=True):
             return
         if self._guard(back):
+            self.disturbed = ""
             self._read()
             self.refresh(force=True)
             self.say("restarted, everything as the scene says")
@@ -189,7 +143,7 @@ class Demo(Poking):
     def switch_backend(self) -> None:
         """B: from the CPU to the GPU or back, with the state as it is."""
         other = "gpu" if self.backend == "cpu" else "cpu"
-        if not self._blocked() and self._reopen(other, self.threads):
+        if self.run_with(backend=other):
             self.say(f"now on the {other}: {self.world.device}, state carried over")
 
     def cycle_threads(self) -> None:
@@ -201,31 +155,8 @@ class Demo(Poking):
             return
         place = THREAD_WORDS.index(self.threads) if self.threads in THREAD_WORDS else -1
         word = THREAD_WORDS[(place + 1) % len(THREAD_WORDS)]
-        if self._reopen("cpu", word):
+        if self.run_with(threads=word):
             self.say(f"{self.world.threads} threads ({word} the cores), state carried over")
-
-    def _reopen(
-        self, backend: str, threads: str, scenes: Sequence[Scene] | None = None, from_start: bool = False
-    ) -> bool:
-        """Open every world anew, as one of other `scenes`, if given, and go on from its state, or `from_start`; on an error
-        the old ones go on."""
-        fresh: list[Simulation] = []
-
-        def reopen() -> None:
-            for world, scene in zip(self.worlds, scenes or [world.scene for world in self.worlds], strict=True):
-                fresh.append(self._open(scene, backend, threads, None if from_start else world.state()))
-
-        if not self._guard(reopen):
-            for world in fresh:
-                world.close()
-            return False
-        old, self.worlds = self.worlds, fresh
-        for world in old:
-            world.close()
-        self.backend, self.threads = backend, threads
-        self.hand.forget()
-        self._guard(self._push)
-        return True
 
     # ------------------------------------------------------------------ bodies that come and go
 
@@ -264,10 +195,3 @@ class Demo(Poking):
             self._moved = True
             self.say(f"{copy.name} taken out: {counts_text(self.world)}")
             self.refresh(force=True)
-
-
-def _field(world: Simulation, path: str) -> float | bool:
-    """A field that is live, as it is now."""
-    if path == "gravity.enabled":
-        return bool(world.scene.gravity and world.scene.gravity.enabled)
-    return world.scene.method.dt if path == "method.dt" else stiffness_paths(world.scene)[path]

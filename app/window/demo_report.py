@@ -11,9 +11,11 @@ import numpy as np
 
 from app.render.camera import Camera
 from app.window.demo import Demo
+from app.window.live import stiffness_paths
 from app.window.panes import Pane
-from app.window.worlds import stiffness_paths
+from model.core.families import family_of
 from model.core.files import replacing
+from model.core.simulation import Simulation
 from model.scene.scene import Scene
 from model.shape_matching.spare import counts, present
 
@@ -72,6 +74,22 @@ def strain_text(demo: Demo) -> str:
     if demo.world.scene.bodies:
         return f"farthest from its goal {worst:.3g} spacings"
     return f"worst strain {worst:+.4g}"
+
+
+def counts_of(world: Simulation) -> dict[str, int]:
+    """How many there are of what a world has, by name."""
+    scene = world.scene
+    told, springs = counts(scene, world.body.inverse_mass), family_of(scene).spring_count(scene)
+    found = {
+        "Particles": told.particles,
+        "Bodies": told.bodies or len(scene.tetrahedra),
+        "Waiting": told.waiting,
+        "Clusters": told.clusters,
+        "Tetrahedra": len(scene.tetrahedra_set.tetrahedra) if scene.tetrahedra else 0,
+        "Springs": 0 if scene.bodies or scene.tetrahedra else springs,
+        "Colliders": len(scene.colliders),
+    }
+    return {name: count for name, count in found.items() if count or name == "Particles"}
 
 
 def masses_text(scene: Scene, inverse_mass: np.ndarray | None = None) -> str:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from model.scene.scene import Scene
 from model.scene.tetrahedra import LARGEST_RATIO
 
@@ -30,9 +28,20 @@ def material_changes(scene: Scene, field: str, presses: int) -> dict[str, float]
     return found
 
 
-def material_of(scene: Scene) -> dict[str, Any]:
-    """All fields of the material of a scene's bodies, as it says."""
-    return {f"{name}.{field}": getattr(part, field) for name, part in scene.tetrahedra.items() for field in FACTORS}
+def material_at(scene: Scene, field: str, value: float) -> dict[str, float]:
+    """Dotted path -> value of a `field` of every body, where the first one's is to be `value`: others change as that does, by
+    the same factor, or from and to 0 with it. Of Poisson's ratio it is what is left to 1/2 that has a factor."""
+    bodies = list(scene.tetrahedra.items())
+    first = getattr(bodies[0][1], field)
+
+    def follows(other: float) -> float:
+        if other == first:
+            return value
+        if field == "poisson_ratio":
+            return min(max(0.5 - (0.5 - other) * (0.5 - value) / (0.5 - first), 0.0), LARGEST_RATIO)
+        return other * value / first if first else value
+
+    return {f"{name}.{field}": follows(getattr(part, field)) for name, part in bodies}
 
 
 def material_text(scene: Scene, field: str) -> str:

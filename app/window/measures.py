@@ -10,28 +10,35 @@ import numpy as np
 from app.render.camera import finite_bounds, joined_bounds
 from app.render.colours import strain_range
 from app.render.drawn_springs import drawn_strain
+from model.core.build import masses
 from model.core.energy import energies
 from model.core.simulation import Simulation
 from model.scene.scene import Scene
-from model.shape_matching.spare import present
+from model.shape_matching.spare import absent, present
 
 KEEP_RANGE = 2.6  # times the wanted range of colours: a legend that flickers between two ranges cannot be read
 
 
 @dataclass(frozen=True)
 class Statistics:
-    """What is shown about a world: energy [J], the strain of largest size (relative to the rest length); of all worlds the
-    range of colours and the `bounds` [m], as `finite_bounds` gives them."""
+    """What is shown about a world: energy [J], the strain of largest size (relative to the rest length), the `momentum`
+    [kg m/s] along each axis, where it is asked for; of all worlds the range of colours and the `bounds` [m], as
+    `finite_bounds` gives them."""
 
     energy: float = 0.0
     kinetic: float = 0.0
     worst_strain: float = 0.0
     strain_range: float = 0.1
     bounds: tuple[float, ...] = (0.0, 0.0, 1.0, 1.0)
+    momentum: tuple[float, ...] = ()
 
 
 def measure(
-    worlds: Sequence[Simulation], current: int, positions: Sequence[np.ndarray], before: Statistics
+    worlds: Sequence[Simulation],
+    current: int,
+    positions: Sequence[np.ndarray],
+    before: Statistics,
+    momentum: bool = False,
 ) -> Statistics:
     """The statistics of the world `current` of `worlds` now; of the others their `positions` (each (particles, dimensions))
     are enough. Raises Diverged."""
@@ -44,7 +51,11 @@ def measure(
     if wanted < before.strain_range <= KEEP_RANGE * wanted:
         wanted = before.strain_range
     there = [present(w.scene, p, w.body.inverse_mass) for w, p in zip(worlds, positions, strict=True)]
-    return Statistics(energy["total"], energy["kinetic"], _worst(strain), wanted, _bounds(there, before))
+    pushed: tuple[float, ...] = ()
+    if momentum:
+        mass = masses(world.scene, absent(world.scene, state.inverse_mass))
+        pushed = tuple(np.atleast_1d(np.sum(mass * state.velocity, axis=0, dtype=np.float64)).tolist())
+    return Statistics(energy["total"], energy["kinetic"], _worst(strain), wanted, _bounds(there, before), pushed)
 
 
 def measure_picture(

@@ -28,20 +28,25 @@ class Overlay:
     def __init__(self, viewer: Shown):
         self.viewer, self.demo = viewer, viewer.demo
         with drawing_text():
-            self._legends = Legends(self.demo.world.scene)
             self._numbers, self._keys = Panel("top-left", *NUMBERS), Panel("centre", Style(11))
             self._hint = Panel("bottom-left", Style(9, monospaced=False))
             self._notice = Panel("top-left")
             self._warning = Panel("top-left", Style(11, colour=colours.WARNING), edge=colours.WARNING)
             self._arrow, self._graph = Arrow(), FrameGraph()
-            several = len(self.demo.worlds) if len(self.demo.worlds) > 1 else 0
-            self._titles = [Panel("top-left", *TITLE) for _ in range(several)]
-            self._chosen = [Panel("top-left", *TITLE, edge=colours.SELECTED) for _ in range(several)]
+        self.renew()
         self.times = FrameTimes()
         self.show_keys, self.show_numbers, self.show_graph = False, True, False
         self._keys_seen = False
         self._text_due = 0.0
         self._message = (self.demo.message_count, perf_counter())
+
+    def renew(self) -> None:
+        """What belongs to these scenes, in this number."""
+        with drawing_text():
+            self._legends = Legends(self.demo.world.scene)
+            several = len(self.demo.worlds) if len(self.demo.worlds) > 1 else 0
+            self._titles = [Panel("top-left", *TITLE) for _ in range(several)]
+            self._chosen = [Panel("top-left", *TITLE, edge=colours.SELECTED) for _ in range(several)]
 
     def toggle_keys(self) -> None:
         """H"""
@@ -60,7 +65,7 @@ class Overlay:
         """All of it, at `now` [s] of perf_counter."""
         self._draw_hand()
         viewer, demo = self.viewer, self.demo
-        width, height = viewer.width, viewer.height
+        width, height = viewer.shown_width, viewer.height
         below = self._draw_numbers(now) if self.show_numbers else 0
         below += self._draw_titles()
         self._legends.draw(viewer.views[0], width, demo.statistics.strain_range)
@@ -74,14 +79,12 @@ class Overlay:
             self._notice.place(demo.message, width, height, below)
             self._notice.draw()
         above = 0
-        tetrahedra = bool(demo.world.scene.tetrahedra)
+        subject, several = viewer.views[0].subject, len(demo.worlds) > 1
         if self.show_keys:
-            self._keys.place(
-                keys_text(width, viewer.space, viewer.bodies, len(demo.worlds) > 1, tetrahedra), width, height
-            )
+            self._keys.place(keys_text(width, subject, viewer.space, several), width, height)
             self._keys.draw()
-        elif not self._keys_seen:
-            self._hint.place(hint(viewer.space, viewer.bodies, len(demo.worlds) > 1, tetrahedra), width, height)
+        elif not self._keys_seen and not viewer.panel.open:
+            self._hint.place(hint(subject, viewer.space, several), width, height)
             self._hint.draw()
             above = self._hint.height + 8
         if self.show_graph:
@@ -97,7 +100,7 @@ class Overlay:
             if self.demo.world.backend == "gpu":  # of a CPU there is one way
                 way.append(view.vertices.way)
             text = numbers_text(self.demo, viewer.frame_seconds, viewer.draw_seconds, ", ".join(way))
-            self._numbers.place(text, viewer.width, viewer.height)
+            self._numbers.place(text, viewer.shown_width, viewer.height)
         self._numbers.draw()
         return self._numbers.height + 8
 
@@ -133,7 +136,7 @@ class Overlay:
             end = start + 70 * way / (np.hypot(*way) or 1.0)
         if np.isfinite([start, end]).all():
             corner = np.array([pane.left, pane.bottom])
-            window = self.viewer.width, self.viewer.height
+            window = self.viewer.shown_width, self.viewer.height
             self._arrow.draw(tuple(start + corner), tuple(end + corner), force_text(math.hypot(*force)), window)
 
 

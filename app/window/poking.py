@@ -9,6 +9,8 @@ import numpy as np
 from app.window.hand import Poke, neighbour
 from app.window.worlds import Worlds
 
+PULLED = "a mass was pulled"
+
 
 class Poking(Worlds):
     """See `Worlds`. Never raises for what a user does."""
@@ -50,6 +52,7 @@ class Poking(Worlds):
         """Select a mass and pull it toward `target` [m] until `release`."""
         if self._blocked():
             return False
+        self.disturb(PULLED)
         self.hand.selected = particle
         self.hand.held = Poke(particle, tuple(target))
         self._tell_selection(particle)
@@ -69,6 +72,7 @@ class Poking(Worlds):
             self.move_selection(0, 0)
             self.hand.direction = self.hand.down
         if self.hand.selected is not None and self.hand.held is None:
+            self.disturb(PULLED)
             self.hand.held = Poke(self.hand.selected, None, self.hand.direction)
             self._guard(self._push)
 

@@ -2,25 +2,55 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, Protocol
 
 from app.window.demo import Demo
+from app.window.frame_times import FrameTimes
 from app.window.looks import Looks
 from app.window.panes import Pane
+from app.window.shots import Shots
+from model.core.errors import Diverged
+from model.core.simulation import State
+from model.scene.scene import Scene
+
+Judge = Callable[[Scene, State, Diverged | None], tuple[float | None, str | None]]
 
 
 class Toggles(Protocol):
     """What a key shows or hides over the picture."""
+
+    show_keys: bool
+    show_graph: bool
+    show_numbers: bool
+    times: FrameTimes
 
     def toggle_keys(self) -> None: ...
     def toggle_graph(self) -> None: ...
     def toggle_numbers(self) -> None: ...
 
 
+class Taking(Protocol):
+    """What takes keys and mouse before the scene does (app/window/panel/panel.py)."""
+
+    open: bool
+
+    @property
+    def takes_keys(self) -> bool: ...
+    def toggle(self) -> None: ...
+    def key(self, symbol: int, down: bool) -> bool: ...
+    def text(self, text: str) -> bool: ...
+    def moved(self, x: float, y: float) -> bool: ...
+    def pressed(self, x: float, y: float, button: int) -> bool: ...
+    def released(self, button: int) -> bool: ...
+    def scrolled(self, x: float, y: float, across: float, up: float) -> bool: ...
+
+
 class Shown(Protocol):
     """The window over a Demo (app/window/viewer.py): `space`, `bodies`: whether it shows three dimensions, and bodies;
-    `width`, `height` in frame-buffer pixels; `follow`: whether the camera goes with what is to be seen; `frame_seconds`,
-    `draw_seconds` [s] of the last frame; `drawn_by`: by software, or nothing."""
+    `width`, `height` in frame-buffer pixels, of which the scene has the left `shown_width` and the panel the rest; `follow`:
+    whether the camera goes with what is to be seen; `frame_seconds`, `draw_seconds` [s] of the last frame; `drawn_by`: by
+    software, or nothing; `judge`: tells the error of a state, or why none is known."""
 
     pyglet: Any
     demo: Demo
@@ -37,11 +67,15 @@ class Shown(Protocol):
     drawn_by: str
     width: int
     height: int
+    shown_width: int
+    shots: Shots
+    judge: Judge | None
 
     @property
     def overlay(self) -> Toggles: ...
+    @property
+    def panel(self) -> Taking: ...
     def frame_everything(self) -> None: ...
-    def ask_for_screenshot(self) -> None: ...
     def close(self) -> bool: ...
     def world_at(self, x: float, y: float) -> int: ...
     def drop_place(self, x: float, y: float) -> tuple[float, float, float]: ...

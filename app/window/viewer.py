@@ -9,12 +9,7 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any
 
-import numpy as np
-
-from app.output.pictures import write_png
 from app.render import colours
-from app.render.camera import Margins, joined_bounds
-from app.render.collider_shapes import with_colliders
 from app.render.detail import by_software
 from app.render.opengl import load_pyglet, open_window, renderer_name
 from app.render.panels import EDGE
@@ -22,32 +17,31 @@ from app.render.views import camera_of, view_of
 from app.window.controls import Controls
 from app.window.demo import Demo
 from app.window.demo_report import demo_state, write_state
+from app.window.following import Following
 from app.window.looks import Looks
 from app.window.overlay import Overlay
-from app.window.panes import GAP, IN_A_ROW, Pane, check_alike, panes
-from model.core.errors import SoftlabError
+from app.window.panel.panel import Panel
+from app.window.panes import GAP, Pane, check_alike, panes
+from app.window.shots import Shots
+from app.window.shown import Judge
 from model.scene.scene import Scene
 
 WIDTH, HEIGHT = 1200, 900
-MARGINS = (50.0, 130.0, 50.0, 130.0)  # pixels left, bottom (legend), right, top (numbers)
-TITLE = 80.0  # of a pane, instead of the numbers
 FOLLOW_SHARE = 0.12  # of the way to the view that shows everything, per frame
-FOLLOW_SIZE = 4.0  # times the scene: a state that blows up is to be seen blowing up, not shrinking out of sight
 STATE_FRAMES = 3  # frames between two writes of the state file
 
 
 class Viewer:
     """The window over a Demo: draws it frame by frame, and turns keys and mouse into its actions."""
 
-    def __init__(self, demo: Demo, state_file: Path | None, frames: int | None):
+    def __init__(self, demo: Demo, state_file: Path | None, frames: int | None, judge: Judge | None = None):
         self.pyglet = load_pyglet(False)
         self.demo = demo
         self.space, self.bodies = demo.world.scene.dimensions == 3, bool(demo.world.scene.bodies)
-        ends = [(p.min(axis=0), p.max(axis=0)) for p in (world.body.position for world in demo.worlds)]
-        self._start = np.min([low for low, _ in ends], axis=0), np.max([high for _, high in ends], axis=0)
         self.state_file, self.frames = state_file, frames
         caption = f"softlab: {', '.join(demo.titles)}"
         self.window = open_window(False, WIDTH, HEIGHT, caption=caption, resizable=True, vsync=True)
+        self.shots = Shots(demo)
         try:
             self.window.set_minimum_size(480, 360)
             self.views: list[Any] = [view_of(scene, quick=True) for scene in demo.scenes]
@@ -57,16 +51,18 @@ class Viewer:
         except BaseException:
             self.window.close()
             raise
+        self.judge = judge
+        self.panel = Panel(self)
         self.camera: Any = camera_of(demo.world.scene, WIDTH, HEIGHT)  # for every pane
         self._lay_out()
         self.follow = True
+        self.following = Following(self)
         self.frame_count = 0
         self.frame_seconds = 1 / 60
         self.draw_seconds = 0.0
-        self.screenshot: Path | None = None
-        self._wanted_screenshot = False
+        self._generation, self._scenes = demo.generation, demo.scenes
         self._last_frame = perf_counter()
-        self._approach_everything(1.0)
+        self.following.approach(1.0)
         self.controls = Controls(self)
         self.window.push_handlers(on_draw=self._draw)
 
@@ -74,11 +70,7 @@ class Viewer:
         """F: show everything now, and follow it from now on."""
         self.demo.refresh(force=True)
         self.follow = True
-        self._approach_everything(1.0)
-
-    def ask_for_screenshot(self) -> None:
-        """S: save the next frame, which is then complete."""
-        self._wanted_screenshot = True
+        self.following.approach(1.0)
 
     def close(self) -> bool:
         """Escape: end the event loop; `run` closes the window."""
@@ -90,8 +82,9 @@ class Viewer:
     def _lay_out(self) -> None:
         """A pane a world, as large as the window is now; several under the numbers, so that all show as much."""
         self.width, self.height = self.window.get_framebuffer_size()
+        self.shown_width = max(self.width - self.panel.width, 64)
         several = len(self.demo.worlds) > 1
-        self.panes = panes(len(self.demo.worlds), self.width, self.height - several * self.overlay.numbers_height)
+        self.panes = panes(len(self.demo.worlds), self.shown_width, self.height - several * self.overlay.numbers_height)
         self.camera.width, self.camera.height = self.panes[0].width, self.panes[0].height
 
     def world_at(self, x: float, y: float) -> int:
@@ -99,47 +92,8 @@ class Viewer:
         return min(range(len(self.panes)), key=lambda number: self.panes[number].away(x, y))
 
     def drop_place(self, x: float, y: float) -> tuple[float, float, float]:
-        """Where D drops a body: above everything and over a place in the pane (frame-buffer pixels), at the depth that the
-        camera looks at."""
-        everything = self._everything()
-        across, above, toward = self.camera.on_plane(x, y, self.camera.target)
-        return across, max(above, everything[4]) if everything else above, toward
-
-    def _everything(self) -> tuple[float, ...] | None:
-        """The box [m] that the view is to hold, as `finite_bounds` gives it."""
-        bounds, worlds = self.demo.statistics.bounds, self.demo.worlds
-        low, high = self._start
-        middle = (low + high) / 2 if self.space else np.array([low[0], high[1]])
-        reach = FOLLOW_SIZE * max(world.body.size for world in worlds)
-        half = len(middle)
-        least, most = np.maximum(bounds[:half], middle - reach), np.minimum(bounds[half:], middle + reach)
-        if not (least <= most).all():
-            return None
-        if self.space:
-            for view in self.views:
-                view.keep_above_ground(float(least[1]))
-        seen = (*least.tolist(), *most.tolist())
-        return joined_bounds([with_colliders(world.scene, seen, world.time) for world in worlds])
-
-    def _approach_everything(self, share: float) -> None:
-        kept = self._everything()
-        if kept is None:
-            return
-        spacing = max(world.scene.grid.spacing for world in self.demo.worlds)
-        self.camera.approach(self.camera.framing(kept, self._margins(), spacing), share)
-
-    def _stay_above_ground(self) -> None:
-        if self.space:
-            for view, world in zip(self.views, self.demo.worlds, strict=True):
-                for ground in view.grounds(world.time):
-                    self.camera.keep_above(ground.point, ground.normal)
-
-    def _margins(self) -> Margins:
-        """Of a pane."""
-        if len(self.panes) == 1:
-            return MARGINS
-        left, bottom, right, _ = MARGINS
-        return (left, bottom, right, TITLE) if len(self.panes) <= IN_A_ROW else (left / 2, bottom / 2, right / 2, TITLE)
+        """Where D drops a body (see Following)."""
+        return self.following.drop_place(x, y)
 
     def _upload(self) -> None:
         """The state of every world, as it is drawn."""
@@ -158,25 +112,47 @@ class Viewer:
         self.frame_seconds += 0.1 * (now - self._last_frame - self.frame_seconds)
         self._last_frame = now
         demo = self.demo
+        if self.panel.open:
+            self.panel.lay_out()  # before the scene moves: what is pressed in it may change everything
+        if demo.generation != self._generation:
+            self._renew()
         self._lay_out()
         self.controls.mouse.pull()
         if not self.frame_count:
             self._show_the_start()
         demo.frame()
         if self.follow:
-            self._approach_everything(FOLLOW_SHARE)
-        self._stay_above_ground()
+            self.following.approach(FOLLOW_SHARE)
+        self.following.stay_above_ground()
         drawing = self._paint()
         self.overlay.times.add(demo.physics_seconds, drawing)
         self.draw_seconds += 0.1 * (drawing - self.draw_seconds)
-        if self._wanted_screenshot:
-            self._wanted_screenshot = False
-            self._save_screenshot()
+        self.shots.take(self.shown_width, self.height)
         self.frame_count += 1
         if self.state_file is not None and self.frame_count % STATE_FRAMES == 1:
             write_state(self.state_file, self.state())
         if self.frames is not None and self.frame_count >= self.frames:
             self.close()
+
+    def _renew(self) -> None:
+        """The worlds became others: views of them that look as those before, and, of other scenes, all about them."""
+        demo, before = self.demo, self.views
+        self._generation = demo.generation
+        space, bodies = demo.world.scene.dimensions == 3, bool(demo.world.scene.bodies)
+        self.views = [view_of(world.scene, quick=True) for world in demo.worlds]
+        self.looks.renew(self.views, before, alike=demo.scenes[0].name == self._scenes[0].name)
+        for view in before:
+            view.delete()
+        if (space, bodies) != (self.space, self.bodies):
+            self.camera = camera_of(demo.world.scene, WIDTH, HEIGHT)
+        self.space, self.bodies = space, bodies
+        self.window.set_caption(f"softlab: {', '.join(demo.titles)}")
+        self.overlay.renew()
+        self._lay_out()
+        self.following = Following(self)
+        if demo.scenes is not self._scenes:
+            self._scenes = demo.scenes
+            self.frame_everything()
 
     def _show_the_start(self) -> None:
         """The scene before its first step, which may compile for a minute: nobody should look at a black window so long."""
@@ -204,6 +180,8 @@ class Viewer:
             view.draw(self.camera, demo.statistics.strain_range, selected, world.time)
         gl.glViewport(0, 0, self.width, self.height)
         self.overlay.draw(start)
+        if self.panel.open:
+            self.panel.draw()
         gl.glFinish()  # so that drawing is timed, and not only the asking for it
         return perf_counter() - start
 
@@ -216,20 +194,6 @@ class Viewer:
         gl.glClear(gl.GL_COLOR_BUFFER_BIT)
         gl.glDisable(gl.GL_SCISSOR_TEST)
 
-    def _save_screenshot(self) -> None:
-        from app.output.offscreen import read_pixels
-
-        name = "".join(c if c.isalnum() or c in "-_" else "-" for c in self.demo.world.scene.name)
-        stem = f"softlab-{name}-step{self.demo.world.step}"
-        path, number = Path.cwd() / f"{stem}.png", 2
-        while path.exists():
-            path, number = Path.cwd() / f"{stem}-{number}.png", number + 1
-        try:
-            self.screenshot = write_png(path, read_pixels(self.width, self.height))
-            self.demo.say(f"saved {path}")
-        except SoftlabError as error:
-            self.demo.say(str(error))
-
     # ------------------------------------------------------------------ running
 
     def state(self) -> dict[str, Any]:
@@ -240,7 +204,8 @@ class Viewer:
             "keys_shown": self.overlay.show_keys,
             "numbers_shown": self.overlay.show_numbers,
             "graph_shown": self.overlay.show_graph,
-            "screenshot": str(self.screenshot) if self.screenshot else None,
+            "panel": self.panel.told(),
+            "screenshot": str(self.shots.screenshot) if self.shots.screenshot else None,
             "way": self.views[0].vertices.way,
         }
         if self.space:
@@ -262,6 +227,8 @@ class Viewer:
             if self.state_file is not None:
                 write_state(self.state_file, self.state() | {"closed": True})
             self.window.switch_to()
+            self.shots.end_clip()
+            self.panel.close()
             for view in self.views:
                 view.delete()
             self.window.close()
@@ -275,14 +242,15 @@ def run_demo(
     math: str = "fast",
     frames: int | None = None,
     state_file: Path | None = None,
+    judge: Judge | None = None,
 ) -> None:
     """Show one or more scenes, side by side, in a window until it is closed, or for `frames` frames.
 
     `state_file`: a JSON file, replaced every few frames, that tells another program what the demo is doing (its keys:
-    `Viewer.state`). Raises SceneError (scenes that cannot be side by side), BackendUnavailable (no display, no OpenGL,
-    no GPU) and what opening a scene raises.
+    `Viewer.state`). `judge`: (scene, state, None) -> (error, why there is none), for the panel. Raises SceneError (scenes
+    that cannot be side by side), BackendUnavailable (no display, no OpenGL, no GPU) and what opening a scene raises.
     """
     check_alike(scenes)
     load_pyglet(False)  # no display: say so before anything is compiled
     with Demo(scenes, backend=backend, threads=threads, precision=precision, math=math) as demo:
-        Viewer(demo, state_file, frames).run()
+        Viewer(demo, state_file, frames, judge).run()

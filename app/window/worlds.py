@@ -14,6 +14,7 @@ import numpy as np
 from app.driver import open_simulation
 from app.render.camera import finite_bounds
 from app.window.hand import Hand
+from app.window.live import live_parts
 from app.window.measures import Statistics, measure, measure_picture
 from app.window.panes import check_alike, titles_of
 from model.core.errors import Diverged, SoftlabError
@@ -31,21 +32,6 @@ STATISTICS_SHARE = 0.1  # of the time, at most: on large grids energies are look
 OpenWorld = Callable[..., Simulation]
 
 
-def stiffness_paths(scene: Scene) -> dict[str, float]:
-    """Dotted path -> stiffness [N/m] of every kind of spring in the scene that gives, as it is now; pbd asks for none."""
-    if scene.method.solver == "pbd":
-        return {}
-    springs = {"springs": scene.springs} if scene.springs else scene.constraints
-    return {f"{kind}.stiffness": one.stiffness for kind, one in springs.items() if not one.inextensible}
-
-
-def live_parts(scene: Scene) -> tuple[str, ...]:
-    """What the demo can change in this scene while it runs: gravity always, stiffness where springs give, pokes but of
-    bodies, which are pulled through their state (app/window/grip.py)."""
-    poked = () if scene.bodies else ("poke",)
-    return ("gravity", *poked, "dt", *(("stiffness",) if stiffness_paths(scene) else ()))
-
-
 def first_steps(scene: Scene) -> int:
     """Steps per frame at first: 10, but of bodies of any kind those that come nearest to a frame's time."""
     if not (scene.bodies or scene.tetrahedra or scene.fluids):
@@ -61,11 +47,12 @@ class Worlds:
     """One or more scenes that run side by side, stepped by `frame`. Raises what `open_simulation` raises, and SceneError for
     scenes that cannot be side by side; when opening only.
 
-    Public: `worlds`, `positions` (one (particles, dimensions) float32 array a world: what is drawn), `statistics`, `message`,
-    `paused`, `frozen` (diverged, with the reason in `failure`: only `restart` goes on), `steps_per_frame`, `hand`
-    (selected mass, held poke), `physics_seconds` of the last frame; `current`, the number of the world in which the hand is
-    and whose numbers are shown, `alone`, whether it is the only one that is changed, and `titles`. Positions are read from
-    the worlds when they are asked for: large cloths on a GPU are drawn without them.
+    Public: `worlds`, `positions` (one (particles, dimensions) float32 array a world: what is drawn; read from the worlds when
+    they are asked for: large cloths on a GPU are drawn without them), `statistics`, `message`, `paused`, `frozen` (diverged,
+    with the reason in `failure`: only `restart` goes on), `steps_per_frame`, `hand` (selected mass, held poke),
+    `physics_seconds` of the last frame; `current`, the number of the world in which the hand is and whose numbers are shown,
+    `alone`, whether it is the only one that is changed, `titles`, `disturbed`, why no reference knows their motion any more;
+    `wants_momentum`: whether somebody looks at it.
 
     Clocks go together: `steps_per_frame` are of the world with the longest dt, others do as many as take them there.
     """
@@ -80,34 +67,50 @@ class Worlds:
         math: str = "fast",
         open_world: OpenWorld = open_simulation,
     ):
-        check_alike(scenes)
-        self.scenes, self.titles = list(scenes), titles_of(scenes)
-        self.current, self.alone = 0, False
+        self._check(scenes)
         self.backend, self.threads = backend, str(threads)
-        self._options = {"precision": precision, "math": math}
+        self._options: dict[str, str | None] = {"precision": precision, "math": math}
         self._open_world = open_world
         self.worlds: list[Simulation] = []
         try:
-            for scene in self.scenes:
+            for scene in scenes:
                 self.worlds.append(self._open(scene, backend, self.threads, None))
         except BaseException:
             self.close()
             raise
+        self.message = ""
+        self.message_count = 0  # so that the same message twice is seen as new
+        self.paused = self.wants_momentum = False
+        self.physics_seconds = 0.0
+        self._begin(scenes)
+
+    _check = staticmethod(check_alike)
+
+    def _begin(self, scenes: Sequence[Scene]) -> None:
+        """With the worlds of these scenes, as they are when opened."""
+        self.scenes, self.titles = list(scenes), titles_of(scenes)
+        self.current, self.alone = 0, False
+        self.statistics = Statistics()
+        self.steps_per_frame = first_steps(max(self.scenes, key=lambda scene: scene.method.dt))
+        self._statistics_due, self._look_seconds = 0.0, inf
+        self._dropped: str | None = None  # the part of which a body was brought in last
+        self._start_anew()
+
+    def _start_anew(self) -> None:
+        """With worlds that are at their start, of as many masses as they may have by now."""
         self._positions = [world.read("position").astype(np.float32) for world in self.worlds]
         self._moved = False  # since they were read
         self._watchable = [position.copy() for position in self._positions]
-        self.statistics = Statistics()
-        self.message = self.failure = ""
-        self.message_count = 0  # so that the same message twice is seen as new
-        self.paused = False
+        self.failure, self.disturbed = "", ""
         self.frozen = False
-        self.steps_per_frame = first_steps(max(self.scenes, key=lambda scene: scene.method.dt))
         self.hand = Hand(self.scenes[0].dimensions)
-        self.physics_seconds = 0.0
-        self._statistics_due, self._look_seconds = 0.0, inf
-        self._dropped: str | None = None  # the part of which a body was brought in last
         self._at = 0  # of the world that is stepped or looked at
         self.refresh(force=True)
+
+    def disturb(self, reason: str) -> None:
+        """No reference knows how the worlds move from now on, for this reason (`disturbed`)."""
+        if any(world.step for world in self.worlds):
+            self.disturbed = self.disturbed or reason
 
     def _open(self, scene: Scene, backend: str, threads: str, state: State | None) -> Simulation:
         return self._open_world(
@@ -258,7 +261,7 @@ class Worlds:
 
     def _measure(self) -> None:
         self._at = self.current
-        self.statistics = measure(self.worlds, self.current, self.positions, self.statistics)
+        self.statistics = measure(self.worlds, self.current, self.positions, self.statistics, self.wants_momentum)
 
     def _guard(self, action: Callable[[], object]) -> bool:
         """Do `action`; on one of the lab's errors say so (and freeze, if the state diverged). True if it went well."""
@@ -285,7 +288,9 @@ class Worlds:
         self._moved = False  # what is shown from now on is no world's state
         for position, watchable in zip(self._positions, self._watchable, strict=True):
             position[...] = watchable
-        self.statistics = measure_picture(self.scenes, self.current, self.positions, self.statistics)
+        self.statistics = measure_picture(
+            [world.scene for world in self.worlds], self.current, self.positions, self.statistics
+        )
 
     def _blocked(self) -> bool:
         if self.frozen:

@@ -14,26 +14,24 @@ masses). It holds the error of the steps in time, too. A frame of 1/60 s is time
 
 from __future__ import annotations
 
+import time as clock
 from collections.abc import Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass
 from functools import cache, partial
-from math import pi, sqrt
+from math import ceil, inf, pi, sqrt
 from typing import Any
 
 import numpy as np
-from rich.console import Console
 
 from app.driver import open_simulation
-from bench.measure.costs_timing import FULL, QUICK, SECONDS, Effort, Measures, Record, in_turn
+from bench.experiments.advise.tetrahedra_laws import Stiff
+from bench.experiments.tetrahedral.promised import promised
+from bench.measure.costs_timing import FULL, QUICK, RATIO, SECONDS, Effort, Measures, Record, in_turn
 from bench.measure.experiment import Group, Items, cost_sources, described
 from bench.measure.timing import Subject, prepare
 from bench.reference.finite_elements import mode_shapes
 from bench.reference.finite_elements_newton import nonlinear_static
 from bench.store.database import Store
-from bench.store.results import Measure, by_configuration, measures
-from bench.store.schema import tables_by_kind
-from bench.store.tables import print_table
 from model.core.build import build
 from model.core.simulation import PRECISIONS, Simulation, State
 from model.scene.checks import SOLVERS_OF_TETRAHEDRA
@@ -47,7 +45,10 @@ WEIGHT = 0.1 / 1e6  # m/s^2 of gravity per Pa of Young's modulus
 SHEAR = 0.849673  # of a square section's area that resists shear, at this Poisson's ratio
 FRAME = 1 / 60  # s
 MODULI = (1e5, 1e6, 1e7)  # Pa
-SECTIONS = (1, 2, 4)  # voxels across
+SECTIONS = (1, 2, 4, 8)  # voxels across: 50, 400, 3200, 25 600 tetrahedra
+LONGEST = (
+    30.0  # s of a bar's way to rest, and of its half vibration: what would take longer is told, and not waited for
+)
 BLOCKS = "xpbd blocks"  # a name of SETTINGS: position-based, the shape as one block
 SETTINGS = {  # solver -> (substeps, iterations) of a frame
     "xpbd": ((4, 1), (16, 1), (30, 1), (1, 30), (4, 8), (64, 1), (128, 1), (256, 1), (512, 1), (32, 2)),
@@ -61,8 +62,10 @@ QUICK_SETTINGS = {
     "vbd": ((1, 30),),
     "newton": ((1, 1),),
 }
+STIFFER = 1.25  # a bar of two voxels across swings so many times as quick as the continuum's; finer ones less
 MODES = 16  # of the lowest ones, which the tip follows
 FREE = 1e-9  # of the brake: as good as none, with the same machine code
+TO_REST = 22  # tenths of a period, after which a brake that is critical leaves STILL
 STILL, FRAMES = 1e-5, 1200  # of the sag, in a tenth of a period; at most so many frames
 
 
@@ -111,15 +114,25 @@ def sag(scene: Scene, position: np.ndarray) -> float:
     return float((rest[end, 1] - position[end, 1]).mean())
 
 
-def settle(simulation: Simulation, across: int, young: float) -> float:
-    """Let go at the exact rest, stepped until the tip stands still; its sag [m]. Raises Diverged."""
+class TooLong(Exception):
+    """It would take so many seconds."""
+
+    def __init__(self, seconds: float, most: float):
+        super().__init__(f"would take {seconds:.0f} s, over {most:g} s")
+
+
+def settle(simulation: Simulation, across: int, young: float, most: float = inf) -> float:
+    """Let go at the exact rest, stepped until the tip stands still; its sag [m]. Raises Diverged, TooLong for `most` [s]."""
     scene, rest = simulation.scene, exact_rest(across, young)
     simulation.load(State(rest, np.zeros_like(rest), build(scene).inverse_mass, 0.0, 0))
     part = max(1, round(0.1 / bending_frequency(young) / FRAME))
-    last = sag(scene, rest)
-    for _ in range(0, FRAMES, part):
+    last, begin = sag(scene, rest), clock.perf_counter()
+    for done in range(1, 1 + ceil(FRAMES / part)):
         simulation.advance(part)
         now = sag(scene, simulation.state().position)
+        needed = (clock.perf_counter() - begin) * max(1.0, TO_REST / done)
+        if needed > most:
+            raise TooLong(needed, most)
         if abs(now - last) < STILL * abs(now):
             return now
         last = now
@@ -142,17 +155,31 @@ def exact_drop(across: int, young: float) -> tuple[int, float]:
     return frames, sag(scene, found.position + moved)
 
 
-def drop(simulation: Simulation, across: int, young: float) -> float:
-    """What it makes of that [m]. Raises Diverged."""
-    simulation.advance(exact_drop(across, young)[0])
+def drop(simulation: Simulation, across: int, young: float, most: float = inf) -> float:
+    """What it makes of that [m]. Raises Diverged, TooLong for `most` [s], of which the first frame, that may compile, is no
+    part."""
+    frames, begin = exact_drop(across, young)[0], 0.0
+    for done in range(frames):
+        simulation.advance(1)
+        simulation.synchronize()
+        begin = clock.perf_counter() if done == 0 else begin
+        needed = (clock.perf_counter() - begin) * frames / max(done, 1)
+        if needed > most:
+            raise TooLong(needed, most)
     return sag(simulation.scene, simulation.state().position)
 
 
-def settings(quick: bool) -> list[tuple[str, int, int]]:
-    """(solver, substeps, iterations) of every bar, of the solvers that there are."""
-    chosen = QUICK_SETTINGS if quick else SETTINGS
+def settings(quick: bool, across: int = SECTIONS[1], young: float | None = None) -> list[tuple[str, int, int]]:
+    """(solver, substeps, iterations) of a bar, of the solvers that there are: of fine meshes, which take minutes to settle,
+    few; and of a Young's modulus [Pa], unless `quick`, what should come within a hundredth soonest."""
+    chosen = QUICK_SETTINGS if quick or across > SECTIONS[1] else SETTINGS
     there = [solver for solver in SETTINGS if solver.split()[0] in SOLVERS_OF_TETRAHEDRA]
-    return [(solver, *both) for solver in there for both in chosen[solver]]
+    found = [(solver, *both) for solver in there for both in chosen[solver]]
+    if young is not None and not quick:
+        pace = STIFFER * 2 * pi * bending_frequency(young)
+        stiff = Stiff(young, POISSON, DENSITY, SIDE / across, 0.0, pace, across == SECTIONS[0])
+        found += [one for one in promised(stiff, FRAME) if one[0] in there]
+    return list(dict.fromkeys(found))
 
 
 def groups(
@@ -166,7 +193,7 @@ def groups(
         for precision in precisions:
             for across in sections:
                 for young in MODULI:
-                    chosen = settings(quick or across > SECTIONS[1])  # of fine meshes few: they take minutes to settle
+                    chosen = settings(quick, across, young)
                     scenes = tuple(cantilever(across, young, *setting) for setting in chosen)
                     told = tuple(described(scene, backend, TETRAHEDRA, precision=precision) for scene in scenes)
                     name = f"{across} across, {young:.0e} Pa, {precision}, {backend}"
@@ -188,95 +215,33 @@ def _bar(
     across: int, young: float, scenes: Sequence[Scene], told: Sequence[dict[str, Any]], effort: Effort, record: Record
 ) -> list[Measures]:
     exact, continuum = sag(scenes[0], exact_rest(across, young)), continuum_sag(young)
+    found: list[Measures] = []
     with ExitStack() as stack:
-        subjects, errors = [], []
+        subjects: list[tuple[int, Subject]] = []
         for scene, one in zip(scenes, told, strict=True):
-            with open_simulation(scene, one["backend"], precision=one["precision"]) as braked:
-                found = settle(braked, across, young)
-            simulation = stack.enter_context(open_simulation(let_go(scene), one["backend"], precision=one["precision"]))
-            moved, right = drop(simulation, across, young), exact_drop(across, young)[1]
-            errors.append({
-                SAG: (found, "m", None),
-                SOLVER_ERROR: (found / exact - 1, "", "over the exact rest of the mesh"),
+            own: Measures = {
                 MESH_ERROR: (exact / continuum - 1, "", "of the exact rest over the continuum's"),
-                MOTION_ERROR: (moved / right - 1, "", "over the modes of the mesh, half a period after it was let go"),
                 ELEMENTS: (float(len(scene.tetrahedra_set.tetrahedra)), "", None),
-            })  # fmt: skip
-            subject = Subject(simulation, one, start=simulation.state())
-            subjects.append(prepare(subject, effort.seconds, effort.most))
-        timed = in_turn(record, subjects, effort.repeats)
-    return [own | numbers for own, numbers in zip(errors, timed, strict=True)]
-
-
-# ---------------------------------------------------------------------- what the store says
-
-
-@dataclass(frozen=True)
-class Bar:
-    """One setting of one bar: `elements` tetrahedra of `young` [Pa]; a frame takes `seconds`; errors are relative, that of
-    the solver at rest and in motion."""
-
-    elements: int
-    young: float
-    solver: str
-    substeps: int
-    iterations: int
-    backend: str
-    precision: str
-    seconds: float
-    solver_error: float
-    motion_error: float
-    mesh_error: float
-    suspect: bool
-
-
-def bars(held: Sequence[Measure]) -> list[Bar]:
-    """What the measures tell, coarse meshes and soft bars first."""
-    found = []
-    for numbers in by_configuration(m for m in held if m.description.get("finding") == TETRAHEDRA):
-        value = {name: one.value for name, one in numbers.items() if one.value is not None}
-        if not value.keys() >= {SOLVER_ERROR, MOTION_ERROR, MESH_ERROR, SECONDS, ELEMENTS}:
-            continue
-        description = numbers[SOLVER_ERROR].description
-        tables = tables_by_kind(description["scene"])
-        method = tables["method"]
-        found.append(
-            Bar(
-                round(value[ELEMENTS]), tables["tetrahedral_body"]["young_modulus"],
-                BLOCKS if method.get("rows") == "blocks" else method["solver"], method["substeps"],
-                method["iterations"], description["backend"], description["precision"], value[SECONDS],
-                value[SOLVER_ERROR], value[MOTION_ERROR], value[MESH_ERROR], "; " in (numbers[SECONDS].reason or ""),
-            )
-        )  # fmt: skip
-    return sorted(
-        found, key=lambda b: (b.backend, b.precision, b.elements, b.young, b.solver, b.substeps * b.iterations)
-    )
-
-
-def print_tetrahedra(console: Console, store: Store, machine: str) -> None:
-    """A table of what was measured on a machine."""
-    rows = [
-        (
-            str(b.elements), f"{b.young:.0e}", b.solver, f"{b.substeps} x {b.iterations}", b.backend, b.precision,
-            f"{1e3 * b.seconds:.3g}{'?' * b.suspect}", f"{100 * b.solver_error:+.2f}",
-            f"{100 * b.motion_error:+.2f}", f"{100 * b.mesh_error:+.1f}",
-        )
-        for b in bars(measures(store, machine=machine))
-    ]  # fmt: skip
-    heads = (
-        "tetrahedra",
-        "E / Pa",
-        "solver",
-        "budget",
-        "backend",
-        "precision",
-        "frame / ms",
-        "rest %",
-        "motion %",
-        "mesh %",
-    )
-    note = (
-        "budget: substeps x iterations of a frame of 1/60 s; rest: sag over the exact one of this mesh; motion: the way "
-        "made half a vibration after it was let go, over the exact one; mesh: the exact sag over the continuum's"
-    )
-    print_table(console, heads, rows, note)
+            }
+            found.append(own)
+            simulation = stack.enter_context(open_simulation(let_go(scene), one["backend"], precision=one["precision"]))
+            try:
+                moved, right = drop(simulation, across, young, LONGEST), exact_drop(across, young)[1]
+            except TooLong as reason:
+                own |= {name: (None, "", str(reason)) for name in (SAG, SOLVER_ERROR, MOTION_ERROR, SECONDS, RATIO)}
+                continue
+            own[MOTION_ERROR] = (
+                moved / right - 1, "", "over the modes of the mesh, half a period after it was let go"
+            )  # fmt: skip
+            try:
+                with open_simulation(scene, one["backend"], precision=one["precision"]) as braked:
+                    hung = settle(braked, across, young, LONGEST)
+                own |= {SAG: (hung, "m", None), SOLVER_ERROR: (hung / exact - 1, "", "over the exact rest of the mesh")}
+            except TooLong as reason:
+                own |= {name: (None, "", str(reason)) for name in (SAG, SOLVER_ERROR)}
+            subject = prepare(Subject(simulation, one, start=simulation.state()), effort.seconds, effort.most)
+            subjects.append((len(found) - 1, subject))
+        timed = in_turn(record, [subject for _, subject in subjects], effort.repeats) if subjects else []
+    for (number, _), numbers in zip(subjects, timed, strict=True):
+        found[number] |= numbers
+    return found

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import math
+import time
 
 import numpy as np
 
 from app.driver import open_simulation
 from bench.experiments.checks import displaced
 from bench.measure.cases import SweepSummary
+from bench.peers.bars.tip import Tip
+from bench.peers.base import PeerError
 from bench.peers.cases import Beside, PeerCase
-from bench.peers.results import DIFFERENCE
+from bench.peers.results import DIFFERENCE, OWN_LAW
 from bench.store.database import Store
 from model.core.build import Body
 from model.core.simulation import Simulation, State
@@ -20,12 +23,15 @@ from model.scene.scene import Scene
 class Judge:
     """Checks contestants and stores how far each is off; keeps what is expected at the last size."""
 
-    def __init__(self, store: Store, summary: SweepSummary):
-        self.store, self.summary = store, summary
+    def __init__(self, store: Store, summary: SweepSummary, most: float = math.inf):
+        """`most`: seconds that an answer which is known beforehand may take."""
+        self.store, self.summary, self.most = store, summary, most
         self._expected: tuple[str, State, np.ndarray] | None = None  # scene, start, positions
 
     def check(self, case: PeerCase, simulation: Simulation | Beside, body: Body) -> str | None:
         """Store how far the state is from the expected one; what the samples must be marked with, or None."""
+        if case.exact is not None:
+            return self._tip(case, simulation, case.exact(case.scene))
         steps = case.steps_checked
         start, expected = self._expect(case.scene, steps)
         simulation.load(start)
@@ -42,6 +48,34 @@ class Judge:
         if error <= limit:
             return None
         warning = f"wrong answer: {error:.2g} spacings off ({note})".replace("; ", ", ")
+        self.summary.wrong.append((str(case), warning))
+        return warning
+
+    def _tip(self, case: PeerCase, simulation: Simulation | Beside, exact: Tip) -> str | None:
+        """As `check`, of a bar whose exact answer is known; of a peer with a law of its own, by that. Raises PeerError where
+        it would take longer than a configuration may."""
+        own = case.peer.tip(case.scene) if case.peer is not None else None
+        judge = own or exact
+        simulation.reset()
+        begin = time.perf_counter()
+        for frame in range(1, exact.frames + 1):
+            simulation.advance(1)
+            simulation.synchronize()
+            needed = (time.perf_counter() - begin) * exact.frames / frame
+            if frame > 1 and needed > self.most:
+                raise PeerError(f"its answer would take {needed:.0f} s, over {self.most:g} s")
+        position = simulation.read("position")
+        error = judge.error(case.scene, position)
+        note = f"of the way of its tip, {exact.frames} frames after it was let go, over {judge.law}; bound {case.bound:.2g}"
+        with self.store.transaction():
+            self.store.add_measure(self.summary.run, case.description, case.sources, DIFFERENCE, error, "", note)
+            if own is not None:
+                off = exact.error(case.scene, position)
+                self.store.add_measure(self.summary.run, case.description, case.sources, OWN_LAW, off, "", own.law)
+        simulation.reset()
+        if error <= case.bound:
+            return None
+        warning = f"wrong answer: {error:.2g} off ({note})".replace("; ", ", ")
         self.summary.wrong.append((str(case), warning))
         return warning
 

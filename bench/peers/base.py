@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from bench.experiments.checks import CHECK_ROWS, LIMITS
+from bench.peers.bars.tip import Tip
 from model.core.build import build
 from model.core.parameters import PARAMETERS, parameter_record
 from model.core.simulation import PRECISIONS
@@ -76,6 +77,11 @@ class Peer(ABC):
         """Spacings that its answer may be off the lab's, by the root mean square: rounding, unless a peer approaches the
         scene's method and overrides this."""
         return rounding_bound(scene, precision)
+
+    def tip(self, scene: Scene) -> Tip | None:
+        """Of a bar that is held against an exact answer (bench/peers/bars/tip.py): that of the peer's own law, None where the
+        scene's is its own."""
+        return None
 
     def threads(self, wanted: int) -> int | None:
         """Threads that it runs on when `wanted` are to be had; None on the GPU."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,6 +15,7 @@ import bench.peers
 from bench.experiments.checks import CHECK_STEPS, OWN_SIZE_STEPS
 from bench.experiments.sweep import source_hash
 from bench.measure.cases import Case
+from bench.peers.bars.tip import Tip
 from bench.peers.base import Opened, Peer, rounding_bound
 from bench.peers.registry import OURS
 from bench.peers.scenes import PeerScene, shape_of
@@ -36,6 +37,7 @@ class PeerCase(Case):
     what: str = "grid"  # the word of bench/peers/scenes.py
     check_steps: int = CHECK_STEPS
     scene_bound: float | None = None
+    exact: Callable[[Scene], Tip] | None = None
 
     def __str__(self) -> str:
         rows, columns = shape_of(self.description["scene"])
@@ -50,6 +52,8 @@ class PeerCase(Case):
     @property
     def steps_checked(self) -> int:
         """Steps after which its answer is compared."""
+        if self.exact is not None:
+            return self.exact(self.scene).frames
         return self.check_steps if self.particles <= MANY_STEPS_UP_TO else OWN_SIZE_STEPS
 
     @property
@@ -99,7 +103,7 @@ class Beside:
 def peer_sources(backend: str) -> str:
     """The hash of what a comparison depends on: the backend's sources and those of the peers."""
     digest = hashlib.sha256(source_hash(backend).encode())
-    for file in sorted(Path(bench.peers.__file__).parent.iterdir()):
+    for file in sorted(Path(bench.peers.__file__).parent.rglob("*")):
         if file.suffix in (".py", ".cpp", ".cu"):
             digest.update(file.name.encode() + b"\0" + file.read_bytes() + b"\0")
     return digest.hexdigest()[:16]
@@ -125,6 +129,6 @@ def group_of(what: PeerScene, scene: Scene, backend: str, precision: str, peers:
         word = "1x" if backend == "cpu" else None
         cases.append(PeerCase(
             scene, backend, word, count, precision, False, description, sources, peer=peer, what=what.word,
-            check_steps=what.check_steps, scene_bound=what.bound,
+            check_steps=what.check_steps, scene_bound=what.bound, exact=what.tip,
         ))  # fmt: skip
     return cases

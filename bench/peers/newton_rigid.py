@@ -4,9 +4,9 @@ bodies (XPBD, VBD, Steel), the lab's substeps, contacts found anew in each.
 The lab makes a rigid body of particles, and so its contacts are among spheres; theirs are among boxes. What both must give is
 where the beams lie once they have fallen on each other: a beam's particles are where Newton's box carries them.
 
-Soft bodies are not compared: Newton's are tetrahedra of a Neo-Hookean material and it has no shape matching, so that no
-scene of the lab's has the same answer there. Nor is its MuJoCo solver, whose packages are not among the lab's extras, nor
-its semi-implicit Euler, whose contacts are springs that this step size allows to be soft alone.
+Shape matching is not compared: Newton has none (its tetrahedra: bars/newton.py). Nor is its MuJoCo solver, whose
+packages are not among the lab's extras, nor its semi-implicit Euler, whose contacts are springs that this step size allows
+to be soft alone.
 """
 
 from __future__ import annotations

@@ -7,7 +7,7 @@ import numpy as np
 from app.driver import open_simulation
 from bench.peers.base import Opened, Peer
 from bench.peers.cuda_cpp_cloth import cloth_refusal
-from model.core.simulation import State
+from model.core.simulation import Simulation, State
 from model.scene.scene import Scene
 
 IMPLICIT = ("implicit-16", "implicit-4", "implicit-1")  # words of bench/peers/scenes.py
@@ -27,7 +27,7 @@ def implicit_refusal(scene: Scene) -> str | None:
 class OwnXpbd(Peer):
     """The lab's XPBD, Gauss-Seidel by colours."""
 
-    scenes = IMPLICIT
+    scenes: tuple[str, ...] = IMPLICIT
 
     def __init__(self, backend: str, iterations: int):
         self.backend, self.iterations = backend, iterations
@@ -50,15 +50,17 @@ class OwnXpbd(Peer):
         return APPROACHES
 
     def open(self, scene: Scene, precision: str, threads: int) -> Opened:
-        return _Own(scene, self.backend, precision, threads, self.iterations)
+        solved = scene.replace({"method.solver": "xpbd", "method.iterations": self.iterations})
+        return Own(open_simulation(solved, self.backend, threads=threads, precision=precision))
 
 
-class _Own(Opened):
-    def __init__(self, scene: Scene, backend: str, precision: str, threads: int, iterations: int):
-        solved = scene.replace({"method.solver": "xpbd", "method.iterations": iterations})
-        self._simulation = open_simulation(solved, backend, threads=threads, precision=precision)
-        self.threads = threads if backend == "cpu" else None
-        self.kernel = self._simulation.kernel
+class Own(Opened):
+    """A simulation of the lab's as a peer's; `threads` of it."""
+
+    def __init__(self, simulation: Simulation):
+        self._simulation = simulation
+        self.threads = simulation.threads if simulation.backend == "cpu" else None
+        self.kernel = simulation.kernel
 
     def advance(self, steps: int) -> None:
         self._simulation.advance(steps)

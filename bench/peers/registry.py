@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from bench.peers.bars.fem import WarpFem
+from bench.peers.bars.newton import NewtonTetrahedra
+from bench.peers.bars.own import OwnTetrahedra
 from bench.peers.base import Peer
 from bench.peers.cpp_openmp import CppOpenmp, CppOpenmpBlocked
 from bench.peers.cpp_tetrahedra import CppTetrahedra
@@ -24,6 +27,11 @@ def _of_warp(backend: str) -> tuple[Peer, ...]:
         WarpGrid(backend), WarpCloth(backend), WarpXpbd(backend), NewtonSemiImplicit(backend), NewtonXpbd(backend, 10),
         NewtonVbd(backend, 10), NewtonVbd(backend, 50), OwnXpbd(backend, 2), OwnXpbd(backend, 10),
         NewtonRigid(backend, "XPBD", 10), NewtonRigid(backend, "VBD", 10), NewtonRigid(backend, "Steel"),
+        NewtonTetrahedra(backend, "SemiImplicit"), NewtonTetrahedra(backend, "VBD", 4, 10),
+        NewtonTetrahedra(backend, "VBD", 10, 50), NewtonTetrahedra(backend, "XPBD", 30, 1),
+        NewtonTetrahedra(backend, "XPBD", 10, 10), WarpFem(backend),
+        *(OwnTetrahedra(backend, "xpbd", substeps, 1) for substeps in (30, 128, 512)),
+        OwnTetrahedra(backend, "vbd", 4, 30),
     )  # fmt: skip
 
 

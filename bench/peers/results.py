@@ -12,14 +12,22 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
+from bench.peers.bars.tip import BARS
 from bench.peers.own_xpbd import IMPLICIT
 from bench.peers.registry import OURS, label
 from bench.peers.scenes import SCENES, shape_of, word_of
 from bench.store.database import Store, canonical
 from bench.store.results import SPREAD_LIMIT
 
+PER_VOXEL, SLENDER = 5, 10  # tetrahedra of a voxel; voxels along a bar of BARS for one across
 NO_BREAK = "\N{NO-BREAK SPACE}"  # in the cells of a narrow terminal
-DIFFERENCE = "peer_difference"  # the measure: how far a state is from the lab's own in float64, in spacings
+DIFFERENCE = (
+    "peer_difference"  # the measure: how far a state is from the lab's own in float64, in spacings; of bars that
+)
+# are held against an exact answer (bench/peers/bars/tip.py), how far the tip is off its way, relative
+OWN_LAW = (
+    "peer_law_difference"  # of a peer whose material is its own, whose law the reason tells: off the scene's answer
+)
 
 
 @dataclass(frozen=True)
@@ -124,12 +132,22 @@ def _ratio(description: dict, theirs: list[tuple[float, str | None]], ours: list
 def print_peers(console: Console, store: Store, machine: str) -> None:
     """Nanoseconds per mass and step of the lab, and of each peer with its ratio, a table for each scene, backend and
     precision; where peers approach the scene's method, how far each is from it, too."""
-    found = ratios(store, machine)
+    found, told = ratios(store, machine), {}
     order = list(SCENES)
     kinds = {(order.index(r.scene) if r.scene in order else len(order), r.scene, r.backend, r.precision) for r in found}
     for _, scene, backend, precision in sorted(kinds):
         mine = [r for r in found if (r.scene, r.backend, r.precision) == (scene, backend, precision)]
-        _print_table(console, scene, backend, precision, mine)
+        (_print_bars if scene in BARS else _print_table)(console, scene, backend, precision, mine)
+    for peer, law in dict(
+        store.query(
+            "SELECT DISTINCT configuration.description, reason FROM measure JOIN configuration ON "
+            "configuration.hash = measure.configuration WHERE name = ?",
+            (OWN_LAW,),
+        )
+    ).items():
+        told[label(json.loads(peer)["peer"])] = law
+    for peer, law in told.items():
+        console.print(f"{peer}: held against {law}", highlight=False, soft_wrap=True)
     if any(r.suspect for r in found):
         console.print("?: suspect, see docs/method.md;  wrong: the answer differs, so the time wins nothing")
 
@@ -153,6 +171,32 @@ def _print_table(console: Console, scene: str, backend: str, precision: str, min
             *(_cell(here[name], scale, approached) if name in here else "-" for name in names),
         )
     console.print(table)
+
+
+def _print_bars(console: Console, scene: str, backend: str, precision: str, mine: list[Ratio]) -> None:
+    """Of bars whose exact answer is known: a line a peer, quickest first, so that error stands beside time."""
+    text = f"{SCENES[scene].text}, {backend}, {precision}: milliseconds a frame (x: times ours; off the tip's way)"
+    console.print(text, highlight=False)
+    shapes = list(dict.fromkeys(r.rows for r in mine))
+    heads = [f"{PER_VOXEL * SLENDER * across**3}" for across in shapes]
+    table = Table("tetrahedra", *heads, box=None)
+    ours = {r.rows: r for r in mine}
+    table.add_row(
+        f"softlab newton, {BARS[scene][1]} x 1",
+        *(_bar_cell(ours[n].our_seconds, ours[n].our_difference) for n in shapes),
+    )
+    for name in dict.fromkeys(r.peer for r in sorted(mine, key=lambda r: r.seconds)):
+        here = {r.rows: r for r in mine if r.peer == name}
+        cells = [_bar_cell(here[n].seconds, here[n].difference, here[n]) if n in here else "-" for n in shapes]
+        table.add_row(label(name), *cells)
+    console.print(table)
+
+
+def _bar_cell(seconds: float, error: float | None, ratio: Ratio | None = None) -> str:
+    off = "" if error is None else f"{100 * error:.2g}{NO_BREAK}%" if error < 10 else "lost"
+    times = f"x{ratio.ratio:.3g}; " if ratio is not None else ""
+    mark = "" if ratio is None else f"{NO_BREAK}[red]wrong[/red]" if ratio.wrong else "?" if ratio.suspect else ""
+    return f"{1e3 * seconds:.3g}{NO_BREAK}({times}{off}){mark}"
 
 
 def _cell(ratio: Ratio, scale: float, approached: bool) -> str:

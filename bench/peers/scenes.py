@@ -3,7 +3,7 @@
 A sheet keeps its material and its spacing at every size. Cloth by implicit Euler is the same sheet at three step sizes, of
 one, four and sixteen steps in a sixtieth of a second: there the peers are iterative solvers, whose error grows with the step.
 Rigid bodies are towers of ten beams that fall a centimetre on each other and come to rest, n x n of them. Tetrahedra are a
-bar held at one end, n voxels across and five times as many long.
+bar held at one end, n voxels across and five times as many long; and, at three Young's moduli, the bar of bars/tip.py.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from typing import Any
 
 from bench.experiments.checks import CHECK_STEPS
 from bench.experiments.sweep import shapes
+from bench.peers.bars.tip import ACROSS, BARS, NEAR, Tip, bar_of, exact_tip
 from model.core.errors import SceneError
 from model.scene.scene import Scene, load_scene
 
@@ -46,7 +47,7 @@ TOWERS = {
 class PeerScene:
     """`word`: how it is asked for; `text`: for tables; `make(rows, columns)`: the scene; `squares`: masses (towers) a side
     of a full sweep; `check_steps`: after which answers are compared, fewer for sheets of very many masses; `bound`:
-    spacings that any answer may be off, None for rounding."""
+    spacings that any answer may be off, None for rounding; `tip`: what is held against an exact answer, not the lab's."""
 
     word: str
     text: str
@@ -54,6 +55,7 @@ class PeerScene:
     squares: tuple[int, ...]
     check_steps: int = CHECK_STEPS
     bound: float | None = None
+    tip: Callable[[Scene], Tip] | None = None
 
     def sized(self, quick: bool, sizes: Iterable[int] | None) -> list[Scene]:
         """The scene at every size, smallest first. Raises SceneError for an impossible one."""
@@ -100,17 +102,32 @@ SCENES = {
         PeerScene("xpbd", "cloth by XPBD", _sheet("cloth-xpbd", **TWENTY), CLOTH_SQUARES, check_steps=20),
         *(_implicit(steps) for steps in (16, 4, 1)),
         PeerScene("tetrahedra", "bars of tetrahedra by XPBD", _bar, BAR_SQUARES, check_steps=20),
+        *(
+            PeerScene(
+                word,
+                f"bars of tetrahedra, {young:.0e} Pa".replace("e+0", "e"),
+                bar_of(young, substeps),
+                ACROSS,
+                bound=NEAR,
+                tip=exact_tip,
+            )
+            for word, (young, substeps) in BARS.items()
+        ),
         PeerScene("rigid", "towers of rigid beams", _towers, TOWER_SQUARES, check_steps=REST, bound=0.1),
     )
 }
 
 
 def peer_scenes(words: Iterable[str] | None, quick: bool) -> list[PeerScene]:
-    """Those asked for by word; without, all of them, and the grid alone in a quick sweep. Raises SceneError."""
-    chosen = list(words) if words is not None else ["grid"] if quick else list(SCENES)
-    for word in chosen:
-        if word not in SCENES:
+    """Those asked for by word, or by what several words begin with; without, all of them, and the grid alone in a quick
+    sweep. Raises SceneError."""
+    asked = list(words) if words is not None else ["grid"] if quick else list(SCENES)
+    chosen: list[str] = []
+    for word in asked:
+        found = [one for one in SCENES if one == word or one.startswith(f"{word}-")]
+        if not found:
             raise SceneError("--scene", word, f"with --peers one of {', '.join(SCENES)}")
+        chosen += found
     return [SCENES[word] for word in dict.fromkeys(chosen)]
 
 
@@ -119,6 +136,10 @@ def word_of(scene: Mapping[str, Any]) -> str:
     method = scene["method"]
     if method["solver"] == "shape-matching":
         return "rigid"
+    if method["solver"] == "newton":
+        return next(
+            word for word, (young, _) in BARS.items() if young == _by_kind(scene)["tetrahedral_body"]["young_modulus"]
+        )
     if method["solver"] == "xpbd":
         return "tetrahedra" if "tetrahedral_body" in _by_kind(scene) else "xpbd"
     if method["integrator"] == "implicit-euler":
@@ -130,8 +151,10 @@ def shape_of(scene: Mapping[str, Any]) -> tuple[int, int]:
     """(rows, columns) of masses of a sheet as the store describes it; of bodies (towers, beams of each); of a bar voxels."""
     parts = _by_kind(scene)
     if "tetrahedral_body" in parts:
-        long, high, _ = parts["tetrahedral_body"]["shape"]["sides"]
-        return round(high / VOXEL), round(long / VOXEL / SLENDER)
+        part = parts["tetrahedral_body"]
+        long, high, _ = part["shape"]["sides"]
+        across = round(high / part["edge"])
+        return across, across if scene["method"]["solver"] == "newton" else round(long / VOXEL / SLENDER)
     sheet = parts.get("grid") or parts.get("cloth")
     if sheet:
         return sheet["rows"], sheet["columns"]

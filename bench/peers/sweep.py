@@ -84,7 +84,7 @@ class _Comparison:
         self._here = {peer.name: peer.available() for peer in peers}
         self._costs: dict[tuple[Any, ...], tuple[int, float]] = {}  # kind -> (particles, seconds a step)
         self._compiled: set[tuple[Any, ...]] = set()
-        self._judge = Judge(store, summary)
+        self._judge = Judge(store, summary, effort.max_seconds)
         self._neighbours = Neighbours()
 
     def run(

@@ -1,11 +1,11 @@
-"""Contacts of tetrahedral bodies' surfaces in slow, plain NumPy float64, every vertex against every triangle: the judge of
-both backends.
+"""Contacts of surfaces of tetrahedral bodies, and of a cloth beside them, in slow, plain NumPy float64, every vertex against
+every triangle: the judge of both backends.
 
 As bench/reference/contacts.py, which projects them, with two things that a closed surface has and a sheet has not. The side:
 the nearest triangle of another body tells whether a vertex lies inside, by the way from its nearest point, which is along
 the triangle's normal or against it (J. A. Baerentzen, H. Aanaes, IEEE TVCG 11 (2005), without their weighted normals: behind
 is what is more than BEHIND of the way against it). And what follows: inside a body its nearest triangle alone leads out,
-outside of it what is seen from behind is none.
+outside of it what is seen from behind is none. A cloth has neither: a vertex is held on the side where it is.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ import numpy as np
 
 from bench.reference.contacts import FLAT, MARGIN, Found, nearest_weights
 from model.scene.scene import Scene
+from model.tetrahedra.attachments import attachment_sets
 
 BEHIND = 0.25
 
@@ -31,15 +32,18 @@ def _answers(every: np.ndarray, corners: np.ndarray, weights: np.ndarray) -> np.
     return result
 
 
-def _outward(distance: float, q: np.ndarray, r: np.ndarray, length: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(inside (n,), way out (n, 3))."""
+def _outward(
+    distance: float, q: np.ndarray, r: np.ndarray, length: np.ndarray, closed: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """(inside (n,), way out (n, 3)); `closed` (n,): of a surface that has an inside."""
     normal = np.cross(q[:, 1] - q[:, 0], q[:, 2] - q[:, 0])
     size = np.linalg.norm(normal, axis=1, keepdims=True)
     normal = np.divide(normal, size, out=np.zeros_like(normal), where=size > 0)
     side = np.einsum("nk,nk->n", normal, r)
     far = length > FLAT * distance
-    inside = np.where(far, side < -BEHIND * length, side < 0)
+    inside = np.where(far, side < -BEHIND * length, side < 0) & closed
     sign = np.where(inside, -1.0, 1.0)[:, None]
+    normal[~closed & (side < 0)] *= -1
     normal[far] = (sign * r)[far] / length[far, None]
     return inside, normal
 
@@ -47,11 +51,14 @@ def _outward(distance: float, q: np.ndarray, r: np.ndarray, length: np.ndarray) 
 def find(scene: Scene, distance: float, before: np.ndarray, predicted: np.ndarray) -> Found:
     """What may touch within a substep from (particles, 3) `before` to `predicted` [m], of bodies that do not meet themselves:
     a triangle of another body whose nearest point is less than the distance, a margin and the largest motion of the vertex
-    relative to one of its corners away, the first of those that share the feature. Nothing is attached."""
+    relative to one of its corners away, the first of those that share the feature. Where bodies are attached to one another,
+    triangles are left out."""
     part, bodies = scene.contact, scene.tetrahedra_set
     assert part is not None
-    every, first = bodies.surface, np.append(bodies.first_particle, bodies.particle_count)
-    body = np.repeat(np.arange(len(bodies.parts)), np.diff(first))
+    first = np.append(bodies.first_particle, bodies.particle_count)
+    body = np.repeat(np.arange(len(bodies.names)), np.diff(first))
+    joined = [rows.corners.ravel() for rows in attachment_sets(bodies) if rows.corners.shape[1] > 1]
+    every = bodies.surface[~np.isin(bodies.surface, np.concatenate([[], *joined])).any(axis=1)]
     vertex, triangle = (a.ravel() for a in np.meshgrid(np.unique(every), np.arange(len(every)), indexing="ij"))
     apart = body[vertex] != body[every[triangle, 0]]
     vertex, triangle = vertex[apart], triangle[apart]
@@ -64,7 +71,8 @@ def find(scene: Scene, distance: float, before: np.ndarray, predicted: np.ndarra
     near[near] = _answers(every, corners[near], weights[near])
     vertex, triangle, corners, weights = vertex[near], triangle[near], corners[near], weights[near]
     r, length = r[near], length[near]
-    inside, normal = _outward(distance, before[corners], r, length)
+    closed = body[corners[:, 0]] < len(bodies.parts)
+    inside, normal = _outward(distance, before[corners], r, length, closed)
     h = scene.method.dt / scene.method.substeps
     held = np.minimum(distance, np.einsum("nk,nk->n", normal, r) + part.separation_speed * h)
     order = np.lexsort((triangle, length, vertex))

@@ -183,12 +183,13 @@ def project(
     position[item.corners] += w[:, None] * np.einsum("n,ncj->cj", change, gradients)
 
 
-def wind_on(scene: Scene, p: np.ndarray, v: np.ndarray, time: float) -> np.ndarray:
-    """(vertices, 3) [N]: a flat plate's drag and lift on every triangle, a third for each corner, as in cloth.wind_forces."""
+def wind_on(scene: Scene, p: np.ndarray, v: np.ndarray, time: float, triangles: np.ndarray | None = None) -> np.ndarray:
+    """(vertices, 3) [N]: a flat plate's drag and lift on every triangle, or on those given (n, 3), a third for each corner,
+    as in cloth.wind_forces."""
     wind = scene.wind
     assert wind is not None
     force, air = np.zeros_like(p), cloth.air(scene, time)
-    for corners in triangles_of(scene).astype(int):
+    for corners in (triangles_of(scene) if triangles is None else triangles).astype(int):
         a, b, c = p[corners]
         u, twice = air - v[corners].mean(axis=0), np.cross(b - a, c - a)
         size, speed = float(np.linalg.norm(twice)), float(np.linalg.norm(u))

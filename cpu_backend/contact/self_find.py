@@ -22,12 +22,38 @@ VALUES = 7  # of a contact:
 V_B, V_C, V_NX, V_NY, V_NZ, V_HELD, V_DISTANCE = range(VALUES)
 
 
+def make_slots(compiler: Compiler, count: int) -> SimpleNamespace:
+    """Of a mass's contacts, of `count` values each, in their order: `place_of` a new one, `copy` one."""
+
+    @compiler.compiled
+    def place_of(first, last, distance, triangle, triangles, values):
+        """Where it belongs: by distance, of equal ones the lower number first."""
+        place = last
+        while place > first and (
+            distance < values[place - 1, V_DISTANCE]
+            or (distance == values[place - 1, V_DISTANCE] and triangle < triangles[place - 1])
+        ):
+            place -= 1
+        return place
+
+    @compiler.compiled
+    def copy(source, target, triangles, corners, values):
+        triangles[target] = triangles[source]
+        for axis in range(3):
+            corners[target, axis] = corners[source, axis]
+        for value in range(count):
+            values[target, value] = values[source, value]
+
+    return SimpleNamespace(place_of=place_of, copy=copy)
+
+
 def _make_triangle(compiler: Compiler, real: Any, formulas: SimpleNamespace, numbers: SimpleNamespace) -> Any:
     """meet(k, i, j, triangle, begin, move, columns, parameters, corners, values, slots): see the inner function."""
     nearest, away, length, dot = formulas.nearest, formulas.away, formulas.length, formulas.dot
     rest_distance, normal, held_distance = formulas.rest_distance, formulas.normal, formulas.held_distance
     corners_of, owns = numbers.corners, numbers.owns
-    two = np.int64(2)
+    slots, two = make_slots(compiler, VALUES), np.int64(2)
+    place_of, copy = slots.place_of, slots.copy
 
     @compiler.compiled
     def motion(move, k, m):
@@ -54,20 +80,11 @@ def _make_triangle(compiler: Compiler, real: Any, formulas: SimpleNamespace, num
         if not distance < parameters.thickness + parameters.margin + nearer:
             return found
         first, last = k * MAX_CONTACTS, k * MAX_CONTACTS + min(found, MAX_CONTACTS)
-        place = last
-        while place > first and (
-            distance < values[place - 1, V_DISTANCE]
-            or (distance == values[place - 1, V_DISTANCE] and triangle < triangles[place - 1])
-        ):
-            place -= 1
+        place = place_of(first, last, distance, triangle, triangles, values)
         if place == first + MAX_CONTACTS:
             return found + 1
         for slot in range(min(last, first + MAX_CONTACTS - 1), place, -1):
-            triangles[slot] = triangles[slot - 1]
-            for axis in range(3):
-                corners[slot, axis] = corners[slot - 1, axis]
-            for value in range(VALUES):
-                values[slot, value] = values[slot - 1, value]
+            copy(slot - 1, slot, triangles, corners, values)
         row_a, column_a = a // columns, a % columns
         rest = rest_distance(
             real(i - row_a), real(b // columns - row_a), real(c // columns - row_a),

@@ -32,7 +32,7 @@ class SurfaceContacts(HeldContacts):
         self._surface = np.ascontiguousarray(surface.triangles), surface.owned
         own = np.ascontiguousarray(surface.body[surface.vertices])
         rest = np.ascontiguousarray(self._rest[surface.vertices].T).reshape(-1)
-        self._neighbours = Neighbours(real, math, own, own, rest, len(scene.tetrahedra), threads)
+        self._neighbours = Neighbours(real, math, own, own, rest, len(surface.edge), threads)
         self._places, self._ones = np.zeros(AXES * count, real), np.ones(count, real)
         self._missed = np.zeros(threads, np.int64)
         self._seen = np.zeros((threads, len(surface.triangles)), np.int32)

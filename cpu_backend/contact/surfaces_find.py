@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from cpu_backend.contact.self_find import V_B, V_C, V_DISTANCE, V_HELD, V_NX, V_NY, V_NZ
+from cpu_backend.contact.self_find import V_B, V_C, V_DISTANCE, V_HELD, V_NX, V_NY, V_NZ, make_slots
 from cpu_backend.contact.self_find import VALUES as OF_SHEETS
 from cpu_backend.core.compile import Compiler
 from model.contact.particle_parameters import MAX_NEIGHBOURS
@@ -22,25 +22,8 @@ VALUES = OF_SHEETS + 1
 
 def _make_slots(compiler: Compiler, real: Any) -> SimpleNamespace:
     """Of a vertex's contacts in their order: `place_of` a new one, `copy` one, `one_side`."""
-
-    @compiler.compiled
-    def place_of(first, last, distance, triangle, triangles, values):
-        """Where it belongs: by distance, of equal ones the lower number first."""
-        place = last
-        while place > first and (
-            distance < values[place - 1, V_DISTANCE]
-            or (distance == values[place - 1, V_DISTANCE] and triangle < triangles[place - 1])
-        ):
-            place -= 1
-        return place
-
-    @compiler.compiled
-    def copy(source, target, triangles, corners, values):
-        triangles[target] = triangles[source]
-        for axis in range(3):
-            corners[target, axis] = corners[source, axis]
-        for value in range(VALUES):
-            values[target, value] = values[source, value]
+    slots = make_slots(compiler, VALUES)
+    copy = slots.copy
 
     @compiler.compiled
     def one_side(first, last, body, triangles, corners, values):
@@ -59,7 +42,7 @@ def _make_slots(compiler: Compiler, real: Any) -> SimpleNamespace:
                 end += 1
         return end - first
 
-    return SimpleNamespace(place_of=place_of, copy=copy, one_side=one_side)
+    return SimpleNamespace(one_side=one_side, **vars(slots))
 
 
 def _make_triangle(compiler: Compiler, real: Any, slots: SimpleNamespace) -> Any:
@@ -70,7 +53,7 @@ def _make_triangle(compiler: Compiler, real: Any, slots: SimpleNamespace) -> Any
     nearest, away, length, dot = formulas.nearest, formulas.away, formulas.length, formulas.dot
     held_distance, mixed = formulas.held_distance, formulas.mixed
     place_of, copy = slots.place_of, slots.copy
-    zero, one = real(0), real(1)
+    zero, one, sheet = real(0), real(1), contact.SHEET
 
     @compiler.compiled
     def motion(before, predicted, k, m):
@@ -120,6 +103,8 @@ def _make_triangle(compiler: Compiler, real: Any, slots: SimpleNamespace) -> Any
         inside, nx, ny, nz = outward(
             rx, ry, rz, distance, ux, uy, uz, vx, vy, vz, parameters.normal_distance
         )  # fmt: skip
+        if inside and (owned[triangle] >> sheet) & 1 != 0:
+            inside, nx, ny, nz = False, -nx, -ny, -nz
         triangles[place] = triangle
         corners[place, 0], corners[place, 1], corners[place, 2] = a, b, c
         values[place, V_B], values[place, V_C], values[place, V_DISTANCE] = s, t, distance

@@ -8,9 +8,11 @@ the same bits, for any number of threads.
 from __future__ import annotations
 
 from functools import cached_property
+from types import SimpleNamespace
 
 import numpy as np
 
+from cpu_backend.tetrahedra.descent_acceleration import make_accelerate_stage
 from cpu_backend.tetrahedra.descent_kernels import (
     DescentArrays,
     descent_arrays,
@@ -20,10 +22,13 @@ from cpu_backend.tetrahedra.descent_kernels import (
 from cpu_backend.tetrahedra.solver import Tetrahedra
 from cpu_backend.xpbd.mesh_kernels import make_mesh_stages
 from model.core.constraints import ConstraintSet, Projection
-from model.core.plan import Moment, Plan, StageRun
+from model.core.plan import Executor, Moment, Plan, StageRun
+from model.formulas.elastic.chebyshev import weights
 from model.scene.scene import Scene
 from model.tetrahedra.constraints import DAMPED
-from model.tetrahedra.descent import Descent, descents, stage_name, vbd_plan
+from model.tetrahedra.descent import ACCELERATE, Descent, descents, stage_name, vbd_plan, visited
+from model.tetrahedra.newton import holding
+from model.tetrahedra.springs import springs
 
 
 class VertexBlockDescent(Tetrahedra):
@@ -41,19 +46,43 @@ class VertexBlockDescent(Tetrahedra):
 
     @cached_property
     def _descents(self) -> tuple[DescentArrays, ...]:
-        return tuple(descent_arrays(found, self.real, self._damped) for found in descents(self.scene))
+        held = springs(self.scene.tetrahedra_set, "vbd")
+        return tuple(descent_arrays(found, self.real, self._damped, held) for found in descents(self.scene))
+
+    @cached_property
+    def _holds(self) -> np.ndarray:
+        """(particles, 1) [N/m]: what holds each, by which colliders are hard."""
+        return holding(self.scene.tetrahedra_set).astype(self.real)[:, None]
+
+    @cached_property
+    def _ways(self) -> np.ndarray:
+        """Where the last two sweeps ended."""
+        return np.zeros((2, *self._position.shape), self.real)
+
+    @cached_property
+    def _weights(self) -> np.ndarray:
+        method = self.scene.method
+        return weights(method.chebyshev, method.iterations, self.real)
 
     @cached_property
     def _inertial(self) -> np.ndarray:
         """Where vertices would be by inertia and all but elastic forces."""
         return np.zeros_like(self._position)
 
+    @cached_property
+    def _staged(self) -> Executor:
+        """A step stage by stage: where surfaces meet, a call for each of its passes."""
+        return Executor(self.plan, self._stages())
+
     def _advance(self, step: int, steps: int) -> None:
+        if self.contacts is not None:
+            self._staged.run(step, steps)
+            return
         method, made = self.scene.method, tuple(found.number for found in descents(self.scene))
         make_descent_advance(*self._variant(), made, self._damped)(
             self._bands, steps, step, method.substeps, method.iterations, self._position, self._velocity, self._before,
-            self._inertial, self.parameters, self.integers, self._wind, self._descents, self.bodies, self.kinds,
-            self.driven,
+            self._inertial, self.parameters, self.integers, self._wind, self._descents, self._holds, self.bodies, self.kinds,
+            self.driven, self._ways, self._weights,
         )  # fmt: skip
 
     def _stages(self) -> dict[str, StageRun]:
@@ -66,17 +95,27 @@ class VertexBlockDescent(Tetrahedra):
             stage.predict(bands, moment.step, moment.number, *arguments)
 
         found["predict"] = predict
+        accelerate = make_accelerate_stage(self.real, self.options.math)
+        found[ACCELERATE] = lambda moment: accelerate(bands, position, self._ways, self._weights[moment.iteration])
         for one, arrays in zip(descents(self.scene), self._descents, strict=True):
             found |= self._of_material(one, arrays)
         return found
 
+    def _visits_of(self, one: Descent) -> SimpleNamespace:
+        parts = visited(self.plan.parts)
+        found: SimpleNamespace = make_descent_stages(self.real, self.options.math, one.number, self._damped, parts)
+        return found
+
     def _of_material(self, one: Descent, arrays: DescentArrays) -> dict[str, StageRun]:
         """What runs its stages of the plan."""
-        stage, bands = make_descent_stages(self.real, self.options.math, one.number, self._damped), self._bands
+        stage, bands = self._visits_of(one), self._bands
         position, velocity, before, inertial = self._position, self._velocity, self._before, self._inertial
 
         def descend(first: int, last: int) -> StageRun:
-            return lambda moment: stage.descend(bands, first, last, position, inertial, arrays, self.parameters)
+            return lambda moment: stage.descend(
+                bands, first, last, position, inertial, arrays, self.parameters,
+                (moment.number, before, self._holds, self.bodies, self.kinds),
+            )  # fmt: skip
 
         def start(moment: Moment) -> None:
             stage.start(bands, 0, one.free, before, velocity, inertial, position, arrays, self.parameters)

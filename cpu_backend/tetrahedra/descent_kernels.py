@@ -17,35 +17,47 @@ from cpu_backend.contact.pins import make_drive
 from cpu_backend.core.compile import Compiler
 from cpu_backend.core.progress import shares
 from cpu_backend.mass_spring.cloth.scratch import cloth_variant
+from cpu_backend.tetrahedra.descent_acceleration import make_accelerate
+from cpu_backend.tetrahedra.descent_contact import make_meeting
+from cpu_backend.tetrahedra.springs import make_springs
 from cpu_backend.xpbd.mesh_kernels import make_begin, make_end
 from model.core.tuples import tuple_of
 from model.formulas.elastic import descent
 from model.scene.cloth import COLLIDER_KINDS
-from model.tetrahedra.descent import CORNERS, RATE, SCALE, Descent
+from model.tetrahedra.descent import CHEBYSHEV, CORNERS, RATE, SCALE, Descent, visited
+from model.tetrahedra.springs import PARTS, Springs
 
 ALONE = 8  # vertices of a colour that one thread does sooner than threads come together: some microseconds
+NOTHING: frozenset[str] = frozenset()
 DescentArrays = tuple[np.ndarray, ...]
 
 
-def descent_arrays(found: Descent, real: Any, damped: bool) -> DescentArrays:
-    """(order, starts, offsets, entries, falls, corners, values, stresses) of a material, as kernels take them."""
+def descent_arrays(found: Descent, real: Any, damped: bool, held: Springs) -> DescentArrays:
+    """(order, starts, offsets, entries, falls, corners, values, stresses, and those of springs) of a material, as kernels
+    take them."""
     count = len(found.corners) if damped else 0
     stresses = np.zeros((count, descent.STRESSES), real)
     values = np.ascontiguousarray(found.values, real)
-    return found.order, found.starts, found.offsets, found.entries, found.falls, found.corners, values, stresses
+    return (
+        found.order, found.starts, found.offsets, found.entries, found.falls, found.corners, values, stresses,
+        *held.arrays(real),
+    )  # fmt: skip
 
 
 @cache
-def make_visits(real: Any, math: str, material: int, damped: bool) -> SimpleNamespace:
+def make_visits(real: Any, math: str, material: int, damped: bool, parts: frozenset[str] = NOTHING) -> SimpleNamespace:
     """Loops over a material, from the first of a range to before its last: `remember(first, last, before, arrays)`, stresses
     of tetrahedra where a substep begins; of vertices of the order `start(first, last, before, velocity, inertial, position,
-    arrays, parameters)` and `descend(first, last, position, inertial, arrays, parameters)`. `arrays`: descent_arrays."""
+    arrays, parameters)` and `descend(first, last, position, inertial, arrays, parameters)`. `given`: substep, before, what
+    holds particles, bodies, kinds."""
     compiler = Compiler(f"{descent.__name__.rpartition('.')[2]}_{np.dtype(real).name}_{math}", math)
     compiled = compiler.compiled
     formulas = descent.make(real, compiled, material, damped)
     element = compiler.inlined(formulas.element.py_func)
     held, added, moved, coasted = formulas.held, formulas.added, formulas.moved, formulas.coasted
-    zero = real(0)
+    pulled, zero, sprung = make_springs(compiler, real).pulled, real(0), bool(parts & PARTS)
+    meeting = make_meeting(compiler, real, parts)
+    has_bodies, met = meeting.has_bodies, meeting.met
 
     @compiled
     def row(array, k):
@@ -65,7 +77,7 @@ def make_visits(real: Any, math: str, material: int, damped: bool) -> SimpleName
 
     @compiled
     def remember(first, last, before, arrays):
-        _, _, _, _, _, corners, values, stresses = arrays
+        corners, values, stresses = arrays[5], arrays[6], arrays[7]
         for t in range(first, last):
             found = held(points_of(before, corners, t, t), values_of(values, t, t, t))
             for n in range(stresses.shape[1]):
@@ -84,8 +96,8 @@ def make_visits(real: Any, math: str, material: int, damped: bool) -> SimpleName
             position[vertex, 2] = z
 
     @compiled
-    def descend(first, last, position, inertial, arrays, parameters):
-        order, _, offsets, entries, _, corners, values, stresses = arrays
+    def descend(first, last, position, inertial, arrays, parameters, given):
+        order, _, offsets, entries, _, corners, values, stresses, meets, sprung_entries, ends, numbers = arrays
         rate = parameters[RATE]
         for k in range(first, last):
             vertex = order[k]
@@ -97,6 +109,12 @@ def make_visits(real: Any, math: str, material: int, damped: bool) -> SimpleName
                     sums,
                     element(points_of(position, corners, t, t), values_of(values, t, t, t), old, entries[n] & 3, rate),
                 )
+            if sprung:
+                x, y, z, hard, _ = pulled(vertex, position, (meets, sprung_entries, ends, numbers))
+                sums = added(sums, (x, y, z, hard, hard, hard, zero, zero, zero))
+            if has_bodies:
+                number, before, holds, bodies, kinds = given
+                sums = met(vertex, sums, position, (number, before, holds, parameters, bodies, kinds))
             x, y, z = moved(
                 row(position, vertex), row(inertial, vertex), position[vertex, 3], parameters[SCALE], sums
             )  # fmt: skip
@@ -109,8 +127,8 @@ def make_visits(real: Any, math: str, material: int, damped: bool) -> SimpleName
 
 def make_material(compiler: Compiler, visits: Sequence[SimpleNamespace], damped: bool) -> SimpleNamespace:
     """Of all materials one after the other, each with its `visits`: `prepare(team, member, bands, before, velocity, inertial,
-    position, descents, parameters)` and `sweep(team, member, bands, position, inertial, descents, parameters)`; `descents`:
-    the descent_arrays of each."""
+    position, descents, parameters)` and `sweep(team, member, bands, position, inertial, descents, parameters, given)`;
+    `descents`: the descent_arrays of each."""
     found = SimpleNamespace(prepare=None, sweep=None)
     for number in range(len(visits) - 1, -1, -1):
         found = _of_material(compiler, number, visits[number], found, damped)
@@ -139,7 +157,7 @@ def _of_material(
             prepare_others(team, member, bands, before, velocity, inertial, position, descents, parameters)
 
     @compiler.compiled
-    def sweep(team, member, bands, position, inertial, descents, parameters):
+    def sweep(team, member, bands, position, inertial, descents, parameters, given):
         arrays = descents[number]
         starts = arrays[1]
         for colour in range(starts.size - 1):
@@ -147,18 +165,18 @@ def _of_material(
             parts = bands if many >= ALONE else 1
             for part in shares(team, member, parts):
                 first, last = begin + many * part // parts, begin + many * (part + 1) // parts
-                descend(first, last, position, inertial, arrays, parameters)
+                descend(first, last, position, inertial, arrays, parameters, given)
         if has_others:
-            sweep_others(team, member, bands, position, inertial, descents, parameters)
+            sweep_others(team, member, bands, position, inertial, descents, parameters, given)
 
     return SimpleNamespace(prepare=prepare, sweep=sweep)
 
 
 @cache
-def make_descent_stages(real: Any, math: str, material: int, damped: bool) -> SimpleNamespace:
+def make_descent_stages(real: Any, math: str, material: int, damped: bool, parts: frozenset[str]) -> SimpleNamespace:
     """The loops of `make_visits`, each a parallel one by itself over a range: (bands, first, last, ...)."""
     compiler = Compiler(f"descent_stages_{np.dtype(real).name}_{math}", math)
-    visits = make_visits(real, math, material, damped)
+    visits = make_visits(real, math, material, damped, parts)
     remember_some, start_some, descend_some = visits.remember, visits.start, visits.descend
 
     def remember(band, bands, first, last, before, arrays):
@@ -172,10 +190,10 @@ def make_descent_stages(real: Any, math: str, material: int, damped: bool) -> Si
             parameters,
         )  # fmt: skip
 
-    def descend(band, bands, first, last, position, inertial, arrays, parameters):
+    def descend(band, bands, first, last, position, inertial, arrays, parameters, given):
         many = last - first
         descend_some(
-            first + many * band // bands, first + many * (band + 1) // bands, position, inertial, arrays, parameters
+            first + many * band // bands, first + many * (band + 1) // bands, position, inertial, arrays, parameters, given
         )  # fmt: skip
 
     return SimpleNamespace(**{one.__name__: compiler.banded(one) for one in (remember, start, descend)})
@@ -184,18 +202,22 @@ def make_descent_stages(real: Any, math: str, material: int, damped: bool) -> Si
 @cache
 def make_descent_advance(real: Any, math: str, parts: frozenset[str], made: tuple[int, ...], damped: bool) -> Any:
     """advance(bands, steps, step, substeps, iterations, position, velocity, before, inertial, parameters, integers,
-    wind_lists, descents, bodies, kinds, driven): many steps in one call; `made`: the materials of the `descents`."""
+    wind_lists, descents, holds, bodies, kinds, driven, ways, weights): many steps in one call; `made`: the materials of
+    the `descents`; `weights` (iterations,): of Chebyshev's acceleration."""
     compiler = Compiler(cloth_variant("descent", real, math, parts), math)
     begin, ends = make_begin(compiler, real, parts), make_end(compiler, real, parts)
     update, collide = ends.update, ends.collide
-    all_materials = make_material(compiler, [make_visits(real, math, one, damped) for one in made], damped)
+    all_materials = make_material(
+        compiler, [make_visits(real, math, one, damped, visited(parts)) for one in made], damped
+    )
     prepare, sweep = all_materials.prepare, all_materials.sweep
     has_bodies, has_motion = bool(parts & set(COLLIDER_KINDS)), "motion" in parts
     drive = make_drive(compiler, real)
+    accelerate, accelerated = make_accelerate(compiler, real), CHEBYSHEV in parts
 
     def advance(
         team, member, bands, steps, step, substeps, iterations, position, velocity, before, inertial, parameters, integers,
-        wind_lists, descents, bodies, kinds, driven,
+        wind_lists, descents, holds, bodies, kinds, driven, ways, weights,
     ):  # fmt: skip
         count = len(position)
         for pass_number in range(steps * substeps):
@@ -212,8 +234,13 @@ def make_descent_advance(real: Any, math: str, parts: frozenset[str], made: tupl
                     first, last = driven.size * band // bands, driven.size * (band + 1) // bands
                     drive(first, last, number, position, velocity, parameters, bodies, driven)
             prepare(team, member, bands, before, velocity, inertial, position, descents, parameters)
-            for _ in range(iterations):
-                sweep(team, member, bands, position, inertial, descents, parameters)
+            given = number, before, holds, bodies, kinds
+            for iteration in range(iterations):
+                sweep(team, member, bands, position, inertial, descents, parameters, given)
+                if accelerated:
+                    for band in shares(team, member, bands):
+                        first, last = count * band // bands, count * (band + 1) // bands
+                        accelerate(first, last, position, ways, weights[iteration])
             for band in shares(team, member, bands):
                 first, last = count * band // bands, count * (band + 1) // bands
                 update(first, last, before, position, velocity, parameters)

@@ -19,6 +19,7 @@ from model.tetrahedra.aggregates import MODES, aggregates
 from model.tetrahedra.block_rows import BLOCKS, block_rows
 from model.tetrahedra.material import material_of
 from model.tetrahedra.newton import DAMPED, SUMMED, element_values, holding, newton_plan, rounding_floor
+from model.tetrahedra.springs import rounding_of, springs
 from model.tetrahedra.tables import surface_lists
 
 VECTORS = 8  # see newton_rows.py
@@ -35,9 +36,10 @@ class TetrahedraNewton(QuadsSimulation):
         real, found = self.real, scene.tetrahedra_set
         self._set_driven()
         count, tetrahedra = found.particle_count, len(found.tetrahedra)
-        rows = block_rows(found.tetrahedra, count)
+        held = springs(found, "newton")
+        rows = block_rows(found.tetrahedra, count, held.pairs)
         blocks, dampers = len(rows.columns), len(rows.columns) if DAMPED in self.plan.parts else 0
-        matrix = ((tetrahedra * BLOCKS, 9), (blocks, 9), (dampers, 9), (count, 6), (tetrahedra, 12))
+        matrix = ((tetrahedra * BLOCKS + len(held.blocks), 9), (blocks, 9), (dampers, 9), (count, 6), (tetrahedra, 12))
         rigid = aggregates(found, rows, self.body.inverse_mass > 0)
         size = MODES * rigid.count
         coarse = ((rigid.count, 4), (size, rigid.width), (1, size), (1, size))
@@ -45,11 +47,12 @@ class TetrahedraNewton(QuadsSimulation):
         groups = -(-max(count, tetrahedra) // SUMMED)
         self._solver = (
             (np.ascontiguousarray(found.tetrahedra, np.int32), material_of(found), element_values(found).astype(real)),
-            rows.arrays, tuple(np.zeros((count, 3), real) for _ in range(VECTORS)),
+            (*rows.arrays, *held.arrays(real)), tuple(np.zeros((count, 3), real) for _ in range(VECTORS)),
             (*(np.zeros(shape, real) for shape in matrix), hard), np.zeros((SUMS, groups), real), rigid.arrays,
             tuple(np.zeros(shape, real) for shape in coarse),
         )  # fmt: skip
-        self._floor = real(rounding_floor(found, real))
+        self._solver[3][0][tetrahedra * BLOCKS :] = held.blocks
+        self._floor = real(rounding_floor(found, real) + rounding_of(held, found.extent, real))
         self._control = np.zeros(2 + len(passes.COUNTS), np.int64)
         self._values, self.done = np.zeros(len(passes.VALUES), real), np.zeros(len(DONE), np.int64)
         self._allocate(groups)

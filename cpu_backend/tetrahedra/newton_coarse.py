@@ -63,7 +63,7 @@ def make_coarse(compiler: Compiler, real: Any) -> SimpleNamespace:
                 d = arm_of(k, group, position, centres)
                 for b in range(row_starts[k], row_starts[k + 1]):
                     other = group_of[row_columns[b]]
-                    if other < group:
+                    if other < group or MODES * other > groups[3][MODES * group]:  # another body's
                         continue
                     e = arm_of(row_columns[b], other, position, centres)
                     m = (

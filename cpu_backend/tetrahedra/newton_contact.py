@@ -1,4 +1,4 @@
-"""Colliders in Newton's method, on CPU threads: a particle within one is pushed out by a spring while a step is solved.
+"""Colliders in the energy that a step makes least, on CPU threads: a particle within one is pushed out by a spring meanwhile.
 
 What is left of its way in is taken away after the step, as in all solvers, and would strain a stiff body without the spring.
 """
@@ -12,14 +12,13 @@ from cpu_backend.contact.colliders import make_collide_mass
 from cpu_backend.core.compile import Compiler
 from model.formulas.elastic import newton
 from model.scene.cloth import COLLIDER_KINDS
-from model.tetrahedra.newton import SUMMED
 
 
 def make_contact(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
-    """`has_bodies`; `within(k, number, position, before, matrix, given)`: how far particle k is within the colliders (three
+    """`has_bodies`; `within(k, number, position, before, holds, met)`: how far particle k is within the colliders (three
     numbers, the way in), and how hard they are to it [N/m]; `nearly_within`: where it is not, of where it is a little later;
-    `pressed(first, last, ...)`: of groups, at a substep's end, velocities with what colliders have pushed, so that friction
-    is told how hard."""
+    `pressed(first, last, ...)`: of some, at a substep's end, velocities with what colliders have pushed, so that friction
+    is told how hard. `holds` (particles, 1): what holds each [N/m]; `met`: (parameters, bodies, kinds)."""
     compiled, formulas = compiler.compiled, newton.make(real, compiler.compiled)
     inertia_of, moved = formulas.inertia_of, formulas.moved
     has_bodies, zero = bool(parts & set(COLLIDER_KINDS)), real(0)
@@ -27,36 +26,36 @@ def make_contact(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simple
     touch = make_collide_mass(compiler, real, parts)
 
     @compiled
-    def depth(k, number, x, y, z, before, matrix, given):
-        parameters, _, _, bodies, kinds, _ = given
+    def depth(k, number, x, y, z, before, holds, met):
+        parameters, bodies, kinds = met
         p, q, r, _, _, _ = touch(
             bodies, kinds, number, parameters, before[k, 0], before[k, 1], before[k, 2], x, y, z, zero, zero, zero
         )  # fmt: skip
-        return x - p, y - q, z - r, contact * (matrix[5][k, 0] + inertia_of(parameters.newton_inertia, before[k, 3]))
+        return x - p, y - q, z - r, contact * (holds[k, 0] + inertia_of(parameters.newton_inertia, before[k, 3]))
 
     @compiled
-    def within(k, number, position, before, matrix, given):
-        return depth(k, number, position[k, 0], position[k, 1], position[k, 2], before, matrix, given)
+    def within(k, number, position, before, holds, met):
+        return depth(k, number, position[k, 0], position[k, 1], position[k, 2], before, holds, met)
 
     @compiled
-    def nearly_within(k, number, position, target, before, matrix, given):
+    def nearly_within(k, number, position, target, before, holds, met):
         x, y, z = position[k, 0], position[k, 1], position[k, 2]
-        p, q, r, hard = depth(k, number, x, y, z, before, matrix, given)
+        p, q, r, hard = depth(k, number, x, y, z, before, holds, met)
         if (p == zero) & (q == zero) & (r == zero):
             x, y, z = (
                 moved(x, soon, target[k, 0] - x),
                 moved(y, soon, target[k, 1] - y),
                 moved(z, soon, target[k, 2] - z),
             )
-            return depth(k, number, x, y, z, before, matrix, given)
+            return depth(k, number, x, y, z, before, holds, met)
         return p, q, r, hard
 
     @compiled
-    def pressed(first, last, number, position, velocity, before, matrix, given):
-        parameters = given[0]
-        for k in range(first * SUMMED, min(last * SUMMED, len(position))):
+    def pressed(first, last, number, position, velocity, before, holds, met):
+        parameters = met[0]
+        for k in range(first, last):
             if before[k, 3] > zero:
-                x, y, z, hard = within(k, number, position, before, matrix, given)
+                x, y, z, hard = within(k, number, position, before, holds, met)
                 share = hard / (inertia_of(parameters.newton_inertia, before[k, 3])) * parameters.newton_rate
                 velocity[k, 0] = velocity[k, 0] + share * x
                 velocity[k, 1] = velocity[k, 1] + share * y

@@ -73,7 +73,7 @@ def make_substep_ends(
         if has_motion:
             drive_between(low, high, number, state, given)
         if has_bodies:
-            pressed(first, last, number, position, velocity, before, matrix, given)
+            pressed(low, high, number, position, velocity, before, matrix[5], (parameters, bodies, kinds))
             collide(low, high, number, before, position, velocity, parameters, bodies, kinds)
 
     return SimpleNamespace(begin_groups=begin_groups, finish_groups=finish_groups)
@@ -86,10 +86,10 @@ def make_pass(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
     (elements, rows, vectors, matrix, sums, groups, coarse), see newton_elements.py, newton_rows.py and newton_coarse.py.
     """
     contact = make_contact(compiler, real, parts)
-    elements, of_rows = make_elements(compiler, real), make_matrix_rows(compiler, real, contact)
+    elements, of_rows = make_elements(compiler, real), make_matrix_rows(compiler, real, parts, contact)
     level = make_coarse(compiler, real)
     solving = make_solving(compiler, real, of_rows.apply, level.corrected)
-    moving = make_moving(compiler, real, of_rows.resist, solving.dot, contact)
+    moving = make_moving(compiler, real, parts, of_rows.resist, solving.dot, contact)
     look, blocks, gather_damper, assemble = elements.look, elements.blocks, of_rows.gather_damper, of_rows.assemble
     start, product, update, direct = solving.start, solving.product, solving.update, solving.direct
     correct, centre, gather, restrict = solving.correct, level.centre, level.gather, level.restrict

@@ -19,7 +19,7 @@ from model.core.constraints import ConstraintSet, Projection
 from model.core.plan import Plan, StageRun
 from model.scene.scene import Scene
 from model.tetrahedra.constraints import constraint_sets, projections_of, tetrahedra_plan
-from model.tetrahedra.tables import surface_lists
+from model.tetrahedra.tables import cloth_lists
 
 
 class Tetrahedra(MeshPositionBased):
@@ -34,7 +34,7 @@ class Tetrahedra(MeshPositionBased):
         return list(constraint_sets(self.scene)), projections_of(self.plan.parts)
 
     def _wind_lists(self, wanted: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        return surface_lists(self.scene.tetrahedra_set, wanted)
+        return cloth_lists(self.scene.tetrahedra_set, wanted)
 
     @cached_property
     def contacts(self) -> SurfaceContacts | None:

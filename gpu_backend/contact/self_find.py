@@ -25,6 +25,33 @@ from model.formulas import contact
 
 
 @cache
+def make_slots(math: str) -> SimpleNamespace:
+    """Of a mass's contacts in their order: `place_of` a new one, `copy` one."""
+    device = cuda.jit(device=True, **kernel_options(math))
+
+    @device
+    def place_of(first, last, distance, triangle, triangles, weights):
+        place = last
+        while place > first:
+            other = load_quad(weights, place - 1)[2]
+            if not (distance < other or (distance == other and triangle < triangles[place - 1])):
+                break
+            place -= 1
+        return place
+
+    @device
+    def copy(source, target, triangles, corners, normals, weights):
+        triangles[target] = triangles[source]
+        for axis in range(3):
+            corners[3 * target + axis] = corners[3 * source + axis]
+        n, w = load_quad(normals, source), load_quad(weights, source)
+        store_quad(normals, target, n[0], n[1], n[2], n[3])
+        store_quad(weights, target, w[0], w[1], w[2], w[3])
+
+    return SimpleNamespace(place_of=place_of, copy=copy)
+
+
+@cache
 def _make_meet(real: Any, math: str) -> Any:
     """meet(k, i, j, p, triangle, before, predicted, columns, parameters, triangles, corners, normals, weights, found): see
     cpu_backend/contact/self_find.py."""
@@ -33,7 +60,8 @@ def _make_meet(real: Any, math: str) -> Any:
     nearest, away, length, dot = formulas.nearest, formulas.away, formulas.length, formulas.dot
     rest_distance, normal, held_distance = formulas.rest_distance, formulas.normal, formulas.held_distance
     corners_of, owns = numbers.corners, numbers.owns
-    two, zero = np.int64(2), real(0)
+    two, zero, slots = np.int64(2), real(0), make_slots(math)
+    place_of, copy = slots.place_of, slots.copy
 
     @device
     def motion(other, x, y, z, was):
@@ -65,22 +93,12 @@ def _make_meet(real: Any, math: str) -> Any:
             return found
         first = k * MAX_CONTACTS
         last = first + min(found, MAX_CONTACTS)
-        place = last
-        while place > first:
-            other = load_quad(weights, place - 1)[2]
-            if not (distance < other or (distance == other and triangle < triangles[place - 1])):
-                break
-            place -= 1
+        place = place_of(first, last, distance, triangle, triangles, weights)
         if place == first + MAX_CONTACTS:
             return found + 1
         slot = min(last, first + MAX_CONTACTS - 1)
         while slot > place:
-            triangles[slot] = triangles[slot - 1]
-            for axis in range(3):
-                corners[3 * slot + axis] = corners[3 * (slot - 1) + axis]
-            n, w = load_quad(normals, slot - 1), load_quad(weights, slot - 1)
-            store_quad(normals, slot, n[0], n[1], n[2], n[3])
-            store_quad(weights, slot, w[0], w[1], w[2], w[3])
+            copy(slot - 1, slot, triangles, corners, normals, weights)
             slot -= 1
         row_a, column_a = a // columns, a % columns
         rest = rest_distance(

@@ -31,7 +31,7 @@ class SurfaceContacts(HeldContacts):
     def __init__(self, scene: Scene, real: Any, math: str, weights: np.ndarray, stream: Any):
         super().__init__(scene.contact, real, math, weights, stream)
         surface = contact_surface(scene.tetrahedra_set)
-        vertices, bodies = surface.vertices, len(scene.tetrahedra)
+        vertices, bodies = surface.vertices, len(surface.edge)
         self._vertices, self._body = self._new(vertices), self._new(surface.body)
         rest = np.zeros((len(surface.rest), SIZE), real)
         rest[:, :3] = surface.rest

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
+from gpu_backend.contact.self_find import make_slots
 from gpu_backend.core.compile import kernel_options, make_kernels, variant_name
 from gpu_backend.core.formulas import device_formulas
 from gpu_backend.core.quads import load_quad, store_quad
@@ -23,28 +24,8 @@ from model.formulas import contact, surface_contact
 @cache
 def _make_slots(real: Any, math: str) -> SimpleNamespace:
     """`place_of`, `copy`, `one_side`: see cpu_backend/contact/surfaces_find.py."""
-    device, zero = cuda.jit(device=True, **kernel_options(math)), real(0)
-
-    @device
-    def place_of(first, last, distance, triangle, triangles, weights):
-        place = last
-        while place > first:
-            other = load_quad(weights, place - 1)[2]
-            if not (distance < other or (distance == other and triangle < triangles[place - 1])):
-                break
-            place -= 1
-        if place > first and triangles[place - 1] == triangle:
-            return np.int64(-1)
-        return place
-
-    @device
-    def copy(source, target, triangles, corners, normals, weights):
-        triangles[target] = triangles[source]
-        for axis in range(3):
-            corners[3 * target + axis] = corners[3 * source + axis]
-        n, w = load_quad(normals, source), load_quad(weights, source)
-        store_quad(normals, target, n[0], n[1], n[2], n[3])
-        store_quad(weights, target, w[0], w[1], w[2], w[3])
+    device, zero, slots = cuda.jit(device=True, **kernel_options(math)), real(0), make_slots(math)
+    copy = slots.copy
 
     @device
     def one_side(first, last, body, triangles, corners, normals, weights):
@@ -61,7 +42,7 @@ def _make_slots(real: Any, math: str) -> SimpleNamespace:
                 end += 1
         return end - first
 
-    return SimpleNamespace(place_of=place_of, copy=copy, one_side=one_side)
+    return SimpleNamespace(one_side=one_side, **vars(slots))
 
 
 @cache
@@ -76,7 +57,7 @@ def _make_meet(real: Any, math: str) -> Any:
     nearest, away, length, dot = formulas.nearest, formulas.away, formulas.length, formulas.dot
     held_distance, mixed = formulas.held_distance, formulas.mixed
     place_of, copy = slots.place_of, slots.copy
-    zero, one = real(0), real(1)
+    zero, one, sheet = real(0), real(1), contact.SHEET
 
     @device
     def motion(other, moved, was):
@@ -117,7 +98,7 @@ def _make_meet(real: Any, math: str) -> Any:
         first = k * MAX_CONTACTS
         last = first + min(found, MAX_CONTACTS)
         place = place_of(first, last, distance, triangle, triangles, weights)
-        if place < 0:
+        if place > first and triangles[place - 1] == triangle:
             return found
         if place == first + MAX_CONTACTS:
             return found + 1
@@ -131,6 +112,8 @@ def _make_meet(real: Any, math: str) -> Any:
         inside, nx, ny, nz = outward(
             rx, ry, rz, distance, ux, uy, uz, vx, vy, vz, parameters.normal_distance
         )  # fmt: skip
+        if inside and (owned[triangle] >> sheet) & 1 != 0:
+            inside, nx, ny, nz = False, -nx, -ny, -nz
         triangles[place] = triangle
         corners[3 * place], corners[3 * place + 1], corners[3 * place + 2] = a, b, c
         held = held_distance(parameters.thickness, rest_gap, dot(nx, ny, nz, rx, ry, rz), parameters.push)

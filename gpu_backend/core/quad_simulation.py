@@ -9,17 +9,17 @@ import numpy as np
 from gpu_backend.core.integers import integers_of, knows_time
 from gpu_backend.core.quads import SIZE
 from gpu_backend.core.simulation import CudaSimulation
-from model.core.errors import BackendUnavailable
-from model.tetrahedra.targets import Targeted
 
 
 class QuadSimulation(CudaSimulation):
     """A simulation on the GPU whose state is of quads. See model/core/simulation.py for the contract.
 
-    `_weight` (particles,): the fourth number of positions. `bodies`: the rows of colliders, and of what else moves.
+    `_weight` (particles,): the fourth number of positions; `_fourth`: of velocities. `bodies`: the rows of colliders, and of
+    what else moves.
     """
 
     _weight: np.ndarray
+    _fourth: np.ndarray | float = 0.0
     bodies: Any
 
     def new_array(self) -> Any:
@@ -27,15 +27,7 @@ class QuadSimulation(CudaSimulation):
         return self.on_device(np.zeros(SIZE * self.particle_count, self.real))
 
     def _allocate_quads(self, rows: np.ndarray) -> None:
-        """The state, the constants, and `bodies` of such rows. Raises BackendUnavailable for parts of tetrahedral bodies that
-        only the sweeps over them know."""
-        unknown = {"motion": "pins that move", "body-damping": "mass_damping"}
-        for part, told in unknown.items():
-            if part in self.plan.parts and self.scene.tetrahedra and not isinstance(self, Targeted):
-                raise BackendUnavailable(
-                    f"the solver {self.scene.method.solver} knows no {told} on the GPU yet",
-                    "--backend cpu runs it, --set method.solver=xpbd runs the scene on the GPU",
-                )
+        """The state, the constants, and `bodies` of such rows."""
         self._integers = integers_of(self.scene)
         self._allocate_state()
         self.bodies = self.on_device(rows)
@@ -55,7 +47,7 @@ class QuadSimulation(CudaSimulation):
     def _upload(self, position: np.ndarray, velocity: np.ndarray) -> None:
         for array, values, fourth in (
             (self.position[self._current], position, self._weight),
-            (self.velocity[self._current], velocity, 0.0),
+            (self.velocity[self._current], velocity, self._fourth),
         ):
             quads = np.zeros((self.particle_count, SIZE), self.real)
             quads[:, : self.scene.dimensions], quads[:, 3] = values, fourth

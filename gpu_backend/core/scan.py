@@ -17,31 +17,38 @@ from gpu_backend.core.compile import make_kernels
 from gpu_backend.core.device import simulated
 
 CHUNK = 32 if simulated() else 512  # numbers of a block; the simulator runs each thread as one of Python's
-TWO_COPIES = 2 * CHUNK
+
+
+@cache
+def make_before(threads: int) -> Any:
+    """before(own): what the block's threads before this one have together; every thread of a block of `threads`, a power of
+    two, must call it."""
+    two_copies, threads, zero = 2 * threads, np.int32(threads), np.int32(0)
+
+    @cuda.jit(device=True)
+    def before(own):
+        memory = cuda.shared.array(two_copies, np.int32)
+        t = np.int32(cuda.threadIdx.x)
+        memory[t] = own
+        cuda.syncthreads()
+        reach, side = np.int32(1), zero
+        while reach < threads:
+            total = memory[side + t]
+            if t >= reach:
+                total += memory[side + t - reach]
+            side = np.int32(threads - side)
+            memory[side + t] = total
+            cuda.syncthreads()
+            reach = np.int32(2 * reach)
+        return np.int32(memory[side + t] - own)
+
+    return before
 
 
 @cache
 def make_scan() -> SimpleNamespace:
     """The kernels `chunks`, `totals` and `add`."""
-    zero = np.int32(0)
-
-    @cuda.jit(device=True)
-    def before(own):
-        """What the block's threads before this one have together; every thread of the block must call it."""
-        memory = cuda.shared.array(TWO_COPIES, np.int32)
-        t = np.int32(cuda.threadIdx.x)
-        memory[t] = own
-        cuda.syncthreads()
-        reach, side = np.int32(1), zero
-        while reach < CHUNK:
-            total = memory[side + t]
-            if t >= reach:
-                total += memory[side + t - reach]
-            side = np.int32(CHUNK - side)
-            memory[side + t] = total
-            cuda.syncthreads()
-            reach = np.int32(2 * reach)
-        return np.int32(memory[side + t] - own)
+    zero, before = np.int32(0), make_before(CHUNK)
 
     def chunks(counts, starts, totals):
         """starts[k]: the sum of the chunk's counts before k; totals[b]: of a whole chunk. One block a chunk."""

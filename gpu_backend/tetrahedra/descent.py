@@ -14,17 +14,20 @@ import numpy as np
 
 from gpu_backend.core.quads import SIZE
 from gpu_backend.core.substeps import launched_kernel
-from gpu_backend.tetrahedra.descent_kernels import make_visits
+from gpu_backend.tetrahedra.descent_kernels import make_accelerate, make_visits
 from gpu_backend.tetrahedra.solver import Tetrahedra
 from gpu_backend.xpbd.mesh import THREADS
 from model.core.constraints import ConstraintSet, Projection
 from model.core.plan import Moment, Plan, StageRun
+from model.formulas.elastic.chebyshev import weights
 from model.formulas.elastic.descent import STRESSES
 from model.scene.scene import Scene
 from model.tetrahedra.constraints import DAMPED
-from model.tetrahedra.descent import Descent, descents, stage_name, vbd_plan
+from model.tetrahedra.descent import ACCELERATE, CHEBYSHEV, Descent, descents, stage_name, vbd_plan, visited
+from model.tetrahedra.newton import holding
+from model.tetrahedra.springs import springs
 
-Launch = Callable[[Any, Any, Any], None]  # (before, velocity, position): quads
+Launch = Callable[[Any, Any, Any, Any], None]  # (before, velocity, position: quads; time: see _drive)
 
 
 class VertexBlockDescent(Tetrahedra):
@@ -54,6 +57,15 @@ class VertexBlockDescent(Tetrahedra):
     def _build(self) -> None:
         self._first: list[tuple[str, Launch]] = []  # what of a substep comes before its iterations
         self._visits: list[tuple[str, Launch]] = []
+        held = springs(self.scene.tetrahedra_set, "vbd").arrays(self.real)
+        method, size = self.scene.method, 2 * SIZE * self.particle_count
+        self._accelerate = make_accelerate(self.real, self.options.math)
+        self._ways = self.on_device(np.zeros(size, self.real)) if CHEBYSHEV in self.plan.parts else None
+        self._weights = weights(method.chebyshev, method.iterations, self.real)
+        self._holds = self.on_device(holding(self.scene.tetrahedra_set).astype(self.real))
+        self._springs = tuple(
+            self.on_device(one if one.size else np.zeros(1, one.dtype)) for one in map(np.ravel, held)
+        )
         for found in descents(self.scene):
             self._bind(found)
         super()._build()
@@ -61,23 +73,36 @@ class VertexBlockDescent(Tetrahedra):
     def _bind(self, found: Descent) -> None:
         """Put the stages of a material among those of a step."""
         damped, real, count = DAMPED in self.plan.parts, self.real, np.int32(len(found.corners))
-        kernels = make_visits(real, self.options.math, found.number, damped)
+        kernels = make_visits(real, self.options.math, found.number, damped, visited(self.plan.parts))
         corners, values = self.on_device(found.corners.T), self.on_device(found.values.T.astype(real))
         lists = tuple(self.on_device(one) for one in (found.order, found.offsets, found.entries))
         stresses = self.on_device(np.zeros(STRESSES * len(found.corners) if damped else 1, real))
         all_of, every = self._over(len(found.corners), THREADS), np.int32(len(found.order))
         each, falls = self._over(len(found.order), THREADS), self.on_device(found.falls)
 
-        def remember(before: Any, velocity: Any, position: Any) -> None:
+        def remember(before: Any, velocity: Any, position: Any, time: Any) -> None:
             kernels.remember[all_of](before, corners, values, stresses, count)
 
-        def start(before: Any, velocity: Any, position: Any) -> None:
+        def start(before: Any, velocity: Any, position: Any, time: Any) -> None:
             kernels.start[each](before, velocity, self._inertial, position, lists[0], falls, every, self.record)
 
         def descend(first: int, stop: int) -> Launch:
             launch, bounds = self._over(stop - first, THREADS), (np.int32(first), np.int32(stop), count)
-            return lambda before, velocity, position: kernels.descend[launch](
-                position, self._inertial, *lists, corners, values, stresses, *bounds, self.record
+            return lambda before, velocity, position, time: kernels.descend[launch](
+                position,
+                self._inertial,
+                *lists,
+                corners,
+                values,
+                stresses,
+                *self._springs,
+                before,
+                self._holds,
+                *bounds,
+                self.record,
+                self.bodies,
+                self.integers,
+                *time,
             )
 
         if damped:
@@ -98,19 +123,36 @@ class VertexBlockDescent(Tetrahedra):
         self._brake(velocity)
         self._begin[self._flat](before, velocity, self._inertial, *self._lists, self.record, self.integers, *time)
         for _, launch in self._first:
-            launch(before, velocity, now)
+            launch(before, velocity, now, time)
         self._drive(now, new_velocity, time)
-        for _ in range(self.scene.method.iterations):
+        if self.contacts:
+            self.contacts.find(before, now)
+        for iteration in range(self.scene.method.iterations):
             for _, launch in self._visits:
-                launch(before, velocity, now)
+                launch(before, velocity, now, time)
+            self._go_on(now, iteration)
+            if self.contacts:
+                self.contacts.project(before, now)
         self._end[self._flat](before, now, new_velocity, self.record, self.bodies, self.integers, *time)
         self._drive(now, new_velocity, time)
+
+    def _go_on(self, position: Any, iteration: int) -> None:
+        """Launch what accelerates sweeps, where they are."""
+        if self._ways is not None:
+            self._accelerate[self._flat](position, self._ways, self._weights[iteration])
 
     @property
     def _launches(self) -> int:
         method = self.scene.method
         more = 2 * (self._pins is not None) + (self._slow is not None)
-        return method.substeps * (2 + more + len(self._first) + method.iterations * len(self._visits))
+        find, project = (self.contacts.finding, self.contacts.projecting) if self.contacts else (0, 0)
+        more += len(self._first) + find
+        return method.substeps * (
+            2 + more + method.iterations * (len(self._visits) + project + (self._ways is not None))
+        )
+
+    def _time(self, moment: Moment) -> tuple[Any, ...]:
+        return self._counter, np.int64(0), np.int64(moment.substeps), np.int64(moment.substep)
 
     def _stages(self) -> dict[str, StageRun]:
         position, velocity, before = self.position[0], self.velocity[0], self.position[1]
@@ -118,12 +160,13 @@ class VertexBlockDescent(Tetrahedra):
         def predict(moment: Moment) -> None:
             before.copy_to_device(position, stream=self.stream)
             self._set_counter(moment.step)
-            time = self._counter, np.int64(0), np.int64(moment.substeps), np.int64(moment.substep)
+            time = self._time(moment)
             self._brake(velocity)
             self._begin[self._flat](before, velocity, self._inertial, *self._lists, self.record, self.integers, *time)
 
         def run(launch: Launch) -> StageRun:
-            return lambda moment: launch(before, velocity, position)
+            return lambda moment: launch(before, velocity, position, self._time(moment))
 
         found = {name: run(launch) for name, launch in (*self._first, *self._visits)}
+        found[ACCELERATE] = lambda moment: self._go_on(position, moment.iteration)
         return super()._stages() | found | {"predict": predict}

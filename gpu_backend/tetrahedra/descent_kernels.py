@@ -12,24 +12,56 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from gpu_backend.core.compile import inlined, kernel_options, make_kernels, variant_name
+from gpu_backend.core.compile import inlined, kernel_options, make_kernel, make_kernels, variant_name
 from gpu_backend.core.formulas import device_formulas
-from gpu_backend.core.quads import load_quad, store_quad
+from gpu_backend.core.quads import SIZE, load_quad, store_quad
+from gpu_backend.core.world import World
+from gpu_backend.tetrahedra.descent_contact import make_meeting
+from gpu_backend.tetrahedra.springs import make_pulled
+from gpu_backend.xpbd.kernels import make_clock
 from model.core.tuples import each_of, tuple_of
-from model.formulas.elastic import descent
+from model.formulas.elastic import chebyshev, descent
 from model.tetrahedra.descent import CORNERS, RATE, SCALE
+from model.tetrahedra.springs import PARTS
+
+NOTHING: frozenset[str] = frozenset()
 
 
 @cache
-def make_visits(real: Any, math: str, material: int, damped: bool) -> SimpleNamespace:
+def make_accelerate(real: Any, math: str) -> Any:
+    """accelerate(position, ways, w): every particle after a sweep; `ways`: quads of where the last sweep ended, then of the
+    one before it."""
+    beyond, zero = device_formulas(chebyshev.make, real, math).beyond, real(0)
+
+    def accelerate(position, ways, w):
+        k, count = np.int32(cuda.grid(1)), np.int32(position.size // SIZE)  # type: ignore[call-arg]
+        if k < count:
+            p = load_quad(position, k)
+            if p[3] > zero:
+                older = load_quad(ways, count + k)
+                x, y, z = beyond(p[0], older[0], w), beyond(p[1], older[1], w), beyond(p[2], older[2], w)
+                last = load_quad(ways, k)
+                store_quad(ways, count + k, last[0], last[1], last[2], last[3])
+                store_quad(ways, k, x, y, z, zero)
+                store_quad(position, k, x, y, z, p[3])
+
+    return make_kernel(accelerate, f"chebyshev_{variant_name(real, math)}", **kernel_options(math))
+
+
+@cache
+def make_visits(real: Any, math: str, material: int, damped: bool, parts: frozenset[str] = NOTHING) -> SimpleNamespace:
     """`remember(before, corners, values, stresses, count)`: of every tetrahedron of a material, where a substep begins;
     `start(before, velocity, inertial, position, order, falls, stop, record)`: of the vertices before `stop` of the order,
-    pinned ones too; `descend(position, inertial, order, offsets, entries, corners, values, stresses, first, stop, count,
-    record)`: of a colour. `count`: tetrahedra of the material."""
+    pinned ones too; `descend(position, inertial, order, offsets, entries, corners, values, stresses, meets,
+    sprung_entries, ends, numbers, before, holds, first, stop, count, record, bodies, integers, counter, place, substeps,
+    substep)`: of a colour; `meets` to `numbers`: of springs; `holds` (particles,) [N/m]; which are looked at where `parts`
+    has such. `count`: tetrahedra of the material."""
     formulas = device_formulas(descent.make, real, math, material=material, damped=damped)
     element, held, added = formulas.element, formulas.held, formulas.added
     moved, coasted = formulas.moved, formulas.coasted
-    inline, zero = inlined(math), real(0)
+    pulled, sprung, inline, zero = make_pulled(real, math), bool(parts & PARTS), inlined(math), real(0)
+    meeting, clock = make_meeting(real, math, parts), make_clock(math, parts)
+    has_bodies, met = meeting.has_bodies, meeting.met
     nobody, one, two, three = np.int32(0), np.int32(1), np.int32(2), np.int32(3)
     nothing, no_sums = (zero,) * descent.STRESSES, (zero,) * descent.SUMS
 
@@ -72,7 +104,8 @@ def make_visits(real: Any, math: str, material: int, damped: bool) -> SimpleName
             store_quad(position, vertex, x, y, z, b[3])
 
     def descend(
-        position, inertial, order, offsets, entries, corners, values, stresses, first, stop, size, record
+        position, inertial, order, offsets, entries, corners, values, stresses, meets, sprung_entries, ends, numbers, before,
+        holds, first, stop, size, record, bodies, integers, counter, place, substeps, substep,
     ):  # fmt: skip
         parameters = record[0]
         k, count = np.int32(first + cuda.grid(1)), np.int32(size)  # type: ignore[call-arg]
@@ -86,7 +119,14 @@ def make_visits(real: Any, math: str, material: int, damped: bool) -> SimpleName
                     old = stresses_of(stresses, t, count, t)
                 points = points_of(position, corners, count, t)
                 sums = added(sums, element(points, values_of(values, t, count, t), old, corner, rate))
+            if sprung:
+                x, y, z, hard, _ = pulled(vertex, position, meets, sprung_entries, ends, numbers)
+                sums = added(sums, (x, y, z, hard, hard, hard, zero, zero, zero))
             p = load_quad(position, vertex)
+            if has_bodies:
+                _, number = clock(counter, place, substeps, substep)
+                world = World(parameters, bodies, integers)
+                sums = met(sums, load_quad(before, vertex), p, holds[vertex], world, number)
             x, y, z = moved(xyz(p), xyz(load_quad(inertial, vertex)), p[3], parameters[SCALE], sums)
             store_quad(position, vertex, x, y, z, p[3])
 

@@ -10,9 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from gpu_backend.core.device import simulated
-from gpu_backend.core.launch import prepare
-from gpu_backend.core.quad_simulation import QuadSimulation
+from gpu_backend.core.cooperative import Cooperative
+from gpu_backend.core.driven import DrivenSimulation
 from gpu_backend.core.quads import SIZE
 from gpu_backend.mass_spring.cloth.kernels import make_cloth_tools
 from gpu_backend.tetrahedra.newton_kernel import DONE, WORKING, Lists, make_newton, packed
@@ -21,20 +20,20 @@ from gpu_backend.xpbd.mesh_kernels import make_mesh_tools
 from model.core.options import unknown_kernel
 from model.core.plan import Executor
 from model.core.simulation import Options
-from model.mass_spring.cloth_parameters import collider_numbers
+from model.mass_spring.cloth_parameters import PIN_FIELDS
 from model.scene.scene import Scene
 from model.tetrahedra.aggregates import Couplings, aggregates, couplings
 from model.tetrahedra.block_rows import BLOCKS, block_rows
 from model.tetrahedra.constraints import ITERATED
 from model.tetrahedra.material import material_of
 from model.tetrahedra.newton import DAMPED, SUMMED, element_values, holding, newton_plan, rounding_floor
+from model.tetrahedra.springs import rounding_of, springs
 from model.tetrahedra.tables import surface_lists
 
-STEPS = 64  # a launch, so that it can be interrupted
 CODELESS = {"gauss-seidel", ITERATED}  # parts that change no kernel
 
 
-class TetrahedraNewton(QuadSimulation):
+class TetrahedraNewton(DrivenSimulation):
     """See model/core/simulation.py for the contract. `threads` is the number of threads a block."""
 
     def __init__(self, scene: Scene, options: Options):
@@ -48,17 +47,26 @@ class TetrahedraNewton(QuadSimulation):
 
     def _make_tables(self) -> None:
         found, count = self.scene.tetrahedra_set, self.particle_count
-        rows = block_rows(found.tetrahedra, count)
+        self._springs = springs(found, "newton")
+        rows = block_rows(found.tetrahedra, count, self._springs.pairs)
         groups = aggregates(found, rows, self.body.inverse_mass > 0)
         pairs: Couplings = couplings(groups, rows)
         self._tables = Lists._make(
-            (found.tetrahedra, material_of(found), *rows.arrays, *groups.arrays, *vars(pairs).values())
+            (
+                found.tetrahedra,
+                material_of(found),
+                *rows.arrays,
+                *groups.arrays,
+                *vars(pairs).values(),
+                np.zeros(count if "motion" in self.plan.parts else 0, np.int32),
+                *self._springs.arrays(self.real)[:3],
+            )
         )
         tetrahedra, blocks, size = len(found.tetrahedra), len(rows.columns), len(groups.reach)
         dampers = blocks if DAMPED in self.plan.parts else 0
         parts = max(-(-max(count, tetrahedra) // SUMMED), groups.count)
         self._sizes = (  # of the arrays that are only worked in, as the kernel takes them
-            BLOCKS * 9 * tetrahedra, 9 * blocks, 9 * dampers, 6 * count, 4 * SIZE * tetrahedra,
+            9 * (BLOCKS * tetrahedra + len(self._springs.blocks)), 9 * blocks, 9 * dampers, 6 * count, 4 * SIZE * tetrahedra,
         )  # fmt: skip
         inverse = int(pairs.places[-1]) if self.options.math != "exact" else 0
         self._coarse_sizes = SIZE * groups.count, size * groups.width, 3 * size, inverse
@@ -72,48 +80,42 @@ class TetrahedraNewton(QuadSimulation):
 
     def _allocate(self) -> None:
         scene, real, found = self.scene, self.real, self.scene.tetrahedra_set
-        self._allocate_quads(collider_numbers(scene, real))
+        self._allocate_driven()
         self._weight = (self.body.inverse_mass * scene.grid.mass).astype(real)
+        self._fourth = found.damping_rates.astype(real)
+        if self._first_pin:
+            self._tables.pins[self.body.pinned] = self._first_pin + PIN_FIELDS * np.arange(len(self.body.pinned))
         self._lists = [self.on_device(array) for array in surface_lists(found, False)]
 
         def room(size: int) -> Any:
             return self.on_device(np.zeros(size, real))
 
-        self._flags, self._done = self.on_device(np.zeros(1, np.int32)), self.on_device(np.zeros(len(DONE), np.int64))
+        self._done = self.on_device(np.zeros(len(DONE), np.int64))
         self._arrays = (
             room(WORKING * SIZE * self.particle_count), self.on_device(element_values(found).T.astype(real)),
             *(room(size) for size in self._sizes), self.on_device(holding(found).astype(real)),
+            self.on_device(np.append(self._springs.values.ravel(), 0).astype(real)),
             *(room(size) for size in self._coarse_sizes), self.on_device(packed(self._tables)), room(self._sum_size),
         )  # fmt: skip
-        self._floor = real(rounding_floor(found, real))
+        held = np.zeros(self._sizes[0], real)
+        held[9 * BLOCKS * len(found.tetrahedra) :] = self._springs.blocks.ravel()
+        self._arrays[2].copy_to_device(held)
+        self._floor = real(rounding_floor(found, real) + rounding_of(self._springs, found.extent, real))
 
     def _build(self) -> None:
         self._tools = SimpleNamespace(**vars(make_cloth_tools(self.real)) | vars(make_mesh_tools(self.real)))
-        self._steps = make_newton(self.real, self.options.math, self.plan.parts - CODELESS)
-        self._executor = Executor(self.plan, {}, self._advance_steps)
-        self.blocks = 1
-        if not simulated():
-            arguments = self._arguments(1)
-            prepare(self._steps, arguments, 0, cooperative=True)
-            compiled = self._steps.compile(tuple(self._steps.typeof_pyval(argument) for argument in arguments))
-            self.blocks = min(self._most_blocks, compiled.max_cooperative_grid_blocks(THREADS))
+        kernel = make_newton(self.real, self.options.math, self.plan.parts - CODELESS)
+        self._steps = Cooperative(self, kernel, self._arguments, self._most_blocks, THREADS)
+        self._executor = Executor(self.plan, {}, self._steps.advance)
+        self._steps.prepare()
 
     def _arguments(self, steps: int) -> tuple[Any, ...]:
         method = self.scene.method
         return (
-            self.position[0], self.velocity[0], *self._arrays, self._flags, self._done, self.record, self.bodies,
+            self.position[0], self.velocity[0], *self._arrays, self._steps.flags, self._done, self.record, self.bodies,
             self.integers, self._counter, np.int64(steps), np.int64(method.substeps), np.int64(method.iterations),
             self._floor,
         )  # fmt: skip
-
-    def _advance_steps(self, step: int, steps: int) -> None:
-        self._set_counter(step)
-        while steps > 0:
-            now = min(steps, STEPS)
-            self._flags.copy_to_device(np.zeros(1, np.int32), stream=self.stream)
-            self._steps[self.blocks, THREADS, self.stream](*self._arguments(now))
-            self._count_on(now)
-            steps -= now
 
     @property
     def done(self) -> np.ndarray:

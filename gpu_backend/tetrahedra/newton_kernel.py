@@ -58,7 +58,8 @@ WORKING = len(Vectors._fields) - 1  # vectors beside the state: directions are t
 
 
 class Lists(NamedTuple):
-    """Of model/tetrahedra: a tetrahedron's corners and material; BlockRows; Aggregates; Couplings."""
+    """Of model/tetrahedra: a tetrahedron's corners and material; BlockRows; Aggregates; Couplings; where the row of a pinned
+    particle begins in `bodies`, 0 of one that is free, nothing where none moves; lists of Springs."""
 
     tetrahedra: Any
     materials: Any
@@ -81,6 +82,10 @@ class Lists(NamedTuple):
     bodies: Any
     body_of: Any
     places: Any
+    pins: Any
+    spring_meets: Any
+    spring_entries: Any
+    spring_corners: Any
 
 
 def packed(lists: Lists) -> np.ndarray:
@@ -108,7 +113,8 @@ def _views(math: str) -> SimpleNamespace:
             t[t[0] : t[1]], t[t[1] : t[2]], t[t[2] : t[3]], t[t[3] : t[4]], t[t[4] : t[5]], t[t[5] : t[6]], t[t[6] : t[7]],
             t[t[7] : t[8]], t[t[8] : t[9]], t[t[9] : t[10]], t[t[10] : t[11]], t[t[11] : t[12]], t[t[12] : t[13]],
             t[t[13] : t[14]], t[t[14] : t[15]], t[t[15] : t[16]], t[t[16] : t[17]], t[t[17] : t[18]], t[t[18] : t[19]],
-            t[t[19] : t[20]], t[t[20] : t[21]],
+            t[t[19] : t[20]], t[t[20] : t[21]], t[t[21] : t[22]], t[t[22] : t[23]],
+            t[t[23] : t[24]], t[t[24] : t[25]],
         )  # fmt: skip
 
     @inline
@@ -124,11 +130,12 @@ def _views(math: str) -> SimpleNamespace:
 
 @cache
 def make_newton(real: Any, math: str, parts: frozenset[str]) -> Any:
-    """kernel(position, velocity, working, values, found, blocks, damper, inverses, forces, holding, centres, band, unknowns,
-    inverse, tables, sums, flags, done, record, bodies, integers, counter, steps, substeps, iterations, floor): `steps` steps
-    of the state in `position` and `velocity`. `working`: WORKING vectors of quads; `values`: of tetrahedra, column by column;
-    then those of Matrix and Coarse, of which `unknowns` has three; `tables`: `packed`; `sums`: twice what groups sum up;
-    `flags` (1,) int32, 0 before the launch; `done` (DONE,) int64 is added to; `floor`: of residuals that are left alone."""
+    """kernel(position, velocity, working, values, found, blocks, damper, inverses, forces, holding, springs, centres, band,
+    unknowns, inverse, tables, sums, flags, done, record, bodies, integers, counter, steps, substeps, iterations, floor):
+    `steps` steps of the state in `position` and `velocity`. `working`: WORKING vectors of quads; `values`: of tetrahedra,
+    column by column; then those of Matrix and Coarse, of which `unknowns` has three; `tables`: `packed`; `sums`: twice what
+    groups sum up; `flags` (1,) int32, 0 before the launch; `done` (DONE,) int64 is added to; `floor`: of residuals that are
+    left alone."""
     views, dispatch, sum_up = _views(math), _make_dispatch(real, math, parts), _make_sum_up(real, math)
     vectors_of, lists_of, coarse_of = views.vectors, views.lists, views.coarse
     # decided in exact math always: a trial may be so far off that its energy is no number, which fast math takes for one
@@ -136,11 +143,12 @@ def make_newton(real: Any, math: str, parts: frozenset[str]) -> Any:
     damped, has_time, zero, quick = DAMPED in parts, knows_time(parts), real(0), math != "exact"
 
     def newton_steps(
-        position, velocity, working, values, found, blocks, damper, inverses, forces, holding, centres, band, unknowns,
-        inverse, tables, sums, flags, done, record, bodies, integers, counter, steps, substeps, iterations, floor,
+        position, velocity, working, values, found, blocks, damper, inverses, forces, holding, springs, centres, band,
+        unknowns, inverse, tables, sums, flags, done, record, bodies, integers, counter, steps, substeps, iterations, floor,
     ):  # fmt: skip
         shared = cuda.shared.array(ROOM, real)
-        world, matrix = World(record[0], bodies, integers), Matrix(found, blocks, damper, inverses, forces, holding)
+        world = World(record[0], bodies, integers)
+        matrix = Matrix(found, blocks, damper, inverses, forces, holding, springs)
         v, lists = vectors_of(position, velocity, working), lists_of(tables)
         coarse = coarse_of(lists, centres, band, unknowns, inverse)
         wanted, turn, flip, half = np.int32(cuda.gridDim.x), 0, 0, sums.size // 2

@@ -16,11 +16,13 @@ from gpu_backend.core.quads import load_quad, store_quad
 from gpu_backend.tetrahedra.newton_coarse import make_band, make_coarse, make_couple
 from gpu_backend.tetrahedra.newton_contact import make_contact
 from gpu_backend.tetrahedra.newton_elements import make_block_access, make_blocks, make_look
+from gpu_backend.tetrahedra.newton_pins import MOTION, make_driven
 from gpu_backend.tetrahedra.newton_quick import make_invert, make_quick_groups, make_quick_product
 from gpu_backend.tetrahedra.newton_rows import make_moving, make_rows, make_solving
 from gpu_backend.tetrahedra.newton_sums import TEAM, UNIT, make_sums
 from gpu_backend.xpbd.mesh_kernels import AXES
 from gpu_backend.xpbd.point import make_motion
+from model.formulas import distance
 from model.formulas.elastic import newton as passes
 from model.formulas.elastic.newton import (
     BEGIN,
@@ -40,43 +42,63 @@ from model.formulas.elastic.newton import (
     UPDATE,
     WEIGH,
 )
+from model.tetrahedra.block_rows import BLOCKS as BLOCKS_EACH
 from model.tetrahedra.newton import DAMPED, SUMMED
+from model.xpbd.mesh_plan import BODY_DAMPING
 
 FACTOR, INVERT, BACK = range(len(KINDS), len(KINDS) + 3)  # what follows `coarse rows`, and `restrict`, before the next
 
 
 @cache
 def make_substep_ends(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
-    """`begin(k, v, world, step)`: where inertia leads particle k; `finish(k, v, matrix, world, number)`: its velocity, and
-    what it meets."""
+    """`begin(k, v, lists, world, time)`: where inertia leads particle k, or a motion; `finish(k, v, matrix, lists, world,
+    number)`: its velocity, and what it meets."""
     forces, motion = make_forces(real, math, parts), make_motion(real, math, parts, AXES)
     add_gravity, add_own, predict = forces.add_gravity, forces.add_own, motion.predict
     rate_of, collide = motion.rate_of, motion.collide
     contact, zero = make_contact(real, math, parts), real(0)
     has_bodies, pressed, inline = contact.has_bodies, contact.pressed, inlined(math)
+    pins, slowed, is_slowed = (
+        make_driven(real, math, parts), device_formulas(distance.make, real, math).slowed, BODY_DAMPING in parts
+    )  # fmt: skip
+    moves, driven = pins.moves, pins.driven
 
     @inline
-    def begin(k, v, world, step):
+    def begin(k, v, lists, world, time):
         p, w = load_quad(v.position, k), load_quad(v.velocity, k)
         ax, ay, az = add_gravity(zero, zero, zero, world.parameters)
-        ax, ay, az = add_own(ax, ay, az, k, p[3], world.parameters, world.integers, step)
+        ax, ay, az = add_own(ax, ay, az, k, p[3], world.parameters, world.integers, time[0])
+        if is_slowed:
+            h = world.parameters.dt
+            w = slowed(w[0], w[3], h), slowed(w[1], w[3], h), slowed(w[2], w[3], h), w[3]
         x, y, z = predict(p, w, ax, ay, az, world.parameters)
         store_quad(v.before, k, p[0], p[1], p[2], p[3])
+        dx, dy, dz = zero, zero, zero
+        if moves:
+            if p[3] == zero:
+                x, y, z, _, _, _ = driven(k, p, lists, world, time[1])
+                store_quad(v.position, k, x, y, z, p[3])
+                dx, dy, dz = x - p[0], y - p[1], z - p[2]
         store_quad(v.target, k, x, y, z, p[3])
-        store_quad(v.away, k, zero, zero, zero, zero)
+        store_quad(v.away, k, dx, dy, dz, zero)
 
     @inline
-    def finish(k, v, matrix, world, number):
-        b, p = load_quad(v.before, k), load_quad(v.position, k)
+    def finish(k, v, matrix, lists, world, number):
+        b, p, rate = load_quad(v.before, k), load_quad(v.position, k), zero
         x, y, z = p[0], p[1], p[2]
         vx, vy, vz = zero, zero, zero
+        if moves:
+            if b[3] == zero:
+                x, y, z, vx, vy, vz = driven(k, p, lists, world, number)
         if b[3] != zero:
             vx, vy, vz = rate_of(p, b, world.parameters)
             if has_bodies:
                 vx, vy, vz = pressed(b, p, (vx, vy, vz), matrix.holding[k], world, number)
                 x, y, z, vx, vy, vz = collide(b, p, vx, vy, vz, world, number)
         store_quad(v.position, k, x, y, z, b[3])
-        store_quad(v.velocity, k, vx, vy, vz, zero)
+        if is_slowed:
+            rate = load_quad(v.velocity, k)[3]
+        store_quad(v.velocity, k, vx, vy, vz, rate)
 
     return SimpleNamespace(begin=begin, finish=finish)
 
@@ -89,13 +111,14 @@ def make_unit_passes(real: Any, math: str, parts: frozenset[str]) -> SimpleNames
     rows = make_rows(real, math, parts)
     gather, settle_row = rows.gather, rows.settle_row
     solve, moving = make_solving(real, math, rows.apply), make_moving(real, math, parts, rows.resist)
-    weigh, move = moving.weigh, moving.move
+    weigh, move, dragged, drags = moving.weigh, moving.move, moving.dragged, moving.drags
     ends, add_groups = make_substep_ends(real, math, parts), make_sums(real, math).add_groups
     begin, finish, corrected = ends.begin, ends.finish, make_coarse(real, math).corrected
     access, moved = make_block_access(math), device_formulas(passes.make, real, math).moved
     load_block, store_block = access.load_block, access.store_block
-    damped, zero, summed, unit_size, both = DAMPED in parts, real(0), np.int32(SUMMED), np.int32(UNIT), np.int32(2)
-    ordered = math == "exact"
+    zero, summed, unit_size, both = real(0), np.int32(SUMMED), np.int32(UNIT), np.int32(2)
+    damped, moves = DAMPED in parts, MOTION in parts
+    ordered, kept = math == "exact", np.int32(BLOCKS_EACH)
     next_one = np.int32(1)
 
     @inline
@@ -108,8 +131,11 @@ def make_unit_passes(real: Any, math: str, parts: frozenset[str]) -> SimpleNames
                 if kind == LOOK:
                     held, unsure = look(n, count, v.position, lists.tetrahedra, lists.materials, values, matrix.forces)
                 else:
+                    places = v.position
+                    if moves:  # pins have moved already
+                        places = v.before if kind == DAMPER_BLOCKS else v.position
                     blocks(
-                        n, count, v.position, lists.tetrahedra, lists.materials, values, kind == DAMPER_BLOCKS,
+                        n, count, places, lists.tetrahedra, lists.materials, values, kind == DAMPER_BLOCKS,
                         kind == DAMPER_BLOCKS or safe != 0, matrix.found,
                     )  # fmt: skip
             shared[one], shared[unit_size + one] = held, unsure
@@ -125,7 +151,10 @@ def make_unit_passes(real: Any, math: str, parts: frozenset[str]) -> SimpleNames
         first, rate = np.int32(group * summed), world.parameters.newton_rate
         last = np.int32(min(np.int32(first + summed), particles))
         for n in range(lists.starts[first] + t, lists.starts[last], threads):
-            m = gather(n, lists, matrix.found)
+            limit = np.int32(matrix.found.size // 9)
+            if kind == DAMPER_ROWS:
+                limit = np.int32(len(lists.materials) * kept)
+            m = gather(n, lists, matrix.found, limit)
             if kind == DAMPER_ROWS:
                 store_block(matrix.damper, n, m)
             else:
@@ -141,7 +170,7 @@ def make_unit_passes(real: Any, math: str, parts: frozenset[str]) -> SimpleNames
 
     @inline
     def of_particles(kind, group, particles, v, matrix, lists, coarse, world, time, shares, shared, sums):
-        t, threads, step, number = np.int32(cuda.threadIdx.x), np.int32(cuda.blockDim.x), time[0], time[1]
+        t, threads, number = np.int32(cuda.threadIdx.x), np.int32(cuda.blockDim.x), time[1]
         alpha, beta, share = shares
         if kind in (ROWS, DAMPER_ROWS):
             assemble(kind, group, particles, matrix, lists, world)
@@ -149,9 +178,9 @@ def make_unit_passes(real: Any, math: str, parts: frozenset[str]) -> SimpleNames
             k, total = np.int32(group * summed + one), zero
             if k < particles:
                 if kind == BEGIN:
-                    begin(k, v, world, step)
+                    begin(k, v, lists, world, time)
                 elif kind == FINISH:
-                    finish(k, v, matrix, world, number)
+                    finish(k, v, matrix, lists, world, number)
                 elif kind == ROWS:
                     total = settle_row(k, particles, v, matrix, lists, world, number)
                 elif load_quad(v.before, k)[3] != zero:
@@ -164,6 +193,8 @@ def make_unit_passes(real: Any, math: str, parts: frozenset[str]) -> SimpleNames
                         total = solve(kind, k, particles, v, matrix, lists, more, alpha, beta)
                     elif kind != DAMPER_ROWS:
                         total = move(kind, k, v, share)
+                elif drags and kind == WEIGH:
+                    total = dragged(k, v, matrix, lists, world)
             shared[one] = total
         if kind in (WEIGH, ROWS, PRODUCT, CORRECT, MOVE):
             groups = np.int32((particles + summed - 1) // summed)

@@ -16,9 +16,12 @@ from gpu_backend.core.formulas import device_formulas
 from gpu_backend.core.quads import load_quad, store_quad
 from gpu_backend.tetrahedra.newton_contact import make_contact
 from gpu_backend.tetrahedra.newton_elements import make_block_access
+from gpu_backend.tetrahedra.newton_pins import MOTION
+from gpu_backend.tetrahedra.springs import make_pulled
 from model.formulas.elastic import newton, solving
 from model.formulas.elastic.newton import AHEAD, CORRECT, DIRECTION, MOVE, PRODUCT, RETURN, SOLVE, UPDATE
 from model.tetrahedra.newton import DAMPED
+from model.tetrahedra.springs import PARTS
 
 
 class Vectors(NamedTuple):
@@ -43,7 +46,7 @@ class Vectors(NamedTuple):
 
 class Matrix(NamedTuple):
     """Blocks of tetrahedra, of the matrix's rows, of the damper's; inverses of the diagonal (6 numbers a particle, column by
-    column); forces at corners (quads); what holds each particle [N/m]."""
+    column); forces at corners (quads); what holds each particle [N/m]; values of springs."""
 
     found: Any
     blocks: Any
@@ -51,11 +54,13 @@ class Matrix(NamedTuple):
     inverses: Any
     forces: Any
     holding: Any
+    springs: Any
 
 
 @cache
 def make_rows(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
-    """`gather(n, lists, found)`: block n of the rows, of all tetrahedra that have a part in it; `apply(k, lists, blocks,
+    """`gather(n, lists, found, limit)`: block n of the rows, of all tetrahedra that have a part in it, and of what else lies
+    before `limit`; `apply(k, lists, blocks,
     vector)`, `resist`: a row's product, of a matrix whose rows add up to nothing by differences; `settle_row(k, particles, v,
     matrix, lists, world, number)`: the row's diagonal and its inverse: 1 if that is not positive, else 0."""
     inline, formulas = inlined(math), device_formulas(newton.make, real, math)
@@ -64,13 +69,16 @@ def make_rows(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
     access, contact = make_block_access(math), make_contact(real, math, parts)
     load_block, store_block, transposed, added = access.load_block, access.store_block, access.transposed, access.added
     has_bodies, nearly_within = contact.has_bodies, contact.nearly_within
-    zero, one, next_one = real(0), real(1), np.int32(1)
+    zero, one, next_one, sprung = real(0), real(1), np.int32(1), bool(parts & PARTS)
 
     @inline
-    def gather(n, lists, found):
+    def gather(n, lists, found, limit):
         s = zero, zero, zero, zero, zero, zero, zero, zero, zero
         for place in range(lists.sources[n], lists.sources[n + next_one]):
             item = lists.items[place]
+            if sprung:
+                if item >> 1 >= limit:  # of symmetric ones, which come last
+                    break
             m = load_block(found, np.int32(item >> 1))
             if item & 1:
                 m = transposed(m)
@@ -174,13 +182,15 @@ def make_solving(real: Any, math: str, apply: Any) -> Any:
 @cache
 def make_moving(real: Any, math: str, parts: frozenset[str], resist: Any) -> SimpleNamespace:
     """`weigh(k, v, matrix, lists, world, number)`: the potential's gradient at particle k, and its energy but for that of
-    tetrahedra; `move(kind, k, v, share)`: the passes that only move it; what it adds to the sum of MOVE."""
+    tetrahedra; `move(kind, k, v, share)`: the passes that only move it; what it adds to the sum of MOVE; `dragged(k, v,
+    matrix, lists, world)`: what one that is pinned works against dampers, where any `drags`."""
     inline, formulas = inlined(math), device_formulas(newton.make, real, math)
     products = device_formulas(solving.make, real, math)
     inertia_of, kept, moved = formulas.inertia_of, formulas.kept, formulas.moved
     scaled, half_of, dot = products.scaled, products.half_of, products.dot
     contact, damped = make_contact(real, math, parts), DAMPED in parts
     has_bodies, within, zero, next_one = contact.has_bodies, contact.within, real(0), np.int32(1)
+    pulled, sprung = make_pulled(real, math), bool(parts & PARTS)
 
     @inline
     def weigh(k, v, matrix, lists, world, number):
@@ -199,11 +209,25 @@ def make_moving(real: Any, math: str, parts: frozenset[str], resist: Any) -> Sim
         for n in range(lists.meets[k], lists.meets[k + next_one]):
             f = load_quad(matrix.forces, lists.corners[n])
             x, y, z = x + f[0], y + f[1], z + f[2]
+        if sprung:
+            p, q, r, _, held = pulled(
+                k, v.position, lists.spring_meets, lists.spring_entries, lists.spring_corners, matrix.springs
+            )
+            total, x, y, z = total + held, x + p, y + q, z + r
         if has_bodies:
             p, q, r, hard = within(b, at, matrix.holding[k], world, number)
             total = total + kept(hard, p, q, r)
             x, y, z = moved(x, hard, p), moved(y, hard, q), moved(z, hard, r)
         store_quad(v.trial, k, x, y, z, zero)
+        return total
+
+    @inline
+    def dragged(k, v, matrix, lists, world):
+        away, total = load_quad(v.away, k), zero
+        if not ((away[0] == zero) & (away[1] == zero) & (away[2] == zero)):
+            p, q, r = resist(k, lists, matrix.damper, v.away)
+            p, q, r = scaled(world.parameters.newton_rate, p, q, r)
+            total = half_of(p, q, r, away[0], away[1], away[2])
         return total
 
     @inline
@@ -235,4 +259,4 @@ def make_moving(real: Any, math: str, parts: frozenset[str], resist: Any) -> Sim
             store_quad(v.gradient, k, g[0], g[1], g[2], zero)
         return total
 
-    return SimpleNamespace(weigh=weigh, move=move)
+    return SimpleNamespace(weigh=weigh, move=move, dragged=dragged, drags=damped and MOTION in parts)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import Any
 
 import numpy as np
@@ -16,9 +17,20 @@ from gpu_backend.xpbd.mesh_kernels import forces_of
 from model.core.constraints import ConstraintSet, Projection
 from model.core.errors import BackendUnavailable, SceneError
 from model.scene.scene import Scene
-from model.tetrahedra.constraints import constraint_sets, tetrahedra_of_sets
+from model.tetrahedra.attachments import CORNERS, part_of
+from model.tetrahedra.constraints import CLOTH, constraint_sets, tetrahedra_of_sets
+from model.xpbd.mesh_plan import BODY_DAMPING
 
 RUNS = 1 << 17  # voxels of a set that one is tried to be cut into slabs at most
+
+LAUNCHED_ONLY = ("wind", "motion", CLOTH, BODY_DAMPING, *map(part_of, CORNERS))  # parts of a plan
+
+
+def launched_only(scene: Scene, parts: Collection[str]) -> str | None:
+    """What of a scene with such parts `resident` does not do."""
+    if scene.contact is not None:
+        return "contacts"
+    return next((part for part in LAUNCHED_ONLY if part in parts), None)
 
 
 def layers_of(kernel: str) -> int | None:

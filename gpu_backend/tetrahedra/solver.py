@@ -15,18 +15,14 @@ from numba import cuda
 from gpu_backend.contact.surfaces import SurfaceContacts, surface_contact_bytes
 from gpu_backend.core.device import simulated
 from gpu_backend.core.substeps import launched_kernel
-from gpu_backend.tetrahedra.resident_launch import ResidentSet, chosen_slabs, default_slabs, layers_of
+from gpu_backend.tetrahedra.resident_launch import ResidentSet, chosen_slabs, default_slabs, launched_only, layers_of
 from gpu_backend.xpbd.mesh import MeshPositionBased
 from model.core.constraints import ConstraintSet, Projection
 from model.core.errors import SceneError
 from model.core.plan import Executor, Plan
 from model.scene.scene import Scene
-from model.tetrahedra.attachments import CORNERS, part_of
 from model.tetrahedra.constraints import constraint_sets, projections_of, tetrahedra_plan
-from model.tetrahedra.tables import surface_lists
-from model.xpbd.mesh_plan import BODY_DAMPING
-
-LAUNCHED_ONLY = ("wind", "motion", BODY_DAMPING, *map(part_of, CORNERS))  # parts of a plan
+from model.tetrahedra.tables import cloth_lists, surface_lists
 
 
 class Tetrahedra(MeshPositionBased):
@@ -44,6 +40,9 @@ class Tetrahedra(MeshPositionBased):
     def _surface_lists(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         return surface_lists(self.scene.tetrahedra_set)
 
+    def _wind_lists(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        return cloth_lists(self.scene.tetrahedra_set)
+
     def _contacts(self) -> SurfaceContacts | None:
         if self.scene.contact is None:
             return None
@@ -56,14 +55,8 @@ class Tetrahedra(MeshPositionBased):
 
     # ------------------------------------------------------------------ the kernel `resident`
 
-    def _launched_only(self) -> str | None:
-        """What of the scene `resident` does not do."""
-        if self.scene.contact is not None:
-            return "contacts"
-        return next((part for part in LAUNCHED_ONLY if part in self.plan.parts), None)
-
     def _choose_kernel(self, wanted: str | None) -> str:
-        alone = self._launched_only()
+        alone = launched_only(self.scene, self.plan.parts)
         if wanted is not None and wanted.partition(":")[0] == "resident":
             if alone:
                 raise SceneError("--kernel", wanted, f"knows no {alone}; use graph")

@@ -18,6 +18,7 @@ from numba import cuda
 from gpu_backend.contact.pins import make_drive
 from gpu_backend.core.constraints import make_projections, places
 from gpu_backend.core.device import simulated
+from gpu_backend.core.driven import DrivenSimulation
 from gpu_backend.core.launch import Graphs, can_capture
 from gpu_backend.core.quads import SIZE
 from gpu_backend.core.substeps import SubstepSimulation, launched_kernel
@@ -30,16 +31,14 @@ from model.core.plan import Executor, Moment, Plan, StageRun
 from model.core.simulation import Options
 from model.geometry.tables import wind_lists
 from model.geometry.topology import mesh_of
-from model.mass_spring.cloth_parameters import pin_velocity
 from model.scene.scene import Scene
-from model.tetrahedra.targets import Targeted
 from model.xpbd.mesh_constraints import attachment_set, constraint_sets, projections_of
 from model.xpbd.mesh_plan import BODY_DAMPING, stage_name, xpbd_mesh_plan
 
 THREADS = 128  # a block: small ones leave more of a colour's few thousand constraints to every processor
 
 
-class MeshPositionBased(Targeted, SubstepSimulation):
+class MeshPositionBased(DrivenSimulation, SubstepSimulation):
     """See model/core/simulation.py for the contract. `threads` is the number of threads a block.
 
     Other particles that constraints hold say which those are, and what their surface is: `_plan_of`, `_constraints`,
@@ -77,9 +76,13 @@ class MeshPositionBased(Targeted, SubstepSimulation):
         return sets, projections_of(self.plan.parts)
 
     def _surface_lists(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """See `wind_lists`; for normals, too."""
+        """See `wind_lists`; for normals."""
         assert self.scene.mesh is not None
         return wind_lists(mesh_of(self.scene.mesh))
+
+    def _wind_lists(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The same of what wind blows on."""
+        return self._surface_lists()
 
     def _contacts(self) -> Any:
         """Those of surfaces, or None."""
@@ -89,11 +92,13 @@ class MeshPositionBased(Targeted, SubstepSimulation):
 
     def _allocate(self) -> None:
         scene, real = self.scene, self.real
-        self._rows, self._first_pin = self._driven_rows()
-        self._allocate_quads(self._rows)
+        self._allocate_driven()
         self.driven = self.on_device(self.body.pinned.astype(np.int32)) if self._first_pin else None
         self._weight = (self.body.inverse_mass * scene.grid.mass).astype(real)
-        self._lists = [self.on_device(array) for array in self._surface_lists()]
+        self._surface = [self.on_device(array) for array in self._surface_lists()]
+        self._lists = (
+            [self.on_device(array) for array in self._wind_lists()] if "wind" in self.plan.parts else self._surface
+        )
         self.contacts = self._contacts()
 
     # ------------------------------------------------------------------ kernels
@@ -233,21 +238,10 @@ class MeshPositionBased(Targeted, SubstepSimulation):
 
     # ------------------------------------------------------------------ the contract
 
-    def _send_rows(self, rows: np.ndarray) -> None:
-        self._rows[...] = rows
-        self.bodies.copy_to_device(self._rows, stream=self.stream)
-        self.synchronize()
-
-    def _pin_velocity(self, step: int) -> Any:
-        if not self._first_pin:
-            return 0
-        number = step * self.scene.method.substeps
-        return pin_velocity(self._rows, self._first_pin, len(self.body.pinned), number, self._record)
-
     def _parameters_changed(self) -> None:
         if self.contacts:
             self.contacts.change(self.scene)
         super()._parameters_changed()
 
     def _normal_arguments(self) -> tuple[Any, ...]:
-        return tuple(self._lists)
+        return tuple(self._surface)

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from bench.experiments.tetrahedra import BLOCKS, Bar, bars
+from bench.experiments.tetrahedra import BLOCKS
+from bench.experiments.tetrahedral.bars import Bar, bars
+from bench.experiments.tetrahedral.decides import STIFF, decisions
 from bench.experiments.tetrahedral.meshes import MESH, STEP, meshes, steps
+from bench.experiments.tetrahedral.promised import WITHIN
 from labbook import words
 from labbook.claims.claim import Claim, Claims, where
 from plots.core.backends import on_backends
@@ -92,6 +95,34 @@ def budget(results: Results) -> Claim:
     )  # fmt: skip
 
 
+def decided(results: Results) -> Claim:
+    """The gate: whether at the stiffest bars the best solver takes a tenth of the cheapest position-based setting's
+    time, within WITHIN of the mesh's own rest and motion."""
+    parts: list[str] = []
+    numbers: dict[str, float] = {}
+    for backend, source, found in on_backends(results, _all):
+        stiff = [one for one in decisions(found) if one.young == STIFF and one.best is not None]
+        largest = max((one.elements for one in stiff if one.share is not None), default=0)
+        for one in stiff:
+            if one.elements == largest and one.best is not None and one.share is not None:
+                numbers[f"{backend} {one.where}"] = one.share
+                parts.append(
+                    f"{one.where} {words.percent(one.share)} ({one.best.solver}, {words.count(largest)} tetrahedra, on "
+                    f"{where(backend, source)})"
+                )
+    if not parts:
+        return Claim("Whether another solver is worth it for stiff bars was not measured.")
+    return Claim(
+        f"At {_pascal(STIFF)} the soonest solver within {words.percent(WITHIN)} of the mesh's own answer takes, of the time "
+        f"of the cheapest position-based setting that gets there, {words.listed(parts)}.",
+        numbers, True,
+    )  # fmt: skip
+
+
+def _all(source: Source, backend: str) -> list[Bar]:
+    return [b for b in bars(source.measures) if b.backend == backend]
+
+
 def creeping(results: Results) -> Claim:
     """What a solver that begins where the last step ended hides at rest."""
     for _, _, found in on_backends(results, _found)[:1]:
@@ -146,6 +177,7 @@ CLAIMS: Claims = {
     "tetrahedra-usual": usual,
     "tetrahedra-mesh": mesh,
     "tetrahedra-budget": budget,
+    "tetrahedra-decided": decided,
     "tetrahedra-creeping": creeping,
     "tetrahedra-cuts": cuts,
     "tetrahedra-stepping": stepping,

@@ -18,9 +18,9 @@ from model.assets.baked_body import BakedBody, Report
 from model.assets.skin import INFLUENCES, Skin
 from model.assets.soft_body import MATERIAL, Meshes, RigidBody
 from model.core.digest import ROOT, source_digest
-from model.core.disk_cache import cache_folder, read_arrays, write_arrays
+from model.core.disk_cache import cache_folder, kept
 from model.core.errors import InputError, SoftlabError
-from model.geometry.mesh import read_mesh
+from model.geometry.mesh import mesh_bytes, read_mesh
 from model.geometry.shapes import Shape
 from model.shape_matching.clusters import Clusters
 from model.shape_matching.lattice import Lattice
@@ -44,11 +44,7 @@ def baked(
         return parameters.with_material(parameters.bake(_mesh(mesh, scale)))
     key = body_key(parameters, mesh, scale)
     file = (folder or cache_folder("bodies")) / f"body-{key}.npz"
-    held = read_arrays(file)
-    found = _unpacked(held, key) if held else None
-    if found is None:
-        found = parameters.bake(_mesh(mesh, scale))
-        write_arrays(file, **_packed(found, key))
+    found = kept(file, key, _unpacked, lambda: parameters.bake(_mesh(mesh, scale)), _packed)
     return parameters.with_material(found)
 
 
@@ -62,11 +58,7 @@ def body_key(parameters: RigidBody, mesh: Source, scale: float = 1.0) -> str:
     elif isinstance(mesh, str | Path):
         digest.update(f" file {Path(mesh).suffix.lower()} {scale!r} ".encode() + _bytes(Path(mesh)))
     else:
-        position, triangles = mesh if isinstance(mesh, tuple) else (mesh.position, mesh.triangles)
-        position, triangles = np.asarray(position, dtype=np.float64), np.asarray(triangles, dtype=np.int64)
-        told = [] if isinstance(mesh, tuple) else mesh.repairs
-        digest.update(f" arrays {position.shape} {triangles.shape} {json.dumps(told)} ".encode())
-        digest.update(position.tobytes() + triangles.tobytes())
+        digest.update(b" " + mesh_bytes(mesh))
     return digest.hexdigest()[:32]
 
 
@@ -90,11 +82,10 @@ def _mesh(mesh: Source, scale: float) -> Meshes:
     return mesh
 
 
-def _packed(body: BakedBody, key: str) -> dict[str, Any]:
+def _packed(body: BakedBody) -> dict[str, Any]:
     """Arrays by name: nothing that would have to be pickled."""
     clusters, skin = body.clusters, body.skin
     return {
-        "key": np.array(key),
         "report": np.array(json.dumps(asdict(body.report))),
         "position": body.position,
         "mass": body.mass,
@@ -111,11 +102,9 @@ def _packed(body: BakedBody, key: str) -> dict[str, Any]:
     }
 
 
-def _unpacked(held: dict[str, np.ndarray], key: str) -> BakedBody | None:
-    """The body of a file's arrays; None where they are not those of this key, or no body."""
+def _unpacked(held: dict[str, np.ndarray]) -> BakedBody | None:
+    """The body of a file's arrays; None where they are none."""
     try:
-        if str(held["key"]) != key:
-            return None
         told = json.loads(str(held["report"]))
         report = Report(**{**told, "members": tuple(told["members"]), "told": tuple(told["told"])})
         position, mass = held["position"], held["mass"]

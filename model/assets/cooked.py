@@ -23,13 +23,11 @@ from model.assets.tetrahedral_body import (
     scaled,
 )
 from model.core.digest import ROOT, source_digest
-from model.core.disk_cache import cache_folder, read_arrays
-from model.core.disk_cache import write_arrays as write_in_silence
+from model.core.disk_cache import cache_folder, kept
 from model.core.errors import InputError, SceneError, SoftlabError
 from model.core.files import check_source, is_there, read_archive
-from model.geometry.mesh import TriangleMesh, read_mesh, triangle_mesh
-from model.geometry.mesh_files import FORMATS
-from model.geometry.mesh_files import read_arrays as read_mesh_arrays
+from model.geometry.mesh import TriangleMesh, mesh_bytes, read_mesh, triangle_mesh
+from model.geometry.mesh_files import FORMATS, read_arrays
 from model.geometry.repair import simplified, united
 from model.geometry.shapes import Shape, ShapeName
 from model.geometry.tetrahedra.embedding import Embedding
@@ -107,12 +105,7 @@ def cooked(
     cut = f"{edge!r} {voxels!r} {per_voxel!r}" + (f" {unite!r} {simplify!r}" if prepared else "")
     key = body_key(source, scale, "as it is" if settled else cut)
     file = (folder or cache_folder("tetrahedra")) / f"body-{key}.npz"
-    held = read_arrays(file)
-    found = _unpacked(held) if held and str(held.get("key")) == key else None
-    if found is None:
-        found = make()
-        write_in_silence(file, key=np.array(key), **_packed(found))
-    return found.with_density(density)
+    return kept(file, key, _unpacked, make, _packed).with_density(density)
 
 
 def save(path: Path, body: CookedBody) -> None:
@@ -136,11 +129,7 @@ def body_key(source: Source, scale: float, parameters: str) -> str:
             held = _bytes(file)
             digest.update(f"file {file.suffix.lower()} {len(held)} ".encode() + held)
     else:
-        position, triangles = source if isinstance(source, tuple) else (source.position, source.triangles)
-        position, triangles = np.asarray(position, dtype=np.float64), np.asarray(triangles, dtype=np.int64)
-        told = [] if isinstance(source, tuple) else source.repairs
-        digest.update(f"arrays {position.shape} {triangles.shape} {json.dumps(told)} ".encode())
-        digest.update(position.tobytes() + triangles.tobytes())
+        digest.update(mesh_bytes(source))
     return digest.hexdigest()[:32]
 
 
@@ -183,7 +172,7 @@ def _triangles(source: Source, scale: float, raw: bool) -> TriangleMesh | tuple[
         return source.model_copy(update={"scale": source.scale * scale}).mesh()
     if isinstance(source, str | Path):
         if raw:
-            position, triangles, _ = read_mesh_arrays(Path(source))
+            position, triangles, _ = read_arrays(Path(source))
             return position * scale, triangles
         return read_mesh(source, scale)
     return source

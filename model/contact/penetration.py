@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from model.geometry.measures import nearest_weights
 from model.geometry.neighbours import SLACK
 from model.geometry.sheets import cell_corners, split_cells
 
@@ -47,27 +48,6 @@ def _cell_pairs(low: np.ndarray, high: np.ndarray, distance: float) -> np.ndarra
 
 def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return np.einsum("nk,nk->n", a, b)
-
-
-def _nearest_weights(p: np.ndarray, q: np.ndarray) -> np.ndarray:
-    """(n, 3) barycentric weights of the point of triangles q (n, 3, 3) nearest to points p (n, 3)."""
-    u, v, r = q[:, 1] - q[:, 0], q[:, 2] - q[:, 0], p - q[:, 0]
-    uu, uv, vv, ru, rv = _dot(u, u), _dot(u, v), _dot(v, v), _dot(r, u), _dot(r, v)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        b, c = (vv * ru - uv * rv) / (uu * vv - uv * uv), (uu * rv - uv * ru) / (uu * vv - uv * uv)
-    inside = (b >= 0) & (c >= 0) & (b + c <= 1)
-    best = np.where(inside[:, None], np.stack([1 - b - c, b, c], axis=1), 0.0)
-    least = np.where(inside, -1.0, np.inf)
-    for i, j in ((0, 1), (0, 2), (1, 2)):
-        side = q[:, j] - q[:, i]
-        square = _dot(side, side)
-        part = np.clip(_dot(p - q[:, i], side) / np.where(square > 0, square, 1.0), 0.0, 1.0)
-        off = p - q[:, i] - part[:, None] * side
-        weights = np.zeros_like(best)
-        weights[:, i], weights[:, j] = 1 - part, part
-        nearer = _dot(off, off) < least
-        best[nearer], least = weights[nearer], np.where(nearer, _dot(off, off), least)
-    return best
 
 
 def _edge_weights(p: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -147,7 +127,7 @@ def measure(rows: int, columns: int, spacing: float, position: np.ndarray, thick
     for begin in range(0, len(cells), BATCH // 50):  # 25 pairs of edges, both ways
         some = cells[begin : begin + BATCH // 50]
         mass, triangle = _pairs(some, sheet.corners[:, :, None], sheet.triangles)
-        weights = _nearest_weights(sheet.position[mass[:, 0]], sheet.position[triangle])
+        weights = nearest_weights(sheet.position[mass[:, 0]], sheet.position[triangle])
         now, flat = sheet.gaps(mass, triangle, np.ones((len(mass), 1)), weights)
         gap = min(gap, float(now[(flat >= thickness) & (now < thickness)].min(initial=np.inf)))
         edge, triangle = _pairs(some, sheet.edges, sheet.triangles)

@@ -1,4 +1,5 @@
-"""Surfaces of tetrahedral bodies that meet: their vertices and triangles as both backends read them, and the constants."""
+"""Surfaces of tetrahedral bodies that meet, and of a cloth beside them: their vertices and triangles as both backends read
+them, and the constants."""
 
 from __future__ import annotations
 
@@ -24,6 +25,7 @@ from model.formulas.contact import (
     FIRST_THIRD,
     SECOND,
     SECOND_THIRD,
+    SHEET,
     THIRD,
 )
 from model.geometry.lists import Lists, grouped
@@ -54,9 +56,9 @@ FEATURES = {
 class ContactSurface:
     """But for what attachments hold: `vertices` (s,) int32: the particles at surfaces, ascending, which know each other by
     their places here; `triangles` (t, 3) int32: particles; `owned` (t,) int32: a bit for each feature that a triangle answers
-    for, the first of those that share it; `at_vertex`: triangles at each of the vertices; `body` (particles,) int32; `rest`
-    (particles, 3) [m]; `edge`, `corner` (bodies,) [m]: the mean edge of a surface, and how far a point of a triangle lies
-    from the nearest of its corners at most."""
+    for, the first of those that share it, and SHEET of a cloth's; `at_vertex`: triangles at each of the vertices; `body`
+    (particles,) int32; `rest` (particles, 3) [m]; `edge`, `corner` (bodies,) [m]: the mean edge of a surface, and how far a
+    point of a triangle lies from the nearest of its corners at most."""
 
     vertices: np.ndarray
     triangles: np.ndarray
@@ -72,7 +74,7 @@ _known: WeakKeyDictionary[TetrahedraSet, ContactSurface] = WeakKeyDictionary()
 
 
 def contact_surface(found: TetrahedraSet) -> ContactSurface:
-    """Of all bodies. Kept with them."""
+    """Of all bodies, and the cloth. Kept with them."""
     if found not in _known:
         _known[found] = _made(found)
     return _known[found]
@@ -81,12 +83,12 @@ def contact_surface(found: TetrahedraSet) -> ContactSurface:
 def _made(found: TetrahedraSet) -> ContactSurface:
     triangles, position = found.surface, found.position
     first = np.append(found.first_particle, found.particle_count)
-    body = np.repeat(np.arange(len(found.parts), dtype=np.int32), np.diff(first))
+    body = np.repeat(np.arange(len(found.names), dtype=np.int32), np.diff(first))
     sides = np.stack([np.linalg.norm(position[triangles[:, b]] - position[triangles[:, a]], axis=1) for a, b in _SIDES])
     of_body = body[triangles[:, 0]]
-    many = np.bincount(of_body, minlength=len(found.parts))
-    edge = np.bincount(of_body, sides.mean(axis=0), len(found.parts)) / np.maximum(many, 1)
-    corner = np.zeros(len(found.parts))
+    many = np.bincount(of_body, minlength=len(found.names))
+    edge = np.bincount(of_body, sides.mean(axis=0), len(found.names)) / np.maximum(many, 1)
+    corner = np.zeros(len(found.names))
     np.maximum.at(corner, of_body, _farthest(sides))
     triangles = triangles[~contact_free(found)[triangles].any(axis=1)]
     vertices = np.unique(triangles)
@@ -94,9 +96,9 @@ def _made(found: TetrahedraSet) -> ContactSurface:
     place[vertices] = np.arange(len(vertices))
     corners = triangles.ravel()
     at_vertex = grouped(place[corners], np.arange(len(corners), dtype=np.int32) // 3, len(vertices))
-    return ContactSurface(
-        vertices.astype(np.int32), triangles, _owners(triangles), at_vertex, body, position, edge, corner
-    )
+    two_sided = np.where(body[triangles[:, 0]] >= len(found.parts), 1 << SHEET, 0)
+    owned = (_owners(triangles) | two_sided).astype(np.int32)
+    return ContactSurface(vertices.astype(np.int32), triangles, owned, at_vertex, body, position, edge, corner)
 
 
 _SIDES = ((0, 1), (1, 2), (2, 0))
@@ -161,7 +163,8 @@ def surface_pairs(scene: Scene) -> np.ndarray:
     rows[:, :, G_DISTANCE] = distance
     rows[:, :, G_REACH] = np.hypot(distance * (1 + MARGIN + APPROACH), STRETCH * found.corner)
     rows[:, :, G_NEIGHBOURS] = APART * found.edge
-    meets_itself = [part.self_collision for part in scene.tetrahedra.values()]
+    parts = scene.tetrahedra.values()
+    meets_itself = [*(part.self_collision for part in parts), *([False] if scene.mesh else [])]
     rows[:, :, G_OWN] = np.diag(np.where(meets_itself, distance, 0.0))
     return rows
 

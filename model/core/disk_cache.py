@@ -6,14 +6,18 @@ import atexit
 import os
 import shutil
 import tempfile
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
 from model.core.errors import InputError
 from model.core.files import replacing
+
+Kept = TypeVar("Kept")
 
 
 def user_cache(name: str) -> Path | None:
@@ -56,3 +60,19 @@ def write_arrays(file: Path, **arrays: np.ndarray | float) -> None:
         file.parent.mkdir(exist_ok=True)
         with replacing(file) as temporary, open(temporary, "wb") as opened:
             np.savez(opened, **arrays)  # type: ignore[arg-type]
+
+
+def kept(
+    file: Path,
+    key: str,
+    unpacked: Callable[[dict[str, np.ndarray]], Kept | None],
+    make: Callable[[], Kept],
+    packed: Callable[[Kept], Mapping[str, np.ndarray | float]],
+) -> Kept:
+    """What the arrays of `file` are if they lie there under `key` and are whole, else made and put there."""
+    held = read_arrays(file)
+    found = unpacked(held) if held and str(held.get("key")) == key else None
+    if found is None:
+        found = make()
+        write_arrays(file, key=np.array(key), **packed(found))
+    return found

@@ -38,8 +38,8 @@ FLUID = SolverFamily(
     stored=lambda scene, position, plastic: (0.0, {}),
     strain=lambda scene, position, kind, plastic: density_errors(scene, position),
     spring_count=lambda scene: 0,
-    solvers={"cpu": "cpu_backend.fluid.solver:Fluid"},
-    passes={"cpu": "app.plan.fluid:fluid_on_cpu"},
+    solvers={"cpu": "cpu_backend.fluid.solver:Fluid", "gpu": "gpu_backend.fluid.solver:Fluid"},
+    passes={"cpu": "app.plan.fluid:fluid_on_cpu", "gpu": "app.plan.fluid_gpu:fluid_on_gpu"},
     reference="bench.reference.fluid",
     unknown="no converged motion of a fluid's particles is known; its density error is told instead",
 )

@@ -21,6 +21,8 @@ from __future__ import annotations
 from math import sqrt
 from types import SimpleNamespace
 
+import numpy as np
+
 from model.formulas import joined, plain
 from model.formulas.lengths import make as make_lengths
 
@@ -52,7 +54,7 @@ def make(real, compiled=plain):
 
 def make_isometric(real, compiled=plain):
     """See the functions, and `make`; in the arithmetic `real`."""
-    zero, one = real(0), real(1)
+    one, normal = real(1), real(4 * np.finfo(real).tiny)
     lengths = make_lengths(real, compiled)
     squared_length, inverse_length = lengths.squared_length_3d, lengths.inverse_length
 
@@ -68,9 +70,10 @@ def make_isometric(real, compiled=plain):
 
     @compiled
     def kept_part(x, y, z, rest):
-        """What is left of k = (x, y, z) [m] after taking `rest` [m] of its length away, over its length."""
+        """What is left of k = (x, y, z) [m] after taking `rest` [m] of its length away, over its length; all of it where its
+        square is no normal number, of which `fast` math knows no root."""
         squared = squared_length(x, y, z)
-        return one - rest * inverse_length(squared) if squared > zero else one
+        return one - rest * inverse_length(squared) if squared > normal else one
 
     @compiled
     def isometric_change(part, k, reciprocal, compliance, multiplier):

@@ -23,6 +23,7 @@ from model.formulas import joined, plain
 from model.formulas.lengths import make as make_lengths
 
 FACE, FIRST, SECOND, THIRD, FIRST_SECOND, FIRST_THIRD, SECOND_THIRD = range(7)  # where a triangle's nearest point lies
+SHEET = 7  # of the bits of what a triangle answers for: it is a cloth's, of which neither side is inside
 
 OPERATIONS_NEAREST = 75  # the nearest point of one triangle
 OPERATIONS_CONTACT = 90  # one contact of one iteration: its gap, its stiffness, friction, four masses moved

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 
@@ -28,3 +30,46 @@ def rotation_matrix(axis: np.ndarray, angle: float) -> np.ndarray:
     cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
     matrix: np.ndarray = np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
     return matrix
+
+
+def turned_about(axis: Sequence[float], degrees: float) -> np.ndarray:
+    """(3, 3) float64: the rotation about an `axis` of any length; by 0 degrees where it has none."""
+    along = np.asarray(axis, dtype=np.float64)
+    return rotation_matrix(along / (float(np.linalg.norm(along)) or 1.0), np.radians(degrees))
+
+
+def _dots(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    return np.einsum("nk,nk->n", a, b)
+
+
+def nearest_weights(p: np.ndarray, q: np.ndarray) -> np.ndarray:
+    """(n, 3) barycentric weights of the point of triangles q (n, 3, 3) nearest to points p (n, 3)."""
+    u, v, r = q[:, 1] - q[:, 0], q[:, 2] - q[:, 0], p - q[:, 0]
+    uu, uv, vv, ru, rv = _dots(u, u), _dots(u, v), _dots(v, v), _dots(r, u), _dots(r, v)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        b, c = (vv * ru - uv * rv) / (uu * vv - uv * uv), (uu * rv - uv * ru) / (uu * vv - uv * uv)
+    inside = (b >= 0) & (c >= 0) & (b + c <= 1)
+    best = np.where(inside[:, None], np.stack([1 - b - c, b, c], axis=1), 0.0)
+    least = np.where(inside, -1.0, np.inf)
+    for i, j in ((0, 1), (0, 2), (1, 2)):
+        side = q[:, j] - q[:, i]
+        square = _dots(side, side)
+        part = np.clip(_dots(p - q[:, i], side) / np.where(square > 0, square, 1.0), 0.0, 1.0)
+        off = p - q[:, i] - part[:, None] * side
+        weights = np.zeros_like(best)
+        weights[:, i], weights[:, j] = 1 - part, part
+        nearer = _dots(off, off) < least
+        best[nearer], least = weights[nearer], np.where(nearer, _dots(off, off), least)
+    return best
+
+
+def nearest_of(points: np.ndarray, corners: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """(number (points,), weights (points, 3), distance (points,) [m]): of `points` (n, 3) the nearest of triangles (m, 3, 3),
+    the first of those that are as near, and its nearest point. Every triangle is looked at for every point."""
+    number, weights, away = np.zeros(len(points), np.int64), np.zeros((len(points), 3)), np.zeros(len(points))
+    for place, point in enumerate(points):
+        own = nearest_weights(np.broadcast_to(point, (len(corners), 3)), corners)
+        off = np.linalg.norm(np.einsum("nk,nkd->nd", own, corners) - point, axis=1)
+        number[place] = off.argmin()
+        weights[place], away[place] = own[number[place]], off[number[place]]
+    return number, weights, away

@@ -7,6 +7,7 @@ finite, edges of more than two triangles, surfaces with one side only. Holes and
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass
 from math import isfinite
 from pathlib import Path
@@ -49,6 +50,15 @@ class TriangleMesh:
             f"(Euler characteristic {euler}), {_many(self.pieces, 'piece')}, {rims}, {size} m",
             *self.repairs,
         ]
+
+
+def mesh_bytes(mesh: TriangleMesh | tuple[np.ndarray, np.ndarray]) -> bytes:
+    """All that tells a mesh, or its position and triangles, from another one: for keys of what is made of it."""
+    position, triangles = mesh if isinstance(mesh, tuple) else (mesh.position, mesh.triangles)
+    position, triangles = np.asarray(position, dtype=np.float64), np.asarray(triangles, dtype=np.int64)
+    told = [] if isinstance(mesh, tuple) else mesh.repairs
+    header = f"arrays {position.shape} {triangles.shape} {json.dumps(told)} "
+    return header.encode() + position.tobytes() + triangles.tobytes()
 
 
 def read_mesh(path: str | Path, scale: float = 1.0) -> TriangleMesh:

@@ -1,4 +1,5 @@
-"""What holds vertices of tetrahedral bodies to the world, to colliders, and to one another: a part of a scene."""
+"""What holds vertices of tetrahedral bodies, and of a cloth beside them, to the world, to colliders, and to one another: a
+part of a scene."""
 
 from __future__ import annotations
 
@@ -18,17 +19,18 @@ LONGEST = 1e8  # s, or rad: how far ahead a collider's way is known to what is a
 
 
 class Attachment(Part):
-    """Vertices of a `body` that keep where they are in something else: the world, a collider, or another tetrahedral body.
+    """Vertices of a `body`, or of the cloth, that keep where they are in something else: the world, a collider, another
+    tetrahedral body, or the cloth.
 
     `vertices`: a side of the body's box, a region or `all`. `to` names a collider or a body; left out: the world. With a
     `compliance` of 0 those to the world or a collider are pinned, and go with a collider that moves; else each is drawn to
     where it was, or to `point`, by 1 / compliance. In another body a vertex keeps its place in the tetrahedron where it lies,
-    or that it is nearest to: a constraint on all five vertices, whose momentum stays.
+    or that it is nearest to: a constraint on all five vertices, whose momentum stays; in the cloth in the nearest triangle.
     """
 
-    body: str
+    body: str  # a tetrahedral body, or the cloth
     vertices: str  # of left, right (x), bottom, top (y), back, front (z), all, and names of regions
-    to: str | None = None  # a collider or another tetrahedral body; the world, unless given
+    to: str | None = None  # a collider, another tetrahedral body, or the cloth; the world, unless given
     compliance: NotNegative = 0.0  # m/N, of each vertex
     point: Vector | None = None  # m, of the world: all of these vertices are drawn to it
 
@@ -45,7 +47,7 @@ class Attachment(Part):
 
 
 def pins(attachment: Attachment, bodies: Collection[str]) -> bool:
-    """Whether its vertices are pinned; `bodies`: the tetrahedral ones."""
+    """Whether its vertices are pinned; `bodies`: the tetrahedral ones, and the cloth."""
     return attachment.compliance == 0 and attachment.to not in bodies
 
 
@@ -63,22 +65,17 @@ def motion_with(attachment: Attachment, collider: Collider) -> Motion | None:
     )  # fmt: skip
 
 
-def check_attachment(
-    name: str, part: Attachment, bodies: Mapping[str, Any], colliders: Mapping[str, Collider], solver: str
-) -> None:
-    """Raise SceneError for what is not there, or what the solver does not know."""
+def check_attachment(name: str, part: Attachment, bodies: Mapping[str, Any], colliders: Mapping[str, Collider]) -> None:
+    """Raise SceneError for what is not there."""
     if part.body not in bodies:
-        told = f"must be a tetrahedral body of the scene: {', '.join(bodies)}{suggestion(part.body, bodies)}"
+        told = f"must be a tetrahedral body or a cloth of the scene: {', '.join(bodies)}{suggestion(part.body, bodies)}"
         raise SceneError(f"{name}.body", part.body, told)
     others = [body for body in bodies if body != part.body]
     if part.to is not None and part.to not in (*others, *colliders):
         known = (*others, *colliders)
-        told = f"must be a collider or another tetrahedral body{suggestion(part.to, known)}; there "
+        told = f"must be a collider or another tetrahedral body or cloth{suggestion(part.to, known)}; there "
         told += f"are {', '.join(known)}" if known else "is none: leave it out for the world"
         raise SceneError(f"{name}.to", part.to, told)
     collider = colliders.get(part.to or "")
     if collider and part.compliance > 0 and motion_with(part, collider):
         raise SceneError(f"{name}.compliance", part.compliance, f"must be 0, since {part.to} moves")
-    if solver != "xpbd" and not pins(part, bodies):
-        field, value = ("to", part.to) if part.to in bodies else ("compliance", part.compliance)
-        raise SceneError(f"{name}.{field}", value, f"is not known to the solver {solver}: --set method.solver=xpbd")

@@ -14,7 +14,7 @@ from model.assets.baked_body import BakedBody
 from model.assets.soft_body import MATERIAL, RigidBody, SoftBody
 from model.assets.soft_lattice import SoftLattice
 from model.assets.soft_sheet import SoftSheet
-from model.geometry.measures import rotation_matrix
+from model.geometry.measures import turned_about
 from model.geometry.topology import mesh_path
 from model.scene.mesh_source import MeshSource
 from model.scene.parts import ZERO, Count, NotNegative, Part, Positive, Vector
@@ -88,8 +88,7 @@ class Placed(MeshSource):
 
     def turn(self) -> np.ndarray:
         """(3, 3) float64: the start's rotation."""
-        axis = np.asarray(self.axis, dtype=np.float64)
-        return rotation_matrix(axis / (float(np.linalg.norm(axis)) or 1.0), np.radians(self.angle))
+        return turned_about(self.axis, self.angle)
 
     def _idle_fields(self) -> set[str]:
         made: Any = self  # of a RigidBody, too

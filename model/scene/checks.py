@@ -29,7 +29,7 @@ SOLVERS_OF_TETRAHEDRA = ("xpbd", *TETRAHEDRAL_SOLVERS)
 SUBSTEPS = 20  # of tetrahedra, unless told: a beam of 1e6 Pa then sags as its mesh says, to a fifth
 OF_TETRAHEDRA = (
     *TETRAHEDRAL_KINDS, "contact", "damping", "external", "gravity", "method", "motion", "region", "attachment", "material",
-    *COLLIDER_KINDS,
+    "mesh", "wind", *(kind for kind in CONSTRAINT_KINDS if kind != "shear"), *COLLIDER_KINDS,
 )  # fmt: skip
 OF_PARTICLES = ("restitution", "adhesion_reach", "maximum_speed", "sleeping_speed")  # surfaces know nothing of these
 WITH_FLUIDS = ("fluid", "domain", "gravity", "external", "method", *COLLIDER_KINDS)
@@ -107,7 +107,7 @@ def _check_tetrahedra(scene: SceneParts) -> None:
         raise SceneError("method.ordering", method.ordering, "must be gauss-seidel for tetrahedral bodies")
     colliders = dict(scene.all_of(*COLLIDER_KINDS))
     for name, held in scene.held_parts.items():
-        check_attachment(name, held, scene.tetrahedra, colliders, scene.method.solver)
+        check_attachment(name, held, scene.holdable, colliders)
         check_word(f"{name}.vertices", held.vertices, scene.regions)
     if scene.method.rows == "blocks":
         for name, part in scene.tetrahedra.items():
@@ -115,7 +115,16 @@ def _check_tetrahedra(scene: SceneParts) -> None:
                 raise SceneError(
                     f"{name}.material", part.material, "has no blocks: its rows balance each other at rest"
                 )
+    if scene.mesh and scene.method.solver != "xpbd":
+        told = f"goes with tetrahedral bodies under xpbd alone, and not under {scene.method.solver}: "
+        raise SceneError(f"{scene.name_of('mesh')}.kind", "mesh", told + "--set method.solver=xpbd, or leave it out")
+    if not scene.mesh:
+        _refuse(scene, CONSTRAINT_KINDS, "holds a cloth together: add one, a table [mesh], or leave it out")
+        _refuse(scene, ("wind",), "blows on a cloth alone: add one, a table [mesh], or leave it out")
     _check_surfaces(scene)
+
+
+MEETING = ("xpbd", "vbd")  # solvers under which tetrahedral bodies meet
 
 
 def _check_surfaces(scene: SceneParts) -> None:
@@ -126,11 +135,11 @@ def _check_surfaces(scene: SceneParts) -> None:
             if of_body.self_collision:
                 raise SceneError(f"{body}.self_collision", True, "needs contacts: add a table [contact]")
         return
-    if scene.method.solver != "xpbd":
-        told = "tetrahedral bodies meet under xpbd alone so far; without a [contact] they pass through each other"
+    if scene.method.solver not in MEETING:
+        told = f"tetrahedral bodies meet under {' or '.join(MEETING)}; without a [contact] they pass through each other"
         raise SceneError(f"{name}.kind", "contact", f"is not known to the solver {scene.method.solver}: {told}")
-    if len(scene.tetrahedra) > MAX_KINDS:
-        raise SceneError(name, len(scene.tetrahedra), f"at most {MAX_KINDS} tetrahedral bodies that meet")
+    if len(scene.holdable) > MAX_KINDS:
+        raise SceneError(name, len(scene.holdable), f"at most {MAX_KINDS} tetrahedral bodies that meet")
     for field in OF_PARTICLES:
         if getattr(part, field) != type(part).model_fields[field].default:
             raise SceneError(f"{name}.{field}", getattr(part, field), "is for bodies of particles; leave it out")
@@ -215,7 +224,7 @@ def _check_mesh(scene: SceneParts) -> None:
     if scene.method.ordering != "gauss-seidel":
         raise SceneError("method.ordering", scene.method.ordering, "must be gauss-seidel for a mesh")
     for name, kind in scene.kinds.items():
-        if kind in NOT_OF_MESHES:
+        if kind in NOT_OF_MESHES and not (kind == "motion" and scene.tetrahedra):
             why = "a mesh's diagonals are edges, structural ones" if kind == "shear" else "a rectangular cloth has it"
             raise SceneError(f"{name}.kind", kind, f"does not go with a mesh: {why}; leave it out")
     if model != "distance" and scene.cloth_springs["bending"].damping > 0:

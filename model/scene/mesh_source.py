@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from pydantic import model_validator
 
@@ -12,6 +12,21 @@ from model.geometry.topology import file_digest, mesh_path
 from model.scene.parts import ZERO, Number, Part, Positive, Vector
 
 OF_FILES = ("file", "digest", "scale")
+
+
+def check_axis(part: Any) -> None:
+    """Raises ValueError where a part is turned about nothing."""
+    if part.angle != 0 and not any(part.axis):
+        raise ValueError("axis: must point somewhere, such as [0.0, 1.0, 0.0]")
+
+
+def check_digest(part: Any) -> None:
+    """A part of a file knows it from here on. Raises ValueError where it is not the one whose digest is told."""
+    if part.file is not None:
+        digest = file_digest(mesh_path(part.file))
+        if part.digest not in (None, digest):
+            raise ValueError(f"digest: {part.file} is another file by now ({digest}); leave it out")
+        part.__dict__["digest"] = digest  # the part is frozen for everyone else
 
 
 class MeshSource(Part):
@@ -34,13 +49,8 @@ class MeshSource(Part):
             raise ValueError(f'file: give either a file or a shape, such as shape = {{ name = "{self.such_as}" }}')
         if self.shape is not None and (self.digest is not None or self.scale != 1):
             raise ValueError("scale: belongs to a file; a shape has a scale of its own")
-        if self.angle != 0 and not any(self.axis):
-            raise ValueError("axis: must point somewhere, such as [0.0, 1.0, 0.0]")
-        if self.file is not None:
-            digest = file_digest(mesh_path(self.file))
-            if self.digest not in (None, digest):
-                raise ValueError(f"digest: {self.file} is another file by now ({digest}); leave it out")
-            self.__dict__["digest"] = digest  # the part is frozen for everyone else
+        check_axis(self)
+        check_digest(self)
         return self
 
     def _idle_fields(self) -> set[str]:

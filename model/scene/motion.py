@@ -25,7 +25,7 @@ class Motion(Part):
     """
 
     pins: Pins  # pinned masses of the sheet, as its `pinned`; of tetrahedral bodies a side, a region or all
-    body: str | None = None  # a tetrahedral one; of all of them unless given
+    body: str | None = None  # a tetrahedral one, or a cloth beside them; of all of them unless given
     velocity: Vector = (0.0, 0.0, 0.0)  # m/s
     axis: Vector = (1.0, 0.0, 0.0)
     center: Vector = (0.0, 0.0, 0.0)  # m

@@ -25,10 +25,11 @@ class Contact(Part):
 
     Of tetrahedral bodies the surfaces keep a `distance`, a vertex of one from the triangles of another; what was nearer, or
     lies inside, is moved out at `separation_speed` at most. What comes by more than the distance in a substep may get caught
-    inside. They know friction and `sweeps` beside it: 4, or what sticks creeps.
+    inside. They know friction and `sweeps` beside it: 4, or what sticks creeps. A cloth beside them meets them
+    likewise, with both its sides; what has come through it stays on the other one.
     """
 
-    distance: Positive | None = None  # m, between tetrahedral bodies: a quarter of the shortest body's edge unless told
+    distance: Positive | None = None  # m, of tetrahedral bodies and a cloth: a quarter of the shortest edge unless told
     static_friction: NotNegative = 0.4
     dynamic_friction: NotNegative = 0.3
     separation_speed: Positive = 3.0  # m/s

@@ -6,6 +6,7 @@ from __future__ import annotations
 import re
 import tomllib
 from collections.abc import Mapping
+from functools import cache
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -23,7 +24,8 @@ TOO_LONG = re.compile(r"[0-9_]{1000,}")  # digits of a whole number that Python 
 OF_MESHES = ("mesh", "region", *SURFACE_KINDS, *BODY_KINDS, *TETRAHEDRAL_KINDS)  # kinds of part that may name a file
 
 
-def catalogue() -> dict[str, Path]:
+@cache
+def catalogue() -> Mapping[str, Path]:
     """The named scenes that come with the lab: name -> TOML file."""
     root = Path(str(resources.files("model"))) / "catalogue"
     return {file.relative_to(root).with_suffix("").as_posix(): file for file in sorted(root.rglob("*.toml"))}

@@ -10,12 +10,13 @@ import numpy as np
 from pydantic import model_validator
 
 from model.core.errors import InputError
-from model.geometry.measures import rotation_matrix
+from model.geometry.measures import turned_about
 from model.geometry.mesh import TriangleMesh, read_mesh
 from model.geometry.shapes import Shape
 from model.geometry.solid import solid
-from model.geometry.topology import file_digest, mesh_path
+from model.geometry.topology import mesh_path
 from model.geometry.voxels import winding_numbers
+from model.scene.mesh_source import check_axis, check_digest
 from model.scene.parts import ZERO, Number, Part, Positive, Vector
 
 Side = Literal["left", "right", "bottom", "top", "back", "front"]  # of x, y and z: the lower one first
@@ -65,19 +66,14 @@ class Region(Part):
             raise ValueError(f"{field}: a region is told by one of: {self.told_by}")
         if self.normal is not None and hypot(*self.normal) == 0:
             raise ValueError("normal: must not be zero")
-        if self.angle != 0 and not any(self.axis):
-            raise ValueError("axis: must point somewhere, such as [0.0, 1.0, 0.0]")
+        check_axis(self)
         if self.low and self.high and any(a > b for a, b in zip(self.low, self.high, strict=True)):
             raise ValueError(f"high: must be at least low, {list(self.low)}")
         if self.shape is not None and self.shape.name in ("sheet", "terrain"):
             raise ValueError(f"shape: a {self.shape.name} has no inside; take a box, a beam, a torus ...")
         if self.file is None and self.scale != 1:
             raise ValueError("scale: belongs to a file; a shape has a scale of its own")
-        if self.file is not None:
-            digest = file_digest(mesh_path(self.file))
-            if self.digest not in (None, digest):
-                raise ValueError(f"digest: {self.file} is another file by now ({digest}); leave it out")
-            self.__dict__["digest"] = digest  # the part is frozen for everyone else
+        check_digest(self)
         return self
 
     def _idle_fields(self) -> set[str]:
@@ -112,6 +108,4 @@ class Region(Part):
             found = solid(mesh, 0.0, "a box, a ball or a capsule")
         except InputError as error:
             raise InputError(f"{self.file or 'shape'}: {error}") from None
-        axis = np.asarray(self.axis, np.float64)
-        turn = rotation_matrix(axis / (float(np.linalg.norm(axis)) or 1.0), np.radians(self.angle))
-        return found.position @ turn.T + self.origin, found.triangles
+        return found.position @ turned_about(self.axis, self.angle).T + self.origin, found.triangles

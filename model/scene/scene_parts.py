@@ -136,11 +136,13 @@ class SceneParts:
     @property
     def grid(self) -> Grid:
         """The sheet of masses: a grid, or the cloth, which is one in space, of triangles if it is a mesh; or the body set
-        or the set of tetrahedra or of fluids, which are a row of masses to whoever asks no more than that."""
-        sheet = self.cloth or self.one("grid")
-        if not sheet and self.fluids:
+        or the set of tetrahedra, a cloth beside them too, or of fluids, which are a row of masses to whoever asks no more
+        than that."""
+        if self.tetrahedra:
+            return self.tetrahedra_set  # type: ignore[return-value]
+        if self.fluids:
             return self.fluid_set  # type: ignore[return-value]
-        return sheet or (self.tetrahedra_set if self.tetrahedra else self.body_set)  # type: ignore[return-value]
+        return self.cloth or self.one("grid") or self.body_set  # type: ignore[return-value]
 
     @property
     def bodies(self) -> dict[str, Placed]:
@@ -159,8 +161,9 @@ class SceneParts:
 
     @cached_property
     def tetrahedra_set(self) -> TetrahedraSet:
-        """All of them together, cut when first asked for. Raises SceneError, InputError (a body)."""
-        return make_tetrahedra_set(self.tetrahedra, self.regions, self.held_parts, self.materials)
+        """All of them together and the cloth beside them, cut when first asked for. Raises SceneError, InputError (a
+        body)."""
+        return make_tetrahedra_set(self.tetrahedra, self.regions, self.held_parts, self.materials, self.all_of("mesh"))
 
     @property
     def fluids(self) -> dict[str, Fluid]:
@@ -205,15 +208,20 @@ class SceneParts:
         found: dict[str, Motion] = self.all_of("motion")
         for name, part in self.held_parts.items():
             collider: Any = self.parts.get(part.to or "")
-            motion = motion_with(part, collider) if pins(part, self.tetrahedra) and collider else None
+            motion = motion_with(part, collider) if pins(part, self.holdable) and collider else None
             if motion is not None:
                 found[name] = motion
         return found
 
     @property
     def held_parts(self) -> dict[str, Attachment]:
-        """What holds tetrahedral bodies to the world, to colliders and to one another, by the part's name."""
+        """What holds tetrahedral bodies and a cloth to the world, to colliders and to one another, by the part's name."""
         return self.all_of("attachment")
+
+    @property
+    def holdable(self) -> dict[str, Part]:
+        """What attachments hold, by the part's name: tetrahedral bodies, then a cloth beside them."""
+        return self.tetrahedra | self.all_of("mesh")
 
     @property
     def regions(self) -> dict[str, Region]:

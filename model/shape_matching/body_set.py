@@ -14,6 +14,7 @@ from model.assets.material import joined
 from model.core.errors import InputError, SceneError
 from model.core.memory import MAX_PARTICLES, available_bytes, require
 from model.geometry.lists import offsets_of
+from model.geometry.particle_row import ParticleRow
 from model.scene.bodies import Placed
 from model.shape_matching.clusters import Clusters
 from model.shape_matching.lattice import LatticeCopies
@@ -39,7 +40,7 @@ class Copy:
 
 
 @dataclass(frozen=True, eq=False)
-class BodySet:
+class BodySet(ParticleRow):
     """The particles of all copies, one after the other, in the order of the file.
 
     `position` (particles, 3) float64 [m], at the start; `velocity` likewise [m/s]; `body` (particles,) int32: the copy each
@@ -56,19 +57,7 @@ class BodySet:
     spacing: float
     mass: float
     lattices: tuple[LatticeCopies, ...] = ()
-    rows: int = 1
     pinned: str = "none"
-    spring_count: int = 0
-
-    @property
-    def columns(self) -> int:
-        """All particles: the set is one row."""
-        return len(self.position)
-
-    @property
-    def particle_count(self) -> int:
-        """How many particles, those of inactive copies too."""
-        return len(self.position)
 
     @cached_property
     def loose(self) -> Clusters:

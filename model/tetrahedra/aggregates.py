@@ -55,7 +55,11 @@ def aggregates(found: TetrahedraSet, rows: BlockRows, free: np.ndarray) -> Aggre
     of_row = np.repeat(group, np.diff(rows.starts))
     there = group[rows.columns]
     furthest = np.arange(len(groups))
-    both = (of_row >= 0) & (there >= 0)
+    body = np.searchsorted(found.first_particle, np.arange(found.particle_count), side="right")
+    same = (
+        np.repeat(body, np.diff(rows.starts)) == body[rows.columns]
+    )  # what attachments join is left to the fine level
+    both = (of_row >= 0) & (there >= 0) & same
     np.maximum.at(furthest, of_row[both], there[both])
     furthest = np.maximum.accumulate(furthest)
     return Aggregates(*(
@@ -89,6 +93,7 @@ def couplings(groups: Aggregates, rows: BlockRows) -> Couplings:
     row = np.repeat(np.arange(len(rows.starts) - 1), np.diff(rows.starts))
     first, second = groups.group[row].astype(np.int64), groups.group[rows.columns].astype(np.int64)
     chosen = np.flatnonzero((first >= 0) & (second >= first))
+    chosen = chosen[MODES * second[chosen] <= groups.reach[MODES * first[chosen]]]  # of one body
     key = first[chosen] * max(groups.count, 1) + second[chosen]
     order = np.argsort(key, kind="stable")
     found, starts = np.unique(key[order], return_index=True)

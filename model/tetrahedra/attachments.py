@@ -1,4 +1,5 @@
-"""What holds vertices of tetrahedral bodies to the world or to one another, as constraints for both backends' executors.
+"""What holds vertices of tetrahedral bodies and of a cloth to the world or to one another, as constraints for both backends'
+executors.
 
 Those that are pinned, and go with what they are attached to, are not here: model/tetrahedra/body_set.py.
 """
@@ -12,6 +13,7 @@ import numpy as np
 from model.core.constraints import ConstraintSet, Projection
 from model.core.errors import SceneError
 from model.formulas.constraints import attachment as formula
+from model.geometry.measures import nearest_of
 from model.geometry.tetrahedra.embedding import carriers
 from model.geometry.tetrahedra.mesh import TetrahedralMesh
 from model.scene.attachment import Attachment, pins
@@ -22,7 +24,8 @@ KIND = "attachment"
 CORNERS = {
     "world": formula.WORLD,
     "bodies": formula.BODY,
-}  # in the order in which they are projected, after all tetrahedra
+    "cloth": formula.CLOTH,
+}  # in the order in which they are projected, after all else
 Rows = tuple[np.ndarray, np.ndarray]
 _known: WeakKeyDictionary[TetrahedraSet, tuple[ConstraintSet, ...]] = WeakKeyDictionary()
 
@@ -36,7 +39,14 @@ def attachment_parts(found: TetrahedraSet) -> frozenset[str]:
     """Of a plan: those that are there. Raises SceneError for an attachment of nothing, or to what is not there."""
     check_attachments(found)
     soft = [held for held in found.attachments.values() if not pins(held, found.names)]
-    return frozenset(part_of("bodies" if held.to in found.names else "world") for held in soft)
+    return frozenset(part_of(_model_of(found, held)) for held in soft)
+
+
+def _model_of(found: TetrahedraSet, held: Attachment) -> str:
+    """Of CORNERS: what it holds to."""
+    if found.sheet and held.to == found.sheet.name:
+        return "cloth"
+    return "bodies" if held.to in found.names else "world"
 
 
 def attachment_projections(parts: frozenset[str], iterated: bool, constants: tuple[str, str, str]) -> list[Projection]:
@@ -59,10 +69,11 @@ def attachment_sets(found: TetrahedraSet) -> tuple[ConstraintSet, ...]:
 
 def _sets(found: TetrahedraSet) -> tuple[ConstraintSet, ...]:
     rows: dict[str, list[Rows]] = {model: [] for model in CORNERS}
+    makers = {"world": _to_world, "bodies": _to_body, "cloth": _to_cloth}
     for name, held in found.attachments.items():
         if not pins(held, found.names):
-            to_body = held.to in found.names
-            rows["bodies" if to_body else "world"].append((_to_body if to_body else _to_world)(found, name, held))
+            model = _model_of(found, held)
+            rows[model].append(makers[model](found, name, held))
     made = []
     for model, some in rows.items():
         if some:
@@ -79,11 +90,11 @@ def check_attachments(found: TetrahedraSet) -> None:
 
 
 def contact_free(found: TetrahedraSet) -> np.ndarray:
-    """(particles,) bool: those that hold one body to another, and lie in one place with it: contacts between bodies are to
-    leave them alone, and the triangles that they are corners of."""
+    """(particles,) bool: those that hold one body to another, or to a cloth, and lie in one place with it: contacts between
+    bodies are to leave them alone, and the triangles that they are corners of."""
     free = np.zeros(found.particle_count, bool)
     for one in attachment_sets(found):
-        if one.model == "bodies":
+        if one.model != "world":
             free[one.corners] = True
     return free
 
@@ -94,8 +105,8 @@ def stored(found: TetrahedraSet, position: np.ndarray) -> float:
     for one in attachment_sets(found):
         corners, compliance = np.asarray(position, np.float64)[one.corners], one.values[:, -1]
         there = one.values[:, :3]
-        if one.model == "bodies":
-            there = np.einsum("nk,nki->ni", one.values[:, :4], corners[:, 1:])
+        if one.model != "world":
+            there = np.einsum("nk,nki->ni", one.values[:, :-1], corners[:, 1:])
         gives = compliance > 0
         total += float((((corners[:, 0] - there) ** 2).sum(axis=1)[gives] / compliance[gives]).sum() / 2)
     return total
@@ -114,9 +125,24 @@ def _to_body(found: TetrahedraSet, name: str, held: Attachment) -> Rows:
     tetrahedra = found.tetrahedra[found.body == number]
     mesh = TetrahedralMesh(found.position[start:stop], tetrahedra - start)
     carried = carriers(mesh, found.position[vertices])
-    beyond = carried.beyond(mesh.position, mesh.tetrahedra)
-    if beyond.max() > found.spacing:
-        told = f"a vertex of {held.body} lies {beyond.max():.3g} m outside of it; attach what touches it"
-        raise SceneError(f"{name}.to", held.to, told)
+    _check_near(found, name, held, float(carried.beyond(mesh.position, mesh.tetrahedra).max()))
     corners = np.column_stack([vertices, tetrahedra[carried.tetrahedron]])
     return corners.astype(np.int32), np.column_stack([carried.weights, np.full(len(vertices), held.compliance)])
+
+
+def _to_cloth(found: TetrahedraSet, name: str, held: Attachment) -> Rows:
+    """Each vertex keeps its place in the nearest triangle, or beside it: how far it is off at rest is drawn in."""
+    assert found.sheet is not None
+    vertices, sheet = found.chosen(held.vertices, held.body), found.sheet
+    points = found.position[vertices]
+    number, weights, away = nearest_of(points, sheet.position[sheet.mesh.triangles])
+    _check_near(found, name, held, float(away.max()))
+    corners = np.column_stack([vertices, sheet.mesh.triangles[number] + found.first_particle[-1]])
+    return corners.astype(np.int32), np.column_stack([weights, np.full(len(vertices), held.compliance)])
+
+
+def _check_near(found: TetrahedraSet, name: str, held: Attachment, beyond: float) -> None:
+    """Raise SceneError where a vertex lies farther off what it is attached to [m] than a mean edge."""
+    if beyond > found.spacing:
+        told = f"a vertex of {held.body} lies {beyond:.3g} m outside of it; attach what touches it"
+        raise SceneError(f"{name}.to", held.to, told)

@@ -32,13 +32,20 @@ class BlockRows:
         return self.starts, self.columns, self.diagonal, self.sources, self.items, self.meets, self.corners
 
 
-def block_rows(tetrahedra: np.ndarray, particles: int) -> BlockRows:
-    """Of `tetrahedra` (tetrahedra, 4) on so many particles; one without tetrahedra has a row of one empty block."""
+Pairs = tuple[np.ndarray, np.ndarray, np.ndarray]
+NO_PAIRS: Pairs = (np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0, np.int64))
+
+
+def block_rows(tetrahedra: np.ndarray, particles: int, others: Pairs = NO_PAIRS) -> BlockRows:
+    """Of `tetrahedra` (tetrahedra, 4) on so many particles; one without tetrahedra has a row of one empty block. `others`:
+    (row, column, block) (n,) of symmetric blocks that come after all of the tetrahedra's."""
     count = len(tetrahedra)
     wide = tetrahedra.astype(np.int64)
     row, column = np.repeat(wide, 4, axis=1).ravel(), np.tile(wide, (1, 4)).ravel()
     first, second = np.divmod(np.tile(np.arange(16), count), 4)
     item = 2 * (BLOCKS * np.repeat(np.arange(count, dtype=np.int64), 16) + _PLACE[first, second]) + (first > second)
+    row, column = np.concatenate([row, others[0]]), np.concatenate([column, others[1]])
+    item = np.concatenate([item, 2 * (BLOCKS * count + others[2])])
     here = np.arange(particles, dtype=np.int64)
     key = np.concatenate([row * particles + column, here * particles + here])  # with a diagonal in every row
     found, place = np.unique(key, return_inverse=True)

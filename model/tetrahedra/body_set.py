@@ -1,9 +1,9 @@
-"""All tetrahedral bodies of a scene as one set of particles: what its solvers start from."""
+"""All tetrahedral bodies of a scene, and its cloth, as one set of particles: what its solvers start from."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -13,15 +13,19 @@ from model.assets.tetrahedral_body import CookedBody
 from model.core.errors import InputError, SceneError
 from model.core.memory import MAX_PARTICLES, available_bytes, require
 from model.geometry.lists import Lists, grouped
-from model.geometry.measures import edge_lengths, rotation_matrix
+from model.geometry.measures import edge_lengths, turned_about
+from model.geometry.particle_row import ParticleRow
 from model.geometry.tetrahedra.mesh import TetrahedralMesh, rest_inverse
 from model.geometry.topology import mesh_path
 from model.scene.attachment import Attachment, pins
+from model.scene.mesh import Mesh
 from model.scene.motion import Motion
 from model.scene.regions import Region
 from model.scene.tetrahedra import Material, TetrahedralBody
 from model.tetrahedra.matter import Matter, joined, matter_of
 from model.tetrahedra.selection import body_numbers, check_word, motion_numbers, vertices_of
+from model.tetrahedra.sheet import Sheet, sheet_of
+from model.tetrahedra.skin import Skin, plain_skin, skin_of
 from model.tetrahedra.topology import PAIRS
 
 ELEMENT_BYTES = (
@@ -30,46 +34,23 @@ ELEMENT_BYTES = (
 NO_REGIONS: Mapping[str, Region] = {}
 NOT_HELD: Mapping[str, Attachment] = {}
 ONE_MATERIAL: Mapping[str, Material] = {}
+NO_CLOTH: Mapping[str, Mesh] = {}
 
 
 @dataclass(frozen=True, eq=False)
-class Skin:
-    """The surfaces that bodies were cut from, carried by their tetrahedra: of each point the particles `corners` (points, 4)
-    int32 and their `weights` (points, 4) float64; `triangles` (n, 3) int32 between points, body by body."""
-
-    corners: np.ndarray
-    weights: np.ndarray
-    triangles: tuple[np.ndarray, ...]
-
-    @property
-    def count(self) -> int:
-        """How many points."""
-        return len(self.corners)
-
-    @cached_property
-    def faces(self) -> np.ndarray:
-        """(triangles, 3) int32: of all bodies."""
-        return np.concatenate(self.triangles)
-
-    def points(self, position: np.ndarray) -> np.ndarray:
-        """(points, 3) [m]: where they are while particles are at `position` (particles, 3)."""
-        found: np.ndarray = np.einsum("pk,pkj->pj", self.weights, position[self.corners])
-        return found
-
-
-@dataclass(frozen=True, eq=False)
-class TetrahedraSet:
-    """The particles and tetrahedra of all bodies, one body after the other, in the order of the file.
+class TetrahedraSet(ParticleRow):
+    """The particles and tetrahedra of all bodies, one body after the other, in the order of the file; then the vertices of
+    the scene's cloth, if it has one.
 
     `position`, `velocity` (particles, 3) float64 [m], [m/s] at the start, where nothing is strained; `masses` (particles,)
     [kg]; `pinned_vertices`, ascending; `body` (tetrahedra,) int32: which of `parts` each is of; `tetrahedra` (tetrahedra, 4)
-    int32; `own` (particles, 3) [m]: where the meshes themselves have them, neither turned nor moved; `matter`; `regions`,
-    `attachments`: of the scene; `rest_inverse` (tetrahedra, 3, 3): of the matrix with the edges from the first corner as
-    columns; `volume` (tetrahedra,) [m^3]; `surface` (triangles, 3) int32; `first_particle` of each body; `skin`; `voxel`
-    (tetrahedra, 3) int32: the place of each one's voxel in its body, along the longest side first, 0 of those that are of
-    none; `run` (tetrahedra,) int32: how many tetrahedra, itself among them, its voxel is, which stand one after the other; 1
-    of those of none. To the
-    rest of the lab it is a row of masses: `rows` 1, `columns` all, `spacing` the mean edge [m], `mass` the mean one.
+    int32; `names`: of the bodies, and of the cloth; `own` (particles, 3) [m]: where the meshes themselves have them, neither
+    turned nor moved; `matter`; `regions`, `attachments`: of the scene; `rest_inverse` (tetrahedra, 3, 3): of the matrix with
+    the edges from the first corner as columns; `volume` (tetrahedra,) [m^3]; `surface` (triangles, 3) int32, the cloth's
+    last; `first_particle` of each of `names`; `skin`; `voxel` (tetrahedra, 3) int32: the place of each one's voxel in its
+    body, along the longest side first, 0 of those that are of none; `run` (tetrahedra,) int32: how many tetrahedra, itself
+    among them, its voxel is, which stand one after the other; 1 of those of none; `sheet`: the cloth. To the rest of the lab
+    it is a row of masses: `rows` 1, `columns` all, `spacing` the mean edge [m], `mass` the mean one.
     """
 
     names: tuple[str, ...]
@@ -91,23 +72,12 @@ class TetrahedraSet:
     matter: Matter
     regions: Mapping[str, Region] = field(default_factory=dict)
     attachments: Mapping[str, Attachment] = field(default_factory=dict)
-    rows: int = 1
-    spring_count: int = 0
+    sheet: Sheet | None = None
 
     @property
     def pinned(self) -> str:
         """`sides` where some particle is, else `none`."""
         return "sides" if len(self.pinned_vertices) else "none"
-
-    @property
-    def columns(self) -> int:
-        """All particles: the set is one row."""
-        return len(self.position)
-
-    @property
-    def particle_count(self) -> int:
-        """How many particles."""
-        return len(self.position)
 
     @cached_property
     def mass(self) -> float:
@@ -119,6 +89,8 @@ class TetrahedraSet:
         """(ends (edges, 2) int32, the lower one first, rows ascending; lengths at rest (edges,) [m])."""
         ends = np.concatenate([self.tetrahedra[:, pair] for pair in PAIRS])
         found = np.unique(np.sort(ends, axis=1), axis=0)
+        if self.sheet:
+            found = np.concatenate([found, self.sheet.mesh.edges.edges + self.first_particle[-1]]).astype(np.int32)
         return found, edge_lengths(self.position, found)
 
     @cached_property
@@ -159,15 +131,17 @@ class TetrahedraSet:
         return motion_numbers(motions, self.pinned_vertices, self.names, chosen)
 
     def __str__(self) -> str:
-        """`5289 particles and 19 875 tetrahedra of 4 bodies`."""
+        """`5289 particles and 19 875 tetrahedra of 4 bodies`, ` and a cloth of 800 triangles`."""
         bodies = "1 body" if len(self.parts) == 1 else f"{len(self.parts)} bodies"
-        return f"{self.particle_count} particles and {len(self.tetrahedra)} tetrahedra of {bodies}"
+        cloth = f" and a cloth of {len(self.sheet.mesh.triangles)} triangles" if self.sheet else ""
+        return f"{self.particle_count} particles and {len(self.tetrahedra)} tetrahedra of {bodies}{cloth}"
 
     @property
     def damping_rates(self) -> np.ndarray:
         """(particles,) float64 [1/s]: of velocities, each body's own."""
         counts = np.diff([*self.first_particle, self.particle_count])
-        return np.repeat([part.mass_damping for part in self.parts], counts)
+        rates = [*(part.mass_damping for part in self.parts), *([0.0] if self.sheet else [])]
+        return np.repeat(rates, counts)
 
     def lame(self) -> tuple[np.ndarray, np.ndarray]:
         """(mu, lambda) (tetrahedra,) float64 [Pa]."""
@@ -179,18 +153,20 @@ def make_tetrahedra_set(
     regions: Mapping[str, Region] = NO_REGIONS,
     attachments: Mapping[str, Attachment] = NOT_HELD,
     materials: Mapping[str, Material] = ONE_MATERIAL,
+    cloths: Mapping[str, Mesh] = NO_CLOTH,
 ) -> TetrahedraSet:
-    """The set of a scene's bodies, by name; `regions`, `attachments`, `materials`: the scene's. Raises SceneError,
-    InputError, which name the body."""
+    """The set of a scene's bodies, by name; `regions`, `attachments`, `materials`, `cloths` (one at most): the scene's.
+    Raises SceneError, InputError, which name the body."""
     made: list[tuple[TetrahedralMesh, np.ndarray, np.ndarray]] = []
     bodies: list[CookedBody] = []
     matter: list[Matter] = []
+    names = (*parts, *cloths)
     for name, part in parts.items():
         try:
             bodies.append(cut(part))
             here = _placed(part, bodies[-1].mesh)
             matter.append(matter_of(name, part, here, materials, regions))
-            attached = [held.vertices for held in attachments.values() if held.body == name and pins(held, parts)]
+            attached = [held.vertices for held in attachments.values() if held.body == name and pins(held, names)]
             held = [
                 vertices_of(word, bodies[-1].mesh.position, here.position, regions)
                 for word in (*part.pinned, *attached)
@@ -208,7 +184,7 @@ def make_tetrahedra_set(
     require(elements * ELEMENT_BYTES, available_bytes(), "edge", elements, "main memory")
     first = np.concatenate([[0], np.cumsum([len(mesh.position) for mesh, _, _ in made])])
     meshes = [mesh for mesh, _, _ in made]
-    return TetrahedraSet(
+    found = TetrahedraSet(
         tuple(parts),
         tuple(parts.values()),
         np.concatenate([mesh.position for mesh in meshes]),
@@ -223,7 +199,7 @@ def make_tetrahedra_set(
         np.concatenate([mesh.volumes for mesh in meshes]),
         np.concatenate([mesh.surface + start for mesh, start in zip(meshes, first, strict=False)]).astype(np.int32),
         first[:-1],
-        _skin(bodies, first),
+        skin_of(bodies, first),
         np.concatenate([_voxels(one) for one in bodies]),
         np.repeat(
             np.array([_run_of(*both) for both in zip(parts.values(), bodies, strict=True)], np.int32),
@@ -233,6 +209,28 @@ def make_tetrahedra_set(
         joined(matter),
         regions,
         attachments,
+    )
+    for name, cloth in cloths.items():
+        words = [one.vertices for one in attachments.values() if one.body == name and pins(one, names)]
+        found = _beside(found, sheet_of(name, cloth, words, regions))
+    return found
+
+
+def _beside(found: TetrahedraSet, sheet: Sheet) -> TetrahedraSet:
+    """The set with the cloth's vertices after its particles."""
+    first, triangles = found.particle_count, sheet.mesh.triangles
+    return replace(
+        found,
+        names=(*found.names, sheet.name),
+        position=np.concatenate([found.position, sheet.position]),
+        velocity=np.concatenate([found.velocity, np.zeros_like(sheet.position)]),
+        masses=np.concatenate([found.masses, sheet.masses]),
+        pinned_vertices=np.concatenate([found.pinned_vertices, sheet.pinned + first]),
+        surface=np.concatenate([found.surface, triangles + first]).astype(np.int32),
+        first_particle=np.append(found.first_particle, first),
+        skin=found.skin.beside(plain_skin(np.arange(first, first + len(sheet.position)), (triangles,))),
+        own=np.concatenate([found.own, sheet.mesh.position]),
+        sheet=sheet,
     )
 
 
@@ -258,23 +256,9 @@ def cut(part: TetrahedralBody) -> CookedBody:
     )
 
 
-def _skin(bodies: list[CookedBody], first: np.ndarray) -> Skin:
-    corners = [
-        one.mesh.tetrahedra[one.embedding.tetrahedron] + start for one, start in zip(bodies, first, strict=False)
-    ]
-    before = np.concatenate([[0], np.cumsum([len(some) for some in corners])])
-    return Skin(
-        np.concatenate(corners).astype(np.int32),
-        np.concatenate([one.embedding.weights for one in bodies]),
-        tuple((one.hull_triangles + start).astype(np.int32) for one, start in zip(bodies, before, strict=False)),
-    )
-
-
 def _placed(part: TetrahedralBody, mesh: TetrahedralMesh) -> TetrahedralMesh:
     """The mesh where the scene has it."""
-    axis = np.asarray(part.axis, dtype=np.float64)
-    turn = rotation_matrix(axis / (float(np.linalg.norm(axis)) or 1.0), np.radians(part.angle))
-    return TetrahedralMesh(mesh.position @ turn.T + part.origin, mesh.tetrahedra)
+    return TetrahedralMesh(mesh.position @ turned_about(part.axis, part.angle).T + part.origin, mesh.tetrahedra)
 
 
 def _moving(part: TetrahedralBody, here: np.ndarray, masses: np.ndarray, pinned: np.ndarray) -> np.ndarray:

@@ -1,7 +1,9 @@
-"""The constraints of a scene's tetrahedra, by material and colour, and the plan of a position-based step with them."""
+"""The constraints of a scene's tetrahedra, by material and colour, and of a cloth beside them, and the plan of a
+position-based step with them."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -10,16 +12,17 @@ from model.core.constraints import ConstraintSet, Projection
 from model.core.plan import Plan
 from model.formulas.constraints import attachment, tetrahedron
 from model.scene.scene import Scene
-from model.tetrahedra.attachments import KIND, attachment_parts, attachment_projections, attachment_sets
+from model.tetrahedra.attachments import attachment_parts, attachment_projections, attachment_sets
 from model.tetrahedra.body_set import TetrahedraSet
 from model.tetrahedra.material import constraint_values, material_of
 from model.tetrahedra.voxel_order import voxel_order
+from model.xpbd import mesh_constraints as of_cloths
 from model.xpbd.colouring import colour
-from model.xpbd.mesh_plan import BODY_DAMPING, constrained_plan
+from model.xpbd.mesh_plan import BODY_DAMPING, constrained_plan, model_parts
 from model.xpbd.plan import xpbd_parts
 
 CONSTANTS = ("elastic_compliance", "elastic_damping", "elastic_stiffening")  # of the record: m / h^2, 1 / h, 1
-DAMPED, BLOCKS, ITERATED = "tetrahedra-damping", "tetrahedra-blocks", "tetrahedra-iterated"
+DAMPED, BLOCKS, ITERATED, CLOTH = "tetrahedra-damping", "tetrahedra-blocks", "tetrahedra-iterated", "cloth"
 KINDS = {
     1: "tetrahedra",
     5: "voxels",
@@ -31,7 +34,7 @@ _known: WeakKeyDictionary[TetrahedraSet, Sets] = WeakKeyDictionary()  # colourin
 
 def tetrahedra_parts(scene: Scene, live: frozenset[str] = frozenset()) -> frozenset[str]:
     """The parts that need code: a sheet's (model/xpbd/plan.py), the materials, whether one has a damper, whether they
-    are taken as blocks and whether multipliers are kept. Every mass has a weight of its own (`load`)."""
+    are taken as blocks and whether multipliers are kept; a cloth's models. Every mass has a weight of its own (`load`)."""
     bodies = scene.tetrahedra.values()
     damped = {DAMPED} if scene.tetrahedra_set.matter.damping.any() else set()
     blocks = {BLOCKS} if scene.method.rows == "blocks" else set()
@@ -39,7 +42,8 @@ def tetrahedra_parts(scene: Scene, live: frozenset[str] = frozenset()) -> frozen
     told = {"motion"} if "targets" in live and len(scene.tetrahedra_set.pinned_vertices) else set()
     parts = xpbd_parts(scene, live) | {"load"} | {part.material for part in bodies}
     slowed = {BODY_DAMPING} if any(part.mass_damping > 0 for part in bodies) else set()
-    return parts | damped | blocks | iterated | told | slowed | attachment_parts(scene.tetrahedra_set)
+    cloth = model_parts(scene) | ({CLOTH} if scene.mesh else frozenset())
+    return parts | damped | blocks | iterated | told | slowed | cloth | attachment_parts(scene.tetrahedra_set)
 
 
 def materials(parts: frozenset[str]) -> tuple[str, ...]:
@@ -53,8 +57,8 @@ def part_of_run(material: str, run: int) -> str:
 
 
 def projections_of(parts: frozenset[str]) -> tuple[Projection, ...]:
-    """Of a scene of such parts, one a material and number of tetrahedra in a run (1, unless they say so); then those of
-    attachments."""
+    """Of a scene of such parts, one a material and number of tetrahedra in a run (1, unless they say so); then those of a
+    cloth, and of attachments."""
     damped, blocks = DAMPED in parts, BLOCKS in parts
     multipliers = tetrahedron.BLOCKS if blocks else tetrahedron.ROWS
     runs = {name: [run for run in KINDS if part_of_run(name, run) in parts] for name in materials(parts)}
@@ -66,13 +70,18 @@ def projections_of(parts: frozenset[str]) -> tuple[Projection, ...]:
         )
         for name in runs for run in runs[name] or [1]
     )  # fmt: skip
-    return own + tuple(attachment_projections(parts, ITERATED in parts, CONSTANTS))
+    return own + of_cloths.projections_of(parts) + tuple(attachment_projections(parts, ITERATED in parts, CONSTANTS))
 
 
 def constraint_sets(scene: Scene) -> tuple[ConstraintSet, ...]:
-    """The tetrahedra of each material, those of voxels by themselves, then attachments, sorted by colours. Kept with the
-    bodies."""
-    return _known_sets(scene.tetrahedra_set)[1]
+    """The tetrahedra of each material, those of voxels by themselves, then a cloth's, then attachments, sorted by colours.
+    Kept with the bodies, and with the cloth's mesh."""
+    found = scene.tetrahedra_set
+    cloth: list[ConstraintSet] = []
+    if found.sheet:
+        start = np.int32(found.first_particle[-1])
+        cloth = [replace(one, corners=one.corners + start) for one in of_cloths.constraint_sets(scene)]
+    return (*_known_sets(found)[1], *cloth, *attachment_sets(found))
 
 
 def tetrahedra_of_sets(found: TetrahedraSet) -> tuple[np.ndarray, ...]:
@@ -81,12 +90,12 @@ def tetrahedra_of_sets(found: TetrahedraSet) -> tuple[np.ndarray, ...]:
 
 
 def _known_sets(found: TetrahedraSet) -> Sets:
-    """(which tetrahedra each set of them holds, all sets)."""
+    """(which tetrahedra each set of them holds, the sets)."""
     if found not in _known:
         kinds = np.stack([material_of(found), found.run])
         each = (np.flatnonzero((kinds == kind[:, None]).all(axis=0)) for kind in np.unique(kinds, axis=1).T)
         own = [_coloured(found, chosen) for chosen in each]
-        _known[found] = tuple(chosen for _, chosen in own), (*(one for one, _ in own), *attachment_sets(found))
+        _known[found] = tuple(chosen for _, chosen in own), tuple(one for one, _ in own)
     return _known[found]
 
 
@@ -107,7 +116,7 @@ def _coloured(found: TetrahedraSet, chosen: np.ndarray) -> tuple[ConstraintSet, 
 
 def through_note(scene: Scene) -> str:
     """What is added to a note on a method where a scene's bodies do not meet."""
-    if len(scene.tetrahedra) < 2 or scene.contact is not None:
+    if len(scene.holdable) < 2 or scene.contact is not None:
         return ""
     return "; its bodies pass through each other, since it has no [contact]"
 
@@ -117,13 +126,15 @@ def operations_of(projection: Projection) -> int:
     flags = dict(projection.flags)
     if projection.make is attachment.make:
         return attachment.OPERATIONS[flags["corners"]]
-    return tetrahedron.operations(flags["material"], 4)
+    if projection.make is tetrahedron.make:
+        return tetrahedron.operations(flags["material"], 4)
+    return of_cloths.operations_of(projection)
 
 
 def tetrahedra_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
     """Substeps and iterations as in model/xpbd/plan.py; of an iteration the tetrahedra of each material, colour by colour."""
     sets = constraint_sets(scene)
-    runs = {part_of_run(found.model, found.run) for found in sets if found.kind != KIND}
+    runs = {part_of_run(found.model, found.run) for found in sets if found.kind in KINDS.values()}
     parts = tetrahedra_parts(scene, live) | runs
     operations = [operations_of(one) for one in projections_of(parts)]
     return constrained_plan(scene, parts, list(zip(sets, operations, strict=True)))

@@ -9,16 +9,19 @@ import numpy as np
 
 from model.core.plan import Node, Plan, Stage
 from model.formulas.constraints.tetrahedron import MATERIALS
-from model.formulas.elastic import descent
+from model.formulas.elastic import chebyshev, descent
 from model.geometry.lists import grouped, offsets_of
+from model.scene.cloth import COLLIDER_KINDS
 from model.scene.scene import Scene
 from model.tetrahedra.body_set import TetrahedraSet
 from model.tetrahedra.constraints import DAMPED, tetrahedra_parts
 from model.tetrahedra.material import constraint_values, material_of
+from model.tetrahedra.springs import PARTS, held_bodies, springs
 from model.tetrahedra.topology import neighbours
-from model.xpbd.mesh_plan import constrained_plan
+from model.xpbd.mesh_plan import PROJECT_CONTACTS, constrained_plan
 
 CORNERS = 4
+CHEBYSHEV, ACCELERATE = "chebyshev", "accelerate"  # a part of a plan, a stage
 SCALE, RATE = "elastic_scale", "inverse_substep"  # of the record: h^2 / m, 1 / h
 _known: WeakKeyDictionary[TetrahedraSet, tuple[Descent, ...]] = WeakKeyDictionary()
 
@@ -30,7 +33,7 @@ class Descent:
     `order` (vertices,) int32: particles, of colour c from `starts[c]` to before `starts[c + 1]`, ascending; after the last
     colour those that are pinned. Vertex k of them is a corner of the tetrahedra `entries[offsets[k]:offsets[k + 1]]`, each
     4 x the tetrahedron + which corner of it, ascending; nothing at a pinned one. `falls` (vertices,) int32: 1 of a body
-    without pins. `corners` (tetrahedra, 4) int32: particles;
+    that nothing holds. `corners` (tetrahedra, 4) int32: particles;
     `values` (tetrahedra, COUNT) float64, as the formula takes them.
     """
 
@@ -64,7 +67,8 @@ def descents(scene: Scene) -> tuple[Descent, ...]:
     found = scene.tetrahedra_set
     if found not in _known:
         made = material_of(found)
-        colours = vertex_colours(found.tetrahedra, found.particle_count)
+        together = np.concatenate([found.tetrahedra, springs(found, "vbd").fours])
+        colours = vertex_colours(together, found.particle_count)
         _known[found] = tuple(_of_material(found, colours, np.flatnonzero(made == kind)) for kind in np.unique(made))
     return _known[found]
 
@@ -87,17 +91,8 @@ def _of_material(found: TetrahedraSet, colours: np.ndarray, chosen: np.ndarray) 
     sizes = np.sort(sizes[sizes > 0])[::-1]
     values = descent_values(found, chosen)
     material = found.parts[found.body[chosen[0]]].material
-    falls = (~has_pins(found)[order]).astype(np.int32)
+    falls = (~held_bodies(found)[order]).astype(np.int32)
     return Descent(material, order, offsets_of(sizes), offsets, at.indices[: offsets[-1]], falls, corners, values)
-
-
-def has_pins(found: TetrahedraSet) -> np.ndarray:
-    """(particles,) bool: whether a particle's body is pinned anywhere."""
-    bodies = np.searchsorted(found.first_particle, np.arange(found.particle_count), side="right") - 1
-    held = np.zeros(len(found.parts), bool)
-    held[bodies[found.pinned_vertices]] = True
-    pinned: np.ndarray = held[bodies]
-    return pinned
 
 
 def descent_values(found: TetrahedraSet, chosen: np.ndarray) -> np.ndarray:
@@ -127,6 +122,11 @@ def vertex_colours(tetrahedra: np.ndarray, count: int) -> np.ndarray:
     return colours
 
 
+def visited(parts: frozenset[str]) -> frozenset[str]:
+    """Those of a plan that a visit depends on."""
+    return parts & (PARTS | frozenset(COLLIDER_KINDS) | {"friction", "restitution"})
+
+
 def stage_name(work: str, material: str, colour: int | None = None) -> str:
     """Of the plan: `stress`, `start` or `descend` of a material."""
     return f"{work} {material}" + ("" if colour is None else f" {colour}")
@@ -135,7 +135,8 @@ def stage_name(work: str, material: str, colour: int | None = None) -> str:
 def vbd_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
     """Substeps and iterations as in model/xpbd/plan.py. Of a substep the prediction, the stresses that dampers remember,
     where vertices start; of an iteration the vertices of each material, colour by colour."""
-    parts = tetrahedra_parts(scene, live)
+    accelerated = {CHEBYSHEV} if scene.method.chebyshev > 0 else set()
+    parts = tetrahedra_parts(scene, live) | accelerated
     bare, method, particles = constrained_plan(scene, parts, []), scene.method, scene.grid.particle_count
     damped, item = DAMPED in parts, np.dtype(np.float32).itemsize
     begin: list[Stage] = []
@@ -156,6 +157,11 @@ def vbd_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
     (substep,) = bare.root.children
     assert isinstance(substep, Node)
     at = next(place for place, one in enumerate(substep.children) if isinstance(one, Node))
+    sweep = substep.children[at]
+    assert isinstance(sweep, Node)
     (predict, *pins), end = substep.children[:at], substep.children[at + 1 :]
+    if accelerated:
+        colours.append(Stage(ACCELERATE, 3, 3, 3 * chebyshev.OPERATIONS))
+    colours += [one for one in sweep.children if isinstance(one, Stage) and one.name == PROJECT_CONTACTS]
     steps = predict, *begin, *pins, Node("iteration", tuple(colours), method.iterations), *end
     return Plan(Node("step", (Node("substep", steps, method.substeps),)), bare.fused_scalars, parts, dimensions=3)

@@ -1,4 +1,4 @@
-"""Bodies of tetrahedra, solved position-based: two constraints each."""
+"""Bodies of tetrahedra, solved position-based: two constraints each; and a cloth beside them."""
 
 from __future__ import annotations
 
@@ -10,12 +10,13 @@ from model.core.clock import START, Clock
 from model.core.family import SolverFamily
 from model.core.parameters import rounded_record
 from model.geometry.measures import edge_lengths
-from model.scene.cloth import COLLIDER_KINDS
+from model.scene.cloth import COLLIDER_KINDS, CONSTRAINT_KINDS
 from model.scene.scene import Scene
-from model.tetrahedra.attachments import stored
-from model.tetrahedra.constraints import CONSTANTS, tetrahedra_plan, through_note
+from model.tetrahedra.attachments import KIND, stored
+from model.tetrahedra.constraints import CONSTANTS, constraint_sets, tetrahedra_plan, through_note
 from model.tetrahedra.material import energies
 from model.xpbd.family import projection_limit, projection_note
+from model.xpbd.mesh_constraints import mesh_energy
 from model.xpbd.parameters import XPBD_FIELDS, xpbd_values
 
 
@@ -30,7 +31,9 @@ def tetrahedra_record(
 
 def _stored(scene: Scene, position: np.ndarray, plastic: np.ndarray | None) -> tuple[float, dict[str, float]]:
     found = scene.tetrahedra_set
-    return float(energies(found, position).sum()) + stored(found, position), {}
+    own = position[found.first_particle[-1] :]
+    cloth = {kind: mesh_energy(scene, own, kind) for kind in scene.constraints}
+    return float(energies(found, position).sum()) + stored(found, position) + sum(cloth.values()), cloth
 
 
 def _strain(scene: Scene, position: np.ndarray, kind: str, plastic: np.ndarray | None) -> np.ndarray:
@@ -52,6 +55,9 @@ TETRAHEDRA = SolverFamily(
             "region",
             "attachment",
             "material",
+            "mesh",
+            "wind",
+            *CONSTRAINT_KINDS,
             *COLLIDER_KINDS,
         }
     ),
@@ -63,7 +69,7 @@ TETRAHEDRA = SolverFamily(
     note=lambda scene: projection_note(scene) + through_note(scene),
     stored=_stored,
     strain=_strain,
-    spring_count=lambda scene: len(scene.tetrahedra_set.tetrahedra),
+    spring_count=lambda scene: sum(len(found.corners) for found in constraint_sets(scene) if found.kind != KIND),
     solvers={"cpu": "cpu_backend.tetrahedra.solver:Tetrahedra", "gpu": "gpu_backend.tetrahedra.solver:Tetrahedra"},
     passes={"cpu": "app.plan.mesh:mesh_on_cpu", "gpu": "app.plan.mesh:tetrahedra_on_gpu"},
     reference="bench.reference.tetrahedra",

@@ -14,3 +14,13 @@ def surface_lists(found: TetrahedraSet, wanted: bool = True) -> tuple[np.ndarray
         return np.zeros(1, np.int32), np.zeros(1, np.int32), np.zeros((1, 3), np.int32)
     lists = found.vertex_triangles
     return lists.offsets, lists.indices, found.surface
+
+
+def cloth_lists(found: TetrahedraSet, wanted: bool = True) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Likewise of the cloth alone, which wind blows on; nothing if there is none, or not `wanted`."""
+    if found.sheet is None or not wanted:
+        return surface_lists(found, False)
+    start = int(found.first_particle[-1])
+    lists = found.sheet.mesh.edges.vertex_triangles
+    offsets = np.concatenate([np.zeros(start, np.int32), lists.offsets])
+    return offsets, lists.indices, (found.sheet.mesh.triangles + start).astype(np.int32)

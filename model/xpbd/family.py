@@ -65,7 +65,7 @@ MESH = replace(
     SHEET,
     name="position-based mesh",
     knows=ANY_SHEET | {"mesh", "wind", "attachments", *COLLIDER_KINDS, *CONSTRAINT_KINDS} - {"shear"},
-    accepts=lambda scene: scene.mesh is not None,
+    accepts=lambda scene: scene.mesh is not None and not scene.tetrahedra,
     plan=xpbd_mesh_plan,
     limited_by_net=False,
     stored=_stored_in_mesh,

@@ -14,17 +14,22 @@ from model.xpbd.mesh_constraints import constraint_sets, model_of, operations_of
 from model.xpbd.plan import LOOKED_AT, xpbd_parts
 
 BODY_DAMPING = "body-damping"  # of the parts: bodies have rates of damping of their own
+PROJECT_CONTACTS = "project contacts"  # a stage
 PINS = Stage("pins", 0, 0, 0, 1.0)  # that follow a motion: where they are as a substep ends, and how fast
 
 
 def mesh_parts(scene: Scene, live: frozenset[str] = frozenset()) -> frozenset[str]:
     """The parts that need code: a sheet's (model/xpbd/plan.py), and the model of each kind of constraint, as
     `bending-isometric`. Every mass has a weight of its own (`load`)."""
-    models = {f"{kind}-{model}" for kind, model in wanted(scene) if model != model_of(kind)}
-    parts = xpbd_parts(scene, live) | {"load"} | models
+    parts = xpbd_parts(scene, live) | {"load"} | model_parts(scene)
     if "attachments" in parts and scene.attachments:
         parts |= {f"attachments-{scene.attachments.anchors}"}
     return parts
+
+
+def model_parts(scene: Scene) -> frozenset[str]:
+    """Those of constraints, of kinds that know several models."""
+    return frozenset(f"{kind}-{model}" for kind, model in wanted(scene) if model != model_of(kind))
 
 
 def stage_name(kind: str, model: str, colour: int) -> str:
@@ -64,7 +69,7 @@ def constrained_plan(scene: Scene, parts: frozenset[str], sets: Sequence[tuple[C
     search: list[Stage] = []
     if scene.contact:  # of surfaces
         search.append(Stage("find contacts", 3, 2, LOOKED_AT * contact.OPERATIONS_NEAREST))
-        colours.append(Stage("project contacts", 2, 1, scene.contact.sweeps * contact.OPERATIONS_CONTACT))
+        colours.append(Stage(PROJECT_CONTACTS, 2, 1, scene.contact.sweeps * contact.OPERATIONS_CONTACT))
     stages: list[Node | Stage] = [
         Stage("predict", 2, 2, forces),
         *pins,

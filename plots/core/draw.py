@@ -24,6 +24,7 @@ from plots.core.style import Drawing, settings
 from plots.figures import (
     ablation,
     bar,
+    bar_costs,
     convergence,
     crossover,
     graphics,
@@ -38,6 +39,7 @@ from plots.figures import (
     roofline,
     stability,
     tetrahedra,
+    tetrahedra_decides,
     tetrahedra_mesh,
     thread_scaling,
     throughput,
@@ -69,11 +71,13 @@ DRAWN: dict[str, tuple[str, Callable[[Results], Drawing | str]]] = {  # name -> 
     "projections": (projections.TITLE, projections.draw),
     "throughput": (throughput.TITLE, throughput.draw),
     "tetrahedra": (tetrahedra.TITLE, tetrahedra.draw),
+    "tetrahedra-decides": (tetrahedra_decides.TITLE, tetrahedra_decides.draw),
     "tetrahedra-mesh": (tetrahedra_mesh.TITLE, tetrahedra_mesh.draw),
     "hard-states": (hard.STATES_TITLE, hard.draw_states),
     "hard-verdicts": (hard.VERDICTS_TITLE, hard.draw_verdicts),
     "hard-bodies": (hard_bodies.TITLE, hard_bodies.draw),
     "bar-solvers": (bar.TITLE, bar.draw),
+    "bar-costs": (bar_costs.TITLE, bar_costs.draw),
     "bar-clusters": (bar.CLUSTERS_TITLE, bar.draw_clusters),
 }
 FIGURES = {name: draw for name, (_, draw) in DRAWN.items()}

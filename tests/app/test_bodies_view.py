@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
@@ -16,15 +13,15 @@ from bodies_scenes import BEAM, METHOD, PLANE, TORUS, beams_and_torus
 from closed_meshes import rotation
 from fake_cloth import FakeCloth, open_fake
 from test_view3d import drawing, looks_like, near  # noqa: F401  # a fixture among them
-from test_viewer import Window, display, needs_display  # noqa: F401
+from test_viewer import StillWindow, display, needs_display  # noqa: F401
 
 from app.output.offscreen import OffscreenRenderer, render_frame
 from app.render import colours
+from app.render.bodies.skinning import ClusterFrames, of_quaternions
 from app.render.camera3d import Camera3D
 from app.render.collider_shapes import grounds, shadow_matrix
 from app.render.particle_colours import COLOURINGS, cluster_colours, nearest_clusters, particle_colours
 from app.render.scenery import KEY
-from app.render.skinning import ClusterFrames, of_quaternions
 from app.window.controls import BODY_KEYS, KEYS, hint, keys_text
 from app.window.demo import Demo
 from app.window.demo_report import masses_text, numbers_text
@@ -32,8 +29,6 @@ from app.window.hand import neighbour
 from app.window.mouse import Mouse
 from model.core.errors import InputError
 from model.scene.scene import Scene
-
-TOOLS = Path(__file__).resolve().parents[1] / "tools"
 
 SCENE = beams_and_torus()
 BODY_SET = SCENE.body_set
@@ -393,35 +388,15 @@ def test_the_panel_counts_particles_clusters_and_bodies(demo: Demo) -> None:
 
 
 def test_the_keys_of_bodies_are_told() -> None:
-    wide, narrow = keys_text(1200, True, True), keys_text(400, True, True)
+    wide, narrow = keys_text(1200, "bodies", True), keys_text(400, "bodies", True)
     for text in (wide, narrow):
         assert all(meaning in text for _, meaning in BODY_KEYS) and "P K C I" in text
         assert all(len(meaning) < 33 and len(key) < 8 for key, meaning in BODY_KEYS)
     assert ("{ }", "stiffness / 1.25, x 1.25") in KEYS and "{ }" not in narrow
-    assert "P: particles" in hint(True, True) and "P: " not in hint(True) + hint()
+    assert "P: particles" in hint("bodies", True) and "P: " not in hint(space=True) + hint()
 
 
 # ---------------------------------------------------------------------- the window
-
-
-class BodiesWindow(Window):
-    """Bodies that fall without a solver, so that nothing has to be compiled."""
-
-    def __init__(self, folder: Path, screen: str, parts: str = ""):
-        self.folder, self.state_file = folder, folder / "state.json"
-        code = (
-            "from pathlib import Path; from app.window.demo import Demo; from app.window.viewer import Viewer\n"
-            "from bodies_scenes import beams_and_torus; from fake_cloth import open_fake\n"
-            f"scene = beams_and_torus(gravity={{'enabled': False}}{parts})\n"
-            f"with Demo([scene], open_world=open_fake) as demo: Viewer(demo, Path({str(self.state_file)!r}), None).run()"
-        )
-        paths = os.pathsep.join([str(TOOLS), str(TOOLS.parents[1])])
-        self.environment = os.environ | {"DISPLAY": screen, "PYTHONPATH": paths}
-        self.log = folder / "log.txt"
-        with self.log.open("wb") as log:
-            self.process = subprocess.Popen(
-                [sys.executable, "-c", code], cwd=folder, env=self.environment, stdout=log, stderr=subprocess.STDOUT
-            )
 
 
 @pytest.mark.display
@@ -429,7 +404,7 @@ class BodiesWindow(Window):
 def test_window_shows_particles_and_skins_and_pulls_a_particle(tmp_path: Path, display: str) -> None:  # noqa: F811
     from PIL import Image
 
-    window = BodiesWindow(tmp_path, display)
+    window = StillWindow(tmp_path, display, beams_and_torus(gravity={"enabled": False}))
     try:
         window.wait("the first frames", lambda state: state["frame"] > 3)
         window.xdotool("mousemove", 5, 700)

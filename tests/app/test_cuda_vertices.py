@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from fake_cloth import FakeCloth, open_fake
 from fake_interop import FakeRuntime, GpuCloth, Status, alive, held
+from kernel_text import entry_of
 from test_view3d import REST, SCENE, available
 
 from app.output.offscreen import OffscreenRenderer
@@ -357,24 +358,17 @@ def test_the_window_reads_a_state_only_for_the_host() -> None:
 # ---------------------------------------------------------------------- the kernels
 
 
-def test_kernels_of_float64_write_float32(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.usefixtures("ptx_compiler")
+def test_kernels_of_float64_write_float32() -> None:
     """Every number is rounded once, on its way out."""
-    cuda = pytest.importorskip("numba.cuda", reason="needs numba-cuda")
-    import numba.cuda.dispatcher as dispatcher
     from numba import types
 
-    monkeypatch.setattr(dispatcher, "get_current_device", lambda: SimpleNamespace(compute_capability=(9, 0)))
-    try:
-        cuda.compile_ptx(lambda a: None, (types.float32[::1],), cc=(9, 0))
-    except Exception as error:
-        pytest.skip(f'the CUDA compiler is not installed (pip install -e ".[ptx]"): {type(error).__name__}')
     from gpu_backend.mass_spring.cloth.kernels import make_cloth_tools
 
     tools = make_cloth_tools(np.float64)
     out, shape = types.float32[:, ::1], (types.int32, types.int32)
     for kernel, more in ((tools.write_position, ()), (tools.write_normal, shape)):
-        text, _ = cuda.compile_ptx(kernel.py_func, (types.float64[::1], out, *more), cc=(9, 0))
-        text = text[text.index(".entry") :]
+        text = entry_of(kernel.py_func, (types.float64[::1], out, *more), "exact")
         assert text.count("cvt.rn.f32.f64") == 3 and text.count("st.global.f32") == 3
         assert "st.global.f64" not in text and ".local" not in text
 

@@ -18,7 +18,7 @@ from app.command.scene_file import scene_toml
 from app.output.export import Exporter, check_export, linear, write_pieces
 from app.output.pieces import collider_pieces, pieces_of, skinned
 from app.render import colours
-from app.render.skinning import ClusterFrames
+from app.render.bodies.skinning import ClusterFrames
 from model.core.build import rest_positions
 from model.core.errors import InputError
 from model.scene.scene import Scene

@@ -12,7 +12,7 @@ from fake_cloth import FakeCloth
 
 from app.window.demo import Demo
 from app.window.grip import CALMING, GIVE, HAND, SLOWING, STEADY, Grip
-from app.window.worlds import live_parts
+from app.window.live import live_parts
 from model.core.errors import SceneError
 from model.core.simulation import Options
 from model.scene.scene import Scene

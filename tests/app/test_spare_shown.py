@@ -13,17 +13,16 @@ import pytest
 import trimesh
 from bodies_scenes import BEAM, METHOD, TORUS, beams_and_torus
 from fake_cloth import FakeCloth, open_fake
-from test_bodies_view import BodiesWindow
 from test_view3d import drawing, looks_like, near  # noqa: F401  # a fixture among them
-from test_viewer import display, needs_display  # noqa: F401
+from test_viewer import StillWindow, display, needs_display  # noqa: F401
 
 from app.command.run_parts import bodies_report
 from app.output.export import Exporter, check_export
 from app.output.offscreen import OffscreenRenderer, render_frame
 from app.output.pieces import pieces_of
 from app.render import colours
+from app.render.bodies.skinning import ClusterFrames
 from app.render.camera3d import Camera3D
-from app.render.skinning import ClusterFrames
 from app.window.demo import Demo
 from app.window.demo_report import demo_state, masses_text
 from app.window.mouse import Mouse
@@ -230,7 +229,7 @@ def test_what_waits_is_neither_picked_nor_selected(demo: Demo) -> None:
 @pytest.mark.display
 @needs_display
 def test_keys_of_the_window_drop_over_the_pointer_and_take_out(tmp_path: Path, display: str) -> None:  # noqa: F811
-    window = BodiesWindow(tmp_path, display, f", torus={TORUS | {'spare': 2}!r}")
+    window = StillWindow(tmp_path, display, beams_and_torus(gravity={"enabled": False}, torus=TORUS | {"spare": 2}))
     try:
         window.wait("the first frames", lambda state: state["frame"] > 3 and state["waiting"] == 2)
         window.xdotool("mousemove", 300, 400)

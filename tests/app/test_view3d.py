@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
-import subprocess
-import sys
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
@@ -14,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from fake_cloth import FakeCloth, open_fake
-from test_viewer import Window, display, needs_display  # noqa: F401  # a fixture, and the window of another demo
+from test_viewer import StillWindow, display, needs_display  # noqa: F401  # a fixture, and the window of another demo
 
 from app.output.offscreen import OffscreenRenderer, opengl_available, render_frame
 from app.output.video import Picture, render
@@ -27,8 +24,6 @@ from app.window.demo import Demo
 from model.core.build import rest_positions
 from model.core.errors import InputError
 from model.scene.scene import Scene, load_scene
-
-TOOLS = Path(__file__).resolve().parents[1] / "tools"
 
 HANGING: dict[str, Any] = {
     "cloth": {"rows": 7, "columns": 9, "spacing": 0.25, "pinned": "top-corners"},
@@ -338,29 +333,9 @@ def test_the_keys_of_space_are_told() -> None:
 # ---------------------------------------------------------------------- the window itself
 
 
-class ClothWindow(Window):
-    """The demo's window with a cloth that needs no solver."""
-
-    def __init__(self, folder: Path, display: str):  # noqa: F811
-        self.folder, self.state_file = folder, folder / "state.json"
-        path = os.pathsep.join([str(TOOLS), str(TOOLS.parents[1])])
-        self.environment = os.environ | {"DISPLAY": display, "OMP_WAIT_POLICY": "passive", "PYTHONPATH": path}
-        code = (
-            "from pathlib import Path; from app.window.demo import Demo; from app.window.viewer import Viewer\n"
-            "from model.scene.scene import Scene; from fake_cloth import open_fake\n"
-            f"demo = Demo([Scene({HANGING!r})], open_world=open_fake)\n"
-            f"Viewer(demo, Path({str(self.state_file)!r}), None).run()\n"
-        )
-        self.log = folder / "log.txt"
-        with self.log.open("wb") as log:
-            self.process = subprocess.Popen(
-                [sys.executable, "-c", code], cwd=folder, env=self.environment, stdout=log, stderr=subprocess.STDOUT
-            )
-
-
 @pytest.fixture(scope="module")
-def cloth_window(tmp_path_factory: pytest.TempPathFactory, display: str) -> Iterator[ClothWindow]:  # noqa: F811
-    shown = ClothWindow(tmp_path_factory.mktemp("cloth"), display)
+def cloth_window(tmp_path_factory: pytest.TempPathFactory, display: str) -> Iterator[StillWindow]:  # noqa: F811
+    shown = StillWindow(tmp_path_factory.mktemp("cloth"), display, Scene(HANGING))
     try:
         shown.wait("the first frames", lambda state: state["frame"] > 3)
         shown.xdotool("mousemove", 5, 700)  # the keyboard follows the pointer where no window manager runs
@@ -373,7 +348,7 @@ def cloth_window(tmp_path_factory: pytest.TempPathFactory, display: str) -> Iter
 
 @pytest.mark.display
 @needs_display
-def test_window_turns_moves_zooms_and_frames(cloth_window: ClothWindow) -> None:
+def test_window_turns_moves_zooms_and_frames(cloth_window: StillWindow) -> None:
     before = cloth_window.settled()
     cloth_window.xdotool("mousemove", 60, 300)  # beside the cloth
     cloth_window.xdotool("mousedown", 1)
@@ -401,7 +376,7 @@ def test_window_turns_moves_zooms_and_frames(cloth_window: ClothWindow) -> None:
 
 @pytest.mark.display
 @needs_display
-def test_window_pulls_a_mass_in_the_plane_of_the_view(cloth_window: ClothWindow) -> None:
+def test_window_pulls_a_mass_in_the_plane_of_the_view(cloth_window: StillWindow) -> None:
     cloth_window.settled()
     x, y = cloth_window.grab(31)
     # so far that springs stay long: nearer, the sheet folds until nothing pulls, before a busy machine has looked
@@ -422,7 +397,7 @@ def test_window_pulls_a_mass_in_the_plane_of_the_view(cloth_window: ClothWindow)
 
 @pytest.mark.display
 @needs_display
-def test_window_shows_springs_keys_and_a_picture(cloth_window: ClothWindow) -> None:
+def test_window_shows_springs_keys_and_a_picture(cloth_window: StillWindow) -> None:
     from PIL import Image
 
     cloth_window.key("r")

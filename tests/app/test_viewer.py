@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from app.command.scene_file import scene_toml
 from app.driver import open_simulation
 from app.render.camera import Camera2D, finite_bounds, pick
 from app.render.colours import STOPS, strain_colours, strain_range
@@ -22,6 +23,7 @@ from app.window.demo import Demo
 from model.core.errors import BackendUnavailable
 from model.scene.scene import Scene
 
+TOOLS = Path(__file__).resolve().parents[1] / "tools"
 GRID = {"rows": 8, "columns": 8, "pinned": "top-corners"}
 TABLES: dict[str, Any] = {
     "grid": GRID,
@@ -303,18 +305,24 @@ class Window:
     """The demo in a process of its own on a virtual screen, and what a user can do to it."""
 
     def __init__(self, folder: Path, display: str):
-        self.folder, self.state_file = folder, folder / "state.json"
         scene = folder / "scene.toml"
         scene.write_text(
             "[grid]\nrows = 16\ncolumns = 16\npinned = 'top-corners'\n[springs]\n[damping]\n"
             "[gravity]\nenabled = false\n[method]\nintegrator = 'lab'\n"
         )
-        self.environment = os.environ | {"DISPLAY": display, "OMP_WAIT_POLICY": "passive"}
-        self.environment.pop("NUMBA_ENABLE_CUDASIM", None)  # far too slow for a demo
-        code = (
+        self._start(
+            folder,
+            display,
             "from pathlib import Path; from app.window.viewer import run_demo; from model.scene.scene import load_scene;"
-            f"run_demo(load_scene({str(scene)!r}), state_file=Path({str(self.state_file)!r}))"
+            f"run_demo(load_scene({str(scene)!r}), state_file=Path('state.json'))",
         )
+
+    def _start(self, folder: Path, display: str, code: str) -> None:
+        """Python's `code` in the folder, where it keeps state.json."""
+        self.folder, self.state_file = folder, folder / "state.json"
+        paths = os.pathsep.join([str(TOOLS), str(TOOLS.parents[1])])
+        self.environment = os.environ | {"DISPLAY": display, "OMP_WAIT_POLICY": "passive", "PYTHONPATH": paths}
+        self.environment.pop("NUMBA_ENABLE_CUDASIM", None)  # far too slow for a demo
         self.log = folder / "log.txt"
         with self.log.open("wb") as log:
             self.process = subprocess.Popen(
@@ -386,6 +394,21 @@ class Window:
     def mass(self, particle: int) -> tuple[int, int]:
         x, y = self.state()["masses"][str(particle)]["window"]
         return round(x), round(y)
+
+
+class StillWindow(Window):
+    """The demo's window with a scene that needs no solver, so that nothing has to be compiled."""
+
+    def __init__(self, folder: Path, display: str, scene: Scene):
+        (folder / "scene.toml").write_text(scene_toml(scene))
+        self._start(
+            folder,
+            display,
+            "from pathlib import Path; from app.window.demo import Demo; from app.window.viewer import Viewer\n"
+            "from fake_cloth import open_fake; from model.scene.scene import load_scene\n"
+            "with Demo([load_scene('scene.toml')], open_world=open_fake) as demo:\n"
+            "    Viewer(demo, Path('state.json'), None).run()\n",
+        )
 
 
 @pytest.fixture(scope="module")

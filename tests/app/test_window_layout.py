@@ -130,7 +130,7 @@ def test_the_key_goes_through_every_detail_and_costs_fall() -> None:
 
 @pytest.mark.parametrize("bodies", [False, True])
 def test_the_keys_of_space_name_the_detail_and_the_turn_once(bodies: bool) -> None:
-    text = keys_text(600, space=True, bodies=bodies)
+    text = keys_text(600, "bodies" if bodies else "sheet", space=True)
     assert text.count("fine, plain, quick picture") == 1 and text.count("turn (middle)") == 1
     assert "fine, plain" not in keys_text(600)
 
@@ -144,6 +144,7 @@ class SeenView:
     def __init__(self) -> None:
         self.detail, self.lines, self.skin = FINE, False, True
         self.particles = self.clusters = self.links = False
+        self.subject, self.colourings = "sheet", ()
         self.show_in = lambda detail: setattr(self, "detail", detail)
 
     def toggle_lines(self) -> bool:
@@ -156,7 +157,7 @@ class SeenView:
 
 def looks_of(dimensions: int, bodies: bool) -> tuple[Looks, list[str]]:
     said: list[str] = []
-    scene = SimpleNamespace(dimensions=dimensions, bodies={"star": None} if bodies else {}, tetrahedra={})
+    scene = SimpleNamespace(dimensions=dimensions, bodies={"star": None} if bodies else {})
     demo = SimpleNamespace(world=SimpleNamespace(scene=scene), say=said.append)
     return Looks(cast("Any", demo), [SeenView(), SeenView()]), said
 

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from xpbd_scenes import PUBLISHED
 
 from bench.experiments.accuracy import cases as accuracy_cases
 from bench.experiments.accuracy import experiment as accuracy
@@ -43,22 +44,7 @@ def small(label: str = "S1") -> Scene:
 # ---------------------------------------------------------------------- the published table
 
 
-@pytest.mark.parametrize(
-    ("label", "dt", "iterations", "error"),
-    [
-        ("S1", 0.01, 1, 7.09e-2),
-        ("S1", 0.01, 4, 4.69e-3),
-        ("S1", 0.01, 20, 4.70e-3),
-        ("S1", 0.0025, 1, 5.37e-3),
-        ("S1", 0.0025, 4, 2.39e-3),
-        ("S1", 0.000625, 1, 9.9e-4),
-        ("S2", 0.01, 1, 3.73e-2),
-        ("S2", 0.01, 4, 2.74e-2),
-        ("S2", 0.01, 20, 2.74e-2),
-        ("S2", 0.0025, 1, 7.68e-3),
-        ("S2", 0.000625, 1, 2.02e-3),
-    ],
-)
+@pytest.mark.parametrize(("label", "dt", "iterations", "error"), PUBLISHED)
 def test_the_published_errors(references, label, dt, iterations, error):
     """docs/method.md, C: metres, RMS over all masses, at 1.5 s. To half of the last digit told, and a thousandth for the
     order of the colours, in which columns came first there."""

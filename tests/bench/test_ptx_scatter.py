@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from kernel_text import record_of
+from kernel_text import entry_of, record_of
 
 pytestmark = pytest.mark.usefixtures("ptx_compiler")
 
@@ -13,7 +13,7 @@ pytestmark = pytest.mark.usefixtures("ptx_compiler")
 @pytest.mark.parametrize("real", [np.float32, np.float64])
 def test_the_scatters_compile(real):
     """Atomics that return nothing (`red`), four to a spring; none in colours; no double in float32."""
-    from numba import cuda, types
+    from numba import types
 
     from bench.experiments.scatter_gpu import make_scatter
 
@@ -26,8 +26,7 @@ def test_the_scatters_compile(real):
             types.uint8[::1], types.int32, types.int32)  # fmt: skip
 
     def text(kernel, signature):
-        code, _ = cuda.compile_ptx(kernel.py_func, signature, cc=(9, 0), fastmath=True)
-        return code[code.index(".entry") :]
+        return entry_of(kernel.py_func, signature, "fast")
 
     atomic = text(kernels.atomics, spring)
     assert atomic.count("red.") + atomic.count("atom.") == 4

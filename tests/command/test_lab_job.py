@@ -26,6 +26,7 @@ RUNS = {
     "bench.experiments.projections.run_projections": "projections",
     "bench.experiments.throughput.run_throughput": "throughput",
     "bench.experiments.bar.run_bar": "bar",
+    "bench.experiments.bar_costs.run_bar_costs": "bar costs",
     "bench.experiments.busy.run_busy": "busy",
     "bench.experiments.tetrahedra.run_tetrahedra": "tetrahedra",
     "bench.experiments.tetrahedral.meshes.run_meshes": "meshes",

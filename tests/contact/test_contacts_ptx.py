@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from kernel_text import record_of
+from kernel_text import entry_of, record_of
 
 FIND = {
     "clear": "iif",
@@ -32,14 +32,11 @@ pytestmark = pytest.mark.usefixtures("ptx_compiler")
 def ptx(kernel: Any, arguments: str, math: str) -> str:
     """The kernel's text. `arguments`, a letter each: f float32, i 32-bit and l 64-bit integers of arrays, s a 32-bit one, p
     the record of constants."""
-    from numba import cuda, types
+    from numba import types
 
     kinds = {"f": types.float32[::1], "i": types.int32[::1], "l": types.int64[::1], "s": types.int32}
     kinds["p"] = record_of(np.float32, "contacts")
-    text, _ = cuda.compile_ptx(
-        kernel.py_func, tuple(kinds[letter] for letter in arguments), cc=(9, 0), fastmath=math == "fast"
-    )
-    return text[text.index(".entry") :]
+    return entry_of(kernel.py_func, tuple(kinds[letter] for letter in arguments), math)
 
 
 @pytest.mark.parametrize("math", ["fast", "exact"])

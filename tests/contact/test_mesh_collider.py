@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 from cloth_solve import cloth, each_solver
-from surface_touch import check_falling_cloth, check_formulas, fall_by, touch_by
+from surface_touch import check_compiled, check_falling_cloth, check_formulas, fall_by, touch_by
 
 from bench.reference import cloth as judge
 from model.contact.mesh_collider import MeshCollider
@@ -282,29 +282,9 @@ def test_formulas_are_the_references(spin: Any) -> None:
 
 @each_precision
 def test_compiled_formulas_have_the_bits_of_plain_ones(real: Any) -> None:
-    import numba
-
-    numbers, settle = tree_numbers(soup(30, 2), real), formulas.make(real, numba.njit(error_model="numpy")).settle
-
-    def batch(numbers, ways, out):
-        for k in range(len(ways)):
-            w = ways[k]
-            zero = w[0] - w[0]
-            met, x, y, z, vx, vy, vz = settle(
-                numbers, np.int32(0), w[9], w[10], w[10], zero, w[11], zero, zero, zero, w[11], w[0], w[1], w[2], w[3], w[4],
-                w[5], w[6], w[7], w[8], zero, zero,
-            )  # fmt: skip
-            out[k, 0], out[k, 1], out[k, 2], out[k, 3], out[k, 4], out[k, 5] = x, y, z, vx, vy, vz
-            out[k, 6] = w[9] if met else zero
-
     ways = np.abs(np.random.default_rng(9).normal(size=(150, 12))) * 0.3
     ways[:, :9] = np.random.default_rng(10).normal(size=(150, 9))
-    found, plain = np.zeros((150, 7), real), np.zeros((150, 7), real)
-    numba.njit(error_model="numpy")(batch)(numbers, ways.astype(real), found)
-    settle = formulas.make(real).settle
-    batch(numbers, ways.astype(real), plain)
-    assert np.array_equal(found, plain)
-    assert 30 < (found[:, 6] > 0).sum() < 150
+    assert 30 < check_compiled(formulas.make, tree_numbers(soup(30, 2), real), ways.astype(real)) < 150
 
 
 @each_solver

@@ -261,7 +261,6 @@ def test_a_step_that_changes_while_it_runs_changes_the_push() -> None:
 @pytest.mark.parametrize(
     ("changes", "field"),
     [
-        ({"method": {"solver": "vbd"}}, "contact.kind"),
         ({"method": {"solver": "newton"}}, "contact.kind"),
         ({"contact": {"restitution": 0.5}}, "contact.restitution"),
         ({"contact": {"sleeping_speed": 0.1}}, "contact.sleeping_speed"),

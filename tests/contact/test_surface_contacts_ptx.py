@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from kernel_text import record_of
+from kernel_text import entry_of, record_of
 
 FIND = {"take": "fif", "clear": "ii", "find_contacts": "fffiiiiiiiipiiffiil"}
 PROJECT = {"push": "ffiiffffpf"}
@@ -16,14 +16,11 @@ pytestmark = pytest.mark.usefixtures("ptx_compiler")
 
 def ptx(kernel: Any, arguments: str, real: Any, math: str) -> str:
     """The kernel's text. `arguments`, a letter each: f arrays of reals, i and l of 32- and 64-bit integers, p the record."""
-    from numba import cuda, types
+    from numba import types
 
     reals = (types.float32 if real is np.float32 else types.float64)[::1]
     kinds = {"f": reals, "i": types.int32[::1], "l": types.int64[::1], "p": record_of(real, "surfaces")}
-    text, _ = cuda.compile_ptx(
-        kernel.py_func, tuple(kinds[letter] for letter in arguments), cc=(9, 0), fastmath=math == "fast"
-    )
-    return str(text[text.index(".entry") :])
+    return entry_of(kernel.py_func, tuple(kinds[letter] for letter in arguments), math)
 
 
 @pytest.mark.parametrize("math", ["fast", "exact"])

@@ -35,11 +35,31 @@ def test_links_in_the_documents_lead_somewhere() -> None:
             assert (document.parent / target).exists(), f"{document.name}: {target}"
 
 
-def test_every_command_of_the_readme_exists() -> None:
+@pytest.mark.parametrize("name", ["README.md", "docs/commands.md", "docs/index.md"])
+def test_every_command_of_the_documents_exists(name: str) -> None:
     import softlab
 
     known = {command.name or command.callback.__name__ for command in softlab.app.registered_commands}  # type: ignore[union-attr]
-    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    text = (ROOT / name).read_text(encoding="utf-8")
     for line in re.findall(r"^softlab ([^#\n]+)", text, re.MULTILINE):
         for part in re.split(r" {2,}", line)[0].split("|"):
             assert part.split()[0] in known, line
+
+
+def test_the_gallery_has_every_scene_and_its_picture() -> None:
+    """Made anew: python docs/gallery.py --render SCENE."""
+    from importlib.util import module_from_spec, spec_from_file_location
+
+    spec = spec_from_file_location("gallery", ROOT / "docs" / "gallery.py")
+    assert spec is not None and spec.loader is not None
+    gallery = module_from_spec(spec)
+    spec.loader.exec_module(gallery)
+    assert gallery.PAGE.read_text(encoding="utf-8") == gallery.page(), "python docs/gallery.py writes it anew"
+    missing = [name for name in gallery.scenes() if not (gallery.PICTURES / f"{name}.webp").exists()]
+    assert not missing, "python docs/gallery.py --render " + " ".join(missing)
+
+
+def test_every_page_of_the_site_is_in_its_menu() -> None:
+    menu = (ROOT / "mkdocs.yml").read_text(encoding="utf-8").partition("nav:")[2]
+    pages = {path.name for path in (ROOT / "docs").glob("*.md")}
+    assert pages == set(re.findall(r": ([a-z-]+\.md)$", menu, re.MULTILINE))

@@ -140,6 +140,7 @@ def test_one_projection_of_an_isometric_hinge_is_exact() -> None:
         after = np.array([[made.shifted(x[c, a], w[c], k[c], change[a]) for a in range(3)] for c in range(4)])
         assert k @ after == pytest.approx(rest * way / np.linalg.norm(way), abs=1e-14)
     assert made.kept_part(0.0, 0.0, 0.0, 0.02) == 1
+    assert made.kept_part(0.0, 0.0, 1e-160, 0.02) == 1  # whose square is no normal number, and has no approximate root
     soft = made.isometric_change(1.0, 0.4, 1 / (5 + 0.7), 0.7, -0.05)
     assert (5 + 0.7) * soft == pytest.approx(-0.4 + 0.7 * 0.05)
     assert made.softness(0.2, 0.3) == pytest.approx(0.06)

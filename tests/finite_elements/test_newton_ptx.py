@@ -7,20 +7,24 @@ from typing import Any
 
 import numpy as np
 import pytest
+from kernel_text import entry_of
 
 from model.core.parameters import record_type
 from model.tetrahedra.newton import CONSTANTS, DAMPED
+from model.tetrahedra.springs import PARTS
+from model.xpbd.mesh_plan import BODY_DAMPING
 from model.xpbd.parameters import XPBD_PARAMETERS
 
 pytestmark = pytest.mark.usefixtures("ptx_compiler")
 
 FREE = frozenset({"gravity", "load"})
 EVERYTHING = FREE | {DAMPED, "pins", "damping", "external", "poke", "plane", "sphere", "capsule", "box", "friction"}
+PINS = FREE | {DAMPED, "pins", "motion", BODY_DAMPING} | PARTS
 
 
 def text(real: Any, math: str, parts: frozenset[str]) -> str:
     """From its entry on."""
-    from numba import cuda, typeof, types
+    from numba import typeof, types
 
     from gpu_backend.tetrahedra.newton_kernel import make_newton
 
@@ -28,16 +32,14 @@ def text(real: Any, math: str, parts: frozenset[str]) -> str:
     reals, whole, wide = one[::1], types.int32[::1], types.int64[::1]
     record = typeof(np.zeros(1, record_type((*CONSTANTS, *XPBD_PARAMETERS), real)))
     arguments = (
-        *(reals,) * 14, whole, reals, whole, wide, record, reals, types.uint64[::1], wide, types.int64, types.int64,
+        *(reals,) * 15, whole, reals, whole, wide, record, reals, types.uint64[::1], wide, types.int64, types.int64,
         types.int64, one,
     )  # fmt: skip
-    kernel = make_newton(real, math, parts)
-    found, _ = cuda.compile_ptx(kernel.py_func, arguments, cc=(9, 0), fastmath=math == "fast")
-    return str(found[found.index(".entry") :])
+    return entry_of(make_newton(real, math, parts).py_func, arguments, math)
 
 
 @pytest.mark.parametrize("math", ["fast", "exact"])
-@pytest.mark.parametrize("parts", [FREE, EVERYTHING], ids=["free", "everything"])
+@pytest.mark.parametrize("parts", [FREE, EVERYTHING, PINS], ids=["free", "everything", "pins"])
 def test_float32_holds_no_double_and_no_local_memory(parts: frozenset[str], math: str) -> None:
     found = text(np.float32, math, parts)
     assert ".f64" not in found

@@ -14,7 +14,7 @@ import pytest
 from closed_meshes import ball, both, box
 from cloth_solve import cloth
 from field_scenes import BLOCK, TORUS, block
-from surface_touch import check_formulas, fall_by, touch_by
+from surface_touch import check_compiled, check_formulas, fall_by, touch_by
 
 from bench.reference import cloth as judge
 from bench.reference.mesh_collider import nearest_point
@@ -292,28 +292,8 @@ def test_formulas_are_the_references(spin: Any) -> None:
 
 @each_precision
 def test_compiled_formulas_have_the_bits_of_plain_ones(real: Any) -> None:
-    import numba
-
     numbers = DistanceField(shape=TORUS, spacing=0.06, thickness=0.06).numbers(real)
-    settle = formulas.make(real, numba.njit(error_model="numpy")).settle
-
-    def batch(numbers, ways, out):
-        for k in range(len(ways)):
-            w = ways[k]
-            zero = w[0] - w[0]
-            met, x, y, z, vx, vy, vz = settle(
-                numbers, np.int32(0), w[9], w[10], w[10], zero, w[11], zero, zero, zero, w[11], w[0], w[1], w[2], w[3], w[4],
-                w[5], w[6], w[7], w[8], zero, zero,
-            )  # fmt: skip
-            out[k, 0], out[k, 1], out[k, 2], out[k, 3], out[k, 4], out[k, 5] = x, y, z, vx, vy, vz
-            out[k, 6] = w[9] if met else zero
-
     random = np.random.default_rng(9)
     ways = random.uniform(0.01, 0.06, (200, 12))
     ways[:, :9] = random.normal(size=(200, 9)) * 0.3
-    found, plain = np.zeros((200, 7), real), np.zeros((200, 7), real)
-    numba.njit(error_model="numpy")(batch)(numbers, ways.astype(real), found)
-    settle = formulas.make(real).settle
-    batch(numbers, ways.astype(real), plain)
-    assert np.array_equal(found, plain)
-    assert 30 < (found[:, 6] > 0).sum() < 190
+    assert 30 < check_compiled(formulas.make, numbers, ways.astype(real)) < 190

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from kernel_text import record_of
+from kernel_text import entry_of, record_of
 
 SPRINGS = frozenset({"structural", "shear", "bending"})
 PLAIN = SPRINGS | {"damping", "gravity", "pins"}
@@ -20,15 +20,14 @@ pytestmark = pytest.mark.usefixtures("ptx_compiler")
 
 def ptx(kernel: Any, kind: str, real: Any, math: str) -> str:
     """The text of a `pass`, an `rk4` stage or a `block`."""
-    from numba import cuda, types
+    from numba import types
 
     scalars = (types.float32 if real is np.float32 else types.float64)[::1]
     arrays = {"pass": 4, "rk4": 8, "block": 4}[kind]
     constants = (record_of(real, "quads"), scalars, types.uint64[::1], types.int64[::1], types.int64)
     passes = (types.int64,) if kind == "block" else ()
     signature = ((scalars,) * arrays) + constants + passes + (types.int32, types.int32)
-    text, _ = cuda.compile_ptx(kernel.py_func, signature, cc=(9, 0), fastmath=math == "fast")
-    return text[text.index(".entry") :]
+    return entry_of(kernel.py_func, signature, math)
 
 
 def pass_text(name: str, parts: frozenset[str], real: Any = np.float32, math: str = "fast") -> str:
@@ -116,7 +115,7 @@ def test_friction_is_compiled_in_where_a_body_has_some() -> None:
 
 @pytest.mark.parametrize("real", [np.float32, np.float64])
 def test_the_stages_and_tools_compile(real: Any) -> None:
-    from numba import cuda, types
+    from numba import types
 
     from gpu_backend.core import forces
     from gpu_backend.mass_spring.cloth.kernels import make_cloth_tools
@@ -146,7 +145,6 @@ def test_the_stages_and_tools_compile(real: Any) -> None:
         (bound.pins, (quads,) * 3),
         (bound.moving_pins, (quads, quads, record, quads, step, types.int32)),
     ):
-        text, _ = cuda.compile_ptx(kernel.py_func, arguments, cc=(9, 0))
-        text = text[text.index(".entry") :]
+        text = entry_of(kernel.py_func, arguments, "exact")
         assert ".local" not in text
         assert real is np.float64 or ".f64" not in text

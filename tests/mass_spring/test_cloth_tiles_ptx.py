@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from kernel_text import record_of
+from kernel_text import entry_of, record_of
 from test_cloth_ptx import EVERYTHING, PLAIN, SPRINGS
 
 FOUR = frozenset({"structural", "gravity"})
@@ -16,7 +16,7 @@ def text_of(
     kernel: str, tile: str, parts: frozenset[str], integrator: str, real: Any = np.float32, math: str = "fast"
 ) -> str:
     """The PTX of a kernel's body."""
-    from numba import cuda, types
+    from numba import types
 
     from gpu_backend.mass_spring.cloth.resident import make_cloth_resident
     from gpu_backend.mass_spring.cloth.tiles import make_cloth_tiles
@@ -31,8 +31,7 @@ def text_of(
     else:
         head = (scalars,) * 4 + constants + (types.int64, types.int64)
     signature = (*head, types.int32, types.int32)
-    text, _ = cuda.compile_ptx(compiled.py_func, signature, cc=(9, 0), fastmath=math == "fast")
-    return text[text.index(".entry") :]
+    return entry_of(compiled.py_func, signature, math)
 
 
 pytestmark = pytest.mark.usefixtures("ptx_compiler")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from kernel_text import record_of
+from kernel_text import entry_of, record_of
 
 SPRINGS = frozenset({"structural", "shear", "bending"})
 AIR = frozenset({"wind", "gust", "external", "poke", "gravity", "pins", "motion"})
@@ -17,7 +17,7 @@ pytestmark = pytest.mark.usefixtures("ptx_compiler")
 @pytest.mark.parametrize("math", ["fast", "exact"])
 @pytest.mark.parametrize("parts", [SPRINGS | {"gravity", "pins"}, EVERYTHING], ids=["springs", "everything"])
 def test_float32_holds_no_double_and_no_local_memory(parts, math) -> None:
-    from numba import cuda, types
+    from numba import types
 
     from gpu_backend.mass_spring.cloth.implicit import make_cloth_implicit
 
@@ -28,7 +28,6 @@ def test_float32_holds_no_double_and_no_local_memory(parts, math) -> None:
         types.int32,
     )  # fmt: skip
     kernel = make_cloth_implicit(np.float32, math, False, parts)
-    text, _ = cuda.compile_ptx(kernel.py_func, signature, cc=(9, 0), fastmath=math == "fast")
-    text = text[text.index(".entry") :]
+    text = entry_of(kernel.py_func, signature, math)
     assert ".f64" not in text
     assert ".local" not in text and "call" not in text

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from kernel_text import record_of
+from kernel_text import entry_of, ptx_of, record_of
 
 from model.core.parameters import PARAMETERS
 
@@ -26,10 +26,7 @@ def signature(kind: str, real: Any) -> tuple:
 
 
 def body(kernel: Any, kind: str, real: Any, math: str) -> str:
-    from numba import cuda
-
-    text, _ = cuda.compile_ptx(kernel.py_func, signature(kind, real), cc=(9, 0), fastmath=math == "fast")
-    return text[text.index(".entry") :]
+    return entry_of(kernel.py_func, signature(kind, real), math)
 
 
 PARTS = frozenset({"springs", "gravity", "damping", "pins", "external", "poke"})
@@ -48,7 +45,7 @@ def test_float32_passes_hold_no_double_and_spill_nothing(integrator: str, math: 
 
 def tile_text(kernel: Any, rung: str, real: Any, math: str) -> str:
     """The PTX of a kernel on tiles."""
-    from numba import cuda, types
+    from numba import types
 
     pairs = (types.complex64 if real is np.float32 else types.complex128)[::1]
     constants = (record_of(real, "grid"), types.uint64[::1], types.int64[::1])
@@ -58,8 +55,7 @@ def tile_text(kernel: Any, rung: str, real: Any, math: str) -> str:
         arguments = (*(pairs,) * 6, flags, types.int32, flags, *constants, *tail)
     else:
         arguments = (*(pairs,) * 4, *constants, types.int64, *tail)
-    text, _ = cuda.compile_ptx(kernel.py_func, arguments, cc=(9, 0), fastmath=math == "fast")
-    return text
+    return ptx_of(kernel.py_func, arguments, math)
 
 
 LAB_PARTS = frozenset({"springs", "gravity", "damping", "pins", "poke"})
@@ -202,14 +198,13 @@ def test_alternating_springs_read_two_constants_more_and_equal_ones_do_not(real:
 @pytest.mark.parametrize("real,word", [(np.float32, "f32"), (np.float64, "f64")])
 def test_the_arithmetic_rate_is_one_of_fused_multiply_adds(real: Any, word: str) -> None:
     """Nothing but fused products and sums in the loop, in registers, and in float32 no double."""
-    from numba import cuda, types
+    from numba import types
 
     from gpu_backend.core.arithmetic import NUMBERS, UNROLLED, make_chains
 
     scalar = types.float32 if real is np.float32 else types.float64
     kernel = make_chains(real).py_func
-    text, _ = cuda.compile_ptx(kernel, (scalar[::1], types.int32, scalar, scalar), cc=(9, 0), fastmath=True)
-    text = text[text.index(".entry") :]
+    text = entry_of(kernel, (scalar[::1], types.int32, scalar, scalar), "fast")
     assert text.count("fma.rn") >= NUMBERS * UNROLLED
     assert "ld.local" not in text and "st.local" not in text
     assert word == "f64" or ".f64" not in text

@@ -264,6 +264,16 @@ FORMULAS: tuple[Mistake, ...] = (
         },
     ),
     *in_file(
+        "model/formulas/constraints/attachment.py",
+        "test_cloth_beside.py::test_states_are_the_references test_cloth_beside.py::test_momentum_goes_from_the_cloth_to_bodies_and_back",
+        {"a cloth is not moved by what is attached to it": ("moved(q, -wq, change), moved(r, -wr, change),\n        )", "moved(q, wq, change), moved(r, wr, change),\n        )")},
+    ),
+    *in_file(
+        "model/tetrahedra/attachments.py",
+        "test_cloth_beside.py::test_attachments_hold_both_ways_and_contacts_leave_them_alone",
+        {"contacts push at what is attached to a cloth": ('if one.model != "world":\n            free', 'if one.model == "bodies":\n            free')},
+    ),
+    *in_file(
         "model/tetrahedra/masses.py",
         "test_matter.py::test_a_limit_of_masses_keeps_the_total",
         {"a limit of masses is one of their logarithms": ("asked = found[near.indices] / ratio", "asked = found[near.indices] / ratio**2")},

@@ -12,11 +12,14 @@ from bench.experiments.accuracy.methods import TETRAHEDRAL
 from bench.store.database import Store
 from bench.stress.cases import CASES
 from bench.stress.experiment import case_scene, judge_case, run_hard
+from bench.stress.results import HardRow, Told
 from bench.stress.tetrahedra import MOMENTUM, RATIO, SPIN, STORED, STRETCH, VOLUME, spin_kept
 from bench.stress.tetrahedral_cases import SWEPT, TETRAHEDRAL_CASES
 from bench.stress.trial import Trial
+from labbook.claims import hard_tetrahedra
 from model.core.errors import BackendUnavailable
 from model.core.simulation import State
+from plots.core.read import load
 
 NAMES = {case.name: case for case in TETRAHEDRAL_CASES}
 HOST: dict[str, Any] = {"threads": 1, "math": "exact"}
@@ -112,3 +115,30 @@ def test_verdicts_go_into_the_store_and_the_table(capsys: pytest.CaptureFixture[
     print_hard(Console(width=200), summary)
     told = capsys.readouterr().out
     assert "B23 bar" in told and "newton" in told and "1 passed" in told
+
+
+def test_claims_follow_the_numbers(monkeypatch: pytest.MonkeyPatch) -> None:
+    def row(case: str, precision: str, verdict: str, **checks: float) -> HardRow:
+        told = tuple(Told(NUMBERS[name], value, "", "") for name, value in checks.items())
+        return HardRow(case, "vbd", "cpu", precision, 1 / 60, verdict, "", told)
+
+    rows = [
+        row("B21 flat", "float64", "pass", ratio=0.99, stretch=0.01),
+        row("B21 random", "float32", "pass", ratio=0.9, stretch=0.05),
+        row("B22", "float64", "pass", volume=0.05, ratio=0.1),
+        row("B22 bar", "float64", "pass", volume=0.001, ratio=0.99),
+        row("B23 bar", "float64", "pass", stored=0.8),
+    ]
+    monkeypatch.setattr(hard_tetrahedra, "_rows", lambda results: rows)
+    claims = {name: claim(load(None)) for name, claim in hard_tetrahedra.CLAIMS.items()}
+    assert all(claim.supported for claim in claims.values())
+    assert claims["hard-tetrahedra"].numbers["pass"] == 5
+    laws = claims["hard-tetrahedra-laws"]
+    assert laws.numbers == {"ratio": 0.9, "stretch": 0.05, "volume": 0.05, "energy": 0.8}
+    assert "has within 2 s every tetrahedron right side out again" in laws.sentence.replace("\N{NO-BREAK SPACE}", " ")
+    rows[0] = row("B21 flat", "float64", "fail", ratio=-0.1, stretch=0.01)
+    broken = hard_tetrahedra.laws(load(None))
+    assert not broken.supported and "not every tetrahedron" in broken.sentence
+
+
+NUMBERS = {"ratio": RATIO, "stretch": STRETCH, "volume": VOLUME, "stored": STORED}

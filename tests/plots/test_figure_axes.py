@@ -41,11 +41,12 @@ ELSEWHERE = {  # figure -> the file whose test holds its labels to the table
     "ablation": "test_ablate.py",
     "projections": "test_projections.py",
     "throughput": "test_throughput.py",
-    "tetrahedra": "test_tetrahedra_experiment.py",
+    **dict.fromkeys(["tetrahedra", "tetrahedra-decides"], "test_tetrahedra_experiment.py"),
     "tetrahedra-mesh": "test_tetrahedra_meshes.py",
     **dict.fromkeys(["hard-states", "hard-verdicts"], "test_hard.py"),
     "hard-bodies": "test_hard_bodies.py",
     **dict.fromkeys(["bar-solvers", "bar-clusters"], "test_bar.py"),
+    "bar-costs": "test_bar_costs.py",
 }
 LARGE = (*SIZES, 1024, 2048, 4096)
 GPU_SQUARES = np.array(sorted([n * n for n in LARGE] + [100 * 100]), float)  # of the sweep

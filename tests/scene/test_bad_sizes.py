@@ -117,7 +117,7 @@ def test_no_memory_for_the_bandwidth(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(machine, "copy_bandwidth", none)
     monkeypatch.setattr(machine, "region_costs", lambda: {"1": 1e-6})
     monkeypatch.setattr(machine, "_gpu_limits", dict)
-    found = machine.measured_limits()
+    found = machine.measured_limits.__wrapped__()  # see tests/conftest.py
     assert found["copy_bandwidth"] is None and found["region_seconds"] == {"1": 1e-6}
 
 

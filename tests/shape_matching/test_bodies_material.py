@@ -28,7 +28,7 @@ from closed_meshes import ball, box
 from closed_meshes import rotation as rotation_by
 
 from app.output.files import read_state, write_state
-from app.render.skinning import ClusterFrames
+from app.render.bodies.skinning import ClusterFrames
 from bench.reference import shape_matching as reference
 from model.assets.baked import baked, body_key
 from model.assets.material import Material, even

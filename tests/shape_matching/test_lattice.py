@@ -22,8 +22,8 @@ from bodies_scenes import (
 from closed_meshes import rotation as rotation_by
 
 from app.output.files import read_state, write_state
+from app.render.bodies.skinning import ClusterFrames
 from app.render.particle_colours import cluster_colours
-from app.render.skinning import ClusterFrames
 from bench.experiments.body_scenes import FLOOR, ULP, centre, masses
 from bench.reference import shape_matching as reference
 from model.assets.baked import baked

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from kernel_text import entry_of
 
 from model.formulas import rotation
 
@@ -14,7 +15,7 @@ pytestmark = pytest.mark.usefixtures("ptx_compiler")
 
 def ptx(real: Any, math: str) -> str:
     """Of a kernel of one cluster: A (9,), q (4,) -> q, and a turn in two dimensions of the same numbers."""
-    from numba import cuda, types
+    from numba import types
 
     from gpu_backend.core.formulas import device_formulas
 
@@ -28,8 +29,7 @@ def ptx(real: Any, math: str) -> str:
         q[0], q[1], q[2], q[3] = w, x, y, z
 
     numbers = (types.float32 if real is np.float32 else types.float64)[::1]
-    text, _ = cuda.compile_ptx(turn, (numbers,) * 3, cc=(9, 0), fastmath=math == "fast")
-    return text[text.index(".entry") :]
+    return entry_of(turn, (numbers,) * 3, math)
 
 
 @pytest.mark.parametrize("math", ["fast", "exact"])

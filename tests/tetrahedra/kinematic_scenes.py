@@ -24,6 +24,7 @@ CUBE = LOOSE | {
     "shape": {"name": "box", "sides": [0.1, 0.1, 0.1]}, "origin": [0.03, -0.1, 0.01], "velocity": [0.3, 0.1, -0.2],
     "spin": [1.0, 2.0, 3.0],
 }  # fmt: skip
+CLAMP: dict[str, Any] = {"kind": "attachment", "body": "bar", "vertices": "left", "compliance": 1e-4}
 HOOK = {"kind": "attachment", "body": "cube", "vertices": "top", "to": "bar"}
 
 

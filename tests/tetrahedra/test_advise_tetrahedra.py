@@ -15,7 +15,8 @@ from bench.experiments.advise.answer import answer
 from bench.experiments.advise.tetrahedra import advise_tetrahedra, bodies, budgets_by_law
 from bench.experiments.advise.tetrahedra_advice import Budget, TetrahedraAdvice
 from bench.experiments.advise.tetrahedra_laws import LARGEST, MOST, Stiff, fewest, gravity_lost, least_substep
-from bench.experiments.tetrahedra import BLOCKS, bars, cantilever, drop, exact_drop, exact_rest, sag, settle
+from bench.experiments.tetrahedra import BLOCKS, cantilever, drop, exact_drop, exact_rest, sag, settle
+from bench.experiments.tetrahedral.bars import bars
 from bench.measure.experiment import described
 from bench.reference.finite_elements import modes
 from bench.store.database import Store

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from kinematic_scenes import CUBE, ENDS, HOOK, LOOSE, kinematic_scene, run
+from kinematic_scenes import BAR, CLAMP, CUBE, ENDS, HOOK, LOOSE, SOLVERS, kinematic_scene, run
 
 from app.driver import open_simulation
 from model.scene.scene import load_scene
@@ -14,7 +14,6 @@ from model.scene.scene import load_scene
 pytestmark = pytest.mark.gpu
 
 SLOW = LOOSE | {"origin": [0.0, 0.5, 0.0], "velocity": [1.0, 0.5, 0.2], "mass_damping": 3.0, "mass_ratio": 1.5}
-CLAMP = {"kind": "attachment", "body": "bar", "vertices": "left", "compliance": 1e-4}
 SCENES: dict[str, dict[str, Any]] = {
     "ends": {"slow": SLOW, **ENDS},
     "attached": {"bar": LOOSE, "cube": CUBE, "hook": HOOK, "clamp": CLAMP},
@@ -22,7 +21,7 @@ SCENES: dict[str, dict[str, Any]] = {
 
 
 @pytest.mark.parametrize("precision", ["float32", "float64"])
-@pytest.mark.parametrize("name,solver", [("ends", "xpbd"), ("ends", "vbd"), ("attached", "xpbd")])
+@pytest.mark.parametrize("name,solver", [("ends", "xpbd"), ("ends", "vbd"), ("attached", "xpbd"), ("attached", "vbd")])
 def test_bits_are_the_cpus(name: str, solver: str, precision: str) -> None:
     scene = kinematic_scene(solver, **SCENES[name])
     expected = run(scene, 20, precision=precision, math="exact", threads=1)
@@ -32,6 +31,17 @@ def test_bits_are_the_cpus(name: str, solver: str, precision: str) -> None:
         assert np.array_equal(state.velocity, expected.velocity), kernel
 
 
+@pytest.mark.parametrize("precision", ["float32", "float64"])
+@pytest.mark.parametrize("name", ["ends", "attached"])
+def test_bits_are_the_cpus_by_newtons_method(name: str, precision: str) -> None:
+    """With dampers, against which pins work."""
+    scene = kinematic_scene("newton", **({"bar": BAR | {"damping": 0.02}} | SCENES[name]))
+    expected = run(scene, 20, precision=precision, math="exact", threads=1)
+    state = run(scene, 20, "gpu", precision=precision, math="exact")
+    assert np.array_equal(state.position, expected.position)
+    assert np.array_equal(state.velocity, expected.velocity)
+
+
 @pytest.mark.parametrize("name", ["fem-twist", "fem-kinematic", "fem-attached"])
 def test_catalogue_scenes_move_alike(name: str) -> None:
     scene = load_scene(name)
@@ -39,8 +49,9 @@ def test_catalogue_scenes_move_alike(name: str) -> None:
     assert np.array_equal(both[0].position, both[1].position)
 
 
-def test_targets_are_the_cpus() -> None:
-    scene, states = kinematic_scene("xpbd"), []
+@pytest.mark.parametrize("solver", SOLVERS)
+def test_targets_are_the_cpus(solver: str) -> None:
+    scene, states = kinematic_scene(solver), []
     for backend in ("cpu", "gpu"):
         with open_simulation(scene, backend, math="exact", live=("targets",)) as simulation:
             for step in range(5):

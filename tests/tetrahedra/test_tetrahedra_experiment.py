@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from math import nan
 from typing import Any
 
 import numpy as np
@@ -18,7 +19,6 @@ from bench.experiments.tetrahedra import (
     MOTION_ERROR,
     SAG,
     SOLVER_ERROR,
-    bars,
     bending_frequency,
     cantilever,
     continuum_sag,
@@ -28,6 +28,8 @@ from bench.experiments.tetrahedra import (
     sag,
     settings,
 )
+from bench.experiments.tetrahedral.bars import Bar, bars
+from bench.experiments.tetrahedral.decides import decisions, gates
 from bench.measure.costs_timing import SECONDS
 from bench.measure.experiment import described
 from bench.store.database import Store
@@ -37,6 +39,8 @@ from model.core.errors import SceneError
 from plots.core.read import load
 from plots.core.style import settings as drawing_settings
 from plots.figures import tetrahedra as figure
+from plots.figures import tetrahedra_decides
+from plots.figures.tetrahedra_decides import frontier
 
 
 def test_the_bar_is_what_it_is_called() -> None:
@@ -78,7 +82,9 @@ def test_both_errors_are_told_apart(store: Store) -> None:
     assert usual.mesh_error == pytest.approx(1.4276 / 4.0306 - 1, rel=0.1)  # section E1's, as above
 
 
-def test_quick_is_a_part_of_the_whole() -> None:
+def test_quick_is_a_part_of_the_whole(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(tetrahedra, "SECTIONS", (1, 2, 4))
+
     def cases(quick: bool) -> set[str]:
         with Store(":memory:") as empty:
             found = groups(empty, ["cpu"], quick, ("float32",))
@@ -122,10 +128,68 @@ def test_what_is_claimed_and_drawn(tmp_path: Any) -> None:
     assert found["tetrahedra-mesh"].numbers["400"] == pytest.approx(-1 / 3)
     assert found["tetrahedra-creeping"].numbers["1e+06"] == pytest.approx(-1e-3)
     assert found["tetrahedra-budget"].numbers["gpu 1e+07 xpbd"] == pytest.approx(0.03)  # 18 substeps; there are 30
+    assert found["tetrahedra-decided"].numbers["gpu in motion"] == pytest.approx(1.0)  # rows; others take a second
     with drawing_settings():
-        drawing = figure.draw(results)
+        drawing, decides = figure.draw(results), tetrahedra_decides.draw(results)
     assert not isinstance(drawing, str) and drawing.sources
     assert labels(drawing.figure) == LABELS["tetrahedra"]
+    assert not isinstance(decides, str) and decides.sources
+    assert labels(decides.figure) == LABELS["tetrahedra-decides"]
+
+
+def _bar(solver: str, substeps: int, seconds: float, rest: float, motion: float) -> Bar:
+    return Bar(400, 1e7, solver, substeps, 1, "cpu", "float64", seconds, rest, motion, -1 / 3, False)
+
+
+def test_the_soonest_is_near_and_moves() -> None:
+    """Descent that stands still where it was let go is no answer at rest; a rest that is not known is none either."""
+    found = [
+        _bar("vbd", 1, 1e-4, 0.0, -0.98),
+        _bar("newton", 1, 1e-3, 1e-6, -0.14),
+        _bar("newton", 20, 8e-3, 1e-6, -0.009),
+        _bar("xpbd", 128, 1e-2, 0.048, 0.039),
+        _bar("xpbd", 325, 2e-2, 0.007, 0.004),
+        _bar("xpbd", 512, 4e-2, nan, 0.001),
+    ]
+    rest, motion = decisions(found)
+    assert rest.best and rest.rows and motion.best and motion.rows
+    assert (rest.best.solver, rest.best.substeps, rest.rows.substeps) == ("newton", 1, 325)
+    assert (motion.best.substeps, motion.rows.substeps) == (20, 325)
+    assert rest.share == pytest.approx(0.05) and motion.share == pytest.approx(0.4)
+    met, missed = gates(found)
+    assert met.endswith("gate met") and missed.endswith("gate not met") and "1e7 Pa" in met
+    assert [b.substeps for b in frontier(found)] == [1, 1, 20, 325, 512]
+    assert gates(found[3:4]) == [] and decisions(found[:1])[0].best is None
+
+
+def test_what_takes_too_long_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of a setting whose motion would take too long nothing is timed; the group is done all the same."""
+    monkeypatch.setattr(tetrahedra, "LONGEST", 1e-9)
+    monkeypatch.setattr(tetrahedra, "MODULI", (1e7,))
+    monkeypatch.setattr(tetrahedra, "SECTIONS", (1, 1))
+    monkeypatch.setattr(tetrahedra, "QUICK_SETTINGS", dict.fromkeys(tetrahedra.SETTINGS, ()) | {"xpbd": ((4, 1),)})
+    with Store(":memory:") as opened:
+        for held in (0, 1):
+            summary = run_tetrahedra(opened, quick=True, backends=["cpu"], precisions=["float64"], progress=False)
+            assert (summary.measured, summary.held) == (1 - held, held)
+        reasons = {m.name: m.reason or "" for m in measures(opened)}
+        assert "would take" in reasons[MOTION_ERROR] and "would take" in reasons[SOLVER_ERROR]
+        assert bars(measures(opened)) == []
+
+
+def test_fine_meshes_are_measured_where_the_laws_promise() -> None:
+    """Rows in substeps that grow with the square root of E and with the fineness, as h^2 E / (rho a^2) says."""
+    few, more, finer = (
+        [
+            n
+            for solver, n, sweeps in set(settings(False, across, young)) - set(settings(True))
+            if (solver, sweeps) == ("xpbd", 1)
+        ]
+        for across, young in ((4, 1e6), (4, 1e7), (8, 1e6))
+    )
+    assert max(more) == pytest.approx(10**0.5 * max(few), rel=0.02)
+    assert max(finer) == pytest.approx(2 * max(few), rel=0.02)
+    assert ("newton", 1, 1) in settings(False, 8, 1e7)
 
 
 def test_nothing_is_claimed_of_nothing(tmp_path: Any) -> None:
@@ -133,7 +197,7 @@ def test_nothing_is_claimed_of_nothing(tmp_path: Any) -> None:
         results = load(empty)
     for claim in CLAIMS.values():
         assert not claim(results).supported
-    assert isinstance(figure.draw(results), str)
+    assert isinstance(figure.draw(results), str) and isinstance(tetrahedra_decides.draw(results), str)
 
 
 def test_what_there_is_not_is_told(tmp_path: Any) -> None:

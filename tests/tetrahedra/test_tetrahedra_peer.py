@@ -62,6 +62,6 @@ def test_it_is_asked_and_checked(peer: CppTetrahedra, tmp_path: Any) -> None:
     with Store(tmp_path / "results.sqlite") as store:
         summary = run_peers(
             store, scenes=["tetrahedra"], sizes=[1], backends=["cpu"], precisions=["float64"], repeats=1,
-            min_seconds=1e-3, progress=False,
+            min_seconds=1e-3, peers=[peer], progress=False,
         )  # fmt: skip
     assert summary.measured == 2 and summary.wrong == []

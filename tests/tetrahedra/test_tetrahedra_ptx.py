@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from kernel_text import record_of
+from kernel_text import entry_of, record_of
 
 from model.formulas.constraints.tetrahedron import MATERIALS
 from model.tetrahedra.constraints import BLOCKS, DAMPED, ITERATED, part_of_run, projections_of
@@ -15,7 +15,7 @@ pytestmark = pytest.mark.usefixtures("ptx_compiler")
 
 
 def text_of(material: str, real: Any, math: str, *more: str) -> str:
-    from numba import cuda, types
+    from numba import types
 
     from gpu_backend.core.constraints import make_projections
 
@@ -23,10 +23,7 @@ def text_of(material: str, real: Any, math: str, *more: str) -> str:
     reals, i, n = (types.float32 if real is np.float32 else types.float64)[::1], types.int32, types.int32[::1]
     kernel = make_projections(real, math, projection)
     record = record_of(real, "tetrahedra")
-    text, _ = cuda.compile_ptx(
-        kernel.py_func, (reals, reals, n, reals, reals, i, i, i, i, record), cc=(9, 0), fastmath=math == "fast"
-    )
-    return str(text[text.index(".entry") :])
+    return entry_of(kernel.py_func, (reals, reals, n, reals, reals, i, i, i, i, record), math)
 
 
 @pytest.mark.parametrize("math", ["fast", "exact"])
@@ -67,7 +64,7 @@ def test_the_resident_kernel_contracts_nothing_in_exact_math() -> None:
 
 
 def resident_text(material: str, real: Any, math: str, *more: str) -> str:
-    from numba import cuda, types
+    from numba import types
 
     from gpu_backend.tetrahedra.resident import make_tetrahedra_resident
 
@@ -79,8 +76,7 @@ def resident_text(material: str, real: Any, math: str, *more: str) -> str:
         reals, reals, reals, reals, n, n, reals, reals, reals, i, i, n, record_of(real, "tetrahedra"), reals,
         types.uint64[::1], types.int64[::1], i, i, i, i, long, long, i,
     )  # fmt: skip
-    text, _ = cuda.compile_ptx(kernel.py_func, arguments, cc=(9, 0), fastmath=math == "fast")
-    return str(text[text.index(".entry") :])
+    return entry_of(kernel.py_func, arguments, math)
 
 
 def test_blocks_compile_likewise() -> None:
@@ -97,34 +93,30 @@ def test_multipliers_are_only_there_where_they_are_kept() -> None:
 
 @pytest.mark.parametrize("real,math", [(np.float32, "fast"), (np.float32, "exact"), (np.float64, "exact")])
 def test_pins_that_move_compile_likewise(real: Any, math: str) -> None:
-    from numba import cuda, types
+    from numba import types
 
     from gpu_backend.contact.pins import make_drive
 
     reals = (types.float32 if real is np.float32 else types.float64)[::1]
     i, n, wide = types.int32, types.int32[::1], types.int64
     arguments = reals, reals, record_of(real, "tetrahedra"), reals, n, i, i, wide[::1], wide, wide, wide
-    text, _ = cuda.compile_ptx(make_drive(real, math).py_func, arguments, cc=(9, 0), fastmath=math == "fast")
-    body = str(text[text.index(".entry") :])
+    body = entry_of(make_drive(real, math).py_func, arguments, math)
     assert ".local" not in body and "call" not in body
     assert ".f64" not in body if real is np.float32 else "fma.rn.f64" not in body
 
 
 @pytest.mark.parametrize("real,math", [(np.float32, "fast"), (np.float64, "exact")])
 def test_bodies_that_are_slowed_compile_likewise(real: Any, math: str) -> None:
-    from numba import cuda, types
+    from numba import types
 
     from gpu_backend.xpbd.mesh_kernels import make_slow
 
     reals = (types.float32 if real is np.float32 else types.float64)[::1]
-    text, _ = cuda.compile_ptx(
-        make_slow(real, math).py_func, (reals, reals, record_of(real, "tetrahedra")), cc=(9, 0), fastmath=math == "fast"
-    )
-    body = str(text[text.index(".entry") :])
+    body = entry_of(make_slow(real, math).py_func, (reals, reals, record_of(real, "tetrahedra")), math)
     assert ".local" not in body and (".f64" not in body if real is np.float32 else "fma.rn.f64" not in body)
 
 
-@pytest.mark.parametrize("model", ["world", "bodies"])
+@pytest.mark.parametrize("model", ["world", "bodies", "cloth"])
 def test_attachments_compile_likewise(model: str) -> None:
     for real, math in ((np.float32, "fast"), (np.float64, "exact")):
         text = text_of("", real, math, ITERATED, f"attachment-{model}")

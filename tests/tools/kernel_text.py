@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -9,6 +11,7 @@ import numpy as np
 from model.contact.self_contact_parameters import SELF_CONTACT_PARAMETERS
 from model.contact.surface_parameters import SURFACE_CONTACT_PARAMETERS
 from model.core.parameters import PARAMETERS, record_type
+from model.fluid.parameters import record_names
 from model.mass_spring.implicit_parameters import SYSTEM_PARAMETERS
 from model.tetrahedra.constraints import CONSTANTS
 from model.xpbd.parameters import XPBD_PARAMETERS
@@ -20,6 +23,7 @@ RECORDS = {  # of a grid; of all solvers of quads, a cloth's names among others;
     "surfaces": SURFACE_CONTACT_PARAMETERS,
     "matrix": SYSTEM_PARAMETERS,
     "tetrahedra": (*CONSTANTS, *XPBD_PARAMETERS),
+    "fluid": record_names(3),
 }
 
 
@@ -30,20 +34,32 @@ def record_of(real: Any, family: str) -> Any:
     return typeof(np.zeros(1, record_type(RECORDS[family], real)))
 
 
+@cache
+def ptx_of(function: Callable, arguments: tuple, math: str) -> str:
+    """The PTX of a kernel's function for arguments of numba's types `arguments`: made once for all tests of a process."""
+    from numba import cuda
+
+    text, _ = cuda.compile_ptx(function, arguments, cc=(9, 0), fastmath=math == "fast")
+    return str(text)
+
+
+def entry_of(function: Callable, arguments: tuple, math: str) -> str:
+    """`ptx_of` from the kernel's entry on."""
+    text = ptx_of(function, arguments, math)
+    return text[text.index(".entry") :]
+
+
 def kernel_text(kernel: Any, letters: str, real: Any, math: str) -> str:
     """The PTX of a kernel from its entry on. `letters`, one of each argument: R and I arrays of reals and of integers, L of
-    64-bit and U of unsigned ones, P the record of constants of solvers of quads, i and l numbers of 32 and 64
-    bits, b a yes or no."""
-    from numba import cuda, types
+    64-bit and U of unsigned ones, P the record of constants of solvers of quads, F of fluids, r a real, i and l
+    numbers of 32 and 64 bits, b a yes or no."""
+    from numba import types
 
     numbers = (types.float32 if real is np.float32 else types.float64)[::1]
     known = {"R": numbers, "I": types.int32[::1], "L": types.int64[::1], "U": types.uint64[::1]}
-    known["P"] = record_of(real, "quads")
-    known |= {"i": types.int32, "l": types.int64, "b": types.boolean}
-    arguments = tuple(known[letter] for letter in letters)
-    text, _ = cuda.compile_ptx(kernel.py_func, arguments, cc=(9, 0), fastmath=math == "fast")
-    found: str = text[text.index(".entry") :]
-    return found
+    known["P"], known["F"] = record_of(real, "quads"), record_of(real, "fluid")
+    known |= {"r": numbers.dtype, "i": types.int32, "l": types.int64, "b": types.boolean}
+    return entry_of(kernel.py_func, tuple(known[letter] for letter in letters), math)
 
 
 def collide_text(real: Any, math: str, parts: frozenset[str]) -> str:

@@ -42,11 +42,13 @@ LABELS: dict[str, list[tuple[str, str]]] = {  # figure -> (x, y) of each panel, 
         ("", "error at rest"), ("", ""), ("", ""), ("time of a frame / ms", "error in motion"),
         *[("time of a frame / ms", "")] * 2,
     ],
+    "tetrahedra-decides": [("time of a frame / ms", "error in motion\n400 tetrahedra"), *[("time of a frame / ms", "")] * 2],
     "tetrahedra-mesh": [("voxels across the bar", "sag / the continuum's"), ("substep / ms", "amplitude lost / (1/s)")],
     "hard-states": [],  # pictures
     "hard-verdicts": [],
     "hard-bodies": [("measured over its bound", "")],
     "bar-solvers": BAR,
+    "bar-costs": [("time of a frame / ms", f"{what} off a rod's") for what in ("sag", "first frequency")],
     "bar-clusters": [
         ("masses along the strip", "sag / a rod's"), ("overlap: cluster radius / cluster spacing", "over a rod's"),
     ],

@@ -67,3 +67,31 @@ def check_falling_cloth(solver: str, scene: Scene, collider: str) -> None:
         found = solve(solver, scene, 20)
         np.testing.assert_allclose(found[0], position, rtol=0, atol=3000 * 2.0**-53)
         np.testing.assert_allclose(found[1], velocity, rtol=0, atol=3000 * 100 * 2.0**-53)
+
+
+def check_compiled(make: Any, numbers: np.ndarray, ways: np.ndarray) -> int:
+    """The formula `settle` of a collider, as numba compiles it, has the bits of plain Python for random `ways` (n, 12) of
+    masses; returned: how many meet it."""
+    import numba
+
+    settle = None
+
+    def batch(numbers, ways, out):
+        for k in range(len(ways)):
+            w = ways[k]
+            zero = w[0] - w[0]
+            met, x, y, z, vx, vy, vz = settle(
+                numbers, np.int32(0), w[9], w[10], w[10], zero, w[11], zero, zero, zero, w[11], w[0], w[1], w[2], w[3], w[4],
+                w[5], w[6], w[7], w[8], zero, zero,
+            )  # fmt: skip
+            out[k, 0], out[k, 1], out[k, 2], out[k, 3], out[k, 4], out[k, 5] = x, y, z, vx, vy, vz
+            out[k, 6] = w[9] if met else zero
+
+    found, plain = np.zeros((2, len(ways), 7), ways.dtype)
+    compiled = numba.njit(error_model="numpy")
+    settle = make(ways.dtype.type, compiled).settle
+    compiled(batch)(numbers, ways, found)
+    settle = make(ways.dtype.type).settle
+    batch(numbers, ways, plain)
+    assert np.array_equal(found, plain)
+    return int((found[:, 6] > 0).sum())

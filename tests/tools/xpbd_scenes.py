@@ -36,6 +36,29 @@ GRID: dict[str, Any] = {
     "perturbation": {"amplitude": 0.05},
     "method": METHOD | {"dt": 0.02},
 }
+# Published errors after 1.5 s (docs/method.md, C): sheet, dt [s], iterations, RMS over all masses [m].
+PUBLISHED = [
+    ("S1", 0.01, 1, 7.09e-2),
+    ("S1", 0.01, 4, 4.69e-3),
+    ("S1", 0.01, 20, 4.70e-3),
+    ("S1", 0.0025, 1, 5.37e-3),
+    ("S1", 0.0025, 4, 2.39e-3),
+    ("S1", 0.000625, 1, 9.9e-4),
+    ("S2", 0.01, 1, 3.73e-2),
+    ("S2", 0.01, 4, 2.74e-2),
+    ("S2", 0.01, 20, 2.74e-2),
+    ("S2", 0.0025, 1, 7.68e-3),
+    ("S2", 0.000625, 1, 2.02e-3),
+]
+# B2, 20 links with a thousandfold mass at the end: substeps, iterations, ordering, largest stretch [%] in frames 20 to 40.
+HEAVY_END = [
+    (1, 20, "gauss-seidel", 191),
+    (20, 1, "gauss-seidel", 26.0),
+    (1, 100, "gauss-seidel", 97.6),
+    (10, 10, "gauss-seidel", 9.75),
+    (100, 1, "gauss-seidel", 1.01),
+    (100, 1, "jacobi", 4.15),
+]
 PARTS: dict[str, dict[str, Any]] = {
     "springs": CLOTH,
     "rigid": CLOTH | {kind: {"compliance": 0.0} for kind in ("structural", "shear", "bending")},

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from xpbd_scenes import HEAVY_END, PUBLISHED
 
 from bench.reference import mass_spring
 from model.core.build import build
@@ -101,17 +102,7 @@ def test_a_link_that_did_not_give_takes_a_live_stiffness(opened: Any) -> None:
         assert simulation.read("position")[1, 1] == pytest.approx(-1 - 0.01 * G, abs=1e-12)
 
 
-@pytest.mark.parametrize(
-    ("substeps", "iterations", "ordering", "percent"),
-    [
-        (1, 20, "gauss-seidel", 191),
-        (20, 1, "gauss-seidel", 26.0),
-        (1, 100, "gauss-seidel", 97.6),
-        (10, 10, "gauss-seidel", 9.75),
-        (100, 1, "gauss-seidel", 1.01),
-        (100, 1, "jacobi", 4.15),
-    ],
-)
+@pytest.mark.parametrize(("substeps", "iterations", "ordering", "percent"), HEAVY_END)
 def test_mass_ratio_1000(opened: Any, substeps: int, iterations: int, ordering: str, percent: float) -> None:
     """20 links of 0.05 m, 1 g a mass and 1 kg at the end, inextensible: largest stretch in the frames 20 to 40, as the
     reference has it (three digits; of 1.01 two). Substeps do what iterations do not."""
@@ -165,22 +156,7 @@ def lab_sheet(name: str) -> Scene:
     )
 
 
-@pytest.mark.parametrize(
-    ("sheet", "dt", "iterations", "error"),
-    [
-        ("S1", 0.01, 1, 7.09e-2),
-        ("S1", 0.01, 4, 4.69e-3),
-        ("S1", 0.01, 20, 4.70e-3),
-        ("S1", 0.0025, 1, 5.37e-3),
-        ("S1", 0.0025, 4, 2.39e-3),
-        ("S1", 0.000625, 1, 9.9e-4),
-        ("S2", 0.01, 1, 3.73e-2),
-        ("S2", 0.01, 4, 2.74e-2),
-        ("S2", 0.01, 20, 2.74e-2),
-        ("S2", 0.0025, 1, 7.68e-3),
-        ("S2", 0.000625, 1, 2.02e-3),
-    ],
-)
+@pytest.mark.parametrize(("sheet", "dt", "iterations", "error"), PUBLISHED)
 def test_error_against_the_motion_of_the_springs(
     stepped: Run, truth: dict[str, np.ndarray], sheet: str, dt: float, iterations: int, error: float
 ) -> None:

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from kernel_text import record_of
+from kernel_text import entry_of, record_of
 
 from model.xpbd.mesh_constraints import projection_of
 
@@ -29,17 +29,14 @@ pytestmark = pytest.mark.usefixtures("ptx_compiler")
 def ptx(kernel: Any, real: Any, math: str, *arguments: str) -> str:
     """The text of a kernel whose arguments are told in letters: R, I arrays of reals and of indices, P the record (W: of two
     axes), i, l numbers."""
-    from numba import cuda, types
+    from numba import types
 
     scalars = (types.float32 if real is np.float32 else types.float64)[::1]
     known = {"R": scalars, "I": types.int32[::1], "U": types.uint64[::1], "L": types.int64[::1]}
     known["W"] = (types.float32 if real is np.float32 else types.float64)[:, ::1]
     known["P"] = record_of(real, "quads")
     known |= {"i": types.int32, "l": types.int64}
-    text, _ = cuda.compile_ptx(
-        kernel.py_func, tuple(known[a] for a in "".join(arguments)), cc=(9, 0), fastmath=math == "fast"
-    )
-    return text[text.index(".entry") :]
+    return entry_of(kernel.py_func, tuple(known[a] for a in "".join(arguments)), math)
 
 
 def projection(name: str, real: Any, math: str) -> str:

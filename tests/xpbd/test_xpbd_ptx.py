@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from kernel_text import record_of
+from kernel_text import entry_of, record_of
 
 KINDS = frozenset({"structural", "shear", "bending"})
 SOFT = KINDS | {f"{kind}-compliance" for kind in KINDS} | {"damping", "gravity", "pins"}
@@ -25,7 +25,7 @@ pytestmark = pytest.mark.usefixtures("ptx_compiler")
 def ptx(kernel: Any, arguments: str, real: Any, math: str) -> str:
     """The kernel's text. `arguments`, a letter each: f scalars, i 32-bit and l 64-bit integers of arrays, u the integer
     record, p that of reals, s a 32-bit integer, b a 64-bit one."""
-    from numba import cuda, types
+    from numba import types
 
     kinds = {
         "f": (types.float32 if real is np.float32 else types.float64)[::1], "i": types.int32[::1],
@@ -33,8 +33,7 @@ def ptx(kernel: Any, arguments: str, real: Any, math: str) -> str:
         "p": record_of(real, "quads"),
     }  # fmt: skip
     signature = tuple(kinds[letter] for letter in arguments)
-    text, _ = cuda.compile_ptx(kernel.py_func, signature, cc=(9, 0), fastmath=math == "fast")
-    return text[text.index(".entry") :]
+    return entry_of(kernel.py_func, signature, math)
 
 
 def assert_lean(text: str, real: Any = np.float32) -> None:
@@ -110,12 +109,11 @@ def test_passes_hold_no_double_and_no_local_memory(real: Any) -> None:
         text = ptx(kernel, arguments, real, "exact")
         assert_lean(text, real)
         assert "fma." not in text and "approx" not in text
-    from numba import cuda, types
+    from numba import types
 
     kind = types.float32 if real is np.float32 else types.float64
     write = make_plane_tools(real).write_position
-    text, _ = cuda.compile_ptx(write.py_func, (kind[::1], kind[:, ::1]), cc=(9, 0))
-    assert_lean(text[text.index(".entry") :], real)
+    assert_lean(entry_of(write.py_func, (kind[::1], kind[:, ::1]), "exact"), real)
 
 
 def test_stages_hold_no_double() -> None:

@@ -27,9 +27,11 @@ from bench.experiments.advise.tetrahedra_laws import (
     Stiff,
     fewest,
     gravity_lost,
+    least_descent,
     least_substep,
 )
-from bench.experiments.tetrahedra import DENSITY, FRAME, LENGTH, POISSON, SIDE, Bar, bars
+from bench.experiments.tetrahedra import DENSITY, FRAME, LENGTH, POISSON, SIDE
+from bench.experiments.tetrahedral.bars import Bar, bars
 from bench.measure.costs_timing import QUICK, SECONDS, Record, in_turn
 from bench.measure.experiment import backends_here, cost_sources, described
 from bench.measure.machine import enter_machine
@@ -64,6 +66,9 @@ def advise_tetrahedra(
     begin = clock.perf_counter()
     if not LEAST <= error <= LARGEST:
         raise SceneError("--error", error, f"of tetrahedral bodies it is relative, {LEAST:g} to {LARGEST:g}")
+    if scene.mesh:
+        told = "what a cloth beside tetrahedral bodies does to them has no law; leave it out for what its bodies need"
+        raise SceneError(scene.name_of("mesh"), "a cloth", told)
     chosen = backends_here(backends)
     stiff, basis = bodies(scene)
     budgets, beaten = [], []
@@ -158,16 +163,10 @@ def budgets_by_law(scene: Scene, stiff: Sequence[Stiff], error: float) -> Iterat
 
 def _descent(dt: float, stiff: Sequence[Stiff], error: float, damped: Any) -> Budget | tuple[str, str]:
     """Vertex block descent: half of the error for its damping, half for what sweeps leave; the fewest sweeps of all."""
-    least = fewest(lambda n: damped(n) <= error / 2)
-    best = (inf, 0, 0)
-    substeps = least or MOST
-    while least and substeps <= MOST:
-        sweeps = max(one.sweeps_of_descent(dt / substeps, error / 2) for one in stiff)
-        best = min(best, (substeps * sweeps, substeps, sweeps))
-        substeps *= 2
-    if best[0] == inf:
+    best = least_descent(stiff, dt, error)
+    if best is None:
         return "vbd", f"would take more than {MOST} substeps a step"
-    _, substeps, sweeps = best
+    substeps, sweeps = best
     why = "rests where it should; in motion its damping, and as much by what sweeps leave (creep)"
     return Budget("vbd", substeps, sweeps, 0.0, damped(substeps) + error / 2, why)
 

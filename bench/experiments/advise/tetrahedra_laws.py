@@ -20,9 +20,9 @@ frequency of its slowest vibration:
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from math import ceil, log, pi, sqrt
+from math import ceil, inf, log, pi, sqrt
 
 FIRST = ((0.45, 0.95), (0.5, 1.35))  # of q: up to a Poisson's ratio, the constant
 SECOND = ((0.45, 0.55, 2.0), (0.5, 0.60, 1.5))  # up to a Poisson's ratio, the constant and the power of q
@@ -90,3 +90,16 @@ def fewest(enough: Callable[[int], bool]) -> int | None:
         middle = (low + high) // 2
         low, high = (low, middle) if enough(middle) else (middle, high)
     return high
+
+
+def least_descent(stiff: Sequence[Stiff], dt: float, error: float) -> tuple[int, int] | None:
+    """(substeps of a step of dt [s], sweeps of each) of vertex block descent within `error` in motion, the fewest sweeps of
+    all: half of the error for its damping, half for what sweeps leave. None if none is."""
+    least = fewest(lambda n: max(one.damped(dt / n) for one in stiff) <= error / 2)
+    best = (inf, 0, 0)
+    substeps = least or MOST
+    while least and substeps <= MOST:
+        sweeps = max(one.sweeps_of_descent(dt / substeps, error / 2) for one in stiff)
+        best = min(best, (substeps * sweeps, substeps, sweeps))
+        substeps *= 2
+    return None if best[0] == inf else best[1:]

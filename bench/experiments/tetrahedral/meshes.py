@@ -53,7 +53,7 @@ def mesh_items(store: Store, backends: Sequence[str], quick: bool) -> list[Exper
     own = source_digest(Path(__file__), Path(str(finite_elements.__file__)))
     found = []
     for cut in CUTS:
-        for across in SECTIONS[: 2 if quick else None]:
+        for across in SECTIONS[: 2 if quick else 3]:
             for poisson in CONTINUUM:
                 scene = bar(across, cut, poisson)
                 made = described(scene, "cpu", MESH, precision="float64")

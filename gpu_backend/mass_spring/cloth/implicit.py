@@ -16,9 +16,9 @@ import numpy as np
 from numba import cuda
 
 from gpu_backend.core.compile import inlined, kernel_options, make_kernel, variant_name
+from gpu_backend.core.cooperative import Cooperative
 from gpu_backend.core.device import simulated
 from gpu_backend.core.formulas import device_formulas
-from gpu_backend.core.launch import prepare
 from gpu_backend.core.meeting import make_meet
 from gpu_backend.core.world import Cell, World
 from gpu_backend.mass_spring.cloth.implicit_point import make_implicit_point
@@ -40,7 +40,6 @@ from model.scene.scene import Scene
 COUNTS = ("steps", "matrices", "iterations", "halvings")  # that a simulation has done
 THREADS = LANES if simulated() else SEGMENT  # of a block; the simulator's are threads of Python
 TOGETHER = 2  # blocks that a multiprocessor holds at least, which bounds their registers
-STEPS = 64  # a launch, so that it can be interrupted
 
 
 @cache
@@ -228,17 +227,13 @@ class ImplicitSteps:
         count = segments_of(body.rows, body.columns)
         self._vectors = [sim.new_array() for _ in range(9)]
         self._sums = cuda.to_device(np.zeros(SUMS * count, real), stream=sim.stream)
-        self._flags = cuda.to_device(np.zeros(1, np.int32), stream=sim.stream)
         self._done = cuda.to_device(np.zeros(len(COUNTS), np.int64), stream=sim.stream)
         self._system = cuda.to_device(system_record(sim.scene, real), stream=sim.stream)
         linear = sim.scene.method.integrator == "implicit-euler-linear"
-        self._kernel = make_cloth_implicit(real, sim.options.math, linear, without_dampers(sim.plan.parts))
-        self.blocks = 1
-        if not simulated():
-            arguments = self._arguments(1)
-            prepare(self._kernel, arguments, 0, cooperative=True)
-            compiled = self._kernel.compile(tuple(self._kernel.typeof_pyval(argument) for argument in arguments))
-            self.blocks = min(count, compiled.max_cooperative_grid_blocks(THREADS))
+        kernel = make_cloth_implicit(real, sim.options.math, linear, without_dampers(sim.plan.parts))
+        self._steps = Cooperative(sim, kernel, self._arguments, count, THREADS)
+        self._steps.prepare()
+        self.advance = self._steps.advance
 
     @property
     def done(self) -> np.ndarray:
@@ -256,16 +251,6 @@ class ImplicitSteps:
     def _arguments(self, steps: int) -> tuple[Any, ...]:
         sim = self.simulation
         return (
-            sim.position[sim._current], sim.velocity[sim._current], *self._vectors, self._sums, self._flags, self._done,
+            sim.position[sim._current], sim.velocity[sim._current], *self._vectors, self._sums, self._steps.flags, self._done,
             sim.record, self._system, sim.bodies, sim.integers, sim._counter, np.int64(steps), *sim.shape,
         )  # fmt: skip
-
-    def advance(self, step: int, steps: int) -> None:
-        sim = self.simulation
-        sim._set_counter(step)
-        while steps > 0:
-            now = min(steps, STEPS)
-            self._flags.copy_to_device(np.zeros(1, np.int32), stream=sim.stream)
-            self._kernel[self.blocks, THREADS, sim.stream](*self._arguments(now))
-            sim._count_on(now)
-            steps -= now

@@ -1,6 +1,6 @@
 """A vertex a that is to be in one place with another, of which it may be away by what its compliance gives: three equations
 with one weight, solved at once. The place is a point p of the world, values (p [m], compliance [m/N]), or the mean of four
-vertices with the weights s, which add up to 1, values (s, compliance [m/N]).
+vertices of a tetrahedron, or of three of a triangle, with the weights s, which add up to 1, values (s, compliance [m/N]).
 
 C = a - p or a - sum s x; dC/dx of each vertex is 1 or -s times the identity, so that the sum of m dx is 0 where no vertex is
 held. M. Macklin et al., "XPBD", MIG 2016, eq. 18, with a vector for a multiplier.
@@ -14,14 +14,14 @@ from model.formulas import plain
 from model.formulas.bending import make as make_bending
 from model.formulas.distance import make as make_distance
 
-WORLD, BODY = 1, 5  # how many corners
-COUNTS = {WORLD: 4, BODY: 5}  # values
+WORLD, CLOTH, BODY = 1, 4, 5  # how many corners
+COUNTS = {WORLD: 4, CLOTH: 4, BODY: 5}  # values
 MULTIPLIERS = 3
-OPERATIONS = {WORLD: 3 + 1 + 12 + 6, BODY: 24 + 1 + 14 + 12 + 30}
+OPERATIONS = {WORLD: 3 + 1 + 12 + 6, CLOTH: 18 + 1 + 11 + 12 + 24, BODY: 24 + 1 + 14 + 12 + 30}
 
 
 def make(real, compiled=plain, corners=BODY):
-    """See the head of the file; `corners`: WORLD or BODY."""
+    """See the head of the file; `corners`: WORLD, CLOTH or BODY."""
     reciprocal, softness = make_distance(real, compiled).reciprocal, make_bending(real, compiled).softness
     one = real(1)
 
@@ -70,4 +70,23 @@ def make(real, compiled=plain, corners=BODY):
         )  # fmt: skip
         return ends, total
 
-    return SimpleNamespace(project=to_world if corners == WORLD else to_body)
+    @compiled
+    def mean_of_three(values, p, q, r):
+        return (values[0] * p + values[1] * q) + values[2] * r
+
+    @compiled
+    def to_cloth(points, before, weights, values, multipliers, constants):
+        a, p, q, r = points
+        x = a[0] - mean_of_three(values, p[0], q[0], r[0])
+        y = a[1] - mean_of_three(values, p[1], q[1], r[1])
+        z = a[2] - mean_of_three(values, p[2], q[2], r[2])
+        wp, wq, wr = values[0] * weights[1], values[1] * weights[2], values[2] * weights[3]
+        weight = weights[0] + mean_of_three(values, wp, wq, wr)
+        change, total = changes(x, y, z, weight, softness(constants[0], values[3]), multipliers)
+        ends = (
+            moved(a, weights[0], change), moved(p, -wp, change),
+            moved(q, -wq, change), moved(r, -wr, change),
+        )  # fmt: skip
+        return ends, total
+
+    return SimpleNamespace(project={WORLD: to_world, CLOTH: to_cloth, BODY: to_body}[corners])

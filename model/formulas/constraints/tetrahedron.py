@@ -60,13 +60,48 @@ def operations(material: int, item: int) -> int:
 
 def make(real, compiled=plain, material=FIXED, damped=False, blocks=False):
     """See the package; `material`: which of MATERIALS; `damped`: a damper counts; `blocks`: see the head of the file."""
-    formulas, reciprocal = make_bending(real, compiled), make_distance(real, compiled).reciprocal
-    softness, shift, dot = formulas.softness, formulas.shift, make_lengths(real, compiled).dot
-    elastic = make_gradient(real, compiled)
-    gradient, corners, cofactor, determinant = elastic.gradient, elastic.corners, elastic.cofactor, elastic.determinant
-    rotation = make_rotation(real, compiled)
-    zero, one, three, smallest = real(0), real(1), real(3), real(SMALLEST)
+    softness, gradient, zero = make_bending(real, compiled).softness, make_gradient(real, compiled).gradient, real(0)
+    terms, one_row = make_terms(real, compiled, material), make_row(real, compiled, damped)
+    distortion, dilation, row, scaled = terms.distortion, terms.dilation, one_row.row, one_row.scaled
     block: Any = make_block(real, compiled, damped) if blocks else None
+
+    @compiled
+    def project_block(points, before, weights, values, multipliers, constants):
+        gamma = zero
+        if damped:
+            gamma = scaled(constants[1], values[12])
+        compliance = softness(constants[0], values[9])
+        points, first = block(points, before, weights, values, compliance, multipliers, gamma)
+        violation, g = dilation(gradient(points[0], points[1], points[2], points[3], values), values[11])
+        compliance = softness(constants[0], values[10])
+        points, second = row(points, before, weights, values, violation, g, compliance, multipliers[9], gamma)
+        return points, (*first, second)
+
+    @compiled
+    def project(points, before, weights, values, multipliers, constants):
+        gamma = zero
+        if damped:
+            gamma = scaled(constants[1], values[12])
+        violation, g = distortion(gradient(points[0], points[1], points[2], points[3], values))
+        compliance = softness(constants[0], values[9])
+        points, first = row(points, before, weights, values, violation, g, compliance, multipliers[0], gamma)
+        violation, g = dilation(gradient(points[0], points[1], points[2], points[3], values), values[11])
+        compliance = softness(constants[0], values[10])
+        points, second = row(points, before, weights, values, violation, g, compliance, multipliers[1], gamma)
+        return points, (first, second)
+
+    return SimpleNamespace(project=project_block if blocks else project)
+
+
+def make_terms(real, compiled, material):
+    """`distortion`, `dilation`: the two constraints of a material."""
+    dot, elastic, rotation = (
+        make_lengths(real, compiled).dot,
+        make_gradient(real, compiled),
+        make_rotation(real, compiled),
+    )
+    cofactor, determinant = elastic.cofactor, elastic.determinant
+    zero, one, three, smallest = real(0), real(1), real(3), real(SMALLEST)
     is_hookean, is_corotated = material == HOOKEAN, material == COROTATED
 
     @compiled
@@ -100,6 +135,14 @@ def make(real, compiled=plain, material=FIXED, damped=False, blocks=False):
             return along - three, r
         cofactors = cofactor(f)
         return determinant(f, cofactors) - rest, cofactors
+
+    return SimpleNamespace(distortion=distortion, dilation=dilation)
+
+
+def make_row(real, compiled, damped):
+    """`row`: one scalar constraint of four corners; `scaled`."""
+    shift, reciprocal = make_bending(real, compiled).shift, make_distance(real, compiled).reciprocal
+    dot, corners, zero, one = make_lengths(real, compiled).dot, make_gradient(real, compiled).corners, real(0), real(1)
 
     @compiled
     def passed(g, now, before):
@@ -136,58 +179,14 @@ def make(real, compiled=plain, material=FIXED, damped=False, blocks=False):
         )  # fmt: skip
         return moved, multiplier + change
 
-    @compiled
-    def project_block(points, before, weights, values, multipliers, constants):
-        gamma = zero
-        if damped:
-            gamma = scaled(constants[1], values[12])
-        compliance = softness(constants[0], values[9])
-        points, first = block(points, before, weights, values, compliance, multipliers, gamma)
-        violation, g = dilation(gradient(points[0], points[1], points[2], points[3], values), values[11])
-        compliance = softness(constants[0], values[10])
-        points, second = row(points, before, weights, values, violation, g, compliance, multipliers[9], gamma)
-        return points, (*first, second)
-
-    @compiled
-    def project(points, before, weights, values, multipliers, constants):
-        gamma = zero
-        if damped:
-            gamma = scaled(constants[1], values[12])
-        violation, g = distortion(gradient(points[0], points[1], points[2], points[3], values))
-        compliance = softness(constants[0], values[9])
-        points, first = row(points, before, weights, values, violation, g, compliance, multipliers[0], gamma)
-        violation, g = dilation(gradient(points[0], points[1], points[2], points[3], values), values[11])
-        compliance = softness(constants[0], values[10])
-        points, second = row(points, before, weights, values, violation, g, compliance, multipliers[1], gamma)
-        return points, (first, second)
-
-    return SimpleNamespace(project=project_block if blocks else project)
+    return SimpleNamespace(row=row, scaled=scaled)
 
 
 def make_block(real, compiled, damped):
     """block(points, before, weights, values, compliance, multipliers, gamma) -> (points, nine multipliers): F - R at once."""
-    zero, one = real(0), real(1)
-    elastic, rotation = make_gradient(real, compiled), make_rotation(real, compiled)
+    elastic, rotation, one = make_gradient(real, compiled), make_rotation(real, compiled), real(1)
     gradient, corner, dot = elastic.gradient, elastic.corner, make_lengths(real, compiled).dot
-
-    @compiled
-    def weighted(weights, a, b, c, d, i, j):
-        """An entry of H."""
-        return (weights[0] * (a[i] * a[j]) + weights[1] * (b[i] * b[j])) + (
-            weights[2] * (c[i] * c[j]) + weights[3] * (d[i] * d[j])
-        )
-
-    @compiled
-    def inverse_of(xx, xy, xz, yy, yz, zz):
-        """Of a symmetric matrix, six entries, by cofactors, over its trace first so that no product is too large or small."""
-        trace = (xx + yy) + zz
-        s = one / (trace if trace > zero else one)
-        xx, xy, xz, yy, yz, zz = s * xx, s * xy, s * xz, s * yy, s * yz, s * zz
-        cxx, cxy, cxz = yy * zz - yz * yz, xz * yz - xy * zz, xy * yz - xz * yy
-        cyy, cyz, czz = xx * zz - xz * xz, xy * xz - xx * yz, xx * yy - xy * xy
-        determinant = dot(xx, xy, xz, cxx, cxy, cxz)
-        t = s / determinant if determinant > zero else zero
-        return t * cxx, t * cxy, t * cxz, t * cyy, t * cyz, t * czz
+    system = make_system(real, compiled)
 
     @compiled
     def asked(violation, compliance, multiplier):
@@ -197,18 +196,6 @@ def make_block(real, compiled, damped):
     def drawn(violation, gamma, now, before):
         """With what a damper adds."""
         return violation + gamma * (now - before)
-
-    @compiled
-    def system(rest, weights, compliance, stiffening):
-        a = -(rest[0] + rest[3]) - rest[6], -(rest[1] + rest[4]) - rest[7], -(rest[2] + rest[5]) - rest[8]
-        b, c, d = (rest[0], rest[1], rest[2]), (rest[3], rest[4], rest[5]), (rest[6], rest[7], rest[8])
-        return inverse_of(
-            stiffening * weighted(weights, a, b, c, d, 0, 0) + compliance, stiffening * weighted(weights, a, b, c, d, 0, 1),
-            stiffening * weighted(weights, a, b, c, d, 0, 2),
-            stiffening * weighted(weights, a, b, c, d, 1, 1) + compliance,
-            stiffening * weighted(weights, a, b, c, d, 1, 2),
-            stiffening * weighted(weights, a, b, c, d, 2, 2) + compliance,
-        )  # fmt: skip
 
     @compiled
     def moved(point, weight, way):
@@ -258,3 +245,41 @@ def make_block(real, compiled, damped):
         )  # fmt: skip
 
     return block
+
+
+def make_system(real, compiled):
+    """system(rest, weights, compliance, stiffening): the inverse of what a block's nine rows share, six entries."""
+    zero, one, dot = real(0), real(1), make_lengths(real, compiled).dot
+
+    @compiled
+    def weighted(weights, a, b, c, d, i, j):
+        """An entry of H."""
+        return (weights[0] * (a[i] * a[j]) + weights[1] * (b[i] * b[j])) + (
+            weights[2] * (c[i] * c[j]) + weights[3] * (d[i] * d[j])
+        )
+
+    @compiled
+    def inverse_of(xx, xy, xz, yy, yz, zz):
+        """Of a symmetric matrix, six entries, by cofactors, over its trace first so that no product is too large or small."""
+        trace = (xx + yy) + zz
+        s = one / (trace if trace > zero else one)
+        xx, xy, xz, yy, yz, zz = s * xx, s * xy, s * xz, s * yy, s * yz, s * zz
+        cxx, cxy, cxz = yy * zz - yz * yz, xz * yz - xy * zz, xy * yz - xz * yy
+        cyy, cyz, czz = xx * zz - xz * xz, xy * xz - xx * yz, xx * yy - xy * xy
+        determinant = dot(xx, xy, xz, cxx, cxy, cxz)
+        t = s / determinant if determinant > zero else zero
+        return t * cxx, t * cxy, t * cxz, t * cyy, t * cyz, t * czz
+
+    @compiled
+    def system(rest, weights, compliance, stiffening):
+        a = -(rest[0] + rest[3]) - rest[6], -(rest[1] + rest[4]) - rest[7], -(rest[2] + rest[5]) - rest[8]
+        b, c, d = (rest[0], rest[1], rest[2]), (rest[3], rest[4], rest[5]), (rest[6], rest[7], rest[8])
+        return inverse_of(
+            stiffening * weighted(weights, a, b, c, d, 0, 0) + compliance, stiffening * weighted(weights, a, b, c, d, 0, 1),
+            stiffening * weighted(weights, a, b, c, d, 0, 2),
+            stiffening * weighted(weights, a, b, c, d, 1, 1) + compliance,
+            stiffening * weighted(weights, a, b, c, d, 1, 2),
+            stiffening * weighted(weights, a, b, c, d, 2, 2) + compliance,
+        )  # fmt: skip
+
+    return system

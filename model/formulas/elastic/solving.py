@@ -5,12 +5,14 @@ from __future__ import annotations
 from types import SimpleNamespace
 
 from model.formulas import plain
+from model.formulas.elastic.descent import make_matrices
 from model.formulas.lengths import make as make_lengths
 
 
 def make(real, compiled=plain):
     """Of one particle, row or tetrahedron, in the arithmetic `real`."""
     dot, half = make_lengths(real, compiled).dot, real(0.5)
+    applied = make_matrices(real, compiled).times  # a 3 x 3 block, by rows, times a vector
 
     @compiled
     def times(a, b):
@@ -24,11 +26,6 @@ def make(real, compiled=plain):
     def weighted(s, m):
         """Nine numbers."""
         return s * m[0], s * m[1], s * m[2], s * m[3], s * m[4], s * m[5], s * m[6], s * m[7], s * m[8]
-
-    @compiled
-    def applied(m, x, y, z):
-        """A 3 x 3 block, by rows, times a vector."""
-        return dot(m[0], m[1], m[2], x, y, z), dot(m[3], m[4], m[5], x, y, z), dot(m[6], m[7], m[8], x, y, z)
 
     @compiled
     def preconditioned(m, x, y, z):

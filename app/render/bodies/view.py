@@ -1,0 +1,263 @@
+"""Draws a scene's bodies into the current OpenGL context: particles as lit spheres, skins as lit meshes that follow their
+clusters on the graphics card, with what they collide with and a ground. The window and off-screen pictures draw through here.
+"""
+
+from __future__ import annotations
+
+from itertools import groupby
+from typing import Any
+
+import numpy as np
+
+from app.render import colours, shaders
+from app.render.bodies import shaders as body_shaders
+from app.render.bodies.skinning import ClusterFrames
+from app.render.bodies.skins import ClusterTexture, Skins
+from app.render.camera3d import Camera3D
+from app.render.detail import FINE, Detail
+from app.render.opengl import shader_program
+from app.render.particle_colours import COLOURINGS, cluster_colours, particle_colours
+from app.render.scenery import Lit
+from app.render.spheres import Spheres, use_shadow
+from app.render.vertex_arrays import (
+    delete_all,
+    draw_elements,
+    refill,
+    square_array,
+    static_buffer,
+    uniform_matrix,
+    vertex_array,
+)
+from app.render.view import View
+from model.core.simulation import Simulation
+from model.scene.scene import Scene
+from model.shape_matching.spare import copies_there
+
+PARTICLE_RADIUS = 0.5  # of the particle spacing
+SKIN_COVER = 0.22  # of the particles behind it, where both are shown
+SMALL = 0.45  # times a particle's radius then, and beside clusters, so that they lie inside
+SKIN_SHINE = 0.16
+
+
+class BodiesView(View):
+    """See View. `particles`, `skin`: which of them are shown, one of them at least; both: the particles through the
+    skin. `clusters`: their middles, too; `links`, likewise, where there are any. `colouring`: what gives particles their
+    colours, of COLOURINGS."""
+
+    subject, colourings = "bodies", COLOURINGS
+
+    def __init__(self, scene: Scene, detail: Detail = FINE):
+        super().__init__(scene, detail)
+        body_set = scene.body_set
+        self.particles, self.skin, self.clusters, self.links = False, True, False, False
+        self.colouring = COLOURINGS[0]
+        self.frames = ClusterFrames(scene)
+        number = str(len(colours.BODIES))
+        skin_vertex = body_shaders.SKIN_VERTEX.replace("COLOURS", number)
+        self._lit_skin = Lit(skin_vertex, body_shaders.SKIN_FRAGMENT)
+        self._balls = Spheres(self._scenery)
+        self._skin_shadow = shader_program(body_shaders.SKIN_SHADOW_VERTEX, body_shaders.SKIN_SHADOW_FRAGMENT)
+        spacing = np.array([copy.baked.spacing for copy in body_set.copies])
+        self._radius = PARTICLE_RADIUS * spacing[body_set.body]
+        copies = body_set.in_cluster_order
+        self._owner = np.repeat([copy.number for copy in copies], [copy.baked.clusters.count for copy in copies])
+        self._middle_look = np.column_stack([cluster_colours(body_set), PARTICLE_RADIUS * spacing[self._owner]])
+        self._there = copies_there(scene)
+        self._weights: np.ndarray | None = None  # by which that is so
+        self._rest = np.concatenate([copy.baked.skin.rest_centre for copy in copies])
+        zero = np.zeros((body_set.clusters.count, 3), np.float32)
+        self._buffers = [
+            static_buffer(part) for part in (self._look(), np.zeros(1, np.uint32), zero, self._look_of_middles())
+        ]
+        self._spheres = square_array(self.vertices.position_buffer, self._buffers[0])
+        self._middles = square_array(*self._buffers[2:4])
+        self._points = vertex_array(self.vertices.position_buffer, self._buffers[1])
+        self._links = np.concatenate([copy.first_particle + copy.baked.links for copy in body_set.copies]).astype(
+            np.uint32
+        )
+        self._buffers.append(static_buffer(self._links))
+        self._link_ends = 0  # of links that are drawn
+        self._lines = vertex_array(self.vertices.position_buffer, self._buffers[-1])
+        self._line_program = shader_program(shaders.VERTEX, shaders.LINE_FRAGMENT)
+        self._skins = [Skins(list(copies)) for _, copies in groupby(body_set.copies, key=lambda copy: copy.name)]
+        self._cluster_texture = ClusterTexture(body_set.clusters.count)
+        self._constants()
+        self._send_links()
+        self.upload(body_set.position)
+
+    def _look(self) -> np.ndarray:
+        """(particles, 4) float32: colours and radii [m], 0 of what waits: nothing is drawn of it."""
+        found = particle_colours(self.scene, self.colouring)
+        radius = self._radius * self._there[self.scene.body_set.body]
+        return np.ascontiguousarray(np.column_stack([found, radius]), np.float32)
+
+    def _look_of_middles(self) -> np.ndarray:
+        """(clusters, 4) float32: likewise."""
+        look = self._middle_look.astype(np.float32)
+        look[:, 3] *= self._there[self._owner]
+        return look
+
+    def _send_links(self) -> None:
+        """Those of bodies that are there."""
+        ends = np.ascontiguousarray(self._links[self._there[self.scene.body_set.body[self._links[:, 0]]]])
+        refill(self._buffers[-1], ends)
+        self._link_ends = ends.size
+
+    def _constants(self) -> None:
+        """Uniforms that never change."""
+        program = self._lit_skin.program
+        program.use()
+        program["palette"] = tuple(colours.BODIES)
+        program["clusters"], program["shine"] = 0, SKIN_SHINE
+        program.stop()
+        self._scenery.shadow_constants(self._skin_shadow)
+        self._skin_shadow.use()
+        self._skin_shadow["clusters"] = 0
+        self._skin_shadow.stop()
+
+    def _lits(self) -> list[Any]:
+        return [*super()._lits(), self._lit_skin, self._balls]
+
+    # ------------------------------------------------------------------ the state
+
+    def upload(self, position: np.ndarray, normal: np.ndarray | None = None) -> None:
+        """Send positions (particles, 3) [m]; the clusters follow from them. Who waits is as in `show_bodies`. Raises
+        InputError."""
+        self.vertices.upload_state(position, False)
+        self._send(self.frames.of_state(position))
+
+    def upload_from(self, simulation: Simulation, position: np.ndarray | None = None) -> None:
+        """Send the state of a simulation, with the clusters as its solver has them; `position` (particles, 3) float32, if
+        the caller has read it already."""
+        self.show_bodies(simulation.body.inverse_mass)
+        self.vertices.upload(simulation, False, position)
+        self._send(self.frames.of_simulation(simulation, position))
+
+    def show_bodies(self, inverse_mass: np.ndarray | None) -> None:
+        """Bodies that wait by these inverse masses (particles,), as in State, are not drawn from the next upload on; at first
+        those that wait when the scene starts."""
+        if inverse_mass is self._weights:  # as in nearly every frame
+            return
+        self._weights, there = inverse_mass, copies_there(self.scene, inverse_mass)
+        if not np.array_equal(there, self._there):
+            self._there = there
+            self.vertices.send(self._buffers[0], self._look())
+            self.vertices.send(self._buffers[3], self._look_of_middles())
+            self._send_links()
+
+    def _send(self, matrices: np.ndarray) -> None:
+        """Where clusters are, (clusters, 3, 4), for the skins and for their middles. The skin of what waits is one point."""
+        if not self._there.all():
+            matrices = matrices * self._there[self._owner, None, None].astype(np.float32)
+        self._cluster_texture.send(matrices)
+        with np.errstate(over="ignore", invalid="ignore"):
+            self.vertices.send(
+                self._buffers[2], np.einsum("nij,nj->ni", matrices[:, :, :3], self._rest) + matrices[:, :, 3]
+            )
+
+    def next_colouring(self) -> None:
+        """The next of COLOURINGS."""
+        self.colouring = COLOURINGS[(COLOURINGS.index(self.colouring) + 1) % len(COLOURINGS)]
+        self.vertices.send(self._buffers[0], self._look())
+
+    def toggle_clusters(self) -> None:
+        """Show or hide the middles of the clusters."""
+        self.clusters = not self.clusters
+
+    def toggle_links(self) -> None:
+        """Show or hide the links, if there are any."""
+        self.links = not self.links and len(self._links) > 0
+
+    def toggle_lines(self) -> bool:
+        """Particles in place of the skin, or the skin in place of them; whether it is particles now."""
+        self.particles, self.skin = not self.lines, self.lines
+        return self.lines
+
+    @property
+    def lines(self) -> bool:  # type: ignore[override]
+        """Whether particles are shown and no skin."""
+        return not self.skin
+
+    def toggle_particles(self) -> None:
+        """Show or hide the particles; without a skin they stay."""
+        self.particles = not self.particles
+        self.skin |= not self.particles
+
+    def toggle_skin(self) -> None:
+        """Show or hide the skin; without it the particles are shown."""
+        self.skin = not self.skin
+        self.particles |= not self.skin
+
+    # ------------------------------------------------------------------ the picture
+
+    def _draw_solid(self, camera: Camera3D, strain_range: float) -> None:
+        if self.links:
+            self._draw_links(camera)
+        if self._inside:
+            self._draw_spheres(camera)
+        else:
+            self._draw_skins(camera, 1.0)
+
+    @property
+    def _inside(self) -> bool:
+        """Whether something is to be seen through the skin."""
+        return self.particles or self.clusters or self.links
+
+    def _draw_links(self, camera: Camera3D) -> None:
+        from pyglet import gl
+
+        program = self._line_program
+        program.use()
+        program["transform"], program["toward"] = uniform_matrix(camera.matrix()), 0.0
+        program["colour"] = colours.INK
+        draw_elements(self._lines, gl.GL_LINES, self._link_ends)
+        program.stop()
+
+    def _draw_spheres(self, camera: Camera3D) -> None:
+        size = SMALL if self.skin or self.clusters or self.links else 1.0
+        particles = [(self._spheres, self.scene.grid.particle_count, size)] if self.particles else []
+        middles = [(self._middles, self.frames.count, 1.0)] if self.clusters else []
+        self._balls.draw(camera, self._target.samples > 1, particles + middles)
+
+    def _draw_skins(self, camera: Camera3D, cover: float) -> None:
+        self._lit_skin.use(camera)
+        self._lit_skin.program["cover"] = cover
+        self._cluster_texture.bind()
+        for skins in self._skins:
+            self._lit_skin.program["copy"] = skins.number
+            skins.draw(self._lit_skin.program)
+        self._lit_skin.program.stop()
+
+    def _draw_shadows(self, camera: Camera3D, time: float) -> None:
+        shade = self._shade_skins if self.skin else self._shade_spheres
+        self._scenery.draw_shadows(camera, time, self.lowest, [], [shade])
+
+    def _shade_skins(self, camera: Camera3D, flatten: np.ndarray, centre: np.ndarray) -> None:
+        use_shadow(self._skin_shadow, camera, flatten, centre)
+        self._cluster_texture.bind()
+        for skins in self._skins:
+            skins.draw(self._skin_shadow)
+        self._skin_shadow.stop()
+
+    def _shade_spheres(self, camera: Camera3D, flatten: np.ndarray, centre: np.ndarray) -> None:
+        self._balls.shade(camera, flatten, centre, self._spheres, self.scene.grid.particle_count)
+
+    def _draw_over(self, camera: Camera3D, selected: int | None) -> None:
+        from pyglet import gl
+
+        if self.skin and self._inside:
+            gl.glEnable(gl.GL_CULL_FACE)
+            self._draw_skins(camera, SKIN_COVER)
+            gl.glDisable(gl.GL_CULL_FACE)
+        if selected is not None:
+            self._use_points(camera, self._points)
+            self._ring(selected)
+            self._point_program.stop()
+
+    def delete(self) -> None:
+        """Free the buffers."""
+        delete_all([self._spheres, self._middles, self._points, self._lines], self._buffers)
+        for skins in self._skins:
+            skins.delete()
+        self._cluster_texture.delete()
+        super().delete()

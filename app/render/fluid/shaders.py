@@ -1,0 +1,294 @@
+"""The shaders of a fluid's surface, GLSL 3.30: particles as ellipsoids, their depth filtered, normals from it, and light.
+
+Depth is the distance from the eye along the line of view [m], in 32-bit float; 0: no fluid. The passes are told in
+app/render/fluid/surface.py.
+"""
+
+from __future__ import annotations
+
+MOST_TAPS = 48  # pixels to each side that the filter looks, at most
+
+# A square across the line of sight that covers the ball about an ellipsoid. `axes` takes the unit ball to the ellipsoid,
+# `back` takes it back: the three rows of the inverse.
+ELLIPSOID_VERTEX = """#version 330 core
+layout(location = 0) in vec3 position;  // m
+layout(location = 4) in vec4 look;      // what light the fluid takes away [1/m], the ball's radius [m]
+layout(location = 5) in vec3 back_x;
+layout(location = 6) in vec3 back_y;
+layout(location = 7) in vec3 back_z;
+uniform mat4 transform;
+uniform vec3 eye;
+uniform vec3 upward;
+out vec3 place;
+flat out vec3 centre;
+flat out vec3 taken;
+flat out mat3 back;
+void main() {
+    vec2 corner = vec2(gl_VertexID & 1, gl_VertexID >> 1) * 2.0 - 1.0;
+    vec3 toward = eye - position;
+    float away = dot(toward, toward), radius = look.a;
+    centre = position;
+    taken = look.rgb;
+    back = transpose(mat3(back_x, back_y, back_z));
+    vec3 across = normalize(cross(upward, toward)), up = normalize(cross(toward, across));
+    float half_side = radius * sqrt(away / max(away - radius * radius, 1e-4 * away)) * 1.02;
+    place = position + half_side * (corner.x * across + corner.y * up);
+    gl_Position = transform * vec4(place, 1.0);
+}
+"""
+
+# Where the line of sight enters and leaves: |back (eye + t ray - centre)| = 1.
+MET = """
+in vec3 place;
+flat in vec3 centre;
+flat in vec3 taken;
+flat in mat3 back;
+uniform vec3 eye;
+uniform vec3 ahead;         // unit vector, the way the camera looks
+vec2 met(vec3 ray) {        // distances from the eye, x > y: the line does not meet it
+    vec3 from = back * (eye - centre), along = back * ray;
+    float a = dot(along, along), b = dot(from, along), c = dot(from, from) - 1.0;
+    float root = b * b - a * c;
+    if (root < 0.0) return vec2(1.0, 0.0);
+    root = sqrt(root);
+    return vec2(-b - root, -b + root) / a;
+}
+"""
+
+DEPTH_FRAGMENT = (
+    "#version 330 core\n"
+    + MET
+    + """
+uniform mat4 transform;
+out float depth;
+void main() {
+    vec3 ray = normalize(place - eye);
+    vec2 t = met(ray);
+    if (t.x > t.y || t.x <= 0.0) discard;
+    depth = t.x * dot(ray, ahead);
+    vec4 clip = transform * vec4(eye + t.x * ray, 1.0);
+    gl_FragDepth = 0.5 + 0.5 * clip.z / clip.w;
+}
+"""
+)
+
+# Summed over the particles behind a pixel: how long the line of sight is inside, and what that takes of each colour.
+THICKNESS_FRAGMENT = (
+    "#version 330 core\n"
+    + MET
+    + """
+out vec4 sum;
+void main() {
+    vec2 t = met(normalize(place - eye));
+    if (t.x > t.y || t.x <= 0.0) discard;
+    float inside = SHARE * (t.y - t.x);
+    sum = vec4(taken * inside, inside);
+}
+"""
+)
+
+SCREEN_VERTEX = """#version 330 core
+void main() {
+    gl_Position = vec4(vec2(gl_VertexID & 1, gl_VertexID >> 1) * 4.0 - 1.0, 0.0, 1.0);
+}
+"""
+
+# A bell along one axis, for what has no edges to keep.
+BLUR_FRAGMENT = f"""#version 330 core
+uniform sampler2D thickness;
+uniform sampler2D depth;
+uniform ivec2 way;
+uniform float reach;        // m
+uniform float focal;
+out vec4 sum;
+void main() {{
+    ivec2 pixel = ivec2(gl_FragCoord.xy), last = textureSize(depth, 0) - 1;
+    float here = texelFetch(depth, pixel, 0).r;
+    sum = vec4(0.0);
+    if (here <= 0.0) return;
+    float wide = clamp(reach * focal / here, 0.01, {MOST_TAPS}.0), weight = 0.0;
+    for (int k = -int(wide); k <= int(wide); k++) {{
+        ivec2 there = clamp(pixel + k * way, ivec2(0), last);
+        float share = texelFetch(depth, there, 0).r > 0.0 ? exp(-4.5 * float(k * k) / (wide * wide)) : 0.0;
+        sum += share * texelFetch(thickness, there, 0);
+        weight += share;
+    }}
+    sum /= weight;
+}}
+"""
+
+# N. Truong, C. Yuksel, "A Narrow-Range Filter for Screen-Space Fluid Rendering", PACMCGIT 1 (2018), equations 4 to 7, along
+# one axis: what is nearer than the range is another surface in front and does not count, nor does its mirror image; what is
+# farther counts as if it were a little behind; the range grows with what lies in it.
+NARROW_FRAGMENT = f"""#version 330 core
+uniform sampler2D depth;
+uniform ivec2 way;          // (1, 0), (0, 1)
+uniform float reach;        // m: the filter's half width
+uniform float focal;        // pixels
+uniform float range;        // m
+uniform float behind;       // m
+out float smooth_depth;
+float at(ivec2 pixel) {{
+    ivec2 size = textureSize(depth, 0);
+    return any(lessThan(pixel, ivec2(0))) || any(greaterThanEqual(pixel, size)) ? 0.0 : texelFetch(depth, pixel, 0).r;
+}}
+void main() {{
+    ivec2 pixel = ivec2(gl_FragCoord.xy);
+    float here = at(pixel);
+    smooth_depth = here;
+    if (here <= 0.0) return;
+    float wide = clamp(reach * focal / here, 0.0, {MOST_TAPS}.0);
+    int taps = int(ceil(wide));
+    float nearest = here - range, farthest = here + range, sum = here, weight = 1.0;
+    for (int k = 1; k <= taps; k++) {{
+        float one = at(pixel + k * way), other = at(pixel - k * way);
+        if (one <= 0.0) one = farthest + 1e9;
+        if (other <= 0.0) other = farthest + 1e9;
+        if (one < nearest || other < nearest) continue;
+        float share = exp(-4.5 * float(k * k) / (wide * wide));
+        sum += share * ((one > farthest ? here + behind : one) + (other > farthest ? here + behind : other));
+        weight += 2.0 * share;
+        if (one <= farthest) {{ nearest = min(nearest, one - range); farthest = max(farthest, one + range); }}
+        if (other <= farthest) {{ nearest = min(nearest, other - range); farthest = max(farthest, other + range); }}
+    }}
+    smooth_depth = sum / weight;
+}}
+"""
+
+# W. van der Laan, S. Green, M. Sainz, "Screen Space Fluid Rendering with Curvature Flow", I3D 2009: a step against the mean
+# curvature; none over edges.
+STEP = 0.2  # pixels^2, of curvature flow: explicit diffusion in a plane is stable up to a quarter
+CURVATURE_FRAGMENT = """#version 330 core
+uniform sampler2D depth;
+uniform float focal;
+uniform float range;        // m
+out float smooth_depth;
+float at(ivec2 pixel) {
+    ivec2 size = textureSize(depth, 0);
+    return any(lessThan(pixel, ivec2(0))) || any(greaterThanEqual(pixel, size)) ? 0.0 : texelFetch(depth, pixel, 0).r;
+}
+void main() {
+    ivec2 p = ivec2(gl_FragCoord.xy);
+    float here = at(p);
+    smooth_depth = here;
+    if (here <= 0.0) return;
+    float l = at(p - ivec2(1, 0)), r = at(p + ivec2(1, 0)), d = at(p - ivec2(0, 1)), u = at(p + ivec2(0, 1));
+    float worst = max(max(abs(l - here), abs(r - here)), max(abs(d - here), abs(u - here)));
+    if (worst > range || min(min(l, r), min(d, u)) <= 0.0) return;
+    float side = here / focal;  // m, of a pixel there
+    vec2 slope = vec2(r - l, u - d) / (2.0 * side);
+    float xx = (l + r - 2.0 * here) / (side * side), yy = (d + u - 2.0 * here) / (side * side);
+    float xy = (at(p + 1) - at(p + ivec2(1, -1)) - at(p + ivec2(-1, 1)) + at(p - 1)) / (4.0 * side * side);
+    float size = 1.0 + dot(slope, slope);
+    float curvature = (xx * (1.0 + slope.y * slope.y) + yy * (1.0 + slope.x * slope.x) - 2.0 * xy * slope.x * slope.y)
+        / (2.0 * size * sqrt(size));
+    smooth_depth = here + STEP * side * side * 2.0 * curvature;
+}
+""".replace("STEP", str(STEP))
+
+# Of the two differences to a pixel's neighbours along an axis the smaller one: it lies on the same surface.
+NORMAL = """
+uniform sampler2D depth;
+uniform float focal;
+uniform vec2 middle;        // pixels
+float at(ivec2 pixel) {
+    ivec2 size = textureSize(depth, 0);
+    return any(lessThan(pixel, ivec2(0))) || any(greaterThanEqual(pixel, size)) ? 0.0 : texelFetch(depth, pixel, 0).r;
+}
+vec3 seen(vec2 pixel, float far) { return vec3((pixel - middle) * far / focal, -far); }  // m, in the camera's axes
+vec3 along(vec2 pixel, vec3 here, ivec2 way) {
+    float one = at(ivec2(pixel) + way), other = at(ivec2(pixel) - way);
+    vec3 forth = seen(pixel + vec2(way), one) - here, back = here - seen(pixel - vec2(way), other);
+    if (one <= 0.0 && other <= 0.0) return vec3(vec2(way), 0.0);
+    if (one <= 0.0) return back;
+    if (other <= 0.0) return forth;
+    return abs(forth.z) < abs(back.z) ? forth : back;
+}
+vec3 normal_at(vec2 pixel, vec3 here) {
+    return normalize(cross(along(pixel, here, ivec2(1, 0)), along(pixel, here, ivec2(0, 1))));
+}
+"""
+
+NORMAL_FRAGMENT = (
+    "#version 330 core\n"
+    + NORMAL
+    + """
+out vec4 told;              // normal in the camera's axes, depth
+void main() {
+    float far = at(ivec2(gl_FragCoord.xy));
+    told = far <= 0.0 ? vec4(0.0) : vec4(normal_at(gl_FragCoord.xy, seen(gl_FragCoord.xy, far)), far);
+}
+"""
+)
+
+# Schlick's reflectance; what is behind, seen through the fluid and moved aside, times Beer and Lambert's law; a sky; the sun.
+SHADE_FRAGMENT = (
+    "#version 330 core\n"
+    + NORMAL
+    + """
+uniform sampler2D thickness;
+uniform sampler2D behind;   // the picture without the fluid
+uniform sampler2D others;   // its depth, as OpenGL keeps it
+uniform vec2 planes;        // m: near, far
+uniform mat3 axes;          // columns: right, up, back, in the world
+uniform vec3 key;           // unit vector toward the light, in the world
+uniform float bend;         // pixels by which a slope of 1 moves what is seen through a metre of fluid
+uniform vec3 zenith;
+uniform vec3 horizon;
+uniform vec3 floor_colour;
+out vec4 pixel;
+vec3 sky(vec3 way) {
+    float up = way.y;
+    return up > 0.0 ? mix(horizon, zenith, pow(up, 0.5)) : mix(horizon, floor_colour, min(-4.0 * up, 1.0));
+}
+void main() {
+    ivec2 p = ivec2(gl_FragCoord.xy);
+    float far = at(p);
+    if (far <= 0.0) discard;
+    float other = 2.0 * texelFetch(others, p, 0).r - 1.0;
+    if (far > 2.0 * planes.x * planes.y / (planes.y + planes.x - other * (planes.y - planes.x))) discard;
+    vec3 here = seen(gl_FragCoord.xy, far), n = normal_at(gl_FragCoord.xy, here), look = -normalize(here);
+    vec4 inside = texelFetch(thickness, p, 0);
+    float facing = clamp(dot(n, look), 0.0, 1.0);
+    float reflected = 0.02 + 0.98 * pow(1.0 - facing, 5.0);
+    vec2 aside = gl_FragCoord.xy - bend * n.xy * min(inside.a, far) * focal / far;
+    vec3 through = texture(behind, aside / vec2(textureSize(behind, 0))).rgb * exp(-inside.rgb);
+    vec3 mirrored = axes * reflect(-look, n);
+    float sun = pow(max(dot(mirrored, key), 0.0), 160.0), bright = 0.45 + 0.55 * max(dot(axes * n, key), 0.0);
+    vec3 own = exp(-OPAQUE * inside.rgb / max(max(inside.r, max(inside.g, inside.b)), 1e-9));  // the colour that is left most
+    through += SCATTER * bright * own * (1.0 - exp(-(inside.r + inside.g + inside.b)));
+    pixel = vec4(mix(through, sky(mirrored), reflected) + 0.7 * sun, 1.0);
+}
+""".replace("OPAQUE", "2.0").replace("SCATTER", "0.28")
+)
+
+# A particle in a plane: a disc with an edge that fades within a pixel.
+DISC_VERTEX = """#version 330 core
+layout(location = 0) in vec2 position;  // m
+layout(location = 4) in vec4 look;      // colour, radius [m]
+uniform mat4 transform;
+uniform float pixels;       // a metre has
+out vec2 corner;
+out vec3 colour;
+out float soft;
+void main() {
+    corner = vec2(gl_VertexID & 1, gl_VertexID >> 1) * 2.0 - 1.0;
+    float radius = max(look.a, 0.75 / pixels);
+    soft = 1.0 / (radius * pixels);
+    corner *= 1.0 + soft;
+    colour = look.rgb;
+    gl_Position = transform * vec4(position + radius * corner, 0.0, 1.0);
+}
+"""
+
+DISC_FRAGMENT = """#version 330 core
+in vec2 corner;
+in vec3 colour;
+in float soft;
+out vec4 pixel;
+void main() {
+    float cover = clamp((1.0 - length(corner)) / soft + 0.5, 0.0, 1.0);
+    if (cover <= 0.0) discard;
+    pixel = vec4(colour, cover);
+}
+"""

@@ -1,0 +1,253 @@
+"""A fluid's surface in screen space: no mesh is made, only what the camera sees.
+
+W. van der Laan, S. Green, M. Sainz, "Screen Space Fluid Rendering with Curvature Flow", I3D 2009. In passes, each a picture:
+
+1. depth: particles as balls or as ellipsoids (J. Yu, G. Turk, ACM TOG 32 (2013): model/geometry/anisotropy.py), the nearest
+   point at each pixel, as distance along the line of view in 32-bit float;
+2. filter, on and on between two pictures: `narrow-range` (N. Truong, C. Yuksel 2018), or `curvature-flow`, or `none`;
+3. thickness: how long the line of sight is inside of particles, summed;
+4. shading: normals from differences of depth, what is behind seen through the fluid, reflected sky, sun.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from typing import Any
+
+import numpy as np
+
+from app.render.camera3d import FARTHEST, NEAREST, Camera3D
+from app.render.fluid import shaders
+from app.render.fluid.pictures import BEHIND, BEHIND_DEPTH, DEPTH, NORMALS, OTHER_DEPTH, THICKNESS, FluidPictures
+from app.render.opengl import shader_program
+from app.render.scenery import KEY
+from app.render.vertex_arrays import LOOK, POSITION, uniform_matrix
+from model.core.errors import InputError
+
+FILTERS = ("narrow-range", "curvature-flow", "none")
+BACK = 5  # where shaders look for the first row of an ellipsoid's inverse
+REACH, RANGE, BEYOND = 3.0, 2.0, 0.6  # of the filter, in radii: half width, range, how far behind what is far counts
+BLUR = 3.0  # radii: half width of that of thickness
+PASSES = {"narrow-range": 2, "curvature-flow": 60, "none": 0}
+SHARE = 0.6  # of a ray's way through a particle: balls of half a spacing and more overlap
+ZENITH, HORIZON, FLOOR = (0.30, 0.50, 0.78), (0.88, 0.92, 0.96), (0.55, 0.60, 0.63)
+WATER = (2.6, 0.75, 0.35)  # 1/m of red, green, blue: bluer than water is, whose metre is hardly seen
+BEND = 0.25
+
+
+class FluidSurface:
+    """The surface of `count` particles whose positions (count, 3) float32 [m] lie in an OpenGL buffer.
+
+    `set_look(radius, absorption, axes)`, then for each frame `passes(camera)` and `shade(camera, target)`; `normals(camera)`
+    gives normals and depth as arrays. Needs a current OpenGL 3.3 context, the same in every call; `delete()` frees all.
+    Raises BackendUnavailable where the driver has no float pictures, InputError for a filter that is none of FILTERS.
+    """
+
+    def __init__(self, position_buffer: int, count: int, filtered: str = FILTERS[0]):
+        if filtered not in FILTERS:
+            raise InputError(f"filter {filtered!r}: must be one of {', '.join(FILTERS)}")
+        from pyglet import gl
+
+        self.count, self.filtered = count, filtered
+        self._radius, self._light = 1.0, KEY
+        self._programs = {
+            name: shader_program(vertex, fragment)
+            for name, vertex, fragment in (
+                ("depth", shaders.ELLIPSOID_VERTEX, shaders.DEPTH_FRAGMENT),
+                ("thickness", shaders.ELLIPSOID_VERTEX, shaders.THICKNESS_FRAGMENT.replace("SHARE", str(SHARE))),
+                ("narrow-range", shaders.SCREEN_VERTEX, shaders.NARROW_FRAGMENT),
+                ("curvature-flow", shaders.SCREEN_VERTEX, shaders.CURVATURE_FRAGMENT),
+                ("blur", shaders.SCREEN_VERTEX, shaders.BLUR_FRAGMENT),
+                ("normal", shaders.SCREEN_VERTEX, shaders.NORMAL_FRAGMENT),
+                ("shade", shaders.SCREEN_VERTEX, shaders.SHADE_FRAGMENT),
+            )
+        }
+        self._pictures = FluidPictures()
+        self._looks = (gl.GLuint * 2)()
+        gl.glGenBuffers(2, self._looks)
+        self._array = self._particles(position_buffer)
+        self._result = DEPTH  # which picture holds the depth that counts
+
+    def _particles(self, position_buffer: int) -> Any:
+        from pyglet import gl
+
+        array = gl.GLuint()
+        gl.glGenVertexArrays(1, array)
+        gl.glBindVertexArray(array)
+        rows = [(BACK + row, self._looks[1], 3, 36, 12 * row) for row in range(3)]
+        for place, buffer, size, stride, start in [
+            (POSITION, position_buffer, 3, 0, 0), (LOOK, self._looks[0], 4, 0, 0), *rows
+        ]:  # fmt: skip
+            gl.glBindBuffer(gl.GL_ARRAY_BUFFER, buffer)
+            gl.glEnableVertexAttribArray(place)
+            gl.glVertexAttribPointer(place, size, gl.GL_FLOAT, gl.GL_FALSE, stride, ctypes.c_void_p(start))
+            gl.glVertexAttribDivisor(place, 1)
+        gl.glBindVertexArray(0)
+        return array
+
+    def shine(self, light: np.ndarray) -> None:
+        """The sun stands there (3,), a unit vector, from now on."""
+        self._light = light
+
+    # ------------------------------------------------------------------ the particles
+
+    def set_look(self, radius: float, absorption: Any = WATER, axes: np.ndarray | None = None) -> None:
+        """Particles as balls of `radius` [m], or as the ellipsoids that `axes` (count, 3, 3) [m] make of the unit ball;
+        `absorption` (3,) or (count, 3) [1/m]: what a metre of fluid takes of red, green and blue light (Beer and Lambert)."""
+        self._radius = radius
+        if axes is None:
+            axes = np.broadcast_to(radius * np.eye(3), (self.count, 3, 3))
+        look = np.empty((self.count, 4), np.float32)
+        look[:, :3] = absorption
+        look[:, 3] = np.linalg.norm(axes, ord=2, axis=(1, 2))
+        self._fill(0, look)
+        self._fill(1, np.ascontiguousarray(np.linalg.inv(axes), np.float32))
+
+    def _fill(self, which: int, data: np.ndarray) -> None:
+        from pyglet import gl
+
+        gl.glBindBuffer(gl.GL_ARRAY_BUFFER, self._looks[which])
+        gl.glBufferData(gl.GL_ARRAY_BUFFER, data.nbytes, data.ctypes.data_as(ctypes.c_void_p), gl.GL_DYNAMIC_DRAW)
+        gl.glBindBuffer(gl.GL_ARRAY_BUFFER, 0)
+
+    # ------------------------------------------------------------------ pictures
+
+    def _balls(self, name: str, camera: Camera3D) -> None:
+        from pyglet import gl
+
+        program = self._programs[name]
+        program.use()
+        program["transform"], program["eye"] = uniform_matrix(camera.matrix()), tuple(camera.eye.tolist())
+        program["upward"] = tuple(camera.axes[1].tolist())
+        if name == "depth":
+            program["ahead"] = tuple((-camera.axes[2]).tolist())
+        gl.glBindVertexArray(self._array)
+        gl.glDrawArraysInstanced(gl.GL_TRIANGLE_STRIP, 0, 4, self.count)
+        gl.glBindVertexArray(0)
+        program.stop()
+
+    # ------------------------------------------------------------------ the passes
+
+    def passes(self, camera: Camera3D) -> None:
+        """Depth, filtered, and thickness, of the positions that the buffer holds. Where drawing went before, and its
+        tests, are as they were."""
+        from pyglet import gl
+
+        bound, box, on = (
+            gl.GLint(),
+            (gl.GLint * 4)(),
+            [gl.glIsEnabled(what) for what in (gl.GL_DEPTH_TEST, gl.GL_BLEND)],
+        )
+        writes = gl.GLboolean()
+        gl.glGetIntegerv(gl.GL_DRAW_FRAMEBUFFER_BINDING, bound)
+        gl.glGetIntegerv(gl.GL_VIEWPORT, box)
+        gl.glGetBooleanv(gl.GL_DEPTH_WRITEMASK, writes)
+        self._pictures.resize(camera.width, camera.height)
+        gl.glDepthMask(gl.GL_TRUE)
+        gl.glEnable(gl.GL_DEPTH_TEST)
+        gl.glDisable(gl.GL_BLEND)
+        self._pictures.begin(DEPTH)
+        self._balls("depth", camera)
+        gl.glDisable(gl.GL_DEPTH_TEST)
+        self._filter(camera)
+        gl.glEnable(gl.GL_BLEND)
+        gl.glBlendFunc(gl.GL_ONE, gl.GL_ONE)
+        self._pictures.begin(THICKNESS)
+        self._balls("thickness", camera)
+        gl.glDisable(gl.GL_BLEND)
+        self._blur(camera)
+        gl.glBlendFunc(gl.GL_SRC_ALPHA, gl.GL_ONE_MINUS_SRC_ALPHA)
+        for what, before in zip((gl.GL_DEPTH_TEST, gl.GL_BLEND), on, strict=True):
+            (gl.glEnable if before else gl.glDisable)(what)
+        gl.glDepthMask(writes)
+        gl.glBindFramebuffer(gl.GL_FRAMEBUFFER, int(bound.value))
+        gl.glViewport(*box)
+
+    def _blur(self, camera: Camera3D) -> None:
+        """Thickness, by way of the picture of normals."""
+        program = self._programs["blur"]
+        for source, goal, way in ((THICKNESS, NORMALS, (1, 0)), (NORMALS, THICKNESS, (0, 1))):
+            self._pictures.begin(goal)
+            program.use()
+            program["thickness"], program["depth"], program["way"] = 0, 1, way
+            program["reach"], program["focal"] = BLUR * self._radius, camera.focal
+            self._pictures.bind(thickness=source, depth=self._result)
+            self._pictures.screen()
+            program.stop()
+
+    def _filter(self, camera: Camera3D) -> None:
+        """Back and forth between the first two pictures; `_result`: where it ended."""
+        self._result, radius = DEPTH, self._radius
+        if self.filtered == "none":
+            return
+        program = self._programs[self.filtered]
+        for turn in range(PASSES[self.filtered]):
+            ways = ((1, 0), (0, 1)) if self.filtered == "narrow-range" else ((0, 0),)
+            for way in ways:
+                self._pictures.begin(DEPTH + OTHER_DEPTH - self._result)
+                program.use()
+                program["focal"] = camera.focal
+                program["range"] = RANGE * radius
+                if self.filtered == "narrow-range":
+                    program["way"] = way
+                    program["reach"], program["behind"] = REACH * radius / 2**turn, BEYOND * radius
+                self._pictures.bind(depth=self._result)
+                self._pictures.screen()
+                program.stop()
+                self._result = DEPTH + OTHER_DEPTH - self._result
+
+    def normals(self, camera: Camera3D) -> np.ndarray:
+        """(height, width, 4) float32, top row first: the normal in the camera's axes (right, up, back), and the depth [m]; 0
+        where there is no fluid. Of the last `passes`."""
+        from pyglet import gl
+
+        bound, box = gl.GLint(), (gl.GLint * 4)()
+        gl.glGetIntegerv(gl.GL_DRAW_FRAMEBUFFER_BINDING, bound)
+        gl.glGetIntegerv(gl.GL_VIEWPORT, box)
+        gl.glDisable(gl.GL_BLEND)
+        self._pictures.begin(NORMALS)
+        program = self._programs["normal"]
+        program.use()
+        self._place(program, camera)
+        self._pictures.bind(depth=self._result)
+        self._pictures.screen()
+        program.stop()
+        image = np.empty((camera.height, camera.width, 4), np.float32)
+        gl.glReadPixels(
+            0, 0, camera.width, camera.height, gl.GL_RGBA, gl.GL_FLOAT, image.ctypes.data_as(ctypes.c_void_p)
+        )
+        gl.glBindFramebuffer(gl.GL_FRAMEBUFFER, int(bound.value))
+        gl.glViewport(*box)
+        return image[::-1]
+
+    @staticmethod
+    def _place(program: Any, camera: Camera3D) -> None:
+        program["focal"], program["middle"] = camera.focal, (camera.width / 2, camera.height / 2)
+
+    def shade(self, camera: Camera3D, frame: int) -> None:
+        """Draw the surface of the last `passes` into the frame buffer `frame`, among what its picture and its depth, of the
+        camera's size, hold; drawing goes there afterwards."""
+        from pyglet import gl
+
+        self._pictures.copy_from(frame)
+        gl.glDisable(gl.GL_DEPTH_TEST)
+        gl.glDisable(gl.GL_BLEND)
+        program = self._programs["shade"]
+        program.use()
+        self._place(program, camera)
+        for unit, name in enumerate(("depth", "thickness", "behind", "others")):
+            program[name] = unit
+        program["planes"] = (NEAREST * camera.distance, FARTHEST * camera.distance)
+        program["axes"], program["key"] = tuple(camera.axes.ravel().tolist()), tuple(self._light.tolist())
+        program["bend"], program["zenith"], program["horizon"], program["floor_colour"] = BEND, ZENITH, HORIZON, FLOOR
+        self._pictures.bind(depth=self._result, thickness=THICKNESS, behind=BEHIND, others=BEHIND_DEPTH)
+        self._pictures.screen()
+        program.stop()
+
+    def delete(self) -> None:
+        """Free everything."""
+        from pyglet import gl
+
+        self._pictures.delete()
+        gl.glDeleteBuffers(2, self._looks)
+        gl.glDeleteVertexArrays(1, self._array)

@@ -1,0 +1,69 @@
+"""Particles as lit spheres, exact to the pixel, and their shadows."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+
+from app.render.bodies import shaders as body_shaders
+from app.render.camera3d import Camera3D
+from app.render.opengl import shader_program
+from app.render.scenery import KEY, Lit, Scenery
+from app.render.vertex_arrays import draw_squares, uniform_matrix
+
+SHINE = 0.10
+Balls = tuple[Any, int, float]  # an array of `square_array`, how many, what is drawn of each one's radius
+
+
+class Spheres:
+    """`draw(camera, ...)` and `shade(camera, flatten, centre, ...)`, of arrays of `square_array`. Needs a current OpenGL 3.3
+    context."""
+
+    def __init__(self, scenery: Scenery):
+        self._lit = Lit(body_shaders.SPHERE_VERTEX, body_shaders.SPHERE_FRAGMENT)
+        self._shadow = shader_program(body_shaders.SPHERE_SHADOW_VERTEX, body_shaders.SPHERE_SHADOW_FRAGMENT)
+        self._lit.program.use()
+        self._lit.program["shine"] = SHINE
+        self._lit.program.stop()
+        scenery.shadow_constants(self._shadow)
+        self.shine(KEY)
+
+    def shine(self, light: np.ndarray) -> None:
+        """As of Lit; the shadow of a sphere is that of its disc across the light."""
+        self._lit.shine(light)
+        side = np.cross(light, (0.0, 0.0, 1.0))
+        side /= np.linalg.norm(side)
+        self._shadow.use()
+        self._shadow["side"], self._shadow["other"] = tuple(side), tuple(np.cross(light, side))
+        self._shadow.stop()
+
+    def draw(self, camera: Camera3D, smooth: bool, balls: Iterable[Balls]) -> None:
+        """`smooth`: into a picture with several samples a pixel."""
+        from pyglet import gl
+
+        program = self._lit.program
+        self._lit.use(camera)
+        program["upward"] = tuple(camera.axes[1].tolist())
+        program["least"] = 0.0 if smooth else 0.5
+        if smooth:
+            gl.glEnable(gl.GL_SAMPLE_ALPHA_TO_COVERAGE)
+        for array, count, size in balls:
+            program["size"] = size
+            draw_squares(array, count)
+        gl.glDisable(gl.GL_SAMPLE_ALPHA_TO_COVERAGE)
+        program.stop()
+
+    def shade(self, camera: Camera3D, flatten: np.ndarray, centre: np.ndarray, array: Any, count: int) -> None:
+        """The shadows of `count` of them (see Scenery.draw_shadows)."""
+        use_shadow(self._shadow, camera, flatten, centre)
+        draw_squares(array, count)
+        self._shadow.stop()
+
+
+def use_shadow(program: Any, camera: Camera3D, flatten: np.ndarray, centre: np.ndarray) -> None:
+    """A program of shadows, in use from now on."""
+    program.use()
+    program["transform"], program["flatten"] = uniform_matrix(camera.matrix()), uniform_matrix(flatten)
+    program["centre"] = tuple(centre.tolist())

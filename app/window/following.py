@@ -1,0 +1,71 @@
+"""How the demo's camera goes with what is to be seen, and where above it a body is dropped."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from app.render.camera import Margins, joined_bounds
+from app.render.collider_shapes import with_colliders
+from app.window.panes import IN_A_ROW
+from app.window.shown import Shown
+
+MARGINS = (50.0, 130.0, 50.0, 130.0)  # pixels left, bottom (legend), right, top (numbers)
+TITLE = 80.0  # of a pane, instead of the numbers
+FOLLOW_SIZE = 4.0  # times the scene: a state that blows up is to be seen blowing up, not shrinking out of sight
+
+
+class Following:
+    """The camera of a viewer's worlds, from where they are when this is made."""
+
+    def __init__(self, viewer: Shown):
+        self.viewer, self.demo = viewer, viewer.demo
+        ends = [(p.min(axis=0), p.max(axis=0)) for p in (world.body.position for world in self.demo.worlds)]
+        self._start = np.min([low for low, _ in ends], axis=0), np.max([high for _, high in ends], axis=0)
+
+    def drop_place(self, x: float, y: float) -> tuple[float, float, float]:
+        """Where D drops a body: above everything and over a place in the pane (frame-buffer pixels), at the depth that the
+        camera looks at."""
+        everything, camera = self._everything(), self.viewer.camera
+        across, above, toward = camera.on_plane(x, y, camera.target)
+        return across, max(above, everything[4]) if everything else above, toward
+
+    def _everything(self) -> tuple[float, ...] | None:
+        """The box [m] that the view is to hold, as `finite_bounds` gives it."""
+        bounds, worlds = self.demo.statistics.bounds, self.demo.worlds
+        low, high = self._start
+        space = self.viewer.space
+        middle = (low + high) / 2 if space else np.array([low[0], high[1]])
+        reach = FOLLOW_SIZE * max(world.body.size for world in worlds)
+        half = len(middle)
+        least, most = np.maximum(bounds[:half], middle - reach), np.minimum(bounds[half:], middle + reach)
+        if not (least <= most).all():
+            return None
+        if space:
+            for view in self.viewer.views:
+                view.keep_above_ground(float(least[1]))
+        seen = (*least.tolist(), *most.tolist())
+        return joined_bounds([with_colliders(world.scene, seen, world.time) for world in worlds])
+
+    def approach(self, share: float) -> None:
+        """By so much of the way to the view that shows everything."""
+        kept = self._everything()
+        if kept is None:
+            return
+        spacing = max(world.scene.grid.spacing for world in self.demo.worlds)
+        camera = self.viewer.camera
+        camera.approach(camera.framing(kept, self._margins(), spacing), share)
+
+    def stay_above_ground(self) -> None:
+        """In space, above what is drawn as the ground."""
+        if self.viewer.space:
+            for view, world in zip(self.viewer.views, self.demo.worlds, strict=True):
+                for ground in view.grounds(world.time):
+                    self.viewer.camera.keep_above(ground.point, ground.normal)
+
+    def _margins(self) -> Margins:
+        """Of a pane."""
+        panes = self.viewer.panes
+        if len(panes) == 1:
+            return MARGINS
+        left, bottom, right, _ = MARGINS
+        return (left, bottom, right, TITLE) if len(panes) <= IN_A_ROW else (left / 2, bottom / 2, right / 2, TITLE)

@@ -1,0 +1,55 @@
+"""The demo's scene and state as files: the scene as it stands, with all that was changed, and where its masses are."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from app.command.scene_file import write_scene
+from app.output.files import read_state, write_state
+from app.window.demo import Demo
+from app.window.shots import free_path
+from model.core.errors import InputError
+
+LOADED = "it was loaded from a file"
+
+
+def save_scene(demo: Demo, name: str = "") -> str:
+    """The current world's scene as TOML, in the file `name`, or one named by itself; the file, or nothing where
+    the reason was said."""
+    path = Path(name.strip()) if name.strip() else free_path(demo, ".toml")
+    heading = f"softlab demo, {demo.titles[demo.current]}, as it was set at {demo.world.time:g} s"
+    saved: list[Path] = []
+    if demo.guarded(lambda: saved.append(write_scene(path, demo.world.scene, heading))):
+        demo.say(f"saved {saved[0]}; softlab demo {saved[0].name} opens it")
+    return str(saved[0]) if saved else ""
+
+
+def save_state(demo: Demo, name: str = "") -> str:
+    """The current world's state, likewise."""
+    path = Path(name.strip()) if name.strip() else free_path(demo, ".npz")
+    saved: list[Path] = []
+
+    def save() -> None:
+        if path.exists():
+            raise InputError(f"{path} exists already; give another name")
+        saved.append(write_state(path, demo.world.state()))
+
+    if demo.guarded(save):
+        demo.say(f"saved {saved[0]}")
+    return str(saved[0]) if saved else ""
+
+
+def load_state(demo: Demo, name: str) -> bool:
+    """The changed worlds go on from a state that was saved."""
+
+    def load() -> None:
+        if not name.strip():
+            raise InputError("give the name of a state file (.npz)")
+        states = [read_state(name.strip(), world.scene) for world in demo.changed]
+        for world, state in zip(demo.changed, states, strict=True):
+            world.load(state)
+
+    if not demo.goes_on_from(load, LOADED):
+        return False
+    demo.say(f"loaded {name.strip()}: {demo.world.time:g} s, step {demo.world.step}")
+    return True

@@ -1,0 +1,45 @@
+"""Energy and momentum of a world over time, for the panel's curves."""
+
+from __future__ import annotations
+
+from math import hypot
+
+import numpy as np
+
+from app.window.measures import Statistics
+from model.core.simulation import Simulation
+
+LENGTH = 240  # looks that are kept
+COLUMNS = ("time", "energy", "kinetic", "momentum")
+
+
+class History:
+    """The last LENGTH looks at a world: `rows` (looks, 4), of COLUMNS [s, J, J, kg m/s], the newest last."""
+
+    def __init__(self) -> None:
+        self.rows = np.zeros((0, len(COLUMNS)))
+        self._seen: tuple[Statistics | None, Simulation | None] = (None, None)
+
+    def look(self, world: Simulation, statistics: Statistics) -> None:
+        """Keep what was measured of a world, if it is new; of another world, or of an earlier time, begin anew."""
+        before, of = self._seen
+        if statistics is before:
+            return
+        self._seen = statistics, world
+        if (len(self.rows) and world.time < self.rows[-1, 0]) or (of is not None and _other(world, of)):
+            self.rows = self.rows[:0]
+        if len(self.rows) and world.time == self.rows[-1, 0]:
+            self.rows = self.rows[:-1]
+        row = (world.time, statistics.energy, statistics.kinetic, hypot(*statistics.momentum))
+        self.rows = np.vstack([self.rows, [row]])[-LENGTH:]
+
+    def column(self, name: str) -> np.ndarray:
+        """(looks,)"""
+        return self.rows[:, COLUMNS.index(name)]
+
+
+def _other(world: Simulation, before: Simulation) -> bool:
+    """Whether it is another scene's, and not the same one opened anew."""
+    return (
+        world.scene.title != before.scene.title or world.scene.grid.particle_count != before.scene.grid.particle_count
+    )

@@ -1,0 +1,165 @@
+"""What of a scene can be steered: every number, word and truth value of its tables, with unit, range and what a change costs.
+Read from the tables themselves, as docs/scene.md is; nothing of it is listed here twice."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection
+from dataclasses import dataclass
+from functools import cache
+from math import isfinite
+from typing import Any, Literal, get_args, get_origin
+
+from annotated_types import Ge, Gt, Le
+from pydantic.fields import FieldInfo
+
+from model.core.options import LIVE_PATHS
+from model.scene.parts import Elastic
+from model.scene.scene import Scene
+from model.scene.words import notes_of
+
+UNIT = re.compile(r"(?:m/s\^2|m/s|kg/m\^[23]|kg|N s/m|N m|N/m|Pa|rad/s|rad|m/N|1/s\^2|1/s|mm|m|s|N|J)(?![\w/^])")
+DECADES = 100.0  # a factor to either side of a positive value
+MOST = {  # where a slider ends for which its own table knows no bound
+    "acceleration": 30.0, "substeps": 64, "iterations": 64, "sweeps": 16,
+}  # fmt: skip
+WHERE_NONE = {"s": 0.0125, "m": 0.025}  # a quarter of a slider's length, of what is 0 where it begins; else 0.25
+VECTOR = {"velocity": 20.0}  # to either side of 0
+WHY = {  # why a field is not live, by kind of table
+    "method": "the stages of a step are compiled for it",
+    "tetrahedral_body": "it is compiled into the constraints' tables",
+    "material": "it is compiled into the constraints' tables",
+}
+MADE_OF = "masses and springs are made of it"
+WHY_OTHERS = "constants and tables are made of it"
+SHAPES = ("grid", "cloth", "mesh", "soft_body", "soft_sheet", "soft_lattice", "rigid_body")
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One field. `path`: dotted; `kind`: number, whole, truth, word or vector; `unit` as its table's comment says; `low`,
+    `high`: the slider's ends; `logarithmic`: a slider of factors; `words`: what a word may be; `live`: whether it changes
+    while running, else `why` not; `note`: what its table says of it."""
+
+    path: str
+    kind: Literal["number", "whole", "truth", "word", "vector"]
+    unit: str = ""
+    low: float = 0.0
+    high: float = 1.0
+    logarithmic: bool = False
+    words: tuple[str, ...] = ()
+    live: bool = False
+    why: str = ""
+    note: str = ""
+
+    @property
+    def part(self) -> str:
+        """The table."""
+        return self.path.partition(".")[0]
+
+    @property
+    def field(self) -> str:
+        """Its name there."""
+        return self.path.partition(".")[2].strip()
+
+    @property
+    def label(self) -> str:
+        """Its name in words."""
+        return {"dt": "dt", "young_modulus": "Young's modulus", "poisson_ratio": "Poisson's ratio"}.get(
+            self.field, self.field.replace("_", " ")
+        )
+
+
+def value_of(scene: Scene, path: str) -> Any:
+    """What a scene says now; None where it does not."""
+    part, _, field = path.partition(".")
+    return getattr(scene.parts.get(part), field, None)
+
+
+def parameters_of(scene: Scene, told: Scene, live: Collection[str]) -> list[Parameter]:
+    """Those of a scene, in the order of its tables; ranges go by what it was `told` at first. `live`: of LIVE_PATHS."""
+    paths = {path for name in live for path in LIVE_PATHS[name]}
+    found = []
+    for part, table in scene.parts.items():
+        fields = list(table.model_dump(mode="python"))  # what says nothing in this table is left out
+        if f"{part}.stiffness" in paths and isinstance(table, Elastic) and table.compliance:
+            fields.append("stiffness")  # which is live, whichever of both the table gives
+        for field in fields:
+            made = _parameter(scene, told, part, field, f"{part}.{field}" in paths)
+            if made is not None:
+                found.append(made)
+    return sorted(found, key=lambda one: not one.live)  # a stable order: what is live comes first
+
+
+def _parameter(scene: Scene, told: Scene, part: str, field: str, live: bool) -> Parameter | None:
+    kind_of_part, table = scene.kinds[part], scene.parts[part]
+    value = getattr(table, field)
+    note, info = _notes(type(table)).get(field, ""), type(table).model_fields[field]
+    unit = found.group() if (found := UNIT.match(note)) else ""
+    why = "" if live else _why(kind_of_part, field)
+    path, given = f"{part}.{field}", value_of(told, f"{part}.{field}")
+    words = _words(info)
+    if isinstance(value, bool):
+        return Parameter(path, "truth", live=live, why=why, note=note)
+    if words:
+        return Parameter(path, "word", words=words, live=live, why=why, note=note) if value in words else None
+    if isinstance(value, tuple) and len(value) == 3 and all(isinstance(one, float | int) for one in value):
+        reach = max(VECTOR.get(field, 0.0), *(2 * abs(float(one)) for one in (*value, *(given or value))), 1.0)
+        return Parameter(path, "vector", unit, -reach, reach, live=live, why=why, note=note)
+    if not isinstance(value, int | float) or not isfinite(value):
+        return None
+    kind: Literal["number", "whole"] = "whole" if isinstance(value, int) and _whole(info) else "number"
+    base = float(given) if isinstance(given, int | float) and isfinite(given) else float(value)
+    low, high, logarithmic = _range(field, info, kind, base or float(value) or WHERE_NONE.get(unit, 0.25))
+    low, high = min(low, float(value)), max(high, float(value))
+    return Parameter(path, kind, unit, low, high, logarithmic, live=live, why=why, note=note)
+
+
+def _why(kind: str, field: str) -> str:
+    if kind in SHAPES:
+        return MADE_OF
+    return WHY.get(kind, WHY_OTHERS)
+
+
+@cache
+def _notes(part: type) -> dict[str, str]:
+    return notes_of(part)
+
+
+def _marks(annotation: Any) -> list[Any]:
+    """Bounds within an annotation."""
+    found: list[Any] = []
+    for part in get_args(annotation):
+        found += part.metadata if isinstance(part, FieldInfo) else [part] if isinstance(part, Ge | Gt | Le) else []
+        found += _marks(part)
+    return found
+
+
+def _words(info: FieldInfo) -> tuple[str, ...]:
+    """The words that a field may be, if it is one of some."""
+    annotation = info.annotation
+    if get_origin(annotation) is Literal and all(isinstance(word, str) for word in get_args(annotation)):
+        return tuple(get_args(annotation))
+    return ()
+
+
+def _whole(info: FieldInfo) -> bool:
+    return info.annotation is int or int in get_args(info.annotation)
+
+
+def _range(field: str, info: FieldInfo, kind: str, value: float) -> tuple[float, float, bool]:
+    """(low, high, whether it goes by factors) of a slider about a `value`, within what the field allows."""
+    marks = [*info.metadata, *_marks(info.annotation)]
+    bounds: list[Any] = [mark.ge if isinstance(mark, Ge) else mark.gt for mark in marks if isinstance(mark, Ge | Gt)]
+    least = max(map(float, bounds), default=None)
+    above = any(isinstance(mark, Gt) for mark in marks)
+    most = min((float(mark.le) for mark in marks if isinstance(mark, Le)), default=None)  # type: ignore[arg-type]
+    if field in MOST:
+        return least or 0.0, float(MOST[field]), False
+    if most is not None and most <= 1000:
+        return least if least is not None else -most, most, False
+    if kind == "whole":
+        return least if least is not None else 0.0, max(4 * value, 8.0), False
+    if above and value > 0:
+        return value / DECADES, value * DECADES, True
+    return least if least is not None else min(-4 * abs(value), -1.0), max(4 * abs(value), 1e-3), False

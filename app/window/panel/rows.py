@@ -1,0 +1,143 @@
+"""What the panel is laid out of: a name at the left and something to change at the right, each a row; buttons; lines."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from app.window.panel.look import Look
+from app.window.panel.state import PanelState
+
+NAME = 126.0  # units: of the names' column
+
+
+class Rows:
+    """Rows of a panel in the frame that is being laid out. What changes gives its new value, else None."""
+
+    def __init__(self, imgui: Any, look: Look, state: PanelState):
+        self.imgui, self.look, self.state = imgui, look, state
+
+    # ------------------------------------------------------------------ text
+
+    def bold(self, text: str, size: float = 15.0) -> None:
+        """A line in bold type of so many units."""
+        self.imgui.push_font(self.look.bold, size)
+        self.imgui.text_unformatted(text)
+        self.imgui.pop_font()
+
+    def note(self, text: str, colour: str = "faint", size: float = 13.0) -> None:
+        """Wrapped lines that are read last."""
+        imgui = self.imgui
+        imgui.push_font(self.look.plain, size)
+        imgui.push_style_color(int(imgui.Col_.text), self.look.colour(imgui, colour))
+        imgui.push_text_wrap_pos(0.0)
+        imgui.text_unformatted(text)
+        imgui.pop_text_wrap_pos()
+        imgui.pop_style_color()
+        imgui.pop_font()
+
+    def heading(self, text: str) -> None:
+        """Of a group of rows."""
+        self.gap(1)
+        self.imgui.push_font(self.look.bold, 13.0)
+        self.imgui.push_style_color(int(self.imgui.Col_.text), self.look.colour(self.imgui, "faint"))
+        self.imgui.text_unformatted(text)
+        self.imgui.pop_style_color()
+        self.imgui.pop_font()
+
+    def gap(self, units: float) -> None:
+        """Empty space."""
+        self.imgui.dummy(self.imgui.ImVec2(1, units * self.look.unit))
+
+    def value(self, name: str, text: str, colour: str = "ink") -> None:
+        """A number that is told and cannot be changed."""
+        self.name(name)
+        imgui = self.imgui
+        imgui.push_style_color(int(imgui.Col_.text), self.look.colour(imgui, colour))
+        imgui.push_text_wrap_pos(0.0)
+        imgui.text_unformatted(text)
+        imgui.pop_text_wrap_pos()
+        imgui.pop_style_color()
+
+    def tip(self, text: str) -> None:
+        """What is told of the last thing, where the pointer rests on it."""
+        imgui = self.imgui
+        if text and imgui.is_item_hovered(imgui.HoveredFlags_.for_tooltip):
+            imgui.begin_tooltip()
+            imgui.push_text_wrap_pos(300 * self.look.unit)
+            imgui.text_unformatted(text)
+            imgui.pop_text_wrap_pos()
+            imgui.end_tooltip()
+
+    def name(self, name: str, tip: str = "") -> None:
+        imgui = self.imgui
+        imgui.align_text_to_frame_padding()
+        imgui.text_unformatted(name)
+        self.tip(tip)
+        imgui.same_line(NAME * self.look.unit)
+
+    def keep_place(self, name: str) -> None:
+        """Keep where the last thing lies."""
+        low, high = self.imgui.get_item_rect_min(), self.imgui.get_item_rect_max()
+        self.state.places[name] = low.x, low.y, high.x, high.y
+
+    # ------------------------------------------------------------------ what can be pressed
+
+    def button(self, text: str, width: float = 0.0, on: bool = False, name: str = "") -> bool:
+        """Whether it was pressed; `width` in pixels, `on`: it stands out."""
+        imgui = self.imgui
+        if on:
+            for part in ("button", "button_hovered", "button_active"):
+                imgui.push_style_color(int(getattr(imgui.Col_, part)), self.look.colour(imgui, "accent"))
+            imgui.push_style_color(int(imgui.Col_.text), self.look.colour(imgui, "on_accent"))
+        pressed = bool(imgui.button(f"{text}##{name or text}", imgui.ImVec2(width, 0)))
+        if on:
+            imgui.pop_style_color(4)
+        self.keep_place(name or text)
+        return pressed
+
+    def buttons(self, names: Sequence[str], on: str = "", prefix: str = "") -> str:
+        """A row of buttons as wide as the column, of which one may stand out; the one that was pressed, or nothing."""
+        imgui, found = self.imgui, ""
+        gap = imgui.get_style().item_spacing.x
+        width = (imgui.get_content_region_avail().x - gap * (len(names) - 1)) / len(names)
+        for number, name in enumerate(names):
+            if number:
+                imgui.same_line()
+            if self.button(name, width, name == on, f"{prefix}{name}"):
+                found = name
+        return found
+
+    def check(self, name: str, on: bool, tip: str = "") -> bool:
+        """Whether it was pressed."""
+        pressed, _ = self.imgui.checkbox(name, on)
+        self.keep_place(name)
+        self.tip(tip)
+        return bool(pressed)
+
+    def choice(self, name: str, now: str, words: Sequence[str], tip: str = "", height: int = 12) -> str | None:
+        """One of some words."""
+        imgui, chosen = self.imgui, None
+        self.name(name, tip)
+        imgui.set_next_item_width(-1)
+        imgui.set_next_window_size_constraints((0, 0), (1e4, height * imgui.get_frame_height_with_spacing()))
+        if imgui.begin_combo(f"##{name}", now):
+            for word in words:
+                pressed, _ = imgui.selectable(word, word == now)
+                if pressed:
+                    chosen = word
+                if word == now:
+                    imgui.set_item_default_focus()
+            if self.state.cancels:
+                imgui.close_current_popup()
+            imgui.end_combo()
+        self.keep_place(name)
+        return chosen if chosen != now else None
+
+    def line(self, name: str, text: str, hint: str) -> str:
+        """A line to type in, as it is now."""
+        self.name(name)
+        self.imgui.set_next_item_width(-1)
+        _, typed = self.imgui.input_text_with_hint(f"##{name}", hint, text)
+        self.keep_place(name)
+        return str(typed)

@@ -1,0 +1,56 @@
+"""The camera, and the light."""
+
+from __future__ import annotations
+
+from math import asin, atan2, degrees, radians
+
+from app.render.camera3d import MAX_PITCH
+from app.window.panel.sections.said import Said
+
+LOWEST, HIGHEST = 10.0, 88.0  # degrees, of the light: flatter, shadows go on and on; straight above it has no turn
+CLOSER = 50.0  # a slider's reach of distances and scales, as a factor to either side
+
+
+def _light(said: Said) -> None:
+    """The one that throws shadows."""
+    rows, looks = said.rows, said.viewer.looks
+    x, y, z = said.viewer.views[0].light.tolist()
+    turned, height = atan2(x, z), asin(min(max(y, -1.0), 1.0))
+    found = rows.slider("Light turned", degrees(turned), -180, 180, "°")
+    if found is not None:
+        looks.shine(radians(found), height)
+    found = rows.slider("Light from above", degrees(height), LOWEST, HIGHEST, "°")
+    if found is not None:
+        looks.shine(turned, radians(min(max(found, LOWEST), HIGHEST)))
+
+
+def view(said: Said) -> None:
+    """Where from, how near, from where it is lit, and whether it follows."""
+    viewer, rows = said.viewer, said.rows
+    camera = viewer.camera
+    if viewer.space:
+        yaw = (degrees(camera.yaw) + 180) % 360 - 180
+        found = rows.slider("Turned", yaw, -180, 180, "°")
+        if found is not None:
+            camera.yaw = radians(found)
+        most = degrees(MAX_PITCH)
+        found = rows.slider("From above", degrees(camera.pitch), -most, most, "°")
+        if found is not None:
+            camera.pitch = radians(min(max(found, -most), most))
+        size = max(world.body.size for world in said.demo.worlds)
+        found = rows.slider("Distance", camera.distance, size / CLOSER, size * CLOSER, "m", True)
+        if found is not None and found > 0:
+            viewer.follow = False
+            camera.magnify(camera.distance / found)
+    else:
+        usual = viewer.height / max(max(world.body.size for world in said.demo.worlds), 1e-9)
+        found = rows.slider("Zoom", camera.scale, usual / CLOSER, usual * CLOSER, "px/m", True)
+        if found is not None and found > 0:
+            viewer.follow = False
+            camera.magnify(found / camera.scale)
+    if viewer.space:
+        _light(said)
+    if rows.check("Follow what moves", viewer.follow):
+        viewer.follow = not viewer.follow
+    if rows.button("Frame everything", -1.0):
+        viewer.frame_everything()

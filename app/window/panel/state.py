@@ -1,0 +1,37 @@
+"""What the panel remembers between two frames."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any, TypeVar
+
+from app.window.panel.history import History
+
+T = TypeVar("T")
+
+
+@dataclass
+class PanelState:
+    """`pending`: dotted path -> value of what is being changed and is given to the scene when it is let go; `history`: of
+    energy and momentum; `error`: what was told of it last; `scene_file`, `state_file`: what is typed as the names of
+    files; `places`: (left, top, right, bottom) [pixels] of what was laid out last, by name; `every`:
+    whether what can be opened is open at first; `cancels`: a list of words is to close."""
+
+    pending: dict[str, Any] = field(default_factory=dict)
+    history: History = field(default_factory=History)
+    error: str = ""
+    scene_file: str = ""
+    state_file: str = ""
+    every: bool = False
+    cancels: bool = False
+    places: dict[str, tuple[float, float, float, float]] = field(default_factory=dict)
+    _kept: dict[str, tuple[tuple[object, ...], Any]] = field(default_factory=dict)
+
+    def kept(self, name: str, of: tuple[object, ...], make: Callable[[], T]) -> T:
+        """What `make` gives, made anew only when one of the objects that it is `of` is another: frames are many."""
+        before, found = self._kept.get(name, ((), None))
+        if len(before) != len(of) or any(one is not other for one, other in zip(before, of, strict=True)):
+            found = make()
+            self._kept[name] = of, found
+        return found

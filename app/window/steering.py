@@ -1,0 +1,270 @@
+"""What steers the worlds of the demo: fields of scenes, and how they are run. Keys (app/window/demo.py) and the panel
+(app/window/panel) both go through here.
+
+A field that is live changes while the world runs. Any other is compiled into a world, which is then opened anew, with the
+state as it was where the masses are still the same.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+from app.window.hand import Hand
+from app.window.live import stiffness_paths
+from app.window.poking import Poking
+from app.window.worlds import STEPS_PER_FRAME
+from model.core.errors import SoftlabError
+from model.core.options import LIVE_PATHS
+from model.core.simulation import Simulation, State
+from model.scene.scene import Scene
+
+CHANGED = "a setting was changed while it ran"
+
+
+class Steering(Poking):
+    """See `Worlds`. `generation`: how often the worlds became others, of which views are to be made anew; `rebuilt`: whether
+    they were opened with other fields than `scenes`, how they began, say. Never raises for what a user does."""
+
+    generation = 0
+    rebuilt = False
+
+    @property
+    def changed(self) -> list[Simulation]:
+        """The worlds that are changed: all, or the chosen one alone."""
+        return [self.world] if self.alone else self.worlds
+
+    @property
+    def whose(self) -> str:
+        """How a message about one world alone begins."""
+        return f"{self.titles[self.current]}: " if self.alone else ""
+
+    def turn_to(self, number: int) -> None:
+        """The hand and the numbers are in another world from now on."""
+        if number != self.current:
+            self.release()
+            self.current, self.hand = number, Hand(self.scenes[number].dimensions)
+            self.refresh(force=True)
+
+    def choose(self, number: int | None) -> None:
+        """Change this world alone from now on, or (None) all."""
+        self.alone = number is not None
+        self.turn_to(number or 0)
+        self.say(f"keys change {self.titles[self.current] + ' alone' if self.alone else 'every world'}")
+
+    # ------------------------------------------------------------------ fields
+
+    def is_live(self, path: str) -> bool:
+        """Whether a field changes while the world runs."""
+        return any(path in LIVE_PATHS[name] for name in self.world.options.live)
+
+    def set_field(self, path: str, value: Any) -> bool:
+        """A field of the worlds that are changed, and have that table, live or by opening them anew."""
+        if self._blocked():
+            return False
+        part = path.partition(".")[0]
+        fields = [{path: value} if part in world.scene.parts else {} for world in self.changed]
+        if not any(fields):
+            self.say(f"{self.whose}{path}: there is no such table here")
+            return False
+        if not self.is_live(path):
+            return self.set_fields(fields, lambda: f"{path} = {_text(value)}")
+        if not self._change(list(zip(self.changed, fields, strict=True))):
+            return False
+        self.say(f"{self.whose}{path} = {_text(value)}")
+        return True
+
+    def set_fields(self, wanted: Sequence[Mapping[str, Any]], told: Callable[[], str]) -> bool:
+        """Other fields of each changed world, which are opened anew in them; `told` of it."""
+        if self._blocked():
+            return False
+        changes = {id(world): fields for world, fields in zip(self.changed, wanted, strict=True)}
+        scenes: list[Scene] = []
+
+        def make() -> None:
+            for world in self.worlds:
+                scenes.append(world.scene.replace(changes.get(id(world), {})))
+
+        if not self._guard(make):
+            return False
+        same = all(_same_masses(scene, world.scene) for scene, world in zip(scenes, self.worlds, strict=True))
+        if not self._reopen(self.backend, self.threads, scenes, from_start=not same):
+            return False
+        self._moved = True
+        self.refresh(force=True)
+        self.say(f"{self.whose}{told()}, " + ("state carried over" if same else "from the start: other masses"))
+        return True
+
+    def _change(self, wanted: Sequence[tuple[Simulation, Mapping[str, Any]]]) -> bool:
+        """Set fields of worlds by their paths, or say why not and leave every world as it was."""
+        before = [(world, path, field_of(world, path)) for world, fields in wanted for path in fields]
+
+        def change() -> None:
+            try:
+                for world, fields in wanted:
+                    self._at = self.worlds.index(world)
+                    for path, value in fields.items():
+                        world.set(path, value)
+            except SoftlabError:
+                for world, path, value in before:
+                    world.set(path, value)
+                raise
+
+        if not self._guard(change):
+            return False
+        self.disturb(CHANGED)
+        return True
+
+    def set_steps(self, steps: int) -> None:
+        """Steps per frame, one of STEPS_PER_FRAME."""
+        self.steps_per_frame = min(STEPS_PER_FRAME, key=lambda known: abs(known - steps))
+        self.say(f"{self.steps_per_frame} steps per frame")
+
+    def one_step(self) -> None:
+        """A single step of the world with the longest dt, and a pause after it."""
+        if self._blocked():
+            return
+        self.paused = True
+        if self._guard(lambda: self._pull_and_advance(1)):
+            self._moved = True
+            self.refresh(force=True)
+            self.say(f"step {self._pace.step}; space goes on")
+
+    # ------------------------------------------------------------------ how they are run
+
+    @property
+    def options(self) -> dict[str, str | None]:
+        """`precision`, `math` and `kernel` (None: the backend's own choice)."""
+        return {"kernel": None, **self._options}
+
+    def run_with(self, *, backend: str | None = None, threads: str | None = None, **options: str | None) -> bool:
+        """Another backend, number of threads, `precision`, `math` or `kernel`, with the state as it is. Whether it went well;
+        else the reason is said, and all is as before."""
+        if self._blocked():
+            return False
+        before = self._options
+        wanted = before | options
+        if backend not in (None, self.backend):
+            wanted |= {"kernel": None}  # each has its own
+        self._options = {name: value for name, value in wanted.items() if value is not None or name != "kernel"}
+        if not self._reopen(backend or self.backend, threads or self.threads):
+            self._options = before
+            return False
+        return True
+
+    def _reopen(
+        self, backend: str, threads: str, scenes: Sequence[Scene] | None = None, from_start: bool = False
+    ) -> bool:
+        """Open every world anew, as one of other `scenes`, if given, and go on from its state, or `from_start`; on an error
+        the old ones go on."""
+        fresh: list[Simulation] = []
+
+        def reopen() -> None:
+            for world, scene in zip(self.worlds, scenes or [world.scene for world in self.worlds], strict=True):
+                fresh.append(self._open(scene, backend, threads, None if from_start else world.state()))
+
+        if not self._opened(reopen, fresh):
+            return False
+        if scenes is not None:
+            self.generation += 1
+            self.rebuilt = scenes is not self.scenes
+            if from_start:
+                self._start_anew()
+            else:
+                self.disturb(CHANGED)
+        self.backend, self.threads = backend, threads
+        self.hand.forget()
+        self._guard(self._push)
+        return True
+
+    def show(self, scenes: Sequence[Scene], states: Sequence[State | None] | None = None) -> bool:
+        """Other scenes in place of these, from their start, or from `states`. The old ones go on where that fails."""
+        fresh: list[Simulation] = []
+        states = states or [None] * len(scenes)
+
+        def opening() -> None:
+            self._check(scenes)
+            for scene, state in zip(scenes, states, strict=True):
+                fresh.append(self._open(scene, self.backend, self.threads, state))
+
+        self.release()
+        if not self._opened(opening, fresh):
+            return False
+        self._begin(scenes)
+        self.generation, self.rebuilt = self.generation + 1, False
+        return True
+
+    def _opened(self, opening: Callable[[], None], fresh: list[Simulation]) -> bool:
+        """Whether `opening` filled `fresh`, which then are the worlds."""
+        if not self._guard(opening):
+            for world in fresh:
+                world.close()
+            return False
+        old, self.worlds = self.worlds, fresh
+        for world in old:
+            world.close()
+        return True
+
+    def keep_current(self) -> None:
+        """Of several worlds the current one alone, as it is."""
+        self._show_as_it_is(1)
+
+    def guarded(self, action: Callable[[], object]) -> bool:
+        """Whether `action` went well; else the reason is said."""
+        return not self._blocked() and self._guard(action)
+
+    def goes_on_from(self, load: Callable[[], object], why: str) -> bool:
+        """Whether `load` put the worlds into other states, after which no reference knows them, for the reason `why`."""
+        self.release()
+        if not self.guarded(load):
+            return False
+        self.disturbed = why
+        self._moved = True
+        self.refresh(force=True)
+        return True
+
+    def compare(self) -> bool:
+        """The current world twice, side by side, each as it is now: what is changed from now on is changed in the second."""
+        if not self._show_as_it_is(2):
+            return False
+        self.choose(1)
+        return True
+
+    def _show_as_it_is(self, times: int) -> bool:
+        """The current world so many times, and no other."""
+        states: list[State] = []
+        if not self.guarded(lambda: states.append(self.world.state())):
+            return False
+        disturbed, steps = self.disturbed, self.steps_per_frame
+        if not self.show([self.world.scene] * times, states * times):
+            return False
+        self.disturbed, self.steps_per_frame = disturbed, steps
+        return True
+
+
+def field_of(world: Simulation, path: str) -> Any:
+    """A field that is live, as it is now."""
+    if path == "gravity.enabled":
+        return bool(world.scene.gravity and world.scene.gravity.enabled)
+    if path in (known := stiffness_paths(world.scene)):
+        return known[path]
+    part, _, field = path.partition(".")
+    return getattr(world.scene.parts[part], field)
+
+
+def _same_masses(scene: Scene, other: Scene) -> bool:
+    """Whether a state of the one is one of the other: as many masses, with the same weights and pins."""
+    from model.core.build import build
+
+    one, two = build(scene), build(other)
+    return one.position.shape == two.position.shape and bool(
+        (abs(one.inverse_mass - two.inverse_mass) <= 1e-6 * abs(two.inverse_mass)).all()
+    )
+
+
+def _text(value: Any) -> str:
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, tuple | list):
+        return f"[{', '.join(map(_text, value))}]"
+    return f"{value:.5g}" if isinstance(value, float) else str(value)

@@ -1,0 +1,142 @@
+"""What the answers of `softlab bar` cost: the time of a frame of 1/60 s of the bar that hangs (the jelly one stands), by
+every method and number of substeps that was judged, sampled in turn. In float64 and exact math, as the answers are: the same
+machine code. Mass-spring, which takes its substeps as steps, is left out where its step is refused.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+from rich.console import Console
+
+from app.driver import open_simulation
+from bench.experiments.bar import (
+    LAW_SUBSTEPS,
+    SOLVERS,
+    SOME_LAYERS,
+    SOME_LINKS,
+    SOME_OVERLAP,
+    SOME_VOXELS,
+    SUBSTEPS,
+    TETRAHEDRA,
+)
+from bench.experiments.bar_body import bar, tetrahedra
+from bench.experiments.bar_rows import JELLY, Bar, is_bar, rows
+from bench.experiments.bar_strip import FRAME, FREQUENCY, OPTIONS, SAG, method_of, strip
+from bench.measure import costs_timing
+from bench.measure.costs_timing import RATIO, SECONDS, Effort, Measures, Record, in_turn
+from bench.measure.experiment import Group, Items, cost_sources, described
+from bench.measure.timing import Subject, prepare
+from bench.store.database import Store
+from bench.store.results import Measure, by_configuration, measures
+from bench.store.schema import tables_by_kind
+from bench.store.tables import columns, print_table
+from model.core.errors import SoftlabError
+from model.scene.scene import Scene
+
+COST = "bar: cost"  # value of `finding`
+CLOSE = 0.1  # of a rod's sag and frequency: near enough to be called the same bar
+
+
+def settings(quick: bool = False) -> Iterator[tuple[str, int, Scene]]:
+    """(name of a method, substeps, the bar that hangs or stands) of all that is timed."""
+    for substeps in LAW_SUBSTEPS if quick else SUBSTEPS:
+        for name, (solver, iterations) in SOLVERS.items():
+            yield name, substeps, strip(SOME_LINKS, method_of(solver, substeps, iterations))
+        yield JELLY, substeps, bar(SOME_LAYERS, SOME_OVERLAP, substeps, True)
+        for name, (solver, iterations) in TETRAHEDRA.items():
+            yield name, substeps, tetrahedra(SOME_VOXELS, solver, iterations, substeps, SAG)
+
+
+def groups(store: Store, backends: Sequence[str], quick: bool) -> list[Group]:
+    """All methods in turn, a backend each."""
+    found = []
+    for backend in backends:
+        ways = list(settings(quick))
+        told = tuple(
+            described(scene, backend, COST, solver=name, substeps=substeps, **OPTIONS) for name, substeps, scene in ways
+        )
+        effort = costs_timing.QUICK if quick else costs_timing.FULL
+        scenes = [scene for _, _, scene in ways]
+        found.append(
+            Group(f"costs, {backend}", told, cost_sources(backend, __file__), partial(_timed, scenes, told, effort), 10)
+        )
+    return found
+
+
+run_bar_costs = Items("bar: costs", groups, "softlab bar")
+
+
+def _timed(scenes: Sequence[Scene], told: Sequence[dict[str, Any]], effort: Effort, record: Record) -> list[Measures]:
+    found: list[Measures] = [{} for _ in told]
+    with ExitStack() as stack:
+        subjects: list[tuple[int, Subject]] = []
+        for number, (scene, one) in enumerate(zip(scenes, told, strict=True)):
+            try:
+                simulation = stack.enter_context(open_simulation(scene, one["backend"], **OPTIONS))
+                subjects.append((number, prepare(Subject(simulation, one), effort.seconds, effort.most)))
+            except SoftlabError as reason:  # a step that is refused, a solver that a backend lacks, a run that diverged
+                found[number] = {name: (None, "", str(reason)) for name in (SECONDS, RATIO)}
+        timed = in_turn(record, [subject for _, subject in subjects], effort.repeats) if subjects else []
+    for (number, _), numbers in zip(subjects, timed, strict=True):
+        found[number] = numbers
+    return found
+
+
+# ---------------------------------------------------------------------- what the store says
+
+
+@dataclass(frozen=True)
+class Cost:
+    """A method with so many substeps: `frame` [s], `suspect` or not; how far its sag and its first frequency are off a
+    rod's, relative, None where they were not measured."""
+
+    backend: str
+    solver: str
+    substeps: int
+    frame: float
+    suspect: bool
+    sag: float | None
+    frequency: float | None
+
+    @property
+    def close(self) -> bool:
+        """Whether it is CLOSE to the rod in both."""
+        return None not in (self.sag, self.frequency) and max(abs(self.sag or 0), abs(self.frequency or 0)) <= CLOSE
+
+
+def costs(found: Iterable[Measure]) -> list[Cost]:
+    """What the measures tell, beside the answers that they have: those of either backend, since exact math makes them one."""
+    held = list(found)
+    answers: dict[tuple[str, int], Bar] = {}
+    some = {JELLY: (SOME_LAYERS, SOME_OVERLAP), **dict.fromkeys(TETRAHEDRA, (SOME_VOXELS, 1.0))}
+    for one in rows(measure for measure in held if is_bar(measure)):
+        if not one.law and (one.fine, one.size) == some.get(one.solver, (SOME_LINKS, 1.0)):
+            answers.setdefault((one.solver, one.substeps), one)
+    result = []
+    for numbers in by_configuration(m for m in held if m.description.get("finding") == COST):
+        seconds = numbers.get(SECONDS)
+        if seconds is None or seconds.value is None:
+            continue
+        told = seconds.description
+        steps = round(FRAME / tables_by_kind(told["scene"])["method"]["dt"])
+        answer = answers.get((told["solver"], told["substeps"]))
+        off = [None if answer is None or (part := answer.part(name)) is None else part - 1 for name in (SAG, FREQUENCY)]
+        suspect = "; " in (seconds.reason or "")
+        result.append(Cost(told["backend"], told["solver"], told["substeps"], steps * seconds.value, suspect, *off))
+    return sorted(result, key=lambda c: (c.backend, c.solver, c.substeps))
+
+
+def print_bar_costs(console: Console, store: Store, machine: str) -> None:
+    """A table of what was measured on a machine: time beside error."""
+    lines = []
+    for one in costs(measures(store, machine=machine)):
+        off = ["-" if part is None else f"{100 * part:+.3g}" for part in (one.sag, one.frequency)]
+        lines.append((one.solver, one.backend, str(one.substeps), f"{1e3 * one.frame:.3g}{'?' * one.suspect}", *off))
+    if lines:
+        heads = columns(("solver", "on"), ("substeps", "frame / ms", "sag, % off", "frequency, % off"))
+        print_table(console, heads, lines, "what the bar costs, and how far it is off a rod; ?: suspect", title="costs")

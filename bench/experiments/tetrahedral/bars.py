@@ -1,0 +1,54 @@
+"""What the store says of bars of tetrahedra (`softlab tetrahedra`): a row a setting."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import nan
+
+from bench.experiments.tetrahedra import BLOCKS, ELEMENTS, MESH_ERROR, MOTION_ERROR, SOLVER_ERROR, TETRAHEDRA
+from bench.measure.costs_timing import SECONDS
+from bench.store.results import Measure, by_configuration
+from bench.store.schema import tables_by_kind
+
+
+@dataclass(frozen=True)
+class Bar:
+    """One setting of one bar: `elements` tetrahedra of `young` [Pa]; a frame takes `seconds`; errors are relative, that of
+    the solver at rest (not a number where that would have taken too long) and in motion."""
+
+    elements: int
+    young: float
+    solver: str
+    substeps: int
+    iterations: int
+    backend: str
+    precision: str
+    seconds: float
+    solver_error: float
+    motion_error: float
+    mesh_error: float
+    suspect: bool
+
+
+def bars(held: Sequence[Measure]) -> list[Bar]:
+    """What the measures tell, coarse meshes and soft bars first."""
+    found = []
+    for numbers in by_configuration(m for m in held if m.description.get("finding") == TETRAHEDRA):
+        value = {name: one.value for name, one in numbers.items() if one.value is not None}
+        if not value.keys() >= {MOTION_ERROR, MESH_ERROR, SECONDS, ELEMENTS}:
+            continue
+        description = numbers[MOTION_ERROR].description
+        tables = tables_by_kind(description["scene"])
+        method = tables["method"]
+        found.append(
+            Bar(
+                round(value[ELEMENTS]), tables["tetrahedral_body"]["young_modulus"],
+                BLOCKS if method.get("rows") == "blocks" else method["solver"], method["substeps"],
+                method["iterations"], description["backend"], description["precision"], value[SECONDS],
+                value.get(SOLVER_ERROR, nan), value[MOTION_ERROR], value[MESH_ERROR], "; " in (numbers[SECONDS].reason or ""),
+            )
+        )  # fmt: skip
+    return sorted(
+        found, key=lambda b: (b.backend, b.precision, b.elements, b.young, b.solver, b.substeps * b.iterations)
+    )

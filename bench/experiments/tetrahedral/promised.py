@@ -1,0 +1,24 @@
+"""Budgets of a bar by the laws of `softlab advise` (bench/experiments/advise/tetrahedra_laws.py): what should come within an
+error soonest, by each solver, so that fine meshes are measured there and not everywhere."""
+
+from __future__ import annotations
+
+from bench.experiments.advise.tetrahedra_laws import Stiff, fewest, least_descent
+
+WITHIN = 0.01  # of the way, or of the sag: the error that is asked for
+SAFE = 0.7  # of the substeps that the law of rows asks for: in fine meshes it asks for too many
+
+
+def promised(stiff: Stiff, dt: float, error: float = WITHIN) -> list[tuple[str, int, int]]:
+    """(solver, substeps, iterations) of a step of dt [s]: rows of one sweep, also with SAFE as many substeps, and of two,
+    vertex block descent, and Newton's method; none that the laws do not promise."""
+    found: list[tuple[str, int, int]] = []
+    for sweeps in (1, 2):
+        substeps = fewest(lambda n, sweeps=sweeps: max(stiff.excess(dt / n, sweeps), stiff.damped(dt / n)) <= error)  # type: ignore[misc]
+        if substeps:
+            found += [("xpbd", n, sweeps) for n in sorted({round(SAFE * substeps), substeps}) if n]
+    descent = least_descent([stiff], dt, error)
+    if descent:
+        found.append(("vbd", *descent))
+    steps = fewest(lambda n: stiff.damped(dt / n) <= error)
+    return found + ([("newton", steps, 1)] if steps else [])

@@ -1,0 +1,149 @@
+"""A bar of tetrahedra in Newton: its solvers for soft bodies, VBD, XPBD and semi-implicit Euler, which are given the lab's
+vertices, tetrahedra, lumped masses and pins, and the Lame parameters of Young's modulus and Poisson's ratio.
+
+What their materials are (Newton 1.8, the sources of its kernels; its builder calls all of them the Neo-Hookean one of Smith,
+de Goes, Kim, "Stable Neo-Hookean Flesh Simulation", ACM TOG 2018):
+
+- VBD: that one without its logarithm, lambda + mu in place of lambda: the lab's `neo-hookean`, number for number.
+- Semi-implicit Euler: that one with its logarithm and the parameters as they are given, which at rest is a material of
+  3/4 mu and lambda - 5/8 mu. It is given 4/3 mu and lambda + 5/6 mu, so that it is the one asked for.
+- XPBD: mu/2 (|F|^2 - 3)^2 + lambda/2 (J - 1)^2, each square a constraint. The first is of second order in the strain, not
+  of first: at rest it resists stretch of the trace and nothing else. A bar of it has no bending stiffness to begin with,
+  whatever mu; no choice of numbers makes it the one asked for. It is held against its own law (bench/peers/bars/tip.py).
+
+XPBD adds up the full corrections of all tetrahedra of a vertex at once, times 0.9, as of springs. Explicit and undamped,
+semi-implicit Euler takes as few substeps as its mesh's quickest vibration allows, and some more.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from bench.peers.bars.tip import BARS, NEAR, Tip, across_of, by_stress, lame_of, quickest, tetrahedra_refusal, young_of
+from bench.peers.base import Opened
+from bench.peers.newton_sheet import Newton, load_newton
+from bench.peers.warp_base import Replayed
+from bench.reference.elastic_materials import cofactor
+from model.core.build import build
+from model.scene.scene import Scene
+
+MOST = 200_000  # tetrahedra: its model is made of Python lists
+STABLE = 0.7  # of the longest explicit step
+SQUARES = "mu/2 (|F|^2 - 3)^2 + lambda/2 (J - 1)^2, its own law"
+
+
+def squares_stress(gradient: np.ndarray, mu: np.ndarray, lam: np.ndarray) -> np.ndarray:
+    """(..., 3, 3) [Pa]: the first Piola-Kirchhoff stress of XPBD's law."""
+    square = np.einsum("...ij,...ij->...", gradient, gradient) - 3
+    swell = np.linalg.det(gradient) - 1
+    return (2 * mu * square)[..., None, None] * gradient + (lam * swell)[..., None, None] * cofactor(gradient)
+
+
+class NewtonTetrahedra(Newton):
+    """`solver` of Newton's; `substeps` of a frame, None: as many as hold; `iterations`: None where it has none."""
+
+    scenes = tuple(BARS)
+
+    def __init__(self, backend: str, solver: str, substeps: int | None = None, iterations: int | None = None):
+        self.solver, self.substeps = f"Solver{solver}", substeps
+        self.kind, self.title = f"newton_tetrahedra_{solver.lower()}", f"Newton {solver}"
+        super().__init__(backend)
+        self.iterations = iterations
+        if substeps:
+            self.name = f"{self.kind}_{substeps}x{iterations}_{backend}"
+            self.label = f"{self.title}, {substeps} x {iterations}"
+
+    def scene_refusal(self, scene: Scene) -> str | None:
+        return tetrahedra_refusal(scene)
+
+    def refusal(self, scene: Scene) -> str | None:
+        reason = self.scene_refusal(scene)
+        if reason is None and len(scene.tetrahedra_set.tetrahedra) > MOST:
+            return "its model, made of Python lists, would take minutes to build"
+        return reason
+
+    def bound(self, scene: Scene, precision: str) -> float:
+        return NEAR
+
+    def tip(self, scene: Scene) -> Tip | None:
+        """What it is to come to by its own law, where that is not the scene's."""
+        if self.solver != "SolverXPBD":
+            return None
+        return by_stress(across_of(scene), young_of(scene), squares_stress, SQUARES)
+
+    def opened(self, scene: Scene, precision: str) -> Opened:
+        return _Body(scene, self.solver, self.backend, self.substeps, self.iterations)
+
+
+def stable_substeps(scene: Scene) -> int:
+    """Of a frame, even, so that two buffers are back in place after it."""
+    return 2 * math.ceil(scene.method.dt * quickest(across_of(scene), young_of(scene)) / 2 / STABLE / 2)
+
+
+class _Body(Replayed):
+    chunks = (1,)  # frames of a graph, each of up to some thousand launches
+
+    def __init__(self, scene: Scene, solver: str, backend: str, substeps: int | None, iterations: int | None):
+        super().__init__(backend)
+        newton = load_newton()
+        body = build(scene)
+        self._substeps = substeps or stable_substeps(scene)
+        if self._substeps % 2:
+            raise ValueError("an odd number of substeps leaves the state in the other buffer")
+        self._h = scene.method.dt / self._substeps
+        self._model = self._build(newton, scene, body.position, solver)
+        how: dict[str, Any] = {} if iterations is None else {"iterations": iterations}
+        if solver == "SolverVBD":
+            how["particle_enable_self_contact"] = False
+        self._solver = getattr(newton.solvers, solver)(self._model, **how)
+        self._states = [self._model.state(), self._model.state()]
+        self._control = self._model.control()
+        self.load(body.position, body.velocity)
+        self._step()  # loads the kernels: nothing may be loaded while a graph is captured
+        self._capture()
+        self.load(body.position, body.velocity)
+
+    def _build(self, newton: Any, scene: Scene, position: np.ndarray, solver: str) -> Any:
+        found, (mu, lam) = scene.tetrahedra_set, lame_of(scene)
+        if solver == "SolverSemiImplicit":
+            mu, lam = 4 / 3 * mu, lam + 5 / 6 * mu
+        down = scene.gravity.acceleration if scene.gravity is not None and scene.gravity.enabled else 0.0
+        builder = newton.ModelBuilder(up_axis=newton.Axis.Y, gravity=(0.0, -down, 0.0))
+        mass = found.masses.copy()
+        mass[found.pinned_vertices] = 0.0
+        builder.add_particles(
+            pos=position.tolist(), vel=np.zeros_like(position).tolist(), mass=mass.tolist(), radius=[0.0] * len(mass)
+        )
+        for corners in found.tetrahedra.tolist():
+            builder.add_tetrahedron(*corners, mu, lam, 0.0)
+        builder.color()
+        model = builder.finalize(device=self._device)
+        model.particle_grid = None  # its particles would meet each other
+        model.particle_max_velocity = math.inf
+        return model
+
+    def _step(self) -> None:
+        for _ in range(self._substeps):
+            old, new = self._states[self._current], self._states[1 - self._current]
+            old.clear_forces()
+            self._solver.step(old, new, self._control, None, self._h)
+            self._current = 1 - self._current
+
+    def load(self, position: np.ndarray, velocity: np.ndarray) -> None:
+        self._current = 0
+        for state in self._states:
+            state.particle_q.assign(np.ascontiguousarray(position, np.float32))
+            state.particle_qd.assign(np.ascontiguousarray(velocity, np.float32))
+        self.synchronize()
+
+    def read(self) -> tuple[np.ndarray, np.ndarray]:
+        self.synchronize()
+        state = self._states[self._current]
+        return state.particle_q.numpy().copy(), state.particle_qd.numpy().copy()
+
+    def close(self) -> None:
+        super().close()
+        self._states = []

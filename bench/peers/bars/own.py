@@ -1,0 +1,38 @@
+"""The lab's own solvers of tetrahedra beside the peers on a bar: position-based, and vertex block descent.
+
+They solve the fixed corotated material, the lab's usual one, of which a position-based sweep leaves less undone; at these
+strains, of a thousandth, the bar is the same.
+"""
+
+from __future__ import annotations
+
+from app.driver import open_simulation
+from bench.peers.bars.tip import BARS, NEAR, tetrahedra_refusal
+from bench.peers.base import Opened
+from bench.peers.own_xpbd import Own, OwnXpbd
+from model.scene.scene import Scene
+
+
+class OwnTetrahedra(OwnXpbd):
+    """`substeps` x `iterations` of a frame by one of the lab's solvers."""
+
+    scenes = tuple(BARS)
+
+    def __init__(self, backend: str, solver: str, substeps: int, iterations: int):
+        super().__init__(backend, iterations)
+        self.solver, self.substeps = solver, substeps
+        self.name = f"softlab_tetrahedra_{solver}_{substeps}x{iterations}_{backend}"
+        self.label = f"softlab {solver}, {substeps} x {iterations}"
+
+    def refusal(self, scene: Scene) -> str | None:
+        return tetrahedra_refusal(scene)
+
+    def bound(self, scene: Scene, precision: str) -> float:
+        return NEAR
+
+    def open(self, scene: Scene, precision: str, threads: int) -> Opened:
+        solved = scene.replace({
+            "method.solver": self.solver, "method.substeps": self.substeps, "method.iterations": self.iterations,
+            "beam.material": "fixed-corotated",
+        })  # fmt: skip
+        return Own(open_simulation(solved, self.backend, threads=threads, precision=precision))

@@ -1,0 +1,138 @@
+"""Bars of tetrahedra that peers are held against: the cantilever of `softlab tetrahedra`, let go from its unloaded shape,
+by the way that its tip has made after half of its first vibration.
+
+What it should have made is known of this very mesh, whatever solves it: by the modes of any material with the same Young's
+modulus and Poisson's ratio, since the strains are a thousandth. A peer whose material has another slope at rest is held
+against its own law (`by_stress`) and what it is off the bar's is told beside it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+from math import ceil
+
+import numpy as np
+from scipy.sparse import diags
+from scipy.sparse.linalg import eigsh
+
+from bench.experiments.tetrahedra import POISSON, WEIGHT, cantilever, exact_drop, sag
+from bench.reference.elastic_materials import lame
+from bench.reference.finite_elements import Body, free_coordinates
+from model.scene.scene import Scene
+
+BARS = {"tetrahedra-1e5": (1e5, 4), "tetrahedra-1e6": (1e6, 10), "tetrahedra-1e7": (1e7, 24)}
+# word of bench/peers/scenes.py -> Young's modulus [Pa], the lab's substeps of a frame: by each it is off by under 1 %
+NEAR = 0.05  # of the way: what a peer may be off and be called the same scene
+ACROSS = (2, 4, 8)  # voxels: 400, 3200, 25 600 tetrahedra
+PER_BAR = 50  # tetrahedra of the coarsest bar, one voxel across
+FINE = 8  # steps of the explicit judge where one would be stable
+
+Stress = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]  # F, mu, lambda -> first Piola-Kirchhoff stress
+
+
+def bar_of(young: float, substeps: int) -> Callable[[int, int], Scene]:
+    """The bar, n voxels across, free of any brake, neo-Hookean, by the lab's Newton method."""
+
+    def make(rows: int, columns: int) -> Scene:
+        tables = cantilever(rows, young, "newton", substeps, 1).as_dict()
+        tables = {name: table for name, table in tables.items() if name != "damping"}
+        return Scene(tables, "cantilever").replace({"beam.material": "neo-hookean"})
+
+    return make
+
+
+def young_of(scene: Scene) -> float:
+    """[Pa]"""
+    (part,) = scene.tetrahedra_set.parts
+    return float(part.young_modulus)
+
+
+def across_of(scene: Scene) -> int:
+    """Voxels."""
+    return round((len(scene.tetrahedra_set.tetrahedra) / PER_BAR) ** (1 / 3))
+
+
+@dataclass(frozen=True)
+class Tip:
+    """What is right: after `frames` the tip is `way` [m] down; `law`: whose."""
+
+    frames: int
+    way: float
+    law: str = "the modes of its mesh"
+
+    def error(self, scene: Scene, position: np.ndarray) -> float:
+        """Of a state (particles, 3) [m], relative; infinite where it is not finite."""
+        found = sag(scene, np.asarray(position, np.float64)) / self.way - 1
+        return abs(found) if np.isfinite(found) else float("inf")
+
+
+def exact_tip(scene: Scene) -> Tip:
+    """Of the scene's own material."""
+    return Tip(*exact_drop(across_of(scene), young_of(scene)))
+
+
+def _free(scene: Scene) -> np.ndarray:
+    found = scene.tetrahedra_set
+    free = np.ones(found.particle_count, bool)
+    free[found.pinned_vertices] = False
+    return free
+
+
+def lame_of(scene: Scene) -> tuple[float, float]:
+    """(mu, lambda) [Pa] of its material."""
+    mu, lam = lame(young_of(scene), POISSON)
+    return float(mu), float(lam)
+
+
+@cache
+def quickest(across: int, young: float) -> float:
+    """[1/s]: the angular frequency of the mesh's quickest vibration, masses lumped."""
+    scene = cantilever(across, young, "xpbd", 1, 1)
+    found, free = scene.tetrahedra_set, free_coordinates(~_free(scene))
+    body = Body.of(found.position, found.tetrahedra, "corotated", young, POISSON)
+    root = diags(1 / np.sqrt(np.repeat(found.masses, 3)[free]))
+    matrix = root @ body.stiffness()[free][:, free] @ root
+    start = np.random.default_rng(0).normal(size=len(free))
+    return float(np.sqrt(eigsh(matrix, k=1, which="LM", v0=start, tol=1e-3)[0][0]))
+
+
+@cache
+def by_stress(across: int, young: float, stress: Stress, law: str) -> Tip:
+    """Of a material of that stress: the mesh's motion by velocity Verlet, in float64, of FINE times as many steps as hold."""
+    scene = bar_of(young, 1)(across, across)
+    frames, found = exact_drop(across, young)[0], scene.tetrahedra_set
+    mu, lam = (np.full(len(found.tetrahedra), value) for value in lame_of(scene))
+    body = Body.of(found.position, found.tetrahedra, "neo-hookean", young, POISSON)
+    where, free = body.tetrahedra.ravel(), _free(scene)
+    end = frames * scene.method.dt
+    steps = ceil(FINE * end * quickest(across, young) / 2)
+    h, x, v = end / steps, body.rest.copy(), np.zeros_like(body.rest)
+
+    def pull(at: np.ndarray) -> np.ndarray:
+        force = np.einsum("m,mij,maj->mai", body.volume, stress(body.deformation(at), mu, lam), body.gradient)
+        each = force.reshape(-1, 3)
+        total = np.stack([np.bincount(where, each[:, axis], minlength=len(at)) for axis in range(3)], axis=1)
+        found_pull = -total / found.masses[:, None]
+        found_pull[:, 1] -= WEIGHT * young
+        return found_pull * free[:, None]
+
+    push = pull(x)
+    for _ in range(steps):
+        v += h / 2 * push
+        x += h * v
+        push = pull(x)
+        v += h / 2 * push
+    return Tip(frames, sag(scene, x), law)
+
+
+def tetrahedra_refusal(scene: Scene) -> str | None:
+    """Why what knows a free neo-Hookean body alone cannot run a scene, or None."""
+    if not scene.tetrahedra or scene.method.solver != "newton":
+        return "it knows the free bar of tetrahedra alone"
+    unknown = set(scene.kinds.values()) - {"tetrahedral_body", "gravity", "method"}
+    if unknown:
+        return f"it has no {', '.join(sorted(unknown))} as the lab means it"
+    (part,) = scene.tetrahedra_set.parts
+    return None if part.material == "neo-hookean" and part.damping == 0 else "its material is another"

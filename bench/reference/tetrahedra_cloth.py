@@ -1,0 +1,111 @@
+"""Tetrahedral bodies and a cloth in one scene, position-based, in slow, plain NumPy float64: the judge of both backends.
+
+The substep of bench/reference/tetrahedra.py, with a cloth's constraints as bench/reference/xpbd_mesh.py projects them, what
+attachments hold (a - sum s x = 0, three components of one weight; M. Macklin et al., "XPBD", MIG 2016, eq. 17 and 18), and
+contacts as in bench/reference/surface_contacts.py. Of the model it takes the meshes, the order of constraints, and which
+points of a tetrahedron or a triangle vertices are attached to.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from bench.reference import contacts as projected
+from bench.reference import surface_contacts, xpbd_mesh
+from bench.reference.finite_elements import Body, shape_gradients
+from bench.reference.tetrahedra import Sweep
+from model.core.errors import SceneError
+from model.scene.scene import Scene
+from model.tetrahedra.attachments import attachment_sets
+from model.tetrahedra.constraints import constraint_sets, tetrahedra_of_sets
+
+
+@dataclass
+class Joint:
+    """Vertex `corners[0]` at the mean of the others with `weights`, or at the `point` of the world where there are none."""
+
+    corners: np.ndarray
+    weights: np.ndarray
+    point: np.ndarray
+    compliance: float
+
+    def project(self, position: np.ndarray, multiplier: np.ndarray, inverse_mass: np.ndarray, h: float) -> None:
+        """In place; `multiplier` (3,) [kg m]."""
+        first, others = self.corners[0], self.corners[1:]
+        off = position[first] - (self.weights @ position[others] if len(others) else self.point)
+        weight = inverse_mass[first] + float(self.weights**2 @ inverse_mass[others])
+        alpha = self.compliance / h**2
+        change = (-off - alpha * multiplier) / (weight + alpha) if weight + alpha > 0 else np.zeros(3)
+        multiplier += change
+        position[first] += inverse_mass[first] * change
+        position[others] -= (inverse_mass[others] * self.weights)[:, None] * change
+
+
+def _bodies(scene: Scene) -> list[tuple[Body, list[np.ndarray]]]:
+    """(tetrahedra of one material, in which order they are projected), set after set."""
+    found = scene.tetrahedra_set
+    mu, lame = found.lame()
+    made = []
+    for chosen, rows in zip(tetrahedra_of_sets(found), constraint_sets(scene), strict=False):
+        corners = rows.corners.astype(np.int64)
+        volume, gradient = shape_gradients(found.position, corners)
+        body = Body(found.position, corners, rows.model, mu[chosen], lame[chosen], volume, gradient)
+        made.append((body, rows.sweep))
+    return made
+
+
+def _joints(scene: Scene) -> list[Joint]:
+    made = []
+    for rows in attachment_sets(scene.tetrahedra_set):
+        for corners, values in zip(rows.corners, rows.values, strict=True):
+            others = len(corners) - 1
+            made.append(Joint(corners, values[:others], values[:3], float(values[-1])))
+    return made
+
+
+def simulate(
+    scene: Scene, steps: int, position: np.ndarray, velocity: np.ndarray, most: int, distance: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """(position [m], velocity [m/s]), (particles, 3) float64, after `steps` steps from such ones. `most`: how many contacts a
+    vertex has; `distance` [m]: what they keep. Raises SceneError for what is not known here."""
+    if scene.colliders or scene.motions or scene.external or any(p.mass_damping for p in scene.tetrahedra.values()):
+        raise SceneError("scene", scene.name, "the reference knows gravity, dampers, contacts and attachments")
+    found, method = scene.tetrahedra_set, scene.method
+    (damping,) = {part.damping for part in scene.tetrahedra.values()}
+    h, inverse_mass = method.dt / method.substeps, 1 / found.masses
+    inverse_mass[found.pinned_vertices] = 0
+    free = (inverse_mass > 0)[:, None]
+    drag = (scene.damping.coefficient if scene.damping else 0.0) * inverse_mass[:, None]
+    gravity = np.array([0.0, -scene.gravity.acceleration if scene.gravity and scene.gravity.enabled else 0.0, 0.0])
+    start = int(found.first_particle[-1])
+    cloth = [replace(item, corners=item.corners + start) for item in xpbd_mesh.items_of(scene)] if scene.mesh else []
+    bodies, joints = _bodies(scene), _joints(scene)
+    p, v = np.array(position, np.float64), np.array(velocity, np.float64)
+    sail = found.surface[(found.surface >= start).all(axis=1)]
+    for number in range(steps * method.substeps):
+        before = p
+        force = xpbd_mesh.wind_on(scene, p, v, number * h, sail) if scene.wind else np.zeros_like(p)
+        v = np.where(free, v * (1 - h * drag) + h * (gravity + force * inverse_mass[:, None]), 0.0)
+        p = before + h * v
+        sweeps = [
+            Sweep(body, inverse_mass, before, h, damping / h, np.zeros((n, 3, 3)), np.zeros(n))
+            for body, _ in bodies for n in [len(body.tetrahedra)]
+        ]  # fmt: skip
+        multipliers = [np.zeros(3 if "isometric" in item.of.__qualname__ else 1) for item in cloth]
+        held = [np.zeros(3) for _ in joints]
+        touching = surface_contacts.find(scene, distance, before, p).kept(most) if scene.contact else None
+        for _ in range(method.iterations):
+            for sweep, (_, order) in zip(sweeps, bodies, strict=True):
+                for members in order:
+                    sweep.project(members, p, "blocks" if method.rows == "blocks" else "rows")
+            for item, multiplier in zip(cloth, multipliers, strict=True):
+                xpbd_mesh.project(item, p, before, multiplier, inverse_mass, h)
+            for joint, multiplier in zip(joints, held, strict=True):
+                joint.project(p, multiplier, inverse_mass, h)
+            for _ in range(scene.contact.sweeps if scene.contact else 0):
+                assert touching is not None and scene.contact is not None
+                p = projected.project(scene.contact, touching, before, p, inverse_mass)  # type: ignore[arg-type]
+        v = np.where(free, (p - before) / h, 0.0)
+    return p, v

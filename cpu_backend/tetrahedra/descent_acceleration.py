@@ -1,0 +1,42 @@
+"""Chebyshev's acceleration of the sweeps of vertex block descent, on CPU threads."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from cpu_backend.core.compile import Compiler
+from model.formulas.elastic import chebyshev
+
+
+def make_accelerate(compiler: Compiler, real: Any) -> Any:
+    """accelerate(first, last, position, ways, w): particles after a sweep; `ways` (2, particles, 4): where the last sweep
+    ended, and the one before it."""
+    beyond, zero = chebyshev.make(real, compiler.compiled).beyond, real(0)
+
+    @compiler.compiled
+    def accelerate(first, last, position, ways, w):
+        for k in range(first, last):
+            if position[k, 3] > zero:
+                for axis in range(3):
+                    x = beyond(position[k, axis], ways[1, k, axis], w)
+                    ways[1, k, axis] = ways[0, k, axis]
+                    ways[0, k, axis] = x
+                    position[k, axis] = x
+
+    return accelerate
+
+
+@cache
+def make_accelerate_stage(real: Any, math: str) -> Any:
+    """accelerate(bands, position, ways, w): a parallel loop by itself."""
+    compiler = Compiler(f"chebyshev_{np.dtype(real).name}_{math}", math)
+    some = make_accelerate(compiler, real)
+
+    def accelerate(band, bands, position, ways, w):
+        count = len(position)
+        some(count * band // bands, count * (band + 1) // bands, position, ways, w)
+
+    return compiler.banded(accelerate)

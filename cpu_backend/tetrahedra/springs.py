@@ -1,0 +1,43 @@
+"""Attachments as springs (model/tetrahedra/springs.py) on CPU threads: what those of one particle add to a sum."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+from cpu_backend.core.compile import Compiler
+from model.formulas.elastic import spring
+
+
+def make_springs(compiler: Compiler, real: Any) -> SimpleNamespace:
+    """`pulled(k, position, springs)`: (the derivative, three numbers, what stands on the diagonal of the block, the energy
+    that particle k counts), of all springs at it in their order. `springs`: (meets, entries, corners, values)."""
+    compiled = compiler.compiled
+    pull, zero = spring.make(real, compiled).pull, real(0)
+
+    @compiled
+    def row(position, k):
+        return position[k, 0], position[k, 1], position[k, 2]
+
+    @compiled
+    def pulled(k, position, springs):
+        meets, entries, corners, values = springs
+        x, y, z, hard, total = zero, zero, zero, zero, zero
+        for n in range(meets[k], meets[k + 1]):
+            entry = entries[n]
+            one = entry >> 4
+            points = (
+                row(position, corners[one, 0]), row(position, corners[one, 1]), row(position, corners[one, 2]),
+                row(position, corners[one, 3]), row(position, corners[one, 4]),
+            )  # fmt: skip
+            numbers = (
+                values[one, 0], values[one, 1], values[one, 2], values[one, 3], values[one, 4], values[one, 5],
+                values[one, 6], values[one, 7],
+            )  # fmt: skip
+            p, q, r, own, held = pull(points, numbers, (entry >> 1) & 7)
+            x, y, z, hard = x + p, y + q, z + r, hard + own
+            if entry & 1:
+                total = total + held
+        return x, y, z, hard, total
+
+    return SimpleNamespace(pulled=pulled)

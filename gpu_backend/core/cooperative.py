@@ -1,0 +1,45 @@
+"""A kernel that does whole steps, all its blocks launched together: they meet at barriers, and nothing comes to the host."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numba import cuda
+
+from gpu_backend.core.device import simulated
+from gpu_backend.core.launch import prepare
+
+STEPS = 64  # a launch, so that it can be interrupted
+
+
+class Cooperative:
+    """Launches `kernel` with `arguments(steps)`, among them `flags` (1,) int32, 0 before each launch, in at most `most`
+    blocks of `threads`: as many as the device holds at once."""
+
+    def __init__(
+        self, simulation: Any, kernel: Any, arguments: Callable[[int], tuple[Any, ...]], most: int, threads: int
+    ):
+        self.flags = cuda.to_device(np.zeros(1, np.int32), stream=simulation.stream)
+        self._simulation, self._kernel, self._arguments, self._threads = simulation, kernel, arguments, threads
+        self._most = most
+
+    def prepare(self) -> None:
+        """Compile it, and ask how many blocks fit, once its arguments are there."""
+        self.blocks = 1
+        if not simulated():
+            given = self._arguments(1)
+            prepare(self._kernel, given, 0, cooperative=True)
+            compiled = self._kernel.compile(tuple(self._kernel.typeof_pyval(argument) for argument in given))
+            self.blocks = min(self._most, compiled.max_cooperative_grid_blocks(self._threads))
+
+    def advance(self, step: int, steps: int) -> None:
+        sim = self._simulation
+        sim._set_counter(step)
+        while steps > 0:
+            now = min(steps, STEPS)
+            self.flags.copy_to_device(np.zeros(1, np.int32), stream=sim.stream)
+            self._kernel[self.blocks, self._threads, sim.stream](*self._arguments(now))
+            sim._count_on(now)
+            steps -= now

@@ -1,0 +1,35 @@
+"""Simulations of quads whose pinned particles may move, by motions of the scene or to targets: the rows that say where."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from gpu_backend.core.quad_simulation import QuadSimulation
+from model.mass_spring.cloth_parameters import pin_velocity
+from model.tetrahedra.targets import Targeted
+
+
+class DrivenSimulation(Targeted, QuadSimulation):
+    """See model/core/simulation.py for the contract. `_rows`: what `bodies` holds; those of pins begin at `_first_pin`, 0
+    where none moves."""
+
+    _rows: np.ndarray
+    _first_pin: int
+
+    def _allocate_driven(self) -> None:
+        """The state, the constants and the rows."""
+        self._rows, self._first_pin = self._driven_rows()
+        self._allocate_quads(self._rows)
+
+    def _send_rows(self, rows: np.ndarray) -> None:
+        self._rows[...] = rows
+        self.bodies.copy_to_device(self._rows, stream=self.stream)
+        self.synchronize()
+
+    def _pin_velocity(self, step: int) -> Any:
+        if not self._first_pin:
+            return 0
+        number = step * self.scene.method.substeps
+        return pin_velocity(self._rows, self._first_pin, len(self.body.pinned), number, self._record)

@@ -1,0 +1,179 @@
+"""CUDA kernels of a fluid's constraint: lists, factors, densities and corrections, a thread a particle.
+
+`stages` runs `find`, `factors`, `density` and `correct` of model/fluid/plan.py each by itself. The others fuse what needs no
+neighbour's result: `prepare` is the first three, all at the predicted positions, and `settle` (gpu_backend/fluid/motion.py) a
+substep's last correction and what follows of it. In `exact` math both give the same bits.
+
+Bytes a particle in float32, n neighbours (28 in space), whose quads come from the caches; flop from model/fluid/plan.py's
+numbers: `prepare` reads 36 and writes 4 n + 32, 9 flop a candidate (160) and 39 n; `density` reads 4 n + 32, writes 8, 13 n;
+`correct` reads 4 n + 36, writes 16, 24 n. At n = 28 that is for an iteration 316 bytes and 1040 flop: on an H200 (4.0 TB/s
+measured, 31 TFLOP/s at half of peak) memory allows 12.6 G particle-iterations a second, arithmetic 30.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+from numba import cuda
+
+from gpu_backend.contact.colliders import make_collide
+from gpu_backend.core.compile import inlined, kernel_options, make_kernels, variant_name
+from gpu_backend.core.formulas import device_formulas
+from gpu_backend.core.quads import SIZE, load_quad, store_quad
+from gpu_backend.core.world import World
+from gpu_backend.fluid.lists import make_search
+from gpu_backend.fluid.sums import List, make_row, make_sums
+from gpu_backend.fluid.walls import make_walls
+from gpu_backend.xpbd.kernels import make_clock
+from model.fluid.parameters import F_WEIGHT
+from model.formulas.fluid import density
+
+WALL = 3  # numbers of a wall's gradient
+
+
+@cache
+def make_relax(real: Any, math: str, parts: frozenset[str]) -> Any:
+    """relax(k, total, wall, factor, multipliers, constraints, parameters, first) -> the change of particle k's multiplier;
+    `first`: it was 0."""
+    formulas = device_formulas(density.make, real, math)
+    constraint, change, change_alone = formulas.constraint, formulas.change, formulas.change_alone
+    alone, keeps, zero = "averaged" in parts, "drag" in parts, real(0)
+
+    @inlined(math)
+    def relax(k, total, wall, factor, multipliers, constraints, parameters, first):
+        c = constraint(total, parameters.density_scale, wall)
+        if keeps:
+            constraints[k] = c
+        multiplier = zero if first else multipliers[k]
+        delta = change_alone(factor, c) if alone else change(multiplier, factor, c)
+        multipliers[k] = multiplier + delta
+        return delta
+
+    return relax
+
+
+@cache
+def make_move(real: Any, math: str, parts: frozenset[str], repeats: frozenset[str]) -> Any:
+    """move(k, p, b, position, near_by, gradients, fluids, world, number) -> (x, y, z): particle k at p, which began the
+    substep at b, after a correction and the colliders. `gradients`: of walls, three numbers a particle."""
+    sums, collide = make_sums(real, math, parts, repeats), make_collide(real, math, parts)
+    formulas, sum_correction, row = device_formulas(density.make, real, math), sums.sum_correction, make_row(parts)
+    moved, moved_mean, weight_field = formulas.moved, formulas.moved_mean, np.int32(F_WEIGHT)
+    averaged, has_walls, zero, one, axes = "averaged" in parts, "walls" in parts, real(0), np.int32(1), np.int32(WALL)
+
+    @inlined(math)
+    def move(k, p, b, position, near_by, gradients, fluids, world, number):
+        wall = zero, zero, zero, zero
+        if has_walls:
+            at = np.int64(k) * axes
+            wall = zero, gradients[at], gradients[at + 1], gradients[at + 2]
+        x, y, z = sum_correction(k, p, position, near_by, wall, world.parameters)
+        weight = fluids[row(b[3]) + weight_field]
+        if averaged:
+            count = real(max(near_by.count, one))
+            x, y, z = (
+                moved_mean(p[0], weight, x, count), moved_mean(p[1], weight, y, count), moved_mean(p[2], weight, z, count),
+            )  # fmt: skip
+        else:
+            x, y, z = moved(p[0], weight, x), moved(p[1], weight, y), moved(p[2], weight, z)
+        x, y, z, _, _, _ = collide(b, x, y, z, zero, zero, zero, world, number)
+        return x, y, z
+
+    return move
+
+
+@cache
+def make_density_kernels(
+    real: Any, math: str, parts: frozenset[str], repeats: frozenset[str], neighbours: int
+) -> SimpleNamespace:
+    """`find(position, record, keys, numbers, begins, table, found, beyond)`;
+    `prepare(position, record, keys, numbers, begins, table, found, beyond, *relaxed, fluids, *world, into)`;
+    `factors(position, record, table, found, *relaxed, fluids, *world)`; `density(position, record, table, found, *relaxed,
+    *world)`, which writes into the fourth numbers of positions; `correct(before, position, record, table, found, gradients,
+    fluids, *world, into)`.
+
+    `relaxed`: factors, multipliers, constraints, gradients; `world`: bodies, integers, counter, place, substeps, substep."""
+    variant = real, math, parts
+    sums, move, relax = make_sums(*variant, repeats), make_move(*variant, repeats), make_relax(*variant)
+    sum_factor, sum_density = sums.sum_factor, sums.sum_density
+    search = make_search(real, 2 if "flat" in parts else 3, neighbours, repeats)
+    walls, clock = make_walls(*variant), make_clock(math, parts)
+    has_walls, zero, axes = "walls" in parts, real(0), np.int32(WALL)
+
+    @inlined(math)
+    def meet_walls(k, p, gradients, world, number):
+        """Their share at p; their gradient is kept."""
+        wall = zero, zero, zero, zero
+        if has_walls:
+            wall = walls(p, world, number)
+            at = np.int64(k) * axes
+            gradients[at], gradients[at + 1], gradients[at + 2] = wall[1], wall[2], wall[3]
+        return wall
+
+    def find(position, record, keys, numbers, begins, table, found, beyond):
+        k, particles = np.int32(cuda.grid(1)), np.int32(found.size)
+        if k < particles:
+            p = load_quad(position, k)
+            found[k] = search(k, p, position, record[0], keys[k], numbers, begins, table, particles, beyond)
+
+    def prepare(
+        position, record, keys, numbers, begins, table, found, beyond, factors, multipliers, constraints, gradients, fluids,
+        bodies, integers, counter, place, substeps, substep, into,
+    ):  # fmt: skip
+        k, particles = np.int32(cuda.grid(1)), np.int32(found.size)
+        if k < particles:
+            parameters, p = record[0], load_quad(position, k)
+            count = search(k, p, position, parameters, keys[k], numbers, begins, table, particles, beyond)
+            found[k] = count
+            _, number = clock(counter, place, substeps, substep)
+            wall = meet_walls(k, p, gradients, World(parameters, bodies, integers), number)
+            near_by = List(table, count, particles)
+            factor = sum_factor(k, p, position, near_by, wall, fluids, parameters)
+            factors[k] = factor
+            total = sum_density(k, p, position, near_by, parameters)
+            delta = relax(k, total, wall[0], factor, multipliers, constraints, parameters, True)
+            store_quad(into, k, p[0], p[1], p[2], delta)
+
+    def factors(
+        position, record, table, found, factors_, multipliers, constraints, gradients, fluids, bodies, integers, counter,
+        place, substeps, substep,
+    ):  # fmt: skip
+        k, particles = np.int32(cuda.grid(1)), np.int32(found.size)
+        if k < particles:
+            parameters, p = record[0], load_quad(position, k)
+            _, number = clock(counter, place, substeps, substep)
+            wall = meet_walls(k, p, gradients, World(parameters, bodies, integers), number)
+            near_by = List(table, found[k], particles)
+            factors_[k] = sum_factor(k, p, position, near_by, wall, fluids, parameters)
+            multipliers[k] = zero
+
+    def density(
+        position, record, table, found, factors, multipliers, constraints, gradients, bodies, integers, counter, place,
+        substeps, substep,
+    ):  # fmt: skip
+        k, particles = np.int32(cuda.grid(1)), np.int32(found.size)
+        if k < particles:
+            parameters, p = record[0], load_quad(position, k)
+            _, number = clock(counter, place, substeps, substep)
+            wall = meet_walls(k, p, gradients, World(parameters, bodies, integers), number)
+            total = sum_density(k, p, position, List(table, found[k], particles), parameters)
+            delta = relax(k, total, wall[0], factors[k], multipliers, constraints, parameters, False)
+            position[SIZE * np.int64(k) + 3] = delta  # which no thread of this launch looks at
+
+    def correct(
+        before, position, record, table, found, gradients, fluids, bodies, integers, counter, place, substeps, substep,
+        into,
+    ):  # fmt: skip
+        k, particles = np.int32(cuda.grid(1)), np.int32(found.size)
+        if k < particles:
+            p, b, near_by = load_quad(position, k), load_quad(before, k), List(table, found[k], particles)
+            _, number = clock(counter, place, substeps, substep)
+            world = World(record[0], bodies, integers)
+            x, y, z = move(k, p, b, position, near_by, gradients, fluids, world, number)
+            store_quad(into, k, x, y, z, b[3])
+
+    name = f"fluid_{variant_name(real, math, parts, repeats)}"
+    return make_kernels((find, prepare, factors, density, correct), name, **kernel_options(math))

@@ -1,0 +1,304 @@
+"""CUDA kernels of a fluid's motion: where particles are told to go, and velocities, a thread a particle; see
+model/fluid/plan.py. A position's fourth number is the particle's fluid, before and after a substep.
+
+Bytes a particle in float32, n neighbours: `begin` reads 36 and writes 32; `settle` reads 4 n + 68 and writes 32; `shape`
+reads 4 n + 32 and writes 32; `smooth` reads 4 n + 64 and writes 16. All are bound by memory but for the neighbours, 24 to
+45 flop each.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+from numba import cuda
+
+from gpu_backend.contact.colliders import make_collide
+from gpu_backend.core.compile import inlined, kernel_options, make_kernels, variant_name
+from gpu_backend.core.forces import make_own_force
+from gpu_backend.core.formulas import device_formulas
+from gpu_backend.core.quads import SIZE, load_quad, store_quad
+from gpu_backend.core.world import World
+from gpu_backend.fluid.kernels import make_move
+from gpu_backend.fluid.sort_kernels import make_box
+from gpu_backend.fluid.sums import List, make_row, make_sums
+from gpu_backend.xpbd.kernels import make_clock
+from model.fluid.parameters import (
+    F_BUOYANCY,
+    F_CHANGE,
+    F_COHESION,
+    F_CONFINEMENT,
+    F_DRAG,
+    F_SPEED,
+    F_SURFACE_DRAG,
+    F_TENSION,
+    F_VISCOSITY,
+    F_WEIGHT,
+)
+from model.fluid.plan import SMOOTHING
+from model.formulas.fluid import density, motion
+
+
+@cache
+def make_ends(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
+    """`answered(b, u, x, y, z, fluids, at, world, number)` -> (x, y, z, vx, vy, vz): a particle that came from b, meant
+    to go at u, to (x, y, z), after the colliders, whose fluid's row begins at `at`; `limited(vx, vy, vz, c, fluids, at,
+    parameters)`."""
+    formulas, inline, collide = device_formulas(motion.make, real, math), inlined(math), make_collide(real, math, parts)
+    velocity_of, held_back, speed_of = formulas.velocity_of, formulas.held_back, formulas.speed_of
+    braked, slowed = formulas.braked, formulas.slowed
+    is_held_back, is_dragged = "held-back" in parts, "drag" in parts
+
+    @inline
+    def answered(b, u, x, y, z, fluids, at, world, number):
+        inverse = world.parameters.inverse_dt
+        vx, vy, vz = velocity_of(x, b[0], inverse), velocity_of(y, b[1], inverse), velocity_of(z, b[2], inverse)
+        if is_held_back:
+            difference, most = speed_of(vx - u[0], vy - u[1], vz - u[2]), fluids[at + F_CHANGE]
+            vx = held_back(vx, u[0], difference, most)
+            vy, vz = held_back(vy, u[1], difference, most), held_back(vz, u[2], difference, most)
+        return collide(b, x, y, z, vx, vy, vz, world, number)
+
+    @inline
+    def limited(vx, vy, vz, c, fluids, at, parameters):
+        if is_dragged:
+            drag, surface_drag, dt = fluids[at + F_DRAG], fluids[at + F_SURFACE_DRAG], parameters.dt
+            vx = braked(vx, dt, drag, surface_drag, c)
+            vy, vz = braked(vy, dt, drag, surface_drag, c), braked(vz, dt, drag, surface_drag, c)
+        speed, most = speed_of(vx, vy, vz), fluids[at + F_SPEED]
+        return slowed(vx, speed, most), slowed(vy, speed, most), slowed(vz, speed, most)
+
+    return SimpleNamespace(answered=answered, limited=limited)
+
+
+@cache
+def make_begin(real: Any, math: str, parts: frozenset[str], repeats: frozenset[str]) -> Any:
+    """begin(position, velocity, particle, limit, record, fluids, integers, counter, place, substeps, substep, predicted,
+    before, meant, boxes): what is told to go where, and the box of each block's; in blocks of sort_kernels.THREADS. `before`
+    is written where sides repeat. `particle`: the particles' numbers; `limit` [m]: see `bound`."""
+    axes = 2 if "flat" in parts else 3
+    formulas, keep_box, clock = device_formulas(motion.make, real, math), make_box(real), make_clock(math, parts)
+    accelerated, buoyant, drifted = formulas.accelerated, formulas.buoyant, formulas.drifted
+    speed_of, slowed, turned_round = formulas.speed_of, formulas.slowed, formulas.turned_round
+    own, row = make_own_force(real, math, axes, parts), make_row(parts)
+    has_gravity, solid, goes_round = "gravity" in parts, axes == 3, bool(repeats)
+    along_x, along_y, along_z = "x" in repeats, "y" in repeats, "z" in repeats
+    zero, one, none = real(0), real(1), real(np.inf)
+
+    def begin(
+        position, velocity, particle, limit, record, fluids, integers, counter, place, substeps, substep, predicted, before,
+        meant, boxes,
+    ):  # fmt: skip
+        parameters = record[0]
+        step, _ = clock(counter, place, substeps, substep)
+        lx, ly, lz, hx, hy, hz = none, none, none, -none, -none, -none
+        for k in range(np.int32(cuda.grid(1)), np.int32(particle.size), np.int32(cuda.gridsize(1))):
+            p, v = load_quad(position, k), load_quad(velocity, k)
+            at = row(p[3])
+            ay = zero
+            if has_gravity:
+                ay = buoyant(parameters.gravity, fluids[at + F_BUOYANCY])
+            if solid:
+                ax, ay, az = own((zero, ay, zero), particle[k], one, parameters, integers, step)
+            else:
+                ax, ay = own((zero, ay), particle[k], one, parameters, integers, step)
+                az = zero
+            h = parameters.dt
+            ux, uy, uz = accelerated(v[0], h, ax), accelerated(v[1], h, ay), accelerated(v[2], h, az)
+            speed, most = speed_of(ux, uy, uz), fluids[at + F_SPEED]
+            ux, uy, uz = slowed(ux, speed, most), slowed(uy, speed, most), slowed(uz, speed, most)
+            x, y, z = drifted(p[0], ux, h), drifted(p[1], uy, h), drifted(p[2], uz, h)
+            if goes_round:
+                sx, sy, sz = zero, zero, zero
+                if along_x:
+                    sx = turned_round(x, parameters.low_x, parameters.high_x, parameters.side_x)
+                if along_y:
+                    sy = turned_round(y, parameters.low_y, parameters.high_y, parameters.side_y)
+                if along_z:
+                    sz = turned_round(z, parameters.low_z, parameters.high_z, parameters.side_z)
+                x, y, z = x + sx, y + sy, z + sz
+                store_quad(before, k, p[0] + sx, p[1] + sy, p[2] + sz, p[3])
+            store_quad(predicted, k, x, y, z, p[3])
+            store_quad(meant, k, ux, uy, uz, zero)
+            if abs(x) <= limit and abs(y) <= limit and abs(z) <= limit:  # false for NaN
+                lx, ly, lz = min(lx, x), min(ly, y), min(lz, z)
+                hx, hy, hz = max(hx, x), max(hy, y), max(hz, z)
+        keep_box(lx, ly, lz, hx, hy, hz, boxes)
+
+    name = f"fluid_{variant_name(real, math, parts, repeats)}"
+    return make_kernels((begin,), name, **kernel_options(math)).begin
+
+
+@cache
+def make_settle(real: Any, math: str, parts: frozenset[str], repeats: frozenset[str]) -> SimpleNamespace:
+    """`settle(before, meant, position, record, table, found, constraints, gradients, fluids, *world, new_position,
+    new_velocity)`: the last correction, then velocities, limited unless neighbours have a say; `update(before, meant,
+    position, record, fluids, *world, new_position, new_velocity)`: velocities alone; `limit(position, velocity,
+    constraints, record, fluids)`."""
+    ends, move, row = make_ends(real, math, parts), make_move(real, math, parts, repeats), make_row(parts)
+    answered, limited, clock = ends.answered, ends.limited, make_clock(math, parts)
+    ended, is_dragged, zero = not parts & SMOOTHING, "drag" in parts, real(0)
+
+    def settle(
+        before, meant, position, record, table, found, constraints, gradients, fluids, bodies, integers, counter, place,
+        substeps, substep, new_position, new_velocity,
+    ):  # fmt: skip
+        k, particles = np.int32(cuda.grid(1)), np.int32(found.size)
+        if k < particles:
+            p, b, near_by = load_quad(position, k), load_quad(before, k), List(table, found[k], particles)
+            _, number = clock(counter, place, substeps, substep)
+            world, at = World(record[0], bodies, integers), row(b[3])
+            x, y, z = move(k, p, b, position, near_by, gradients, fluids, world, number)
+            x, y, z, vx, vy, vz = answered(b, load_quad(meant, k), x, y, z, fluids, at, world, number)
+            if ended:
+                c = constraints[k] if is_dragged else zero
+                vx, vy, vz = limited(vx, vy, vz, c, fluids, at, record[0])
+            store_quad(new_position, k, x, y, z, b[3])
+            store_quad(new_velocity, k, vx, vy, vz, zero)
+
+    def update(
+        before, meant, position, record, fluids, bodies, integers, counter, place, substeps, substep, new_position,
+        new_velocity,
+    ):  # fmt: skip
+        k = np.int32(cuda.grid(1))
+        if k < position.size // SIZE:
+            p, b = load_quad(position, k), load_quad(before, k)
+            _, number = clock(counter, place, substeps, substep)
+            world = World(record[0], bodies, integers)
+            x, y, z, vx, vy, vz = answered(b, load_quad(meant, k), p[0], p[1], p[2], fluids, row(b[3]), world, number)
+            store_quad(new_position, k, x, y, z, b[3])
+            store_quad(new_velocity, k, vx, vy, vz, zero)
+
+    def limit(position, velocity, constraints, record, fluids):
+        k = np.int32(cuda.grid(1))
+        if k < position.size // SIZE:
+            p, v, c = load_quad(position, k), load_quad(velocity, k), zero
+            if is_dragged:
+                c = constraints[k]
+            vx, vy, vz = limited(v[0], v[1], v[2], c, fluids, row(p[3]), record[0])
+            store_quad(velocity, k, vx, vy, vz, zero)
+
+    name = f"fluid_{variant_name(real, math, parts, repeats)}"
+    return make_kernels((settle, update, limit), name, **kernel_options(math))
+
+
+@cache
+def make_smoothing(
+    real: Any, math: str, parts: frozenset[str], repeats: frozenset[str], ends_there: bool
+) -> SimpleNamespace:
+    """`shape(position, velocity, record, table, found, normals, curls)`: normals [1/m], and vorticities [1/s] and their
+    lengths; `smooth(position, velocity, record, table, found, constraints, fluids, normals, curls, into)`: velocities
+    after all that neighbours do to them; where `ends_there`, limited too."""
+    formulas, sums = device_formulas(motion.make, real, math), device_formulas(density.make, real, math)
+    inline, pair, row = inlined(math), make_sums(real, math, parts, repeats).pair, make_row(parts)
+    limited = make_ends(real, math, parts).limited
+    near, slope, gradient_added, speed_of = sums.near, sums.slope, sums.gradient_added, formulas.speed_of
+    curl_added, rise_added, confined, smoothed = (
+        formulas.curl_added, formulas.rise_added, formulas.confined, formulas.smoothed,
+    )  # fmt: skip
+    smooth_share, smooth_added = formulas.smooth_share, formulas.smooth_added
+    pull, pull_added, tension_added = formulas.pull, formulas.pull_added, formulas.tension_added
+    has_viscosity, has_cohesion, has_tension, has_curl = (
+        part in parts for part in ("viscosity", "cohesion", "surface-tension", "vorticity")
+    )
+    is_dragged, zero = "drag" in parts, real(0)
+
+    @inline
+    def add_shape(sums_so_far, p, q, v, w, way, s):
+        nx, ny, nz, cx, cy, cz = sums_so_far
+        dx, dy, dz, _ = way
+        if has_tension:
+            nx, ny, nz = gradient_added(nx, s, dx), gradient_added(ny, s, dy), gradient_added(nz, s, dz)
+        if has_curl:
+            cx = curl_added(cx, s, dy, dz, v[1], v[2], w[1], w[2])
+            cy = curl_added(cy, s, dz, dx, v[2], v[0], w[2], w[0])
+            cz = curl_added(cz, s, dx, dy, v[0], v[1], w[0], w[1])
+        return nx, ny, nz, cx, cy, cz
+
+    def shape(position, velocity, record, table, found, normals, curls):
+        k, particles = np.int32(cuda.grid(1)), np.int32(found.size)
+        if k < particles:
+            parameters, p, v, at = record[0], load_quad(position, k), load_quad(velocity, k), np.int64(k)
+            totals = zero, zero, zero, zero, zero, zero
+            for _ in range(found[k]):
+                j = table[at]
+                at += particles
+                q, w = load_quad(position, j), load_quad(velocity, j)
+                way = pair(k, p, j, q, parameters)
+                s = slope(way[3], parameters.inverse_support, parameters.gradient_scale)
+                totals = add_shape(totals, p, q, v, w, way, s)
+            nx, ny, nz, cx, cy, cz = totals
+            store_quad(normals, k, nx, ny, nz, zero)
+            store_quad(curls, k, cx, cy, cz, speed_of(cx, cy, cz))
+
+    @inline
+    def add_forces(f, way, near_row, own_row, n, m, fluids, parameters):
+        """What draws particles together: `n`, `m`: normals of this one and of its neighbour."""
+        fx, fy, fz = f
+        dx, dy, dz, r = way
+        if has_cohesion:
+            a = pull(r, parameters.inverse_support, fluids[own_row + F_COHESION], fluids[near_row + F_COHESION])
+            fx, fy, fz = pull_added(fx, a, dx), pull_added(fy, a, dy), pull_added(fz, a, dz)
+        if has_tension:
+            one, other = fluids[own_row + F_TENSION], fluids[near_row + F_TENSION]
+            fx = tension_added(fx, one, other, n[0], m[0])
+            fy, fz = tension_added(fy, one, other, n[1], m[1]), tension_added(fz, one, other, n[2], m[2])
+        return fx, fy, fz
+
+    @inline
+    def add_smooth(m, v, w, r, near_row, own_row, fluids, parameters):
+        """XSPH: v, w: velocities of this one and of its neighbour."""
+        share = smooth_share(
+            near(r, parameters.inverse_support), fluids[own_row + F_VISCOSITY], fluids[near_row + F_VISCOSITY],
+            fluids[own_row + F_WEIGHT], fluids[near_row + F_WEIGHT],
+        )  # fmt: skip
+        return (
+            smooth_added(m[0], share, v[0], w[0]), smooth_added(m[1], share, v[1], w[1]),
+            smooth_added(m[2], share, v[2], w[2]),
+        )  # fmt: skip
+
+    def smooth(position, velocity, record, table, found, constraints, fluids, normals, curls, into):
+        k, particles = np.int32(cuda.grid(1)), np.int32(found.size)
+        if k < particles:
+            parameters, p, v, at = record[0], load_quad(position, k), load_quad(velocity, k), np.int64(k)
+            m, f, rise, own_row = (zero, zero, zero), (zero, zero, zero), (zero, zero, zero), row(p[3])
+            normal, curl = (zero, zero, zero, zero), (zero, zero, zero, zero)
+            if has_tension:
+                normal = load_quad(normals, k)
+            if has_curl:
+                curl = load_quad(curls, k)
+            for _ in range(found[k]):
+                j = table[at]
+                at += particles
+                q = load_quad(position, j)
+                way, near_row, other = pair(k, p, j, q, parameters), row(q[3]), (zero, zero, zero, zero)
+                if has_viscosity:
+                    m = add_smooth(m, v, load_quad(velocity, j), way[3], near_row, own_row, fluids, parameters)
+                if has_tension:
+                    other = load_quad(normals, j)
+                f = add_forces(f, way, near_row, own_row, normal, other, fluids, parameters)
+                if has_curl:
+                    s = slope(way[3], parameters.inverse_support, parameters.gradient_scale)
+                    length = load_quad(curls, j)[3]
+                    rise = (
+                        rise_added(rise[0], s, way[0], curl[3], length), rise_added(rise[1], s, way[1], curl[3], length),
+                        rise_added(rise[2], s, way[2], curl[3], length),
+                    )  # fmt: skip
+            weight = fluids[own_row + F_WEIGHT]
+            vx, vy, vz = (
+                smoothed(v[0], m[0], weight, f[0]), smoothed(v[1], m[1], weight, f[1]), smoothed(v[2], m[2], weight, f[2]),
+            )  # fmt: skip
+            if has_curl:
+                strength, steep = fluids[own_row + F_CONFINEMENT], speed_of(rise[0], rise[1], rise[2])
+                vx = confined(vx, strength, steep, rise[1], rise[2], curl[1], curl[2])
+                vy = confined(vy, strength, steep, rise[2], rise[0], curl[2], curl[0])
+                vz = confined(vz, strength, steep, rise[0], rise[1], curl[0], curl[1])
+            if ends_there:
+                c = constraints[k] if is_dragged else zero
+                vx, vy, vz = limited(vx, vy, vz, c, fluids, own_row, parameters)
+            store_quad(into, k, vx, vy, vz, zero)
+
+    name = f"fluid_{variant_name(real, math, parts, repeats)}"
+    return make_kernels((shape, smooth), name, **kernel_options(math))

@@ -1,0 +1,212 @@
+"""Position-based fluids on CUDA: a substep is a dozen launches, all of them in the order of cells.
+
+The method, and every order of summation, is in model/fluid/plan.py. Particles change places in every substep; `particle`
+holds the number of each, and whatever is read comes in the scene's order. Kernels: `launch`, and `graph`, the same
+captured as a CUDA graph; `stages`, stage by stage. In `exact` math all give the same bits, and the CPU's.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numba import cuda
+
+from gpu_backend.core.device import simulated
+from gpu_backend.core.launch import Graphs, can_capture
+from gpu_backend.core.quads import SIZE
+from gpu_backend.core.simulation import NOTHING_BAD
+from gpu_backend.core.substeps import SubstepSimulation, launched_kernel
+from gpu_backend.fluid.cells import Cells, cell_bytes
+from gpu_backend.fluid.kernels import WALL, make_density_kernels
+from gpu_backend.fluid.motion import make_begin, make_settle, make_smoothing
+from gpu_backend.fluid.sort_kernels import THREADS as SORT_THREADS
+from gpu_backend.fluid.stages import bind_fluid_stages
+from gpu_backend.fluid.tools import make_fluid_tools
+from model.core.errors import SceneError
+from model.core.plan import Executor
+from model.core.simulation import Options
+from model.fluid.parameters import MAX_NEIGHBOURS, fluid_rows, most_cells
+from model.fluid.plan import SHAPES, SMOOTHING, fluid_plan
+from model.mass_spring.cloth_parameters import collider_numbers
+from model.scene.scene import Scene
+
+THREADS = 128  # a block
+QUADS = 10  # of a particle: the state twice and put aside, and what a substep needs
+
+
+class Fluid(SubstepSimulation):
+    """See model/core/simulation.py for the contract. `threads` is the number of threads a block."""
+
+    def __init__(self, scene: Scene, options: Options):
+        super().__init__(scene, options)
+        self.plan, self.kernel = fluid_plan(scene, options.live), launched_kernel(options.kernel, "fluids")
+        self.threads, self.neighbours = THREADS, MAX_NEIGHBOURS[scene.dimensions]
+        self.repeats = frozenset(scene.domain.repeats) if scene.domain else frozenset()
+        self.most_cells = most_cells(scene)
+        self._require_space()
+        self._start(THREADS)
+
+    def _require_space(self) -> None:
+        count, item = self.particle_count, np.dtype(self.real).itemsize
+        needed = item * count * (QUADS * SIZE + WALL + 3) + 12 * count
+        needed += cell_bytes(count, self.most_cells, self.neighbours, item)
+        field = f"{self.scene.fluid_set.names[0]}.rest_distance"
+        if max(self.most_cells, SIZE * count) > np.iinfo(np.int32).max:
+            raise SceneError(field, f"{count} particles", "more than 32-bit indices can tell apart")
+        self._require_memory(needed, field, f"{count} particles")
+
+    # ------------------------------------------------------------------ arrays and kernels
+
+    def _allocate(self) -> None:
+        scene, real, count = self.scene, self.real, self.particle_count
+        self._weight = scene.fluid_set.fluid.astype(real)  # told by a position's fourth number
+        self._allocate_quads(collider_numbers(scene, real))
+        self._numbers = np.arange(count, dtype=np.int32)
+        self.particle = [self.on_device(self._numbers), self.on_device(self._numbers)]
+        self.kept_particle = self.on_device(self._numbers)
+        self.fluids = self.on_device(fluid_rows(scene, real))
+        self.sorted, self.corrected, self.before, self.meant = (self.new_array() for _ in range(4))
+        parts, walls = self.plan.parts, WALL * count
+        self.relaxed = tuple(
+            self.on_device(np.zeros(size, real))
+            for size in (count, count, count if "drag" in parts else 1, walls if "walls" in parts else 1)
+        )
+        self.factors, self.multipliers, self.constraints, self.gradients = self.relaxed
+        self.cells = Cells(real, count, self.neighbours, self.most_cells, self.repeats, self.stream)
+
+    def _build(self) -> None:
+        """Compile and load every kernel, by running it once on arrays that `reset` then overwrites."""
+        variant = self.real, self.options.math, self.plan.parts
+        self._tools = make_fluid_tools(self.real, self.scene.dimensions)
+        self.begin, self.settling = make_begin(*variant, self.repeats), make_settle(*variant, self.repeats)
+        self.relaxing = make_density_kernels(*variant, self.repeats, self.neighbours)
+        by_stages, self.smoothing = self.kernel == "stages", None
+        if self.plan.parts & SMOOTHING:
+            self.smoothing = make_smoothing(*variant, self.repeats, not by_stages)
+        if by_stages:
+            self._executor = Executor(self.plan, bind_fluid_stages(self))
+            return
+        self._executor = Executor(self.plan, {}, self._advance_steps)
+        if not simulated():
+            self._upload(self.body.position, self.body.velocity)  # all in one place would all be neighbours
+            self._advance_steps(0, 1)
+            self.cells.forget()
+            cuda.synchronize()
+        if self.kernel == "graph" and can_capture():
+            self._graphs = Graphs(self.stream, self._launch, self._count_on)
+
+    # ------------------------------------------------------------------ a step
+
+    def predict(self, current: int, time: tuple[Any, ...]) -> tuple[Any, ...]:
+        """What of the state `current` is predicted, into the other one's arrays and `corrected`: (predicted, before, meant,
+        numbers), in no order yet. `time`: counter, place, substeps, substep."""
+        other = 1 - current
+        predicted, meant = self.position[other], self.velocity[other]
+        before = self.corrected if self.repeats else self.position[current]
+        self.begin[self.cells.blocks, SORT_THREADS, self.stream](
+            self.position[current], self.velocity[current], self.particle[current], self.cells.limit, self.record,
+            self.fluids, self.integers, *time, predicted, self.corrected, meant, self.cells.boxes,
+        )  # fmt: skip
+        return predicted, before, meant, self.particle[current]
+
+    @property
+    def lists(self) -> tuple[Any, Any]:
+        """The table of neighbours, and how many each particle has."""
+        return self.cells.table, self.cells.found
+
+    def _substep(self, place: int, substep: int) -> None:
+        """Launch one substep, from the current buffers into the others; `place`: the step's after the counter."""
+        time = self._counter, np.int64(place), np.int64(self.scene.method.substeps), np.int64(substep)
+        given, flat, relaxing = self.predict(self._current, time), self._flat, self.relaxing
+        self._current = now = 1 - self._current
+        self.cells.sort(self.record, given, (self.sorted, self.before, self.meant, self.particle[now]))
+        world, a, b = (self.bodies, self.integers, *time), self.corrected, self.sorted
+        relaxing.prepare[flat](
+            b, self.record, self.cells.sorted_keys, self.cells.numbers, self.cells.begins, *self.lists, self.cells.beyond,
+            *self.relaxed, self.fluids, *world, a,
+        )  # fmt: skip
+        for _ in range(self.scene.method.iterations - 1):
+            relaxing.correct[flat](self.before, a, self.record, *self.lists, self.gradients, self.fluids, *world, b)
+            relaxing.density[flat](b, self.record, *self.lists, *self.relaxed, *world)
+            a, b = b, a
+        position, velocity = self.position[now], self.velocity[now]
+        self.settling.settle[flat](
+            self.before, self.meant, a, self.record, *self.lists, self.constraints, self.gradients, self.fluids, *world,
+            position, self.meant if self.smoothing else velocity,
+        )  # fmt: skip
+        if self.smoothing:
+            self.smooth(position, self.meant, velocity)
+
+    def smooth(self, position: Any, velocity: Any, into: Any) -> None:
+        """What neighbours do to velocities; `before` and `sorted` are overwritten."""
+        assert self.smoothing is not None
+        normals, curls = self.before, self.sorted
+        if self.plan.parts & SHAPES:
+            self.smoothing.shape[self._flat](position, velocity, self.record, *self.lists, normals, curls)
+        self.smoothing.smooth[self._flat](
+            position, velocity, self.record, *self.lists, self.constraints, self.fluids, normals, curls, into
+        )
+
+    @property
+    def _launches(self) -> int:
+        """Of a step."""
+        parts, method = self.plan.parts, self.scene.method
+        ends = bool(parts & SMOOTHING) + bool(parts & SHAPES)
+        return method.substeps * (1 + Cells.launches + 2 * method.iterations + ends)
+
+    # ------------------------------------------------------------------ the contract
+
+    @property
+    def contacts_lost(self) -> int:
+        """Of particles' neighbours, those that there was no room for since the start."""
+        return self.cells.lost
+
+    def _upload(self, position: np.ndarray, velocity: np.ndarray) -> None:
+        super()._upload(position, velocity)
+        self.particle[self._current].copy_to_device(self._numbers, stream=self.stream)
+        self.multipliers.copy_to_device(np.zeros(self.particle_count, self.real), stream=self.stream)
+        self.synchronize()
+
+    def _to_host(self, array: Any) -> np.ndarray:
+        """In the scene's order."""
+        quads, particle = self._quads(array), self.particle[self._current].copy_to_host(stream=self.stream)
+        self.synchronize()
+        found = np.empty((self.particle_count, self.scene.dimensions), self.real)
+        found[particle] = quads[:, : self.scene.dimensions]
+        return found
+
+    def _multipliers(self) -> np.ndarray:
+        """(particles,): of the last substep [m^2], in the scene's order, for pressures."""
+        found, particle = self.multipliers.copy_to_host(stream=self.stream), self.particle[self._current].copy_to_host()
+        self.synchronize()
+        ordered = np.empty_like(found)
+        ordered[particle] = found
+        return ordered
+
+    def _read_position(self, into: Any) -> Any:
+        if into is not None and hasattr(into, "__cuda_array_interface__"):
+            out, state = cuda.as_cuda_array(into), (self.position[self._current], self.particle[self._current])
+            self._tools.write_position[self._flat](*state, out)
+            self.synchronize()
+            return into
+        return super()._read_position(into)
+
+    def _first_diverged(self) -> int:
+        self._bad.copy_to_device(np.full(1, NOTHING_BAD, np.int32), stream=self.stream)
+        state = self.position[self._current], self.velocity[self._current], self.particle[self._current]
+        self._tools.first_diverged[self._flat](*state, self.real(self._bound), self._bad)
+        bad = self.fetch(self._bad)
+        return -1 if bad == NOTHING_BAD else bad
+
+    def _keep(self) -> None:
+        super()._keep()
+        self.kept_particle.copy_to_device(self.particle[self._current], stream=self.stream)
+
+    def _restore(self) -> None:
+        super()._restore()
+        self.particle[self._current].copy_to_device(self.kept_particle, stream=self.stream)
+
+    def _parameters_changed(self) -> None:
+        self.fluids.copy_to_device(fluid_rows(self.scene, self.real).reshape(-1), stream=self.stream)
+        super()._parameters_changed()

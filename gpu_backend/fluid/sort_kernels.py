@@ -1,0 +1,222 @@
+"""Particles into the order of their cells, on CUDA: a counting sort whose every launch has a size fixed at the start.
+
+`hash_particles` asks a counter of its cell for a place, in whatever order threads come; the counters are summed up, and
+`fill` puts each particle's number into a place of its cell. No order of atomics is left in the end: `arrange` counts for each
+particle the lower numbers in its cell, which are about six, and a twenty-seventh of those that the search looks at anyway. So
+a cell's particles are in the order of their numbers, the whole order hangs on positions alone, and is the same in every run.
+Whole numbers only, but for the box, whose minima and maxima no order changes.
+
+How many cells there are is known on the device alone (`numbers[CELLS]`): a launch covers all that there may be, and blocks
+beyond end at once.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+from numba import cuda
+
+from gpu_backend.core.compile import inlined, kernel_options, make_kernels, variant_name
+from gpu_backend.core.device import simulated
+from gpu_backend.core.formulas import device_formulas
+from gpu_backend.core.quads import SIZE, load_quad, store_quad
+from gpu_backend.core.scan import make_before
+from model.formulas.fluid import cells as grid
+
+THREADS = 32 if simulated() else 256  # of a block that reduces; the simulator runs each as one of Python's
+EACH = 4 if simulated() else 8  # cells of a thread that scans
+CHUNK = THREADS * EACH  # cells of a block that scans
+AXES = 3
+BOX = 2 * AXES  # numbers of a box: the lowest coordinate along each axis, then the highest
+# the grid's whole numbers: cells along x, y, z; whether that axis wraps; all cells
+WIDTH, HEIGHT, DEPTH, WRAPS, CELLS = 0, 1, 2, 3, 6
+NUMBERS = 7
+LOW, INVERSE = 0, AXES  # the grid's reals, a number an axis: the corner [m], cells a metre
+REALS = 2 * AXES
+
+
+@cache
+def make_box(real: Any) -> Any:
+    """keep_box(lx, ly, lz, hx, hy, hz, boxes): the box of what the block's threads have, as a row of `boxes`; every thread
+    of the block must call it."""
+    room, threads, box = BOX * THREADS, np.int32(THREADS), np.int32(BOX)
+
+    @inlined("exact")
+    def keep_box(lx, ly, lz, hx, hy, hz, boxes):
+        memory = cuda.shared.array(room, real)
+        t = np.int32(cuda.threadIdx.x)
+        memory[t], memory[t + threads], memory[t + 2 * threads] = lx, ly, lz
+        memory[t + 3 * threads], memory[t + 4 * threads], memory[t + 5 * threads] = hx, hy, hz
+        cuda.syncthreads()
+        reach = np.int32(threads // 2)
+        while reach > 0:
+            if t < reach:
+                for axis in range(AXES):
+                    at = np.int32(axis * threads + t)
+                    memory[at] = min(memory[at], memory[at + reach])
+                    at = np.int32(at + AXES * threads)
+                    memory[at] = max(memory[at], memory[at + reach])
+            cuda.syncthreads()
+            reach = np.int32(reach // 2)
+        if t < box:
+            boxes[box * cuda.blockIdx.x + t] = memory[t * threads]
+
+    return keep_box
+
+
+def _make_grid(real: Any, repeats: frozenset[str]) -> tuple[Any, ...]:
+    """The kernels that make a grid of a box."""
+    keep_box, cells = make_box(real), device_formulas(grid.make, real, "exact")
+    cells_along, halved, fits = cells.cells_along, cells.halved, grid.make_fits(inlined("exact"))
+    along_x, along_y, along_z = "x" in repeats, "y" in repeats, "z" in repeats
+    zero, none, threads, one = real(0), real(np.inf), np.int32(THREADS), np.int32(1)
+
+    @inlined("exact")
+    def begun(axis, boxes, inverse, reals, numbers):
+        """A grid's axis that does not repeat."""
+        low, high = boxes[axis], boxes[AXES + axis]
+        if not low <= high:
+            low, high = zero, zero
+        reals[LOW + axis], reals[INVERSE + axis] = low, inverse
+        numbers[axis], numbers[WRAPS + axis] = cells_along(low, high, inverse), 0
+
+    @inlined("exact")
+    def begun_again(axis, low, inverse, count, reals, numbers):
+        """One that does."""
+        reals[LOW + axis], reals[INVERSE + axis] = low, inverse
+        numbers[axis], numbers[WRAPS + axis] = np.int32(count), 1
+
+    def bound(position, limit, boxes):
+        """A row of `boxes` for each block: the box of the quads it looked at that are within `limit` of the origin."""
+        lx, ly, lz, hx, hy, hz = none, none, none, -none, -none, -none
+        for k in range(np.int32(cuda.grid(1)), position.size // SIZE, np.int32(cuda.gridsize(1))):
+            p = load_quad(position, k)
+            if abs(p[0]) <= limit and abs(p[1]) <= limit and abs(p[2]) <= limit:  # false for NaN
+                lx, ly, lz = min(lx, p[0]), min(ly, p[1]), min(lz, p[2])
+                hx, hy, hz = max(hx, p[0]), max(hy, p[1]), max(hz, p[2])
+        keep_box(lx, ly, lz, hx, hy, hz, boxes)
+
+    def span(boxes, record, most, reals, numbers):
+        """The grid of at most `most` cells over all boxes: one block."""
+        t = np.int32(cuda.threadIdx.x)
+        lx, ly, lz, hx, hy, hz = none, none, none, -none, -none, -none
+        for row in range(t, boxes.size // BOX, threads):
+            at = np.int32(row * BOX)
+            lx, ly, lz = min(lx, boxes[at]), min(ly, boxes[at + 1]), min(lz, boxes[at + 2])
+            hx, hy, hz = max(hx, boxes[at + 3]), max(hy, boxes[at + 4]), max(hz, boxes[at + 5])
+        cuda.syncthreads()
+        keep_box(lx, ly, lz, hx, hy, hz, boxes)  # as row 0: this is block 0
+        cuda.syncthreads()
+        if t == 0:
+            parameters = record[0]
+            for axis in range(AXES):
+                begun(axis, boxes, parameters.inverse_cell, reals, numbers)
+            if along_x:
+                begun_again(0, parameters.low_x, parameters.inverse_side_x, parameters.cells_x, reals, numbers)
+            if along_y:
+                begun_again(1, parameters.low_y, parameters.inverse_side_y, parameters.cells_y, reals, numbers)
+            if along_z:
+                begun_again(2, parameters.low_z, parameters.inverse_side_z, parameters.cells_z, reals, numbers)
+            while not fits(numbers[WIDTH], numbers[HEIGHT], numbers[DEPTH], most):
+                widest, count = np.int32(-1), one
+                for axis in range(AXES):
+                    if numbers[WRAPS + axis] == 0 and numbers[axis] > count:
+                        widest, count = np.int32(axis), numbers[axis]
+                if widest < 0:
+                    break
+                inverse = halved(reals[INVERSE + widest])
+                reals[INVERSE + widest] = inverse
+                numbers[widest] = cells_along(boxes[widest], boxes[AXES + widest], inverse)
+            numbers[CELLS] = np.int32(numbers[WIDTH] * numbers[HEIGHT] * numbers[DEPTH])
+
+    return bound, span
+
+
+def _make_sort(real: Any) -> tuple[Any, ...]:
+    """The kernels that count, sum up, and fill."""
+    cell_of, before = device_formulas(grid.make, real, "exact").cell_of, make_before(THREADS)
+    zero, one = np.int32(0), np.int32(1)
+    each, chunk, threads = np.int32(EACH), np.int32(CHUNK), np.int32(THREADS)
+
+    def hash_particles(position, reals, numbers, keys, slots, counts):
+        k = np.int32(cuda.grid(1))
+        if k < keys.size:
+            p = load_quad(position, k)
+            x = cell_of(p[0], reals[LOW], reals[INVERSE], numbers[WIDTH])
+            y = cell_of(p[1], reals[LOW + 1], reals[INVERSE + 1], numbers[HEIGHT])
+            z = cell_of(p[2], reals[LOW + 2], reals[INVERSE + 2], numbers[DEPTH])
+            key = np.int32((z * numbers[HEIGHT] + y) * numbers[WIDTH] + x)
+            keys[k], slots[k] = key, cuda.atomic.add(counts, key, one)
+
+    def chunks(counts, numbers, starts, totals):
+        """starts[k]: the sum of the chunk's counts before k; totals[b]: of a whole chunk. One block a chunk."""
+        cells = numbers[CELLS]
+        if np.int32(cuda.blockIdx.x) * chunk < cells:
+            first = np.int32(cuda.grid(1) * each)
+            last, own = min(np.int32(first + each), cells), zero
+            for k in range(first, last):
+                own = np.int32(own + counts[k])
+            start = before(own)
+            for k in range(first, last):
+                count = counts[k]
+                starts[k] = start
+                start = np.int32(start + count)
+            if cuda.threadIdx.x == threads - one:
+                totals[cuda.blockIdx.x] = start
+
+    def totals(numbers, sums):
+        """The same in place, over all chunks: one block, each thread a strip of its own."""
+        size = np.int32((numbers[CELLS] + chunk - one) // chunk)
+        strip = np.int32((size + threads - one) // threads)
+        first = np.int32(strip * cuda.threadIdx.x)
+        last, own = min(np.int32(first + strip), size), zero
+        for k in range(first, last):
+            own = np.int32(own + sums[k])
+        start = before(own)
+        for k in range(first, last):
+            number = sums[k]
+            sums[k] = start
+            start = np.int32(start + number)
+
+    def fill(keys, slots, number, starts, sums, numbers, counts, begins, filled):
+        """filled[...]: the numbers of a cell's particles in any order; begins[k]: where those of cell k begin, one number
+        more than there are cells; and counts are 0 again."""
+        cells, stride = numbers[CELLS], np.int32(cuda.gridsize(1))
+        for k in range(np.int32(cuda.grid(1)), keys.size, stride):
+            key = keys[k]
+            filled[starts[key] + sums[key // chunk] + slots[k]] = number[k]
+        for k in range(np.int32(cuda.grid(1)), cells, stride):
+            begins[k], counts[k] = np.int32(starts[k] + sums[k // chunk]), zero
+        if cuda.grid(1) == 0:
+            begins[cells] = np.int32(keys.size)
+
+    def arrange(
+        keys, begins, filled, position, before_, velocity, number, sorted_position, sorted_before, sorted_velocity,
+        sorted_number, sorted_keys,
+    ):  # fmt: skip
+        """Particles in the order of their cells, and of one cell in that of their numbers."""
+        k = np.int32(cuda.grid(1))
+        if k < keys.size:
+            key, own = keys[k], number[k]
+            place = begins[key]
+            for e in range(begins[key], begins[key + one]):
+                if filled[e] < own:
+                    place = np.int32(place + one)
+            p, b, v = load_quad(position, k), load_quad(before_, k), load_quad(velocity, k)
+            store_quad(sorted_position, place, p[0], p[1], p[2], p[3])
+            store_quad(sorted_before, place, b[0], b[1], b[2], b[3])
+            store_quad(sorted_velocity, place, v[0], v[1], v[2], v[3])
+            sorted_number[place], sorted_keys[place] = own, key
+
+    return hash_particles, chunks, totals, fill, arrange
+
+
+@cache
+def make_cell_sort(real: Any, repeats: frozenset[str]) -> SimpleNamespace:
+    """`bound`, `span`, `hash_particles`, `chunks`, `totals`, `fill` and `arrange`, as told above, for launches of blocks of
+    THREADS. `repeats`: axes whose sides do."""
+    kernels = (*_make_grid(real, repeats), *_make_sort(real))
+    return make_kernels(kernels, f"fluid_cells_{variant_name(real, repeats)}", **kernel_options("exact"))

@@ -1,0 +1,80 @@
+"""The stages of a fluid's plan on CUDA, each by itself: slow, easy to time and to test against whole substeps."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from model.core.own_forces import OWN_FORCES
+from model.core.plan import Moment, StageRun
+
+
+def bind_fluid_stages(sim: Any) -> dict[str, StageRun]:
+    """What runs each stage of the plan of `sim`, a gpu_backend.fluid.solver.Fluid. The state keeps its buffer; gravity
+    and what else acts on a particle by itself is part of `predict`, since fluids differ in their buoyancy."""
+    flat, cells, relaxing, settling = sim._flat, sim.cells, sim.relaxing, sim.settling
+    state, velocity, count = sim.position[0], sim.velocity[0], np.int64(0)
+    now = {"given": (), "position": sim.sorted, "other": sim.corrected}
+
+    def world(moment: Moment) -> tuple[Any, ...]:
+        return sim.bodies, sim.integers, *time(moment)
+
+    def time(moment: Moment) -> tuple[Any, ...]:
+        sim._set_counter(moment.step)
+        return sim._counter, count, np.int64(moment.substeps), np.int64(moment.substep)
+
+    def predict(moment: Moment) -> None:
+        now["given"] = sim.predict(0, time(moment))
+
+    def sort(moment: Moment) -> None:
+        into = sim.sorted, sim.before, sim.meant, sim.particle[1]
+        cells.sort(sim.record, now["given"], into)
+        sim.particle[0].copy_to_device(sim.particle[1], stream=sim.stream)
+        now["position"], now["other"] = sim.sorted, sim.corrected
+
+    def find(moment: Moment) -> None:
+        relaxing.find[flat](
+            now["position"], sim.record, cells.sorted_keys, cells.numbers, cells.begins, *sim.lists, cells.beyond
+        )
+
+    def factors(moment: Moment) -> None:
+        relaxing.factors[flat](now["position"], sim.record, *sim.lists, *sim.relaxed, sim.fluids, *world(moment))
+
+    def density(moment: Moment) -> None:
+        relaxing.density[flat](now["position"], sim.record, *sim.lists, *sim.relaxed, *world(moment))
+
+    def correct(moment: Moment) -> None:
+        arguments = sim.before, now["position"], sim.record, *sim.lists, sim.gradients, sim.fluids, *world(moment)
+        relaxing.correct[flat](*arguments, now["other"])
+        now["position"], now["other"] = now["other"], now["position"]
+
+    def update(moment: Moment) -> None:
+        arguments = sim.before, sim.meant, now["position"], sim.record, sim.fluids, *world(moment)
+        settling.update[flat](*arguments, state, velocity)
+
+    def shape(moment: Moment) -> None:
+        sim.smoothing.shape[flat](state, velocity, sim.record, *sim.lists, sim.before, sim.sorted)
+
+    def smooth(moment: Moment) -> None:
+        sim.meant.copy_to_device(velocity, stream=sim.stream)
+        sim.smoothing.smooth[flat](
+            state, sim.meant, sim.record, *sim.lists, sim.constraints, sim.fluids, sim.before, sim.sorted, velocity
+        )
+
+    def limit(moment: Moment) -> None:
+        settling.limit[flat](state, velocity, sim.constraints, sim.record, sim.fluids)
+
+    in_predict = dict.fromkeys(("gravity", *(force.stage for force in OWN_FORCES)), lambda moment: None)
+    return in_predict | {
+        "predict": predict,
+        "sort into cells": sort,
+        "find neighbours": find,
+        "factors": factors,
+        "density": density,
+        "correct": correct,
+        "update velocity": update,
+        "normals and vorticity": shape,
+        "smooth velocities": smooth,
+        "limit velocities": limit,
+    }

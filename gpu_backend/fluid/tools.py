@@ -1,0 +1,45 @@
+"""Small kernels around a fluid's substeps: count steps, look for bad particles, write positions in the scene's order."""
+
+from __future__ import annotations
+
+from functools import cache
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+from numba import cuda
+
+from gpu_backend.core.compile import make_kernels, variant_name
+from gpu_backend.core.quads import load_quad
+
+
+@cache
+def make_fluid_tools(real: Any, axes: int) -> SimpleNamespace:
+    """`count(counter, steps)`; `first_diverged(position, velocity, particle, bound, result)`; `write_position(position,
+    particle, out)`. `particle`: the particles' numbers."""
+    solid = axes == 3
+
+    def count(counter, steps):
+        if cuda.grid(1) == 0:
+            counter[0] += steps
+
+    def first_diverged(position, velocity, particle, bound, result):
+        """The lowest number of a particle that left the finite world, by an atomic minimum of integers."""
+        k = np.int32(cuda.grid(1))
+        if k < particle.size:
+            p, v = load_quad(position, k), load_quad(velocity, k)
+            inside = abs(p[0]) <= bound and abs(p[1]) <= bound and abs(p[2]) <= bound  # false for NaN
+            still = v[0] - v[0] == v[1] - v[1] and v[1] - v[1] == v[2] - v[2]  # false for NaN and infinity
+            if not (inside and still):
+                cuda.atomic.min(result, 0, particle[k])
+
+    def write_position(position, particle, out):
+        k = np.int32(cuda.grid(1))
+        if k < particle.size:
+            p, n = load_quad(position, k), particle[k]
+            out[n, 0] = p[0]
+            out[n, 1] = p[1]
+            if solid:
+                out[n, 2] = p[2]
+
+    return make_kernels((count, first_diverged, write_position), f"fluid_{variant_name(real, axes)}")

@@ -1,0 +1,90 @@
+"""What colliders add to a fluid's density, on CUDA: the share of their half spaces, and its gradient."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from gpu_backend.core.compile import inlined
+from gpu_backend.core.formulas import device_formulas
+from gpu_backend.core.integers import BOXES, CAPSULES, PLANES, SPHERES
+from model.formulas import cloth, colliders
+from model.formulas.fluid import density
+from model.mass_spring.cloth_parameters import (
+    B_RADIUS,
+    B_THICKNESS,
+    B_U,
+    B_V,
+    B_VX,
+    B_VY,
+    B_VZ,
+    B_W,
+    B_X,
+    B_Y,
+    B_Z,
+    COLLIDER_FIELDS,
+)
+
+
+@cache
+def make_walls(real: Any, math: str, parts: frozenset[str]) -> Any:
+    """walls(p, world, step) -> (density, gx, gy, gz): what all colliders that are walls add to the constraint of a
+    particle at p (a quad), as they are at the end of substep `step`; see model/fluid/plan.py."""
+    distances, sums = device_formulas(colliders.make, real, math), device_formulas(density.make, real, math)
+    plane, sphere, capsule, box = distances.plane, distances.sphere, distances.capsule, distances.box
+    wall_density, wall_slope, wall_near, beyond = sums.wall_density, sums.wall_slope, sums.wall_near, sums.beyond
+    joined_density, joined_gradient = sums.joined_density, sums.joined_gradient
+    times = device_formulas(cloth.make, real, math)
+    instant, moved, inline, zero, next_one = times.instant, times.moved, inlined(math), real(0), np.int64(1)
+    has_planes, has_spheres, has_capsules, has_boxes = (kind in parts for kind in ("plane", "sphere", "capsule", "box"))
+
+    @inline
+    def way(p, bodies, at, time):
+        """From the collider's point at `time` to the particle."""
+        return (
+            p[0] - moved(bodies[at + B_X], bodies[at + B_VX], time),
+            p[1] - moved(bodies[at + B_Y], bodies[at + B_VY], time),
+            p[2] - moved(bodies[at + B_Z], bodies[at + B_VZ], time),
+        )
+
+    @inline
+    def joined(so_far, surface, bodies, at, parameters):
+        total, gx, gy, gz = so_far
+        t = wall_near(beyond(surface[0], bodies[at + B_THICKNESS]), parameters.inverse_support)
+        share, slope = wall_density(t, parameters.wall_scale), wall_slope(t, parameters.wall_gradient)
+        gx = joined_gradient(gx, total, slope, share, surface[1])
+        gy = joined_gradient(gy, total, slope, share, surface[2])
+        gz = joined_gradient(gz, total, slope, share, surface[3])
+        return joined_density(total, share), gx, gy, gz
+
+    @inline
+    def walls(p, world, step):
+        parameters, bodies, integers = world.parameters, world.colliders, world.integers
+        found, at = (zero, zero, zero, zero), np.int32(0)
+        end = instant(step + next_one, parameters.dt, parameters.first_step, parameters.first_time)
+        if has_planes:
+            for _ in range(np.int32(integers[PLANES])):
+                dx, dy, dz = way(p, bodies, at, end)
+                surface = plane(dx, dy, dz, bodies[at + B_U], bodies[at + B_V], bodies[at + B_W])
+                found, at = joined(found, surface, bodies, at, parameters), np.int32(at + COLLIDER_FIELDS)
+        if has_spheres:
+            for _ in range(np.int32(integers[SPHERES])):
+                dx, dy, dz = way(p, bodies, at, end)
+                surface = sphere(dx, dy, dz, bodies[at + B_RADIUS])
+                found, at = joined(found, surface, bodies, at, parameters), np.int32(at + COLLIDER_FIELDS)
+        if has_capsules:
+            for _ in range(np.int32(integers[CAPSULES])):
+                dx, dy, dz = way(p, bodies, at, end)
+                ex, ey, ez = bodies[at + B_U], bodies[at + B_V], bodies[at + B_W]
+                surface = capsule(dx, dy, dz, ex, ey, ez, bodies[at + B_RADIUS])
+                found, at = joined(found, surface, bodies, at, parameters), np.int32(at + COLLIDER_FIELDS)
+        if has_boxes:
+            for _ in range(np.int32(integers[BOXES])):
+                dx, dy, dz = way(p, bodies, at, end)
+                surface = box(dx, dy, dz, bodies[at + B_U], bodies[at + B_V], bodies[at + B_W])
+                found, at = joined(found, surface, bodies, at, parameters), np.int32(at + COLLIDER_FIELDS)
+        return found
+
+    return walls

@@ -1,0 +1,40 @@
+"""Pinned particles that move, in Newton's method on CUDA: where their motion has them as a substep ends, for one of them."""
+
+from __future__ import annotations
+
+from functools import cache
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from gpu_backend.contact.pins import make_pins
+from gpu_backend.core.compile import inlined
+from gpu_backend.core.formulas import device_formulas
+from model.formulas import cloth
+from model.mass_spring.cloth_parameters import P_MOTION
+
+MOTION = "motion"  # of the parts
+
+
+@cache
+def make_driven(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
+    """`moves`: whether any pin does; `driven(k, b, lists, world, number)` -> (x, y, z, vx, vy, vz): the pinned particle k,
+    which was at `b` (a quad), as substep `number` ends: at rest there, unless it follows a motion."""
+    inline, moves = inlined(math), MOTION in parts
+    follow = make_pins(real, math, frozenset({MOTION})).follow
+    instant = device_formulas(cloth.make, real, math).instant
+    zero, one, nowhere = real(0), np.int64(1), np.int32(0)
+
+    @inline
+    def driven(k, b, lists, world, number):
+        x, y, z, vx, vy, vz = b[0], b[1], b[2], zero, zero, zero
+        pin = lists.pins[k]
+        if pin > nowhere:
+            if world.colliders[pin + P_MOTION] >= zero:
+                parameters = world.parameters
+                time = instant(number + one, parameters.dt, parameters.first_step, parameters.first_time)
+                x, y, z, vx, vy, vz = follow(world.colliders, pin, time)
+        return x, y, z, vx, vy, vz
+
+    return SimpleNamespace(moves=moves, driven=driven)

@@ -1,0 +1,52 @@
+"""Attachments as springs (model/tetrahedra/springs.py) on CUDA: what those of one particle add to a sum.
+
+Corners and values are flat, spring by spring.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from gpu_backend.core.compile import inlined
+from gpu_backend.core.formulas import device_formulas
+from gpu_backend.core.quads import load_quad
+from model.formulas.elastic import spring
+
+
+@cache
+def make_pulled(real: Any, math: str) -> Any:
+    """pulled(k, position, meets, entries, corners, values) -> (the derivative, three numbers, what stands on the diagonal of
+    the block, the energy that particle k counts), of all springs at it in their order."""
+    pull, zero, inline = device_formulas(spring.make, real, math).pull, real(0), inlined(math)
+    one, four, seven = np.int32(1), np.int32(4), np.int32(7)
+    wide, long = np.int32(spring.CORNERS), np.int32(spring.COUNT)
+
+    @inline
+    def xyz(quad):
+        return quad[0], quad[1], quad[2]
+
+    @inline
+    def pulled(k, position, meets, entries, corners, values):
+        x, y, z, hard, total = zero, zero, zero, zero, zero
+        for n in range(meets[k], meets[k + one]):
+            entry = entries[n]
+            c, v = wide * (entry >> four), long * (entry >> four)
+            points = (
+                xyz(load_quad(position, corners[c])), xyz(load_quad(position, corners[c + 1])),
+                xyz(load_quad(position, corners[c + 2])), xyz(load_quad(position, corners[c + 3])),
+                xyz(load_quad(position, corners[c + 4])),
+            )  # fmt: skip
+            numbers = (
+                values[v], values[v + 1], values[v + 2], values[v + 3], values[v + 4], values[v + 5], values[v + 6],
+                values[v + 7],
+            )  # fmt: skip
+            p, q, r, own, held = pull(points, numbers, (entry >> one) & seven)
+            x, y, z, hard = x + p, y + q, z + r, hard + own
+            if entry & one:
+                total = total + held
+        return x, y, z, hard, total
+
+    return pulled

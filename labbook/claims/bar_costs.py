@@ -1,0 +1,42 @@
+"""What the lab book may say of the time that one bar takes by every method (`softlab bar`); labbook/claims/claim.py has the
+rules."""
+
+from __future__ import annotations
+
+from bench.experiments.bar_costs import CLOSE, Cost
+from labbook import words
+from labbook.claims.claim import Claim, Claims, where
+from plots.core.backends import on_backends
+from plots.core.data import Results
+from plots.figures.bar_costs import on
+
+
+def costs_of(results: Results) -> Claim:
+    """What a frame costs of each method that is CLOSE to the rod, with the fewest substeps that are; and which never are."""
+    parts: list[str] = []
+    numbers: dict[str, float] = {}
+    for backend, source, found in on_backends(results, on):
+        near: dict[str, Cost] = {}
+        for cost in sorted((c for c in found if c.close), key=lambda c: c.frame):
+            near.setdefault(cost.solver, cost)
+        if near:
+            numbers |= {f"{backend} {name}": cost.frame for name, cost in near.items()}
+            told = [f"{words.seconds(cost.frame)} ({name}, {_substeps(cost)})" for name, cost in near.items()]
+            parts.append(f"on {where(backend, source)} {words.listed(told)}")
+            never = [name for name in dict.fromkeys(c.solver for c in found) if name not in near]
+            if never:
+                parts[-1] += f"; {words.listed(never)} {'is' if len(never) == 1 else 'are'} not"
+    if not parts:
+        return Claim("What the bar costs by each method was not measured.")
+    return Claim(
+        f"Where sag and frequency are within {words.percent(CLOSE)} of the rod's, a frame takes {'; '.join(parts)}.",
+        numbers, True,
+    )  # fmt: skip
+
+
+def _substeps(cost: Cost) -> str:
+    """`4 substeps`."""
+    return f"{cost.substeps} substep{'' if cost.substeps == 1 else 's'}"
+
+
+CLAIMS: Claims = {"bar-costs": costs_of}

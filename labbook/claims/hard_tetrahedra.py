@@ -1,0 +1,63 @@
+"""What the lab book may say about the hard cases of tetrahedra (B21 to B23); see labbook/claims/claim.py for the rules."""
+
+from __future__ import annotations
+
+from bench.stress.results import OF_TETRAHEDRA, HardRow, rows_of
+from bench.stress.tetrahedra import OF_FOUR, RATIO, RECOVERY, STORED, STRETCH, VOLUME
+from labbook.claims.claim import Claim, Claims
+from labbook.claims.hard import count_verdicts, told
+from labbook.words import count, percent, seconds
+from plots.core.data import Results, judgements
+
+SQUASHED = "B22"  # the case of the plates, not of the bar
+
+
+def _rows(results: Results) -> list[HardRow]:
+    return rows_of(judgements(results, lambda measure: measure.description.get("hard", "") in OF_TETRAHEDRA)[0])
+
+
+def _values(rows: list[HardRow], case: str, name: str) -> list[float]:
+    """A number of the runs of a case, or of all cases that begin with it and a space."""
+    mine = [row for row in rows if row.case == case or row.case.startswith(f"{case} ")]
+    return [value for row in mine if (value := told(row, name)) is not None]
+
+
+def verdicts(results: Results) -> Claim:
+    """How many runs came to which verdict."""
+    rows = _rows(results)
+    return count_verdicts(rows) if rows else Claim("The hard cases of tetrahedra were not run.")
+
+
+def laws(results: Results) -> Claim:
+    """B21: what comes back; B22: what volume is lost; B23: that one iteration gains no energy."""
+    rows = _rows(results)
+    parts: list[str] = []
+    numbers: dict[str, float] = {}
+    ratios, off = _values(rows, "B21", RATIO), _values(rows, "B21", STRETCH)
+    if ratios and off:
+        numbers |= {"ratio": min(ratios), "stretch": max(off)}
+        parts.append(
+            f"a cube flattened, turned inside out or with its vertices anywhere has within {seconds(RECOVERY, 1)} "
+            f"{'every' if min(ratios) > 0 else 'not every'} tetrahedron right side out again, stretches within "
+            f"{percent(max(off))} of 1, in {count(len(ratios))} runs"
+        )
+    lost = _values([row for row in rows if row.case == SQUASHED], SQUASHED, VOLUME)
+    if lost:
+        numbers["volume"] = max(lost)
+        parts.append(
+            f"a block of Poisson's ratio 0.499 pressed to half of its height loses at most {percent(max(lost))} of its "
+            f"volume, of the {percent(OF_FOUR)} that its mesh is allowed"
+        )
+    most = _values(rows, "B23", STORED)
+    if most:
+        numbers["energy"] = max(most)
+        parts.append(
+            f"a stiff bar with one iteration a frame never has more than {percent(max(most))} of the energy it began with"
+        )
+    if not parts:
+        return Claim("Tetrahedra were not flattened, pressed or poked.")
+    text = "; ".join(parts)
+    return Claim(f"{text[0].upper()}{text[1:]}.", numbers, all(row.verdict in ("pass", "known") for row in rows))
+
+
+CLAIMS: Claims = {"hard-tetrahedra": verdicts, "hard-tetrahedra-laws": laws}

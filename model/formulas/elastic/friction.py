@@ -1,0 +1,63 @@
+"""Friction with colliders within a visit of vertex block descent: a force against the way that a vertex slid in a substep.
+
+A. H. Chen et al., "Vertex Block Descent", ACM TOG 43 (2024), section 3.5, after M. Li et al., "Incremental Potential
+Contact", ACM TOG 39 (2020), section 5: mu lambda / max(|u|, e) times u, the way across the normal relative to the collider,
+lambda the force of contact, e what is slid in a substep at SLIP; and as much times I - nn' for the block. Colliders only
+answer to velocities (formulas/colliders.py), so that they are asked twice: what comes in straight and fast sticks and
+leaves with the collider's velocity; what slides much faster than it comes in loses mu of that, the dynamic coefficient.
+"""
+
+from __future__ import annotations
+
+from math import sqrt
+from types import SimpleNamespace
+
+from model.formulas import plain
+
+SLIP = 0.01  # m/s: below it friction is a dashpot; what it holds on a slope creeps at less than that
+FAST = 1e4  # m/s: of who asks for the collider's velocity
+ASIDE = 16.0  # of the speed of who asks for mu, over how fast it comes in: more than any coefficient
+OPERATIONS = 110  # but for what the colliders take
+
+
+def make(real, compiled=plain):
+    """See the functions; n is the way into the collider, a unit vector."""
+    zero, one, fast, aside, slip = real(0), real(1), real(FAST), real(ASIDE), real(SLIP)
+
+    @compiled
+    def unit(x, y, z):
+        """(length, n)"""
+        length = sqrt((x * x + y * y) + z * z)
+        s = one / length if length > zero else zero
+        return length, s * x, s * y, s * z
+
+    @compiled
+    def straight(n):
+        """The velocity of one that comes in straight."""
+        return fast * n[1], fast * n[2], fast * n[3]
+
+    @compiled
+    def slid(p, b, c, h, n):
+        """(length, u) of the way from b to p relative to a collider of velocity c, across the normal."""
+        x, y, z = (p[0] - b[0]) - h * c[0], (p[1] - b[1]) - h * c[1], (p[2] - b[2]) - h * c[2]
+        along = (x * n[1] + y * n[2]) + z * n[3]
+        x, y, z = x - along * n[1], y - along * n[2], z - along * n[3]
+        return sqrt((x * x + y * y) + z * z), x, y, z
+
+    @compiled
+    def sliding(c, n, u):
+        """The velocity of one that comes in at 1 m/s and slides much faster."""
+        s = aside / u[0]
+        return c[0] + (n[1] + s * u[1]), c[1] + (n[2] + s * u[2]), c[2] + (n[3] + s * u[3])
+
+    @compiled
+    def rubbed(v, w, n, u, hard, h):
+        """(the derivative, three numbers; the block, six) where that velocity v became w."""
+        lost = max((((v[0] - w[0]) * u[1] + (v[1] - w[1]) * u[2]) + (v[2] - w[2]) * u[3]) / u[0], zero)
+        s = (hard * n[0]) * lost / max(u[0], slip * h)
+        return (
+            s * u[1], s * u[2], s * u[3], s * (one - n[1] * n[1]), s * (one - n[2] * n[2]), s * (one - n[3] * n[3]),
+            -(s * (n[1] * n[2])), -(s * (n[1] * n[3])), -(s * (n[2] * n[3])),
+        )  # fmt: skip
+
+    return SimpleNamespace(unit=unit, straight=straight, slid=slid, sliding=sliding, rubbed=rubbed)

@@ -1,0 +1,59 @@
+"""A spring between a vertex a and a place: a point p of the world, or the mean of four vertices with the weights s.
+
+Energy k |C|^2 / 2, C = (a - sum s x) - p, of which s or p is nothing: by a the derivative is k C, by x of weight s -s k C,
+and all second derivatives are multiples of the identity.
+"""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+from model.formulas import plain
+
+CORNERS = 5  # the vertex, and four that carry it; where these are nobody, it again, with weights of 0
+AT_POINT, AT_STIFFNESS, COUNT = 4, 7, 8  # of the values: the weights, the point [m], k [N/m]
+OPERATIONS = 30  # of one corner
+
+
+def make(real, compiled=plain):
+    """See the functions."""
+    one, half = real(1), real(0.5)
+
+    @compiled
+    def mean(values, p, q, r, s):
+        return (values[0] * p + values[1] * q) + (values[2] * r + values[3] * s)
+
+    @compiled
+    def apart(points, values):
+        """C of the five `points`."""
+        a, p, q, r, s = points
+        return (
+            (a[0] - mean(values, p[0], q[0], r[0], s[0])) - values[4],
+            (a[1] - mean(values, p[1], q[1], r[1], s[1])) - values[5],
+            (a[2] - mean(values, p[2], q[2], r[2], s[2])) - values[6],
+        )
+
+    @compiled
+    def weight(values, corner):
+        """By which a corner counts in C."""
+        found = one
+        if corner == 1:
+            found = -values[0]
+        if corner == 2:
+            found = -values[1]
+        if corner == 3:
+            found = -values[2]
+        if corner == 4:
+            found = -values[3]
+        return found
+
+    @compiled
+    def pull(points, values, corner):
+        """(the derivative by a corner, what stands on the diagonal of its block, the energy)."""
+        x, y, z = apart(points, values)
+        share, hard = weight(values, corner), values[7]
+        force = hard * share
+        held = half * hard * ((x * x + y * y) + z * z)
+        return force * x, force * y, force * z, force * share, held
+
+    return SimpleNamespace(pull=pull)

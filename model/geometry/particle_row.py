@@ -1,0 +1,25 @@
+"""All particles of a scene's bodies, to whoever asks no more than that: a row of masses."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import numpy as np
+
+
+class ParticleRow:
+    """`position` (particles, 3) float64 [m], at the start."""
+
+    rows: ClassVar[int] = 1
+    spring_count: ClassVar[int] = 0
+    position: np.ndarray
+
+    @property
+    def columns(self) -> int:
+        """All particles: the set is one row."""
+        return len(self.position)
+
+    @property
+    def particle_count(self) -> int:
+        """How many particles, those of inactive bodies too."""
+        return len(self.position)

@@ -1,0 +1,121 @@
+"""Attachments of tetrahedral bodies as springs, for the solvers that make an energy least: |a - p|^2 / (2 compliance) each.
+
+One that gives nothing is a spring that is HARD times as hard as what holds the softer of its ends (`holding`), so that it
+gives the less the finer the mesh is. Harder ones would be nearer, and take vertex block descent as many more sweeps.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from model.formulas.elastic.spring import AT_POINT, AT_STIFFNESS, CORNERS, COUNT
+from model.geometry.lists import grouped
+from model.tetrahedra.attachments import attachment_sets, part_of
+from model.tetrahedra.body_set import TetrahedraSet
+from model.tetrahedra.newton import holding
+
+HARD = {"vbd": 10.0, "newton": 100.0}  # by solver
+PARTS = frozenset({part_of("world"), part_of("bodies")})  # of a plan: that there are springs
+PAIRS = CORNERS * CORNERS  # blocks of a spring, by rows
+
+
+@dataclass(frozen=True, eq=False)
+class Springs:
+    """`corners` (springs, CORNERS) int32: the vertex, and those that carry where it is to be; itself where that is the world.
+    `values` (springs, COUNT) float64: model/formulas/elastic/spring.py. Particle k is a corner of `entries[meets[k]]` ...
+    before `entries[meets[k + 1]]`, int32, each 16 spring + 2 corner, and one more where it counts the energy: the first of a
+    spring's corners that is free. `bodies` (springs,) bool: whether it is another body that carries it."""
+
+    corners: np.ndarray
+    values: np.ndarray
+    meets: np.ndarray
+    entries: np.ndarray
+    bodies: np.ndarray
+
+    def arrays(self, real: type) -> tuple[np.ndarray, ...]:
+        """(meets, entries, corners, values), as kernels take them."""
+        return self.meets, self.entries, self.corners, np.ascontiguousarray(self.values, real)
+
+    @property
+    def fours(self) -> np.ndarray:
+        """(n, 4) int32: rows in which any two corners of a spring between bodies are together, as those of tetrahedra are."""
+        chosen = self.corners[self.bodies]
+        found: np.ndarray = np.concatenate([np.delete(chosen, n, axis=1) for n in range(CORNERS)])
+        return found
+
+    @property
+    def pairs(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """(row, column, block) (n,) int64 of the blocks that springs add to a matrix of 3 x 3 blocks: PAIRS each are kept."""
+        wide, many = self.corners.astype(np.int64), len(self.corners)
+        row, column = np.repeat(wide, CORNERS, axis=1), np.tile(wide, (1, CORNERS))
+        block = np.arange(many * PAIRS, dtype=np.int64).reshape(many, PAIRS)
+        there = self.bodies[:, None] | (np.arange(PAIRS) == 0)
+        return row[there], column[there], block[there]
+
+    @property
+    def blocks(self) -> np.ndarray:
+        """(PAIRS springs, 9) float64 [N/m]: these blocks."""
+        weights = np.column_stack([np.ones(len(self.values)), -self.values[:, :AT_POINT]])
+        each = self.values[:, AT_STIFFNESS, None, None] * weights[:, :, None] * weights[:, None, :]
+        return each.reshape(-1, 1) * np.eye(3).reshape(1, 9)
+
+
+def springs(found: TetrahedraSet, solver: str) -> Springs:
+    """Of a solver of HARD. Raises SceneError."""
+    corners, values, bodies = [np.zeros((0, CORNERS), np.int64)], [np.zeros((0, COUNT))], [np.zeros(0, bool)]
+    held = holding(found)
+    for one in attachment_sets(found):
+        many, compliance = len(one.corners), one.values[:, -1]
+        rows = np.zeros((many, COUNT))
+        to_body = one.model == "bodies"
+        if to_body:
+            rows[:, :AT_POINT] = one.values[:, :4]
+        else:
+            rows[:, AT_POINT : AT_POINT + 3] = one.values[:, :3]
+        ends = held[one.corners[:, 0]]
+        if to_body:
+            ends = np.minimum(ends, (held[one.corners[:, 1:]] * np.abs(one.values[:, :4])).sum(axis=1))
+        gives = compliance > 0
+        rows[:, AT_STIFFNESS] = np.where(gives, 1 / np.where(gives, compliance, 1.0), HARD[solver] * ends)
+        corners.append(one.corners if to_body else np.repeat(one.corners, CORNERS, axis=1))
+        values.append(rows)
+        bodies.append(np.full(many, to_body))
+    all_corners, carried = np.concatenate(corners).astype(np.int32), np.concatenate(bodies)
+    return Springs(all_corners, np.concatenate(values), *_entries(found, all_corners, carried), carried)
+
+
+def _entries(found: TetrahedraSet, corners: np.ndarray, bodies: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(meets, entries)."""
+    free = np.ones(found.particle_count, bool)
+    free[found.pinned_vertices] = False
+    place = np.arange(CORNERS)
+    there = bodies[:, None] | (place == 0)
+    first = np.argmax(free[corners] & there, axis=1)
+    entry = 16 * np.arange(len(corners))[:, None] + 2 * place + (place == first[:, None])
+    lists = grouped(corners[there].astype(np.int64), entry[there], found.particle_count)
+    return lists.offsets, lists.indices
+
+
+def rounding_of(one: Springs, extent: float, real: type) -> float:
+    """[J]: of residuals of springs that rounding of places makes, as model/tetrahedra/newton.py has it of tetrahedra."""
+    return float((0.1 * np.finfo(real).eps * extent) ** 2 * one.values[:, AT_STIFFNESS].sum())
+
+
+def held_bodies(found: TetrahedraSet) -> np.ndarray:
+    """(particles,) bool: whether a particle's body is pinned anywhere, or attached to the world, or to a body that is."""
+    bodies = np.searchsorted(found.first_particle, np.arange(found.particle_count), side="right") - 1
+    held = np.zeros(len(found.parts), bool)
+    held[bodies[found.pinned_vertices]] = True
+    joined = np.zeros((0, 2), np.int64)
+    for one in attachment_sets(found):
+        if one.model == "bodies":
+            joined = np.concatenate([joined, np.unique(bodies[one.corners[:, :2]], axis=0)])
+        else:
+            held[bodies[one.corners[:, 0]]] = True
+    for _ in range(len(found.parts) if len(joined) else 0):
+        either = held[joined].any(axis=1)
+        held[joined[either]] = True
+    found_held: np.ndarray = held[bodies]
+    return found_held

@@ -1,0 +1,54 @@
+"""Every method, one bar, and what its answer costs: how far sag and frequency are off a rod's against the time of a frame."""
+
+from __future__ import annotations
+
+from bench.experiments.bar_costs import CLOSE, Cost, costs
+from plots.core.backends import name_of, on_backends, sources_of
+from plots.core.colours import BLACK, GREY
+from plots.core.data import Results, Source
+from plots.core.style import Drawing, legend_below, new_figure, plain_ticks
+from plots.figures.bar import CURVES, MISSING
+
+TITLE = "One bar: error against time"
+PARTS = {"sag off a rod's": lambda cost: cost.sag, "first frequency off a rod's": lambda cost: cost.frequency}
+LINES = {"cpu": "--", "gpu": "-"}
+LEAST = 1e-4  # an error that is drawn at the bottom
+
+
+def on(source: Source, backend: str) -> list[Cost]:
+    """What was timed on a backend."""
+    return [cost for cost in costs(source.measures) if cost.backend == backend]
+
+
+def draw(results: Results) -> Drawing | str:
+    """A panel each of PARTS, a line a method over its substeps, dashed on the CPU; or why not."""
+    chosen = on_backends(results, on)
+    if not chosen:
+        return MISSING
+    figure, axes = new_figure(len(PARTS), 3.4, share_y=False)
+    for ax, (name, part) in zip(axes, PARTS.items(), strict=True):
+        for backend, _, found in chosen:
+            for solver, (label, colour, marker, _) in CURVES.items():
+                mine = [
+                    (cost.frame, value) for cost in found if cost.solver == solver and (value := part(cost)) is not None
+                ]
+                if mine:
+                    x, y = [1e3 * frame for frame, _ in mine], [max(abs(value), LEAST) for _, value in mine]
+                    once = backend == chosen[0][0]
+                    ax.plot(
+                        x, y, LINES[backend], color=colour, marker=marker, markersize=4, label=label if once else None
+                    )
+        ax.axhline(CLOSE, color=BLACK, linewidth=0.7, zorder=1)
+        ax.set_xscale("log")
+        ax.set_yscale("log")
+        plain_ticks(ax.xaxis)
+        ax.set_xlabel("time of a frame / ms")
+        ax.set_ylabel(name)
+    for backend, source, _ in chosen:
+        axes[0].plot([], [], LINES[backend], color=GREY, label=name_of(backend, source))
+    legend_below(figure, axes, columns=3)
+    caption = (
+        "The bar of every method, 1, 2, 4, 8 and 16 substeps of a frame of 1/60 s along each line: how far it is off the "
+        f"closed form of a rod of its material. Black: {CLOSE:.0%}. float64, exact math."
+    )
+    return Drawing(figure, TITLE, caption, sources_of(chosen))

@@ -1,0 +1,79 @@
+"""The plot that decides: the tip's error against the time of a frame, of each solver, at each Young's modulus and size."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import partial
+from typing import Any
+
+from bench.experiments.tetrahedral.bars import Bar, bars
+from bench.experiments.tetrahedral.promised import WITHIN
+from plots.core.backends import name_of, on_backends, sources_of
+from plots.core.colours import BLACK, BLUE, GREEN, GREY, VERMILLION
+from plots.core.data import Results, Source
+from plots.core.style import Drawing, legend_below, new_grid, plain_ticks
+
+TITLE = "The error of the tip against the time of a frame"
+LOOKS = {"xpbd": ("position-based", BLUE, "o"), "vbd": ("vertex block descent", VERMILLION, "^"),
+         "newton": ("Newton's method", GREEN, "D")}  # fmt: skip
+LINES = {"cpu": "--", "gpu": "-"}
+LEAST = 1e-4  # an error that is drawn at the bottom
+SIZES = (400, 3200, 25600)
+
+
+def on(source: Source, backend: str) -> list[Bar]:
+    """The bars of a backend, of SIZES."""
+    return [bar for bar in bars(source.measures) if bar.backend == backend and bar.elements in SIZES]
+
+
+def frontier(found: Sequence[Bar]) -> list[Bar]:
+    """Those that none is both quicker and nearer than, quickest first."""
+    kept: list[Bar] = []
+    for bar in sorted(found, key=lambda b: b.seconds):
+        if not kept or abs(bar.motion_error) < abs(kept[-1].motion_error):
+            kept.append(bar)
+    return kept
+
+
+def draw(results: Results) -> Drawing | str:
+    """A row a size, a column a Young's modulus, both backends; or why not."""
+    chosen = on_backends(results, on)
+    found = [bar for _, _, mine in chosen for bar in mine]
+    if not found:
+        return "no bars of tetrahedra were measured (softlab tetrahedra)"
+    sizes, moduli = sorted({b.elements for b in found}), sorted({b.young for b in found})
+    figure, rows = new_grid(len(sizes), len(moduli), 1.0 + 1.6 * len(sizes))
+    for axes, size in zip(rows, sizes, strict=True):
+        for ax, young in zip(axes, moduli, strict=True):
+            _panel(ax, [b for b in found if (b.elements, b.young) == (size, young)])
+        axes[0].set_ylabel(f"error in motion\n{size} tetrahedra")
+    for ax, young in zip(rows[0], moduli, strict=True):
+        ax.set_title(f"E = {young:.0e} Pa".replace("e+0", "e"), fontsize=8)
+    for ax in rows[-1]:
+        ax.set_xlabel("time of a frame / ms")
+    plot = partial(rows[0][0].plot, [], [])
+    for solver, (label, colour, marker) in LOOKS.items():
+        if any(b.solver.startswith(solver) for b in found):
+            plot(color=colour, marker=marker, label=label)
+    for backend, source, _ in chosen:
+        plot(LINES[backend], color=GREY, label=name_of(backend, source))
+    legend_below(figure, rows[0], columns=3)
+    caption = (
+        "The clamped bar let go from its unloaded shape: how far the way of its tip after half a vibration is off the modes "
+        "of the same mesh, against the time of a frame of 1/60 s; of each solver the settings that no other of it is both "
+        f"quicker and nearer than, in either precision. Black: {WITHIN:.0%}."
+    )
+    return Drawing(figure, TITLE, caption, sources_of(chosen))
+
+
+def _panel(ax: Any, found: Sequence[Bar]) -> None:
+    for solver, (_, colour, marker) in LOOKS.items():
+        for backend, line in LINES.items():
+            mine = frontier([b for b in found if b.solver.startswith(solver) and b.backend == backend])
+            x, y = [1e3 * b.seconds for b in mine], [max(abs(b.motion_error), LEAST) for b in mine]
+            if mine:
+                ax.plot(x, y, line, color=colour, marker=marker, markersize=3.5)
+    ax.axhline(WITHIN, color=BLACK, linewidth=0.7, zorder=1)
+    ax.set_xscale("log")
+    ax.set_yscale("log")
+    plain_ticks(ax.xaxis)

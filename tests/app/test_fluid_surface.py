@@ -1,0 +1,173 @@
+"""A fluid's surface in screen space: normals of a ball and of a plane, edges that do not bleed, ellipsoids at a surface, and
+the light that the fluid takes away."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+from test_view3d import drawing  # noqa: F401  # a fixture
+
+from app.render.camera3d import Camera3D
+from app.render.detail import FINE
+from app.render.fluid.surface import FILTERS, FluidSurface
+from app.render.opengl import open_window
+from app.render.smooth_target import SmoothTarget
+from app.render.vertex_arrays import static_buffer
+from model.core.errors import InputError
+from model.geometry.anisotropy import FLATTEST, ellipsoids
+
+SIDE = 320  # pixels
+
+
+@pytest.fixture(autouse=True)
+def window(drawing: None) -> Iterator[None]:  # noqa: F811
+    opened = open_window(True, SIDE, SIDE)
+    yield
+    opened.close()
+
+
+def surface(points: np.ndarray, radius: float, filtered: str, axes: np.ndarray | None = None) -> FluidSurface:
+    found = FluidSurface(static_buffer(np.ascontiguousarray(points, np.float32)), len(points), filtered)
+    found.set_look(radius, axes=axes)
+    return found
+
+
+def seen(points: np.ndarray, radius: float, filtered: str, camera: Camera3D) -> np.ndarray:
+    """(height, width, 4): normals and depth."""
+    found = surface(points, radius, filtered)
+    found.passes(camera)
+    image = found.normals(camera)
+    found.delete()
+    return image
+
+
+def rays(camera: Camera3D) -> np.ndarray:
+    """(height, width, 3): unit vectors in the camera's axes, through the middle of each pixel."""
+    x = np.arange(camera.width) + 0.5 - camera.width / 2
+    y = camera.height / 2 - np.arange(camera.height) - 0.5
+    found = np.stack(
+        [*np.broadcast_arrays(x / camera.focal, (y / camera.focal)[:, None]), -np.ones((len(y), len(x)))], -1
+    )
+    return found / np.linalg.norm(found, axis=-1, keepdims=True)
+
+
+def degrees(image: np.ndarray, exact: np.ndarray) -> np.ndarray:
+    return np.degrees(np.arccos(np.clip((image[..., :3] * exact).sum(axis=-1), -1, 1)))
+
+
+def test_the_normals_of_a_ball_are_the_balls() -> None:
+    """Within 2 degrees over 95 % of its disc; the depth is that of the ray that meets it."""
+    camera, radius = Camera3D(SIDE, SIDE, distance=6.0, yaw=0.3, pitch=0.2), 0.9
+    image, ray, centre = seen(np.zeros((1, 3)), radius, "none", camera), rays(camera), np.array([0.0, 0.0, -6.0])
+    along = ray @ centre
+    root = along**2 - (centre @ centre - radius**2)
+    there = image[..., 3] > 0
+    np.testing.assert_array_equal(there[np.abs(root) > 0.05], (root > 0)[np.abs(root) > 0.05])
+    far = along - np.sqrt(np.maximum(root, 0))
+    np.testing.assert_allclose(image[there, 3], -(far * ray[..., 2])[there], atol=2e-3)
+    exact = (far[..., None] * ray - centre) / radius
+    assert np.mean(degrees(image, exact)[there] < 2) > 0.95
+
+
+def test_a_ball_of_particles_is_smooth() -> None:
+    """Twenty particles across: the filter takes their bumps away, and keeps the ball."""
+    grid = np.stack(np.meshgrid(*[np.arange(-10, 11) * 0.09] * 3), axis=-1).reshape(-1, 3)
+    ball = grid[np.linalg.norm(grid, axis=1) < 0.9]
+    camera = Camera3D(SIDE, SIDE, distance=6.0, yaw=0.3, pitch=0.2)
+    exact_of = {}
+    for filtered in ("none", FILTERS[0]):
+        image = seen(ball, 0.07, filtered, camera)
+        there = image[..., 3] > 0
+        place = rays(camera) * (image[..., 3] / -rays(camera)[..., 2])[..., None] - (0, 0, -6.0)
+        disc = there & (np.linalg.norm(place[..., :2], axis=-1) < 0.7)
+        exact_of[filtered] = np.median(degrees(image, place / np.linalg.norm(place, axis=-1, keepdims=True))[disc])
+    assert exact_of["none"] > 25 > 10 > exact_of[FILTERS[0]]
+
+
+@pytest.mark.parametrize("pitch", [1.2, 0.6])
+def test_a_plane_of_particles_is_a_plane(pitch: float) -> None:
+    """Within 5 degrees, away from the edges of the picture, over 95 % of it."""
+    along = np.arange(-20, 21) * 0.1
+    plane = np.stack(np.meshgrid(along, [0.0, -0.1, -0.2], along), axis=-1).reshape(-1, 3)
+    camera = Camera3D(SIDE, SIDE, distance=2.6, yaw=0.3, pitch=pitch)
+    image = seen(plane, 0.07, "narrow-range", camera)[50:-50, 50:-50]
+    assert (image[..., 3] > 0).all()
+    assert np.mean(degrees(image, camera.axes @ (0.0, 1.0, 0.0)) < 5) > 0.95
+
+
+@pytest.mark.parametrize(("filtered", "most"), [("narrow-range", 0.16), ("curvature-flow", 0.3)])
+def test_a_silhouette_does_not_bleed(filtered: str, most: float) -> None:
+    """What is covered stays so, and no more; what lies in front pulls nothing behind it along, nor the other way round."""
+    along = np.arange(-12, 13) * 0.1
+    wall = np.stack(np.meshgrid(along, along, [-1.5]), axis=-1).reshape(-1, 3)
+    disc = wall[np.linalg.norm(wall[:, :2], axis=1) < 0.5] + (0, 0, 1.5)
+    both, camera = np.concatenate([wall, disc]), Camera3D(SIDE, SIDE, distance=4.0, yaw=0.0, pitch=0.0)
+    rough, smooth = seen(both, 0.08, "none", camera)[..., 3], seen(both, 0.08, filtered, camera)[..., 3]
+    np.testing.assert_array_equal(smooth > 0, rough > 0)
+    assert np.abs(smooth - rough).max() < most  # m: what lies in front is 1.5 m before the wall
+
+
+def test_particles_at_a_surface_are_flat() -> None:
+    along = np.arange(8) * 0.1
+    block = np.stack(np.meshgrid(along, along, along, indexing="ij"), axis=-1).reshape(-1, 3)
+    middle, axes = ellipsoids(np.concatenate([block, [[3.0, 0, 0]]]), 0.05, 0.21)
+    length = np.linalg.svd(axes, compute_uv=False)
+    inside = np.flatnonzero(((block > 0.19) & (block < 0.51)).all(axis=1))
+    top = np.flatnonzero((block[:, 1] > 0.69) & ((block > 0.19) & (block < 0.51))[:, [0, 2]].all(axis=1))
+    np.testing.assert_allclose(length[inside], 0.05, rtol=1e-6)
+    np.testing.assert_allclose(middle[inside], block[inside], atol=1e-12)
+    assert (length[top, 0] > 1.15 * length[top, 2]).all() and (
+        length[:, 0] <= FLATTEST * length[:, 2] * (1 + 1e-9)
+    ).all()
+    short = np.linalg.svd(axes[top])[0][:, :, 2]
+    np.testing.assert_allclose(np.abs(short), np.broadcast_to([0.0, 1.0, 0.0], short.shape), atol=1e-6)
+    np.testing.assert_allclose(np.prod(length[:-1], axis=1)[top], 0.05**3, rtol=1e-6)
+    assert length[-1] == pytest.approx([0.03] * 3)
+
+
+@pytest.fixture
+def target() -> Iterator[SmoothTarget]:
+    found = SmoothTarget(FINE)
+    yield found
+    found.delete()
+
+
+def test_light_goes_through_and_what_is_in_front_stays_in_front(target: SmoothTarget) -> None:
+    """A white picture behind water is blue, more so where there is more of it; nothing is drawn over what is nearer."""
+    from pyglet import gl
+
+    def picture(depth: float) -> np.ndarray:
+        """With water drawn over white of this depth, as OpenGL keeps it."""
+        target.begin(SIDE, SIDE)
+        gl.glClearColor(1.0, 1.0, 1.0, 1.0)
+        gl.glClearDepth(depth)
+        gl.glDepthMask(gl.GL_TRUE)
+        gl.glClear(gl.GL_COLOR_BUFFER_BIT | gl.GL_DEPTH_BUFFER_BIT)
+        gl.glClearDepth(1.0)
+        water.passes(camera)
+        water.shade(camera, target.frame)
+        target.finish()
+        image = np.empty((SIDE, SIDE, 4), np.uint8)
+        gl.glReadPixels(0, 0, SIDE, SIDE, gl.GL_RGBA, gl.GL_UNSIGNED_BYTE, image.ctypes.data_as(ctypes.c_void_p))
+        return image[::-1, :, :3].astype(int)
+
+    along = np.arange(-10, 11) * 0.1
+    wedge = np.stack(np.meshgrid(along, along, np.arange(11) * 0.1), axis=-1).reshape(-1, 3)
+    wedge = wedge[wedge[:, 2] <= (wedge[:, 0] + 1) / 2 + 1e-9]  # thin at the left
+    camera = Camera3D(SIDE, SIDE, distance=6.0, yaw=0.0, pitch=0.0)
+    water = surface(wedge, 0.07, "narrow-range")
+    image = picture(1.0)
+    row = image[SIDE // 2]
+    assert (row[2] == 255).all()  # beside it
+    thin, thick = row[SIDE // 2 - 60], row[SIDE // 2 + 50]
+    assert thick[2] > thick[0] + 60 and thin[0] > thick[0] + 40
+    assert (picture(0.0) == 255).all()
+    water.delete()
+
+
+def test_an_unknown_filter_is_refused() -> None:
+    with pytest.raises(InputError, match="narrow-range"):
+        FluidSurface(0, 1, "gaussian")

@@ -1,0 +1,91 @@
+"""The kernels of fluids compile for a GPU without one: no double in float32, no local memory, no atomics but on whole
+numbers, and in exact math nothing is contracted."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+import numpy as np
+import pytest
+from kernel_text import kernel_text
+
+SORT = {  # of each kernel's arguments, see kernel_text.py
+    "bound": "RrR",
+    "span": "RFiRI",
+    "hash_particles": "RRIIII",
+    "chunks": "IIII",
+    "totals": "II",
+    "fill": "IIIIIIIII",
+    "arrange": "IIIRRRIRRRII",
+}
+TIME = "RULlll"  # bodies, integers, counter, place, substeps, substep
+STEP = {
+    "begin": "RRIrFR" + TIME[1:] + "RRRR",
+    "find": "RFIIIIIL",
+    "prepare": "RFIIIIILRRRRR" + TIME + "R",
+    "factors": "RFIIRRRRR" + TIME,
+    "density": "RFIIRRRR" + TIME,
+    "correct": "RRFIIRR" + TIME + "R",
+    "settle": "RRRFIIRRR" + TIME + "RR",
+    "update": "RRRFR" + TIME + "RR",
+    "limit": "RRRFR",
+    "shape": "RRFIIRR",
+    "smooth": "RRFIIRRRRR",
+}
+COUNTED = {"hash_particles", "find", "prepare"}  # by atomics
+PLAIN = frozenset({"gravity", "plane", "walls"})
+ALL = PLAIN | {
+    "fluids", "repeats", "averaged", "tensile", "sphere", "capsule", "box", "friction", "restitution", "drag", "held-back",
+    "viscosity", "cohesion", "surface-tension", "vorticity", "poke", "external",
+}  # fmt: skip
+
+pytestmark = pytest.mark.usefixtures("ptx_compiler")
+
+
+def counts_alone(text: str, name: str) -> bool:
+    """Whether atomics are there where particles are counted, and on whole numbers."""
+    atomics = re.findall(r"\b(?:atom|red)\.\S+", text)
+    return bool(atomics) == (name in COUNTED) and all(word.endswith((".u32", ".s32", ".u64")) for word in atomics)
+
+
+def stays_in_registers(text: str) -> bool:
+    return ".f64" not in text and ".local" not in text and "call" not in text
+
+
+@pytest.mark.parametrize("name", SORT)
+def test_sorting(name: str) -> None:
+    from gpu_backend.fluid.sort_kernels import make_cell_sort
+
+    kernels = make_cell_sort(np.float32, frozenset("x") if name == "span" else frozenset())
+    text = kernel_text(getattr(kernels, name), SORT[name], np.float32, "exact")
+    assert stays_in_registers(text) and counts_alone(text, name) and "fma" not in text
+
+
+def kernel(name: str, real: Any, math: str, parts: frozenset[str]) -> Any:
+    from gpu_backend.fluid.kernels import make_density_kernels
+    from gpu_backend.fluid.motion import make_begin, make_settle, make_smoothing
+
+    repeats = frozenset("xz") if "repeats" in parts else frozenset()
+    if name == "begin":
+        return make_begin(real, math, parts, repeats)
+    if name in ("settle", "update", "limit"):
+        return getattr(make_settle(real, math, parts, repeats), name)
+    if name in ("shape", "smooth"):
+        return getattr(make_smoothing(real, math, parts, repeats, True), name)
+    return getattr(make_density_kernels(real, math, parts, repeats, 64), name)
+
+
+@pytest.mark.parametrize("parts", [PLAIN, ALL], ids=["plain", "all"])
+@pytest.mark.parametrize("math", ["fast", "exact"])
+@pytest.mark.parametrize("name", STEP)
+def test_a_substep(name: str, math: str, parts: frozenset[str]) -> None:
+    text = kernel_text(kernel(name, np.float32, math, parts), STEP[name], np.float32, math)
+    assert stays_in_registers(text) and counts_alone(text, name)
+
+
+@pytest.mark.parametrize("name", STEP)
+def test_exact_kernels_contract_nothing(name: str) -> None:
+    """In float64, whose quotients and roots are instructions: no product runs into a sum."""
+    text = kernel_text(kernel(name, np.float64, "exact", ALL), STEP[name], np.float64, "exact")
+    assert "fma.rn.f64" not in text

@@ -1,0 +1,95 @@
+"""The CUDA kernel of implicit tetrahedral bodies, in plain Python, one block: the CPU's bits, and as many passes."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from kinematic_scenes import BAR, CLAMP, CUBE, ENDS, HOOK, LOOSE, kinematic_scene
+from newton_scenes import end_state, groups_and_bodies, newton_scene
+from tetrahedra_scenes import BODY
+
+from app.driver import open_simulation
+from model.core.errors import SceneError
+from model.core.simulation import State
+from model.scene.scene import Scene
+
+
+def held_against_the_cpu(scene: Scene, precision: str, steps: int, **options: Any) -> State:
+    expected, done = end_state(scene, "cpu", steps, precision=precision, math="exact", threads=1, **options)
+    state, found = end_state(scene, "gpu", steps, precision=precision, math="exact", **options)
+    assert found == done
+    assert np.array_equal(state.position, expected.position)
+    assert np.array_equal(state.velocity, expected.velocity)
+    return state
+
+
+@pytest.mark.parametrize(
+    "name,precision",
+    [("fixed-corotated", "float64"), ("corotated", "float32"), ("neo-hookean", "float64"), ("damped", "float32")],
+)
+def test_bits_are_the_cpus(name: str, precision: str) -> None:
+    held_against_the_cpu(newton_scene(name), precision, 2)
+
+
+@pytest.mark.parametrize("precision", ["float32", "float64"])
+def test_bits_of_groups_of_particles_and_of_bodies(precision: str) -> None:
+    held_against_the_cpu(groups_and_bodies(), precision, 1)
+
+
+def test_fast_math_takes_sums_in_another_order_alone() -> None:
+    """As many passes; places to float64's rounding, 2e-16, times the condition of a system, below 1e6, times a metre."""
+    scene = groups_and_bodies()
+    expected, done = end_state(scene, "cpu", 1, precision="float64", math="exact", threads=1)
+    state, found = end_state(scene, "gpu", 1, precision="float64", math="fast")
+    assert found == done
+    np.testing.assert_allclose(state.position, expected.position, atol=2e-10)
+    np.testing.assert_allclose(state.velocity, expected.velocity, atol=2e-10 * 2 / scene.method.dt)
+
+
+def test_bits_where_all_is_held() -> None:
+    scene = newton_scene("fixed-corotated", body=BODY | {"pinned": ["bottom", "top"]})
+    state = held_against_the_cpu(scene, "float64", 1, initial=None)
+    assert not state.velocity.any()
+
+
+PINS: dict[str, Any] = {
+    "bar": BAR | {"edge": 0.1, "damping": 0.03, "mass_damping": 3.0},
+    "slow": LOOSE | {"edge": 0.1, "origin": [0.0, 0.5, 0.0], "velocity": [1.0, 0.5, 0.2], "mass_damping": 5.0},
+    "gravity": {},
+} | ENDS  # fmt: skip
+
+
+@pytest.mark.parametrize("precision", ["float32", "float64"])
+def test_bits_of_pins_that_move_and_of_bodies_that_are_braked(precision: str) -> None:
+    """Dampers, too: a pin works against them."""
+    scene = kinematic_scene("newton", **PINS)
+    held_against_the_cpu(scene, precision, 2, initial=None)
+
+
+@pytest.mark.parametrize("precision", ["float32", "float64"])
+def test_bits_of_attachments(precision: str) -> None:
+    """That give, and not; to the world, to another body, whose vertices are pinned, too; no damper counts them."""
+    scene = kinematic_scene(
+        "newton", bar=PINS["bar"], cube=CUBE | {"edge": 0.1}, hook=HOOK, clamp=CLAMP | {"body": "cube"}, **ENDS
+    )
+    held_against_the_cpu(scene, precision, 2, initial=None)
+
+
+def test_pins_go_to_the_cpus_targets() -> None:
+    scene, states = kinematic_scene("newton", **{name: PINS[name] for name in ("bar", "slow")}), []
+    for backend in ("cpu", "gpu"):
+        options: dict[str, Any] = {"math": "exact", "live": ("targets",)}
+        with open_simulation(scene, backend, **options) as simulation:
+            for step in range(2):
+                simulation.targets(scene.tetrahedra_set.position + 0.01 * step)
+                simulation.advance(1)
+            states.append(simulation.state())
+    assert np.array_equal(states[0].position, states[1].position)
+    assert np.array_equal(states[0].velocity, states[1].velocity)
+
+
+def test_another_kernel_is_refused() -> None:
+    with pytest.raises(SceneError, match="cooperative"):
+        open_simulation(newton_scene("fixed-corotated"), "gpu", kernel="graph")
