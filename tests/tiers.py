@@ -38,6 +38,7 @@ COMPILED = {
 # Tests for --thorough alone: dear, and of what others hold too, on a smaller scene, by another way, or for another value. A
 # file, then patterns of tests' names; further lines of a file begin with a space.
 ONLY_THOROUGH = table("""
+test_fluid_physics.py *
 test_cloth_reference.py *rk4-cpu?
 test_stability_figures.py *draw_stiffness?
 test_restitution.py *bodies-0.001* *bodies-0.004*

@@ -25,10 +25,11 @@ class _Kernels:
     def __init__(self, scene: Scene):
         self.axes, self.h, self.d = scene.dimensions, scene.fluid_set.support, scene.fluid_set.spacing
         self.scale = self.of_gradient = 1.0
-        places = np.array(list(product(range(-4, 5), repeat=self.axes))) * self.d
+        places = np.array(list(product(range(-5, 6), repeat=self.axes))) * self.d
         r = np.linalg.norm(places, axis=1)
         self.scale = 1 / self.kernel(r).sum()
         self.of_gradient = self.axes / np.sum(self.slope(r) * r * r)
+        self.spread = np.sum(self.kernel(r) * places[:, 0] ** 2) / 2
         layer = places[:, 1] < 0
         first = 1 - self.d / 2 / self.h
         self.wall = self.scale * np.sum(self._bare(r[layer])) / first**5
@@ -177,8 +178,7 @@ def _smooth(world: _World, p: np.ndarray, v: np.ndarray, pairs: _Pairs) -> np.nd
     def mean(values: np.ndarray) -> np.ndarray:
         return (values[i] + values[j]) / 2
 
-    spread = {2: h**2 / 20, 3: h**2 / 22}[world.axes]
-    viscosity = np.minimum(world.of("viscosity") / world.of("density") * world.h / spread, 1)
+    viscosity = np.minimum(world.of("viscosity") / world.of("density") * world.h / world.kernels.spread, 1)
     share = mean(viscosity) * 2 / (weight[i] + weight[j]) * world.kernels.kernel(pairs.r)
     way = share[:, None] * (v[j] - v[i])
     smoothing = weight[:, None] * pairs.sum(way, -way)

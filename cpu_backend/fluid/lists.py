@@ -190,7 +190,7 @@ def make_find(compiler: Compiler, real: Any, parts: frozenset[str], most: int) -
                     known, ends, total = c, runs_around(c, nx, ny, nz, starts, sides, runs), np.int64(0)
                     for n in range(0, ends, 2):
                         total += runs[n + 1] - runs[n]
-                    many, holds = np.int64(0), total <= AROUND
+                    many, holds = np.int64(0), bool(total <= AROUND)
                     if holds:
                         for n in range(0, ends, 2):
                             many = gathered(many, runs[n], runs[n + 1], room, place, near_x, near_y, near_z, who)

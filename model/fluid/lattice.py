@@ -36,7 +36,8 @@ class Lattice:
     `volume` [m^axes]: of a particle, 1 / sum of W, itself included; `density_scale`: volume * W(0); `gradient_scale` [1/m]:
     volume times the slope at 0, times what makes the pressure of such a lattice what it is in a continuum (sum of volume *
     slope * r is `axes`); `wall_scale`, `wall_gradient` [1/m]: so that a particle of the layer next to a plane, half a rest
-    distance away, lacks nothing and is not pushed (see model/formulas/fluid/density.py).
+    distance away, lacks nothing and is not pushed (see model/formulas/fluid/density.py); `spread` [m^2]: half the second
+    moment of volume * W along an axis, so that sum of volume * W (v_j - v_i) is that times the Laplacian of v.
     """
 
     volume: float
@@ -44,6 +45,7 @@ class Lattice:
     gradient_scale: float
     wall_scale: float
     wall_gradient: float
+    spread: float
 
 
 @cache
@@ -66,4 +68,5 @@ def lattice_of(rest_distance: float, support: float, axes: int) -> Lattice:
         gradient_scale=gradient_scale,
         wall_scale=volume * float(kernel[below].sum()) / (1 - q) ** 5,
         wall_gradient=pushed / (1 - q) ** 4,
+        spread=volume * float((kernel * places[:, 0] ** 2).sum()) / 2,
     )

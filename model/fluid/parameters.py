@@ -18,7 +18,6 @@ BOX = ("low", "high", "side", "half", "cells", "inverse_side")  # of an axis tha
 MAX_NEIGHBOURS = {2: 24, 3: 64}  # of a particle, by dimensions
 CELLS_EACH = 8  # cells of a table for each particle, at most; cells are larger where more would be needed
 FEWEST_CELLS = 4096  # of that limit
-SPREAD = {2: 1 / 20, 3: 1 / 22}  # of XSPH: half the kernel's second moment along an axis, in squares of the support
 MOST_SMOOTHED = 1.0  # of XSPH: beyond it velocities overshoot
 SPEED_SHARE = 0.5  # supports that a particle moves in a substep at most
 
@@ -67,13 +66,13 @@ def speed_limit(scene: Scene, part: Fluid) -> float:
 
 def smoothing(scene: Scene, part: Fluid) -> float:
     """XSPH's coefficient for a fluid's viscosity: nu h / (half the kernel's second moment), MOST_SMOOTHED at most."""
-    spread = SPREAD[part.dimensions] * part.support_radius**2
-    return min(part.viscosity / part.density * scene.method.dt / scene.method.substeps / spread, MOST_SMOOTHED)
+    h, spread = scene.method.dt / scene.method.substeps, scene.fluid_set.lattice.spread
+    return min(part.viscosity / part.density * h / spread, MOST_SMOOTHED)
 
 
 def highest_viscosity(scene: Scene, part: Fluid) -> float:
     """[Pa s]: what XSPH can do of it at this substep."""
-    spread = SPREAD[part.dimensions] * part.support_radius**2
+    spread = scene.fluid_set.lattice.spread
     return MOST_SMOOTHED * spread * part.density * scene.method.substeps / scene.method.dt
 
 
