@@ -22,7 +22,7 @@ from cpu_backend.tetrahedra.descent_kernels import (
 from cpu_backend.tetrahedra.solver import Tetrahedra
 from cpu_backend.xpbd.mesh_kernels import make_mesh_stages
 from model.core.constraints import ConstraintSet, Projection
-from model.core.plan import Executor, Moment, Plan, StageRun
+from model.core.plan import Moment, Plan, StageRun
 from model.formulas.elastic.chebyshev import weights
 from model.scene.scene import Scene
 from model.tetrahedra.constraints import DAMPED
@@ -68,11 +68,6 @@ class VertexBlockDescent(Tetrahedra):
     def _inertial(self) -> np.ndarray:
         """Where vertices would be by inertia and all but elastic forces."""
         return np.zeros_like(self._position)
-
-    @cached_property
-    def _staged(self) -> Executor:
-        """A step stage by stage: where surfaces meet, a call for each of its passes."""
-        return Executor(self.plan, self._stages())
 
     def _advance(self, step: int, steps: int) -> None:
         if self.contacts is not None:

@@ -13,13 +13,16 @@ import numpy as np
 
 from cpu_backend.contact.surfaces import SurfaceContacts
 from cpu_backend.core.constraints import make_sweep_stage
+from cpu_backend.tetrahedra.sleep import make_sleep_stages
 from cpu_backend.xpbd.mesh import MeshPositionBased
 from cpu_backend.xpbd.mesh_kernels import make_mesh_stages
 from model.core.constraints import ConstraintSet, Projection
-from model.core.plan import Plan, StageRun
+from model.core.plan import Executor, Moment, Plan, StageRun
+from model.core.state import State
 from model.scene.scene import Scene
-from model.tetrahedra.constraints import constraint_sets, projections_of, tetrahedra_plan
+from model.tetrahedra.constraints import SLEEP, SLEEPING, constraint_sets, projections_of, tetrahedra_plan
 from model.tetrahedra.tables import cloth_lists
+from model.tetrahedra.topology import neighbours
 
 
 class Tetrahedra(MeshPositionBased):
@@ -54,10 +57,47 @@ class Tetrahedra(MeshPositionBased):
             position, before = self._position, self._before
             found["find contacts"] = lambda moment: contacts.find(before, position)
             found["project contacts"] = lambda moment: contacts.project(before, position)
+        if SLEEPING in self.plan.parts:
+            found[SLEEP] = self._sleep()
         return found
+
+    def _sleep(self) -> StageRun:
+        """What keeps slow vertices where they are."""
+        stage, found, bands = (
+            make_sleep_stages(self.real, self.options.math), self.scene.tetrahedra_set, self._bands
+        )  # fmt: skip
+        near = neighbours(found.tetrahedra, found.particle_count)
+        slow, speed = np.zeros(found.particle_count, np.int32), self.real(self.scene.method.sleeping_speed)
+
+        def run(moment: Moment) -> None:
+            stage.look(bands, self._velocity, self._earlier, slow, speed, self.parameters)
+            stage.keep(
+                bands, self._before, self._position, self._velocity, self._earlier, slow, near.offsets, near.indices
+            )
+
+        return run
+
+    @cached_property
+    def _staged(self) -> Executor:
+        """A step stage by stage."""
+        return Executor(self.plan, self._stages())
+
+    @cached_property
+    def _earlier(self) -> np.ndarray:
+        """(particles, 3) [m/s]: velocities as the last substep ended."""
+        return np.zeros((self.scene.tetrahedra_set.particle_count, 3), self.real)
+
+    def load(self, state: State) -> None:
+        """With the state's velocities as the last ones."""
+        super().load(state)
+        if SLEEPING in self.plan.parts:
+            self._earlier[...] = self._velocity[:, :3]
 
     def _advance(self, step: int, steps: int) -> None:
         contacts, method, bands = self.contacts, self.scene.method, self._bands
+        if SLEEPING in self.plan.parts:
+            self._staged.run(step, steps)
+            return
         if contacts is None:
             super()._advance(step, steps)
             return

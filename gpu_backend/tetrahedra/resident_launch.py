@@ -23,7 +23,7 @@ from model.xpbd.mesh_plan import BODY_DAMPING
 
 RUNS = 1 << 17  # voxels of a set that one is tried to be cut into slabs at most
 
-LAUNCHED_ONLY = ("wind", "motion", CLOTH, BODY_DAMPING, *map(part_of, CORNERS))  # parts of a plan
+LAUNCHED_ONLY = ("wind", "motion", CLOTH, BODY_DAMPING, SLEEPING, *map(part_of, CORNERS))  # parts of a plan
 
 
 def launched_only(scene: Scene, parts: Collection[str]) -> str | None:

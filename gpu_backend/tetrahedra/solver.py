@@ -9,6 +9,8 @@ layers. In `exact` math all give the same bits, and the CPU's.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numba import cuda
 
@@ -16,13 +18,16 @@ from gpu_backend.contact.surfaces import SurfaceContacts, surface_contact_bytes
 from gpu_backend.core.device import simulated
 from gpu_backend.core.substeps import launched_kernel
 from gpu_backend.tetrahedra.resident_launch import ResidentSet, chosen_slabs, default_slabs, launched_only, layers_of
+from gpu_backend.tetrahedra.sleep import make_sleep
 from gpu_backend.xpbd.mesh import MeshPositionBased
 from model.core.constraints import ConstraintSet, Projection
 from model.core.errors import SceneError
-from model.core.plan import Executor, Plan
+from model.core.plan import Executor, Plan, StageRun
+from model.core.state import State
 from model.scene.scene import Scene
-from model.tetrahedra.constraints import constraint_sets, projections_of, tetrahedra_plan
+from model.tetrahedra.constraints import SLEEP, SLEEPING, constraint_sets, projections_of, tetrahedra_plan
 from model.tetrahedra.tables import cloth_lists, surface_lists
+from model.tetrahedra.topology import neighbours
 
 
 class Tetrahedra(MeshPositionBased):
@@ -52,6 +57,42 @@ class Tetrahedra(MeshPositionBased):
         if self.scene.contact is not None:
             needed += surface_contact_bytes(self.scene, np.dtype(self.real).itemsize)
         super()._require_memory(needed, field, value)
+
+    # ------------------------------------------------------------------ vertices that keep their places
+
+    def _allocate(self) -> None:
+        super()._allocate()
+        if SLEEPING in self.plan.parts:
+            method, near = self.scene.method, neighbours(self.scene.tetrahedra_set.tetrahedra, self.particle_count)
+            self._sleepers = make_sleep(self.real, self.options.math)
+            self._slow_ones, self._earlier = self.on_device(np.zeros(self.particle_count, np.int32)), self.new_array()
+            self._near = self.on_device(near.offsets), self.on_device(near.indices)
+            self._sleeping_speed = self.real(method.sleeping_speed)
+
+    def _keep_places(self, before: Any, position: Any, velocity: Any) -> None:
+        kernels, slow = self._sleepers, self._slow_ones
+        kernels.look[self._flat](velocity, self._earlier, slow, self._sleeping_speed, self.record)
+        kernels.keep[self._flat](before, position, velocity, self._earlier, slow, *self._near)
+
+    def _substep(self, place: int, substep: int) -> None:
+        before = self.position[self._current]
+        super()._substep(place, substep)
+        if SLEEPING in self.plan.parts:
+            self._keep_places(before, self.position[self._current], self.velocity[self._current])
+
+    @property
+    def _launches(self) -> int:
+        return super()._launches + 2 * self.scene.method.substeps * (SLEEPING in self.plan.parts)
+
+    def _stages(self) -> dict[str, StageRun]:
+        position, velocity, before = self.position[0], self.velocity[0], self.position[1]
+        return super()._stages() | {SLEEP: lambda moment: self._keep_places(before, position, velocity)}
+
+    def load(self, state: State) -> None:
+        """With the state's velocities as the last ones."""
+        super().load(state)
+        if SLEEPING in self.plan.parts:
+            self._earlier.copy_to_device(self.velocity[self._current], stream=self.stream)
 
     # ------------------------------------------------------------------ the kernel `resident`
 

@@ -148,6 +148,10 @@ def _check_surfaces(scene: SceneParts) -> None:
 def check_solver(scene: SceneParts) -> None:
     """Raise SceneError for a part that the scene's solver does not know."""
     solver, integrator = scene.method.solver, scene.method.integrator
+    if scene.method.sleeping_speed > 0 and not scene.tetrahedra:
+        raise SceneError(
+            "method.sleeping_speed", scene.method.sleeping_speed, "is for tetrahedral bodies; leave it out"
+        )
     if scene.method.rows == "blocks" and not scene.tetrahedra:
         raise SceneError("method.rows", "blocks", "is for tetrahedral bodies; leave it out")
     if solver == OF_FLUIDS and not scene.fluids:

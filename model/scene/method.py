@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from model.scene.parts import Part, Positive
+from model.scene.parts import NotNegative, Part, Positive
 
 IntegratorName = Literal[
     "lab", "semi-implicit-euler", "velocity-verlet", "rk4", "explicit-euler", "taylor", "implicit-euler",
@@ -52,6 +52,7 @@ class Method(Part):
     tensile_correction: Annotated[float, Field(ge=0, le=1, strict=True)] = 0.0  # keeps a fluid's particles apart
     tensile_distance: Annotated[float, Field(gt=0, lt=1, strict=True)] = 0.2  # of the support, where it is that strong
     chebyshev: Annotated[float, Field(ge=0, lt=1, strict=True)] = 0.0  # of vbd: 0.9 or so; too much diverges
+    sleeping_speed: NotNegative = 0.0  # m/s, of xpbd: vertices of tetrahedra that tremble slower keep their places
 
     @model_validator(mode="after")
     def _fields_belong_to_the_solver(self) -> Method:
@@ -100,13 +101,13 @@ class Method(Part):
         if self.solver == OF_FLUIDS and self.relaxation is None:
             return set(type(self).model_fields) - (set(FIELDS_OF_SOLVER[self.solver]) - {"relaxation"})
         told = set(FIELDS_OF_SOLVER[self.solver]) - ({"rows"} if self.rows == "scalar" else set())
-        told -= {"chebyshev"} if self.chebyshev == 0 else set()
+        told -= {name for name in ("chebyshev", "sleeping_speed") if getattr(self, name) == 0}
         return set(type(self).model_fields) - told
 
 
 FIELDS_OF_SOLVER = {
     "mass-spring": ("solver", "integrator", "dt"),
-    "xpbd": ("solver", "dt", "substeps", "iterations", "ordering", "rows"),
+    "xpbd": ("solver", "dt", "substeps", "iterations", "ordering", "rows", "sleeping_speed"),
     "pbd": ("solver", "dt", "substeps", "iterations", "ordering", "pbd_stiffness"),
     "shape-matching": ("solver", "dt", "substeps", "iterations", "region"),
     "vbd": ("solver", "dt", "substeps", "iterations", "chebyshev"),

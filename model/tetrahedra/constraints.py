@@ -9,7 +9,8 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from model.core.constraints import ConstraintSet, Projection
-from model.core.plan import Plan
+from model.core.plan import Node, Plan, Stage
+from model.formulas import sleep
 from model.formulas.constraints import attachment, tetrahedron
 from model.scene.scene import Scene
 from model.tetrahedra.attachments import attachment_parts, attachment_projections, attachment_sets
@@ -22,6 +23,7 @@ from model.xpbd.mesh_plan import BODY_DAMPING, constrained_plan, model_parts
 from model.xpbd.plan import xpbd_parts
 
 CONSTANTS = ("elastic_compliance", "elastic_damping", "elastic_stiffening")  # of the record: m / h^2, 1 / h, 1
+SLEEPING, SLEEP = "sleeping-vertices", "keep places"  # a part of a plan, a stage
 DAMPED, BLOCKS, ITERATED, CLOTH = "tetrahedra-damping", "tetrahedra-blocks", "tetrahedra-iterated", "cloth"
 KINDS = {
     1: "tetrahedra",
@@ -39,11 +41,13 @@ def tetrahedra_parts(scene: Scene, live: frozenset[str] = frozenset()) -> frozen
     damped = {DAMPED} if scene.tetrahedra_set.matter.damping.any() else set()
     blocks = {BLOCKS} if scene.method.rows == "blocks" else set()
     iterated = {ITERATED} if scene.method.iterations > 1 else set()
+    sleeping = {SLEEPING} if scene.method.sleeping_speed > 0 else set()
     told = {"motion"} if "targets" in live and len(scene.tetrahedra_set.pinned_vertices) else set()
     parts = xpbd_parts(scene, live) | {"load"} | {part.material for part in bodies}
     slowed = {BODY_DAMPING} if any(part.mass_damping > 0 for part in bodies) else set()
     cloth = model_parts(scene) | ({CLOTH} if scene.mesh else frozenset())
-    return parts | damped | blocks | iterated | told | slowed | cloth | attachment_parts(scene.tetrahedra_set)
+    own = damped | blocks | iterated | told | slowed | sleeping | cloth
+    return parts | own | attachment_parts(scene.tetrahedra_set)
 
 
 def materials(parts: frozenset[str]) -> tuple[str, ...]:
@@ -137,4 +141,14 @@ def tetrahedra_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
     runs = {part_of_run(found.model, found.run) for found in sets if found.kind in KINDS.values()}
     parts = tetrahedra_parts(scene, live) | runs
     operations = [operations_of(one) for one in projections_of(parts)]
-    return constrained_plan(scene, parts, list(zip(sets, operations, strict=True)))
+    plan = constrained_plan(scene, parts, list(zip(sets, operations, strict=True)))
+    return with_sleep(plan, scene.method.substeps) if SLEEPING in parts else plan
+
+
+def with_sleep(plan: Plan, substeps: int) -> Plan:
+    """At the end of each substep, slow vertices keep their places."""
+    (substep,) = plan.root.children
+    assert isinstance(substep, Node)
+    ends = Stage(SLEEP, 3, 2, sleep.OPERATIONS)
+    whole = Node("step", (Node("substep", (*substep.children, ends), substeps),))
+    return Plan(whole, plan.fused_scalars, plan.parts, dimensions=3)

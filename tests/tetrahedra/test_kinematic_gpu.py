@@ -42,6 +42,17 @@ def test_bits_are_the_cpus_by_newtons_method(name: str, precision: str) -> None:
     assert np.array_equal(state.velocity, expected.velocity)
 
 
+@pytest.mark.parametrize("precision", ["float32", "float64"])
+def test_bits_of_vertices_that_sleep(precision: str) -> None:
+    method = {"solver": "xpbd", "dt": 0.01, "substeps": 4, "sleeping_speed": 0.05}
+    floor = {"kind": "plane", "point": [0.0, -0.06, 0.0]}
+    scene = kinematic_scene("xpbd", bar=LOOSE | {"damping": 0.01}, gravity={}, method=method, floor=floor)
+    expected = run(scene, 60, precision=precision, math="exact", threads=1)
+    for kernel in ("graph", "launch", "stages"):
+        state = run(scene, 60, "gpu", precision=precision, math="exact", kernel=kernel)
+        assert np.array_equal(state.position, expected.position), kernel
+
+
 @pytest.mark.parametrize("name", ["fem-twist", "fem-kinematic", "fem-attached"])
 def test_catalogue_scenes_move_alike(name: str) -> None:
     scene = load_scene(name)

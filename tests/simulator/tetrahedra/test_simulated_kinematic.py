@@ -29,6 +29,18 @@ def test_attached_bodies_are_the_cpus(solver: str) -> None:
         assert np.array_equal(state.position, expected.position), kernel
 
 
+def test_vertices_that_keep_their_places_are_the_cpus() -> None:
+    method = {"solver": "xpbd", "dt": 0.01, "substeps": 2, "sleeping_speed": 0.05}
+    scene = kinematic_scene(
+        "xpbd", gravity={"acceleration": 2.0}, method=method, slow=LOOSE | {"origin": [0.0, 0.5, 0.0]}
+    )
+    expected = run(scene, 2, precision="float32", math="exact", threads=1)
+    for kernel in ("launch", "stages"):
+        state = run(scene, 2, "gpu", precision="float32", math="exact", kernel=kernel)
+        assert np.array_equal(state.position, expected.position), kernel
+        assert np.array_equal(state.velocity, expected.velocity), kernel
+
+
 def test_targets_are_the_cpus() -> None:
     scene, states = kinematic_scene("xpbd"), []
     for backend in ("cpu", "gpu"):

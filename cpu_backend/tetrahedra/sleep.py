@@ -1,0 +1,40 @@
+"""Vertices that keep their places while they and their neighbours are slow (model/formulas/sleep.py), on CPU threads."""
+
+from __future__ import annotations
+
+from functools import cache
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from cpu_backend.core.compile import Compiler
+from model.formulas import sleep
+
+
+@cache
+def make_sleep_stages(real: Any, math: str) -> SimpleNamespace:
+    """`look(bands, velocity, earlier, slow, speed, parameters)`: who is slow; `keep(bands, before, position, velocity,
+    earlier, slow, offsets, neighbours)`: places and velocities of vertices. `slow` (particles,) int32; `earlier`: velocities
+    as a substep ended, (particles, 3)."""
+    compiler = Compiler(f"sleep_{np.dtype(real).name}_{math}", math)
+    is_slow, zero = sleep.make(real, compiler.compiled).is_slow, real(0)
+
+    def look(band, bands, velocity, earlier, slow, speed, parameters):
+        count = len(slow)
+        for k in range(count * band // bands, count * (band + 1) // bands):
+            v, w = (velocity[k, 0], velocity[k, 1], velocity[k, 2]), (earlier[k, 0], earlier[k, 1], earlier[k, 2])
+            slow[k] = 1 if is_slow(v, w, speed, parameters.gravity, parameters.dt) else 0
+
+    def keep(band, bands, before, position, velocity, earlier, slow, offsets, neighbours):
+        count = len(slow)
+        for k in range(count * band // bands, count * (band + 1) // bands):
+            still = slow[k] == 1 and position[k, 3] > zero
+            for n in range(offsets[k], offsets[k + 1]):
+                still = still and slow[neighbours[n]] == 1
+            for axis in range(3):
+                if still:
+                    position[k, axis], velocity[k, axis] = before[k, axis], zero
+                earlier[k, axis] = velocity[k, axis]
+
+    return SimpleNamespace(look=compiler.banded(look), keep=compiler.banded(keep))
