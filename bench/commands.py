@@ -236,7 +236,7 @@ def tetrahedra(
     precision: RatePrecisions = None,
     store: StorePath = DEFAULT_STORE,
 ) -> None:
-    """Does E mean E? A bar of tetrahedra: how far its solver, and how far its mesh, is off, and what a frame costs."""
+    """Does E mean E? A bar of tetrahedra: how far its solver and its mesh are off; which is soonest within 1 %."""
     from bench.experiments.tetrahedra import run_tetrahedra
     from bench.experiments.tetrahedral.decides import print_tetrahedra
     from bench.experiments.tetrahedral.meshes import print_meshes, run_meshes
@@ -258,7 +258,7 @@ def bar(
     backend: Backends = None,
     store: StorePath = DEFAULT_STORE,
 ) -> None:
-    """Every method, one body: sag, frequency and shear of a bar against what its material says; laws of bodies."""
+    """Every method, one body: sag, frequency and shear of a bar against what its material says, its cost; laws of bodies."""
     from bench.experiments.bar import run_bar
     from bench.experiments.bar_costs import print_bar_costs, run_bar_costs
     from bench.experiments.bar_rows import print_bar

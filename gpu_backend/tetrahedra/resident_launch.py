@@ -18,7 +18,7 @@ from model.core.constraints import ConstraintSet, Projection
 from model.core.errors import BackendUnavailable, SceneError
 from model.scene.scene import Scene
 from model.tetrahedra.attachments import CORNERS, part_of
-from model.tetrahedra.constraints import CLOTH, constraint_sets, tetrahedra_of_sets
+from model.tetrahedra.constraints import CLOTH, SLEEPING, constraint_sets, tetrahedra_of_sets
 from model.xpbd.mesh_plan import BODY_DAMPING
 
 RUNS = 1 << 17  # voxels of a set that one is tried to be cut into slabs at most

@@ -35,7 +35,7 @@ from bench.measure.experiment import described
 from bench.store.database import Store
 from bench.store.results import measures
 from labbook.claims.tetrahedra import CLAIMS
-from model.core.errors import SceneError
+from model.core.errors import SceneError, UnstableTimeStep
 from plots.core.read import load
 from plots.core.style import settings as drawing_settings
 from plots.figures import tetrahedra as figure
@@ -159,6 +159,7 @@ def test_the_soonest_is_near_and_moves() -> None:
     met, missed = gates(found)
     assert met.endswith("gate met") and missed.endswith("gate not met") and "1e7 Pa" in met
     assert [b.substeps for b in frontier(found)] == [1, 1, 20, 325, 512]
+    assert [told.rpartition(": ")[2] for told in gates(found[1:4])] == ["gate not decided"] * 2
     assert gates(found[3:4]) == [] and decisions(found[:1])[0].best is None
 
 
@@ -175,6 +176,23 @@ def test_what_takes_too_long_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
         reasons = {m.name: m.reason or "" for m in measures(opened)}
         assert "would take" in reasons[MOTION_ERROR] and "would take" in reasons[SOLVER_ERROR]
         assert bars(measures(opened)) == []
+
+
+def test_a_brake_that_a_step_does_not_hold_is_halved(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Twice, and then it is told."""
+    scene, asked = cantilever(1, 1e7, "vbd", 1, 30), []
+
+    def opened(less: Any, *_: Any, **__: Any) -> Any:
+        asked.append(less.damping.coefficient / scene.damping.coefficient)  # type: ignore[union-attr]
+        if len(asked) not in (2,):
+            raise UnstableTimeStep(1 / 60, 0.01, "vbd")
+        return "opened"
+
+    monkeypatch.setattr(tetrahedra, "open_simulation", opened)
+    assert tetrahedra.open_braked(scene, "cpu", "float64") == "opened" and asked == [1.0, 0.5]  # type: ignore[comparison-overlap]
+    with pytest.raises(UnstableTimeStep):
+        tetrahedra.open_braked(scene, "cpu", "float64")
+    assert asked[2:] == [1.0, 0.5, 0.25]
 
 
 def test_fine_meshes_are_measured_where_the_laws_promise() -> None:

@@ -89,7 +89,9 @@ def gates(found: Sequence[Bar]) -> list[str]:
             f"{setting(one.best)}"
         ).replace("e+0", "e")  # fmt: skip
         if one.share is None:
-            told.append(f"{start}; no position-based setting that was measured gets within {WITHIN:.0%}: gate met")
+            told.append(
+                f"{start}; no position-based setting that was measured gets within {WITHIN:.0%}: gate not decided"
+            )
         else:
             verdict = "met" if one.share <= TENTH else "not met"
             told.append(f"{start}, {one.share:.2g} of the time of {setting(one.rows)}: gate {verdict}")
