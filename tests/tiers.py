@@ -212,6 +212,9 @@ test_newton_ptx.py *everything-* *free-exact* test_exact*
 test_cloth_tiles_ptx.py *8x4x2h1* *16x16x1h2* *tiles-16x4x4h2* *float64-3?
 test_implicit_ptx.py *everything* *springs-exact*
 test_ptx.py test_resident_blocks*float64*
+test_tetrahedra_ptx.py test_those_of_voxels*6? test_exact_projections*neo* test_exact_projections*nothing?corotated?
+    test_the_resident_kernel_holds*exact? test_the_resident_kernel_holds*neo*
+    test_the_resident_kernel_holds*memory?corotated*
 test_no_trace.py *lab-parts1*float32?
 # ten thousand meshes of every kind
 test_tetrahedra_soup.py test_ten_thousand*
