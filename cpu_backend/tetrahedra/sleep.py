@@ -1,4 +1,4 @@
-"""Vertices that keep their places while they and their neighbours are slow (model/formulas/elastic/sleep.py), on CPU threads."""
+"""Vertices that keep their places while they and their neighbours are slow, on CPU threads: model/formulas/elastic/sleep.py."""
 
 from __future__ import annotations
 
