@@ -22,6 +22,7 @@ PAGE, PICTURES = ROOT / "docs" / "gallery.md", ROOT / "docs" / "images" / "galle
 WIDTH, QUALITY = 640, 72  # pixels, of WebP
 SECONDS = 2.0  # simulated before a picture is drawn, where WHEN says nothing else
 WHEN = {
+    "column": 1.0, "dam-break": 0.8, "lab-water": 1.2, "taylor-green": 0.5,
     "cloth-compute": 1.2, "cloth-draped-twice": 3.0, "cloth-flamenco": 1.0, "cloth-hanging": 1.0, "cloth-self": 1.5,
     "cloth-small-steps": 1.0, "cloth-twist": 2.0, "fem-attached": 1.5, "fem-cantilever": 0.6, "fem-creature": 2.5,
     "fem-descent": 0.5, "fem-drop": 2.5, "fem-newton": 0.5, "fem-steel-and-jelly": 0.6, "jelly-block": 0.7, "jelly-drop": 1.0,
@@ -31,9 +32,11 @@ WHEN = {
 }  # fmt: skip
 SMALLER = {"soft-rain": ("drop.copies=[10, 2, 10]",)}  # what --set makes of a scene that is for a GPU
 SECTIONS = {
+    "lab-water": "Fluids",
     "lab-": "The grid of the lab", "manufactured": "The grid of the lab", "cloth-": "Cloth", "rope": "Ropes",
     "jelly-": "Shape matching", "soft-": "Shape matching", "rigid-": "Shape matching", "plastic": "Shape matching",
     "sticky": "Shape matching", "two-worlds": "Shape matching", "fem-": "Tetrahedra with Young's modulus",
+    "column": "Fluids", "dam-": "Fluids", "taylor-": "Fluids",
 }  # fmt: skip
 OTHER = "More"
 HEAD = """# Gallery
