@@ -210,6 +210,22 @@ def throughput(
     measure(store, run_throughput, print_throughput, quick=quick, backends=backend, kinds=kind, precisions=chosen)
 
 
+@measuring.command(cls=Timed, epilog="Example: softlab fluids --quick   (softlab fluids --backend gpu)")
+def fluids(
+    quick: Annotated[
+        bool, typer.Option("--quick", help="Pools of a thousand and of eight thousand particles, fewer repeats.")
+    ] = False,
+    backend: Backends = None,
+    precision: RatePrecisions = None,
+    store: StorePath = DEFAULT_STORE,
+) -> None:
+    """Time fluids: how many particles a second, and what sorting, lists, densities and corrections each take of it."""
+    from bench.experiments.fluids import print_fluids, run_fluids
+
+    chosen = precisions_of(precision, "float32")
+    measure(store, run_fluids, print_fluids, quick=quick, backends=backend, precisions=chosen)
+
+
 @measuring.command(cls=Timed, epilog="Example: softlab busy --quick   (softlab busy --scene soft-pile)")
 def busy(
     quick: Annotated[bool, typer.Option("--quick", help="Two scenes, fewer and shorter samples.")] = False,

@@ -6,23 +6,20 @@ from typing import Any
 
 import numpy as np
 
-from model.core.own_forces import OWN_FORCES
 from model.core.plan import Moment, StageRun
 
 
 def bind_fluid_stages(sim: Any) -> dict[str, StageRun]:
-    """What runs each stage of the plan of `sim`, a gpu_backend.fluid.solver.Fluid. The state keeps its buffer; gravity
-    and what else acts on a particle by itself is part of `predict`, since fluids differ in their buoyancy."""
+    """What runs each stage of the plan of `sim`, a gpu_backend.fluid.solver.Fluid. The state keeps its buffer."""
     flat, cells, relaxing, settling = sim._flat, sim.cells, sim.relaxing, sim.settling
-    state, velocity, count = sim.position[0], sim.velocity[0], np.int64(0)
+    state, velocity, start = sim.position[0], sim.velocity[0], sim.on_device(np.zeros(1, np.int64))
     now = {"given": (), "position": sim.sorted, "other": sim.corrected}
 
     def world(moment: Moment) -> tuple[Any, ...]:
         return sim.bodies, sim.integers, *time(moment)
 
     def time(moment: Moment) -> tuple[Any, ...]:
-        sim._set_counter(moment.step)
-        return sim._counter, count, np.int64(moment.substeps), np.int64(moment.substep)
+        return start, np.int64(moment.step), np.int64(moment.substeps), np.int64(moment.substep)
 
     def predict(moment: Moment) -> None:
         now["given"] = sim.predict(0, time(moment))
@@ -37,8 +34,6 @@ def bind_fluid_stages(sim: Any) -> dict[str, StageRun]:
         relaxing.find[flat](
             now["position"], sim.record, cells.sorted_keys, cells.numbers, cells.begins, *sim.lists, cells.beyond
         )
-
-    def factors(moment: Moment) -> None:
         relaxing.factors[flat](now["position"], sim.record, *sim.lists, *sim.relaxed, sim.fluids, *world(moment))
 
     def density(moment: Moment) -> None:
@@ -56,25 +51,24 @@ def bind_fluid_stages(sim: Any) -> dict[str, StageRun]:
     def shape(moment: Moment) -> None:
         sim.smoothing.shape[flat](state, velocity, sim.record, *sim.lists, sim.before, sim.sorted)
 
-    def smooth(moment: Moment) -> None:
+    def limit(moment: Moment) -> None:
+        if sim.smoothing:
+            smooth()
+        settling.limit[flat](state, velocity, sim.constraints, sim.record, sim.fluids)
+
+    def smooth() -> None:
         sim.meant.copy_to_device(velocity, stream=sim.stream)
         sim.smoothing.smooth[flat](
             state, sim.meant, sim.record, *sim.lists, sim.constraints, sim.fluids, sim.before, sim.sorted, velocity
         )
 
-    def limit(moment: Moment) -> None:
-        settling.limit[flat](state, velocity, sim.constraints, sim.record, sim.fluids)
-
-    in_predict = dict.fromkeys(("gravity", *(force.stage for force in OWN_FORCES)), lambda moment: None)
-    return in_predict | {
+    return {
         "predict": predict,
         "sort into cells": sort,
         "find neighbours": find,
-        "factors": factors,
         "density": density,
         "correct": correct,
         "update velocity": update,
         "normals and vorticity": shape,
-        "smooth velocities": smooth,
         "limit velocities": limit,
     }

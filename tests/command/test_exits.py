@@ -57,6 +57,7 @@ MEASURING = {  # command -> what does its work
     "stability": "bench.experiments.stability.experiment.run_stability",
     "projections": "bench.experiments.projections.run_projections",
     "throughput": "bench.experiments.throughput.run_throughput",
+    "fluids": "bench.experiments.fluids.run_fluids",
     "bar": "bench.experiments.bar.run_bar",
     "tetrahedra": "bench.experiments.tetrahedra.run_tetrahedra",
     "ablate lab-grid": "bench.experiments.advise.ablate.ablate",
@@ -118,7 +119,8 @@ def test_the_status_tells_how_it_ended(
     monkeypatch.setattr("bench.experiments.tetrahedral.meshes.run_meshes", lambda *_, **__: DONE)
     monkeypatch.setattr("bench.experiments.convergence.run_convergence", lambda *_, **__: DONE)
     for path in ("bench.store.tables.print_sweep", "bench.store.tables.print_kernels", "bench.peers.results.print_peers",
-                 "bench.experiments.throughput.print_throughput", "bench.experiments.advise.ablation_results.print_ablation",
+                 "bench.experiments.throughput.print_throughput", "bench.experiments.fluids.print_fluids",
+                 "bench.experiments.advise.ablation_results.print_ablation",
                  "bench.stress.results.print_hard"):  # fmt: skip
         monkeypatch.setattr(path, lambda *_: None)
     if work != EVERY["run lab-grid --no-judge"]:

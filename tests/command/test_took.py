@@ -113,5 +113,5 @@ def test_every_command_that_measures_says_it() -> None:
     timed = {info.callback.__name__ for info in softlab.app.registered_commands if info.callback and info.cls is Timed}
     assert timed == {
         "sweep", "accuracy", "stability", "hard", "projections", "throughput", "bar", "advise", "ablate", "busy",
-            "tetrahedra",
+            "tetrahedra", "fluids",
     }  # fmt: skip

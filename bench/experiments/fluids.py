@@ -1,0 +1,180 @@
+"""How many particles of a fluid a second, and where the time goes: `softlab fluids`.
+
+A pool of water a rest distance of 1 cm apart, at rest between walls and 20 particles deep, a thousand to ten million of them;
+a frame is a step of 1/60 s in two substeps of three iterations, each with its own search. Beside whole frames every stage is
+timed by itself (app/plan/measure.py): what sorting, listing, densities and corrections each take, of a particle, against what
+memory and arithmetic allow. On a GPU the frame's kernel fuses the first density with the lists, and the last correction with
+the velocities, so that it takes less than the sum.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+from rich.console import Console
+
+from app.plan.measure import measure_stages
+from bench.measure import experiment
+from bench.measure.case_timing import Case, RatePoint, Rates, Summary, make_case
+from bench.measure.costs_timing import Measures
+from bench.store.database import Store
+from bench.store.results import Measure, measures
+from bench.store.tables import columns, print_table
+from model.fluid.plan import fluid_plan, neighbours_at_rest
+from model.scene.scene import Scene
+
+STAGE = "fluids"  # of the samples in the store
+STEP = "fluid_step"  # s: the median of a frame
+RATE = "fluid_particle_iterations_per_second"  # particles x substeps x iterations, 1/s
+KERNEL = "fluid_kernel"  # its name is the reason
+PHASES = ("predict", "sort into cells", "find neighbours", "density", "correct", "update velocity", "limit velocities")
+POOLS = {
+    1000: (10, 10, 10),
+    8000: (20, 20, 20),
+    62720: (56, 20, 56),
+    1003520: (224, 20, 224),
+}  # particles along x, y, z
+LARGE = {10025280: (708, 20, 708)}  # on a GPU
+QUICK = (1000, 8000)
+DISTANCE = 0.01  # m
+FRAME = 1 / 60  # s
+SUBSTEPS, ITERATIONS = 2, 3
+SCALAR, INDEX, QUAD = 4, 4, 16  # bytes in float32
+HALF_H200, STREAM_H200 = 31e12, 4.0e12  # 1/s: half of its peak in float32; bytes a second
+
+
+def pool(count: int) -> Scene:
+    """So many particles of POOLS or LARGE."""
+    nx, ny, nz = (POOLS | LARGE)[count]
+    size = [DISTANCE * n for n in (nx, ny, nz)]
+    ends = {"left": ([0.0] * 3, [1.0, 0.0, 0.0]), "right": ([size[0], 0.0, 0.0], [-1.0, 0.0, 0.0])}
+    ends |= {"back": ([0.0] * 3, [0.0, 0.0, 1.0]), "front": ([0.0, 0.0, size[2]], [0.0, 0.0, -1.0])}
+    ends |= {"floor": ([0.0] * 3, [0.0, 1.0, 0.0])}
+    walls = {
+        name: {"kind": "plane", "point": point, "normal": normal, "thickness": 0.0}
+        for name, (point, normal) in ends.items()
+    }
+    water = {"kind": "fluid", "size": size, "rest_distance": DISTANCE}
+    method = {"solver": "pbf", "dt": FRAME, "substeps": SUBSTEPS, "iterations": ITERATIONS}
+    return Scene({"water": water, "gravity": {}, **walls, "method": method}, f"a pool of {count} particles")
+
+
+def count_of(scene: Scene) -> int:
+    """Particles of a pool."""
+    return scene.fluid_set.particle_count
+
+
+def particle_iterations(scene: Scene) -> int:
+    """Of a frame."""
+    return count_of(scene) * scene.method.substeps * scene.method.iterations
+
+
+def moved_bytes(phase: str, met: float) -> float:
+    """Of a particle with so many neighbours in float32, if only neighbours' positions come from a cache. A cell is taken
+    for a sixth of a particle."""
+    return {
+        "predict": 4 * QUAD + INDEX,
+        "sort into cells": 8 * QUAD + (2 + 3 + 1 + 4) * INDEX + 24 / 6,
+        "find neighbours": QUAD + 2 * INDEX + 3 * SCALAR + 2 * SCALAR + met * INDEX,
+        "density": QUAD + INDEX + 3 * SCALAR + 4 * SCALAR + met * INDEX,
+        "correct": 3 * QUAD + INDEX + 3 * SCALAR + met * INDEX,
+        "update velocity": 5 * QUAD,
+        "limit velocities": 3 * QUAD,
+    }[phase]
+
+
+def operations(scene: Scene, phase: str) -> int:
+    """Floating-point operations of a particle."""
+    return next(stage.operations for stage in fluid_plan(scene).root.stages() if stage.name == phase)
+
+
+def groups(backends: Sequence[str], quick: bool, precisions: Sequence[str]) -> list[list[Case]]:
+    """What is timed in turn: the precisions of a pool on a backend. `quick`: the two smallest."""
+    found = []
+    for backend in backends:
+        for count in QUICK if quick else (*POOLS, *(LARGE if backend == "gpu" else ())):
+            found.append([make_case(pool(count), backend, p, f"{count} particles") for p in precisions])
+    return found
+
+
+def phase_name(phase: str) -> str:
+    """The measure of a stage's time [s]."""
+    return f"fluid_stage_{phase.replace(' ', '_')}"
+
+
+def phase_times(case: Case) -> Measures:
+    """The time [s] of each stage of a substep with one iteration."""
+    scene = case.scene.replace({"method.dt": FRAME / SUBSTEPS, "method.substeps": 1, "method.iterations": 1})
+    times = measure_stages(scene, case.backend, case.precision)
+    stages = fluid_plan(scene).root.stages()
+    return {phase_name(s.name): (taken, "s", "alone") for s, taken in zip(stages, times.seconds, strict=False)}
+
+
+@dataclass(frozen=True)
+class FluidRates(Rates):
+    """Frames, and the stages of each case before them."""
+
+    def _time(self, store: Store, summary: Summary, group: Sequence[Case], repeats: int) -> None:
+        for case in group:
+            experiment.keep(store, summary.run, case.description, case.sources, phase_times(case))
+        super()._time(store, summary, group, repeats)
+
+
+RATES = run_fluids = FluidRates("fluids", STAGE, STEP, RATE, KERNEL, particle_iterations, groups)
+
+
+# ---------------------------------------------------------------------- what the store says
+
+
+@dataclass(frozen=True)
+class FluidPoint(RatePoint):
+    """One pool. `phases` [s]: stages alone, by name."""
+
+    particles: int
+    phases: dict[str, float]
+
+
+def points(held: Iterable[Measure]) -> list[FluidPoint]:
+    """What the measures tell of the cases, smallest first."""
+    kept = list(held)
+    alone: dict[str, dict[str, float]] = {}
+    for measure in kept:
+        for phase in PHASES:
+            if measure.name == phase_name(phase):
+                alone.setdefault(_key(measure), {})[phase] = measure.value or 0.0
+    found = []
+    for told, scene, point in RATES.told(kept):
+        found.append(FluidPoint(**vars(point), particles=count_of(scene), phases=alone.get(_key(told[RATE]), {})))
+    return sorted(found, key=lambda p: (p.backend, p.precision, p.particles))
+
+
+def _key(measure: Measure) -> str:
+    return f"{measure.machine} {measure.description}"
+
+
+def print_fluids(console: Console, store: Store, machine: str) -> None:
+    """Two tables of what was timed on a machine: frames, and stages alone."""
+    held = points(measures(store, machine=machine))
+    rows = [
+        (str(p.particles), f"{p.backend}, {p.kernel}", p.precision, f"{1e3 * p.step:.4g}", f"{p.rate / 1e6:.4g}")
+        for p in held
+    ]
+    heads = columns(("particles", "kernel", "precision"), ("frame, ms", "million / s"))
+    print_table(console, heads, rows, "million / s: particles times substeps times iterations, searches included")
+    stages: list[tuple[str, ...]] = []
+    for p in held:
+        scene = pool(p.particles)
+        met = neighbours_at_rest(scene)
+        for phase, taken in p.phases.items():
+            moved, done = moved_bytes(phase, met) * p.particles, operations(scene, phase) * p.particles
+            least = max(moved / STREAM_H200, done / HALF_H200)
+            stages.append((
+                str(p.particles), p.backend, phase, f"{1e6 * taken:.4g}", f"{1e9 * taken / p.particles:.3g}",
+                f"{moved / taken / 1e9:.3g}", f"{done / taken / 1e9:.3g}", f"{1e6 * least:.3g}",
+            ))  # fmt: skip
+    heads = columns(
+        ("particles", "backend", "stage alone"), ("us", "ns a particle", "GB / s", "Gflop / s", "least on an H200, us")
+    )
+    limits = "least: by 4.0 TB/s measured of memory or 31 TFLOP/s, half of its arithmetic, neighbours' positions cached"
+    print_table(console, heads, stages, limits)

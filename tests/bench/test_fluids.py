@@ -1,0 +1,52 @@
+"""How fast fluids are: the cases, and what the store tells of them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from rich.console import Console
+
+from bench.experiments import fluids
+from bench.experiments.fluids import LARGE, PHASES, POOLS, RATES, moved_bytes, operations, phase_name, points, pool
+from bench.measure import experiment
+from bench.store.database import Store
+from bench.store.results import measures
+from model.fluid.plan import fluid_plan
+
+
+@pytest.mark.parametrize("count", [1000, 8000])
+def test_pools_hold_what_they_are_called(count: int) -> None:
+    scene = pool(count)
+    assert fluids.count_of(scene) == count and fluids.particle_iterations(scene) == 6 * count
+    assert all(nx * ny * nz == count and ny <= 20 for count, (nx, ny, nz) in (POOLS | LARGE).items())
+
+
+def test_every_stage_of_the_plan_is_told() -> None:
+    scene = pool(1000)
+    assert list(dict.fromkeys(stage.name for stage in fluid_plan(scene).root.stages())) == list(PHASES)
+    assert all(moved_bytes(phase, 24.0) > 0 and operations(scene, phase) > 0 for phase in PHASES)
+    assert moved_bytes("density", 10.0) - moved_bytes("density", 0.0) == 40
+
+
+def test_quick_is_a_part_of_the_whole() -> None:
+    counts = {fluids.count_of(case.scene) for group in fluids.groups(["cpu"], True, ("float32",)) for case in group}
+    assert counts == set(fluids.QUICK) < set(POOLS) and not set(LARGE) & set(POOLS)
+
+
+def test_what_is_stored_comes_back(tmp_path: Path) -> None:
+    case = fluids.groups(["cpu"], True, ("float32",))[0][0]
+    with Store(tmp_path / "store.sqlite") as store:
+        store.add_machine("here", "here", {})
+        run = store.start_run("here", "softlab fluids")
+        alone = {phase_name(phase): (1e-3 * n, "s", "alone") for n, phase in enumerate(PHASES, 1)}
+        experiment.keep(store, run, case.description, case.sources, alone)
+        numbers = RATES.numbers(case.scene, 0.01, "fused")
+        experiment.keep(store, run, case.description, case.sources, numbers)
+        (point,) = points(measures(store, machine="here"))
+        assert point.particles == 1000 and point.rate == pytest.approx(6e5) and point.kernel == "fused"
+        assert point.phases == {phase: pytest.approx(1e-3 * n) for n, phase in enumerate(PHASES, 1)}
+        console = Console(width=140, record=True)
+        fluids.print_fluids(console, store, "here")
+        text = console.export_text()
+        assert all(phase in text for phase in PHASES)
