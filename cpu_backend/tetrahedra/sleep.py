@@ -1,4 +1,4 @@
-"""Vertices that keep their places while they and their neighbours are slow, on CPU threads (see formulas/elastic/sleep.py)."""
+"""Vertices that keep their places while they and their neighbours are slow, on CPU threads (formulas/elastic/sleep.py)."""
 
 from __future__ import annotations
 
