@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
 
-EXTRA = 'pip install "softlab[narration]"'
+EXTRA = 'pip install -e ".[narration]"'
 REMEDY = f"{EXTRA} (or Debian: apt-get install espeak-ng)"
 SPEAKER = """
 import json, sys, wave

@@ -43,6 +43,8 @@ class View(ABC):
 
     lines = False
     colliders = True  # whether they are drawn, in space
+    subject = "sheet"  # what it shows, by which the window's keys go: bodies, tetrahedra, fluid
+    colourings: tuple[str, ...] = ()  # what `next_colouring` goes through
 
     def __init__(self, scene: Scene, detail: Detail = FINE):
         self.scene, self.space = scene, scene.dimensions == 3
