@@ -130,7 +130,7 @@ class Fluid(ParticlesSimulation):
     # ------------------------------------------------------------------ what is told
 
     @property
-    def neighbours_lost(self) -> int:
+    def contacts_lost(self) -> int:
         """Neighbours beyond the MAX_NEIGHBOURS of a list, since the simulation was opened."""
         return int(self._missed.sum())
 
