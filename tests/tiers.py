@@ -39,6 +39,7 @@ COMPILED = {
 # file, then patterns of tests' names; further lines of a file begin with a space.
 ONLY_THOROUGH = table("""
 test_fluid_physics.py *
+test_compiled.py *fluid*
 test_cloth_reference.py *rk4-cpu?
 test_stability_figures.py *draw_stiffness?
 test_restitution.py *bodies-0.001* *bodies-0.004*

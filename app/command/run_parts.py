@@ -100,7 +100,7 @@ def fluid_report(simulation: Simulation, state: State) -> dict[str, Any]:
         "mean_compression": mean,
         "largest_compression": largest,
         "height": height(scene, state.position),
-        "neighbours_lost": simulation.neighbours_lost,  # type: ignore[attr-defined]
+        "neighbours_lost": simulation.contacts_lost,  # type: ignore[attr-defined]
     }
 
 

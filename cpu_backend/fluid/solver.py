@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import numba
 import numpy as np
 
 from cpu_backend.core.layout import aligned_zeros
@@ -40,6 +41,7 @@ class Fluid(ParticlesSimulation):
         self.integers[0] = scene.external.seed if scene.external else 0
         self._set_colliders(collider_numbers(scene, self.real))
         self._allocate()
+        numba.set_num_threads(self._bands)  # starts them: stages may be called by themselves
         staged = self.kernel == "stages"
         self._executor = Executor(self.plan, self._stages() if staged else {}, None if staged else self._advance)
         self.reset()
@@ -128,7 +130,7 @@ class Fluid(ParticlesSimulation):
     # ------------------------------------------------------------------ what is told
 
     @property
-    def neighbours_lost(self) -> int:
+    def contacts_lost(self) -> int:
         """Neighbours beyond the MAX_NEIGHBOURS of a list, since the simulation was opened."""
         return int(self._missed.sum())
 

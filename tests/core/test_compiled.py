@@ -16,6 +16,7 @@ from bodies_scenes import blocks, hung, of_all_materials
 from cloth_scenes import POKE, cloth_scene
 from contact_scenes import folded
 from field_scenes import falling_bar
+from fluid_scenes import flat, two_fluids
 from kinematic_scenes import CUBE, ENDS, HOOK, kinematic_scene
 from meeting_bodies import meeting
 from mesh_scenes import mesh_scene
@@ -99,6 +100,8 @@ CASES: dict[str, tuple[Callable[[], Scene], str, str]] = {
     "bodies that meet in stages": (among_soft_ones, "stages", "float64"),
     "implicit tetrahedra": (bars, "fused", "float32"),
     "body on a field": (falling_bar, "fused", "float64"),
+    "fluids": (two_fluids, "fused", "float32"),
+    "fluid in a plane, in stages": (flat, "stages", "float64"),
 }
 
 

@@ -48,7 +48,7 @@ def test_particles_keep_their_numbers_and_lists_hold_all_neighbours() -> None:
         for i in range(count):
             own = entries[i // 16 * 16 * most + i % 16 :: 16][: neighbours[i]]
             found |= {(int(number[i]), int(number[j])) for j in own}
-        assert simulation.neighbours_lost == 0  # type: ignore[attr-defined]
+        assert simulation.contacts_lost == 0  # type: ignore[attr-defined]
     assert all((j, i) in found for i, j in found)
 
 
@@ -71,7 +71,7 @@ def test_what_lists_cannot_hold_is_told() -> None:
     squeezed = replace(start, position=start.position * [0.3, 0.3, 0.3])
     with open_simulation(scene, initial=squeezed, threads=1) as simulation:
         simulation.advance(1)
-        assert simulation.neighbours_lost > 100  # type: ignore[attr-defined]
+        assert simulation.contacts_lost > 100  # type: ignore[attr-defined]
 
 
 def test_a_particle_far_away_takes_nothing_from_the_others() -> None:

@@ -13,6 +13,8 @@ import pytest
 
 from app.driver import open_simulation
 from model.fluid.fluid_set import vortices
+from model.fluid.measure import differences
+from model.fluid.parameters import MAX_NEIGHBOURS
 from model.scene.scene import Scene, load_scene
 
 G, RHO, HEIGHT, D = 9.81, 1000.0, 1.0, 0.05
@@ -181,3 +183,36 @@ def test_moving_walls_are_not_passed() -> None:
     x = state.position[:, 0] - simulation.time
     assert x.min() > -1e-3 and x.max() < 0.301 and state.position[:, 1].min() > -1e-3
     assert state.velocity[:, 0].mean() == pytest.approx(1.0, abs=0.1)
+
+
+def test_lists_of_thousands_in_one_place_are_told() -> None:
+    """What does not fit into the room for a cell's neighbours is looked at in parts: none is missed or told twice."""
+    water = {"kind": "fluid", "size": [0.6, 0.6, 0.6], "rest_distance": D}
+    method = {"solver": "pbf", "dt": 1 / 60, "substeps": 1, "iterations": 1}
+    scene = Scene({"water": water, "method": method})
+    with open_simulation(scene, precision="float64", math="exact") as simulation:
+        start = simulation.state()
+        random = np.random.default_rng(3).uniform(0, 0.15, start.position.shape)
+        simulation.load(replace(start, position=random))
+        simulation.advance(1)
+        lost = simulation.contacts_lost  # type: ignore[attr-defined]
+        assert np.isfinite(simulation.read("position")).all()
+    pairs, _ = differences(scene, random)
+    neighbours = np.bincount(pairs.ravel(), minlength=len(random))
+    assert neighbours.min() > 100 and lost == np.maximum(neighbours - MAX_NEIGHBOURS[3], 0).sum()
+
+
+def test_a_wall_that_comes_at_a_hundred_metres_a_second() -> None:
+    """Faster than anything may be: it takes all water along, nothing passes it, and the speed limit holds."""
+    tables: dict[str, Any] = {
+        "water": {"kind": "fluid", "size": [0.3, 0.3, 0.3], "viscosity": 5.0},
+        "wall": {"kind": "plane", "normal": [1.0, 0.0, 0.0], "point": [-0.5, 0.0, 0.0], "velocity": [100.0, 0.0, 0.0]},
+        "method": {"solver": "pbf", "dt": 1 / 60, "substeps": 4, "iterations": 5},
+    }
+    scene = Scene(tables)
+    with open_simulation(scene, **HOW) as simulation:
+        simulation.advance(6)
+        state = simulation.state()
+    assert (state.position[:, 0] > 100 * state.time - 0.5).all()
+    fastest = 0.5 * scene.fluid_set.support * 4 * 60
+    assert np.linalg.norm(state.velocity, axis=1).max() <= fastest * (1 + 1e-5)

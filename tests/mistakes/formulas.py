@@ -6,6 +6,43 @@ from .mistake import Mistake, in_file
 
 FORMULAS: tuple[Mistake, ...] = (
     *in_file(
+        "model/formulas/fluid/density.py",
+        "test_fluid_kernels.py test_fluid_cpu.py",
+        {
+            "a fluid pulls as it pushes": (
+                "return min(multiplier - factor * c, zero) - multiplier",
+                "return (multiplier - factor * c) - multiplier",
+            ),
+            "the poly6 kernel is squared and not cubed": ("return total + (t * t) * t", "return total + (t * t)"),
+            "a wall draws": ("return -(wall_gradient * (square * square))", "return wall_gradient * (square * square)"),
+            "walls in a corner are counted twice": (
+                "return (total + share) - total * share",
+                "return total + share",
+            ),
+            "a wall's pressure is not mirrored": ("return total + (two * change) * w", "return total + change * w"),
+            "factors forget what neighbours move": (
+                "return total + weight * ((s * s) * squared_distance)",
+                "return total",
+            ),
+        },
+    ),
+    *in_file(
+        "model/formulas/fluid/motion.py",
+        "test_fluid_cpu.py",
+        {
+            "smoothing drives velocities apart": (
+                "return total + share * (other_velocity - velocity)",
+                "return total - share * (other_velocity - velocity)",
+            ),
+            "cohesion drives apart": ("return total - pull * d", "return total + pull * d"),
+            "vorticity is confined the other way": (
+                "((ra * wb - rb * wa) / rise_length)",
+                "((rb * wa - ra * wb) / rise_length)",
+            ),
+            "a surface has no drag": ("dt * (drag + surface_drag * share)", "dt * drag"),
+        },
+    ),
+    *in_file(
         "model/formulas/springs.py",
         "test_formulas.py",
         {
