@@ -6,6 +6,7 @@ from app.plan.passes import BackendPlan, Pass, cpu_plan, gpu_device, merged_pass
 from model.core.options import PRECISIONS
 from model.core.plan import Plan
 from model.scene.scene import Scene
+from model.tetrahedra.constraints import SLEEP, SLEEPING
 
 ONE_KERNEL = "all substeps of a call in one kernel"
 
@@ -14,7 +15,9 @@ def _passes(plan: Plan, precision: str, note: str) -> tuple[Pass, ...]:
     """The stages of an iteration in the order of the plan, each a pass of its own; velocities and colliders are one."""
     stages = stages_of(plan)
     last = [stage for stage in stages if stage.name in ("update velocity", "collide")]
-    return merged_passes([*([stage] for stage in stages if stage not in last), last], plan, precision, note)
+    after = [[stage] for stage in stages if stage.name == SLEEP]
+    first = [[stage] for stage in stages if stage not in last and [stage] not in after]
+    return merged_passes([*first, last, *after], plan, precision, note)
 
 
 def mesh_on_cpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
@@ -24,6 +27,8 @@ def mesh_on_cpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
     why = "index arrays sorted by colour, " + ONE_KERNEL
     if scene.contact is not None:
         why = "index arrays sorted by colour; a call a pass, surfaces' contacts between them"
+    elif SLEEPING in plan.parts:
+        why = "index arrays sorted by colour; a call a pass"
     return cpu_plan(choose_kernel(None), why, _passes(plan, precision, "a loop over the threads"))
 
 
@@ -32,6 +37,8 @@ def vertices_on_cpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
     from cpu_backend.xpbd.mesh import choose_kernel
 
     why = "vertices sorted by colour, each with its tetrahedra, " + ONE_KERNEL
+    if scene.contact is not None:
+        why = "vertices sorted by colour, each with its tetrahedra; a call a pass, surfaces' contacts between them"
     return cpu_plan(choose_kernel(None), why, _passes(plan, precision, "a loop over the threads"))
 
 

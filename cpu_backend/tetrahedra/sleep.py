@@ -1,4 +1,4 @@
-"""Vertices that keep their places while they and their neighbours are slow (model/formulas/sleep.py), on CPU threads."""
+"""Vertices that keep their places while they and their neighbours are slow, on CPU threads (formulas/elastic/sleep.py)."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from cpu_backend.core.compile import Compiler
-from model.formulas import sleep
+from model.formulas.elastic import sleep
 
 
 @cache

@@ -1,4 +1,4 @@
-"""Vertices that keep their places while they and their neighbours are slow (model/formulas/sleep.py), on CUDA."""
+"""Vertices that keep their places while they and their neighbours are slow (model/formulas/elastic/sleep.py), on CUDA."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from numba import cuda
 from gpu_backend.core.compile import kernel_options, make_kernels, variant_name
 from gpu_backend.core.formulas import device_formulas
 from gpu_backend.core.quads import load_quad, store_quad
-from model.formulas import sleep
+from model.formulas.elastic import sleep
 
 
 @cache

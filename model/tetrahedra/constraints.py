@@ -10,8 +10,8 @@ import numpy as np
 
 from model.core.constraints import ConstraintSet, Projection
 from model.core.plan import Node, Plan, Stage
-from model.formulas import sleep
 from model.formulas.constraints import attachment, tetrahedron
+from model.formulas.elastic import sleep
 from model.scene.scene import Scene
 from model.tetrahedra.attachments import attachment_parts, attachment_projections, attachment_sets
 from model.tetrahedra.body_set import TetrahedraSet

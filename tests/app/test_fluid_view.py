@@ -10,6 +10,7 @@ from test_view3d import drawing  # noqa: F401  # a fixture
 
 from app.output.offscreen import OffscreenRenderer, check_look
 from app.render import colours
+from app.render.fluid.outlines import SIDES, outlines
 from app.render.fluid.view import COLOURINGS, LOOKS
 from app.render.particle_colours import of_numbers
 from app.window.controls import FLUID_KEYS, keys_text
@@ -86,3 +87,23 @@ def test_keys_of_fluids() -> None:
     text = keys_text(1200, "fluid", True)
     assert all(meaning in text for _, meaning in FLUID_KEYS) and all(name in text for name in COLOURINGS)
     assert "turn" not in keys_text(1200, "fluid", False)
+
+
+def test_colliders_of_a_plane_are_outlined_where_they_are() -> None:
+    """Ends of lines lie on the surfaces: of a half-plane, a circle, a rod, a block that has moved."""
+    rod = {"kind": "capsule", "start": [0.0, 0.0, 0.0], "end": [1.0, 1.0, 0.0], "radius": 0.2}
+    block = {"kind": "box", "center": [1.0, 2.0, 0.0], "half_size": [0.5, 0.3, 0.1], "velocity": [1.0, 0.0, 0.0]}
+    shapes = {
+        "floor": {"kind": "plane", "point": [0.0, -1.0, 0.0], "normal": [0.6, 0.8, 0.0]},
+        "ball": {"kind": "sphere", "center": [5.0, 0.0, 0.3], "radius": 0.5}, "rod": rod, "block": block,
+    }  # fmt: skip
+    scene = Scene({"water": {"kind": "fluid"} | FLAT, "method": METHOD} | shapes)
+    lines = outlines(scene, 2.0).reshape(-1, 2, 2)
+    ends = lines.reshape(-1, 2).astype(np.float64)
+    floor, ball = ends[:2], ends[2 : 2 + 2 * SIDES]
+    np.testing.assert_allclose((floor - (0, -1)) @ (0.6, 0.8), 0, atol=1e-5)
+    np.testing.assert_allclose(np.linalg.norm(ball - (5, 0), axis=1), 0.4, atol=1e-6)
+    rest = ends[2 + 2 * SIDES :]
+    along = np.clip(rest[:-8] @ (0.5, 0.5), 0, 1)
+    np.testing.assert_allclose(np.linalg.norm(rest[:-8] - along[:, None], axis=1), 0.2, atol=1e-6)
+    assert set(map(tuple, rest[-8:].round(6))) == {(2.5, 1.7), (3.5, 1.7), (3.5, 2.3), (2.5, 2.3)}

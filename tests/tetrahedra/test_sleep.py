@@ -11,7 +11,7 @@ from kinematic_scenes import BAR, ENDS, LOOSE, kinematic_scene, run
 
 from app.driver import open_simulation
 from model.core.errors import SceneError
-from model.formulas.sleep import SHARE
+from model.formulas.elastic.sleep import SHARE
 from model.scene.scene import Scene, load_scene
 
 SPEED = 0.05  # m/s
