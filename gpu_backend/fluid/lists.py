@@ -82,7 +82,19 @@ def make_search(real: Any, axes: int, neighbours: int, repeats: frozenset[str]) 
     beside, first_piece, second_piece = whole.beside, whole.first_piece, whole.second_piece
     formulas = device_formulas(density.make, real, "exact")
     squared, within = formulas.squared, formulas.within
-    most, one, rows, solid = np.int32(neighbours), np.int32(1), 3 ** (axes - 1), axes == 3
+    most, one, rows, solid, together = np.int32(neighbours), np.int32(1), 3 ** (axes - 1), axes == 3, np.int32(4)
+
+    @inlined("exact")
+    def keep(k, p, e, q, end, parameters, table, particles, count, at):
+        """The list with particle e at q, if that is a neighbour and before the run's end: how many there are, and where the
+        next one belongs."""
+        dx, dy, dz = way(p, q, parameters)
+        if within(squared(dx, dy, dz), parameters.support) and e != k and e < end:
+            if count < most:
+                table[at] = e
+                at += particles
+            count = np.int32(count + one)
+        return count, at
 
     @inlined("exact")
     def search(k, p, position, parameters, key, numbers, begins, table, particles, lost):
@@ -100,14 +112,18 @@ def make_search(real: Any, axes: int, neighbours: int, repeats: frozenset[str]) 
                 base = np.int32((cz * height + cy) * width)
                 cell, cells = np.int32(base + first_run[0]), first_run[1]
                 while cells > 0:
-                    for e in range(begins[cell], begins[cell + cells]):
-                        q = load_quad(position, e)
-                        dx, dy, dz = way(p, q, parameters)
-                        if within(squared(dx, dy, dz), parameters.support) and e != k:
-                            if count < most:
-                                table[at] = e
-                                at += particles
-                            count = np.int32(count + one)
+                    end = np.int32(begins[cell + cells])
+                    for e in range(np.int32(begins[cell]), end, together):
+                        # four loads are on their way before the first is waited for: none may pass a store to the list
+                        e, last = np.int32(e), np.int32(end - one)
+                        f, g, h = min(np.int32(e + 1), last), min(np.int32(e + 2), last), min(np.int32(e + 3), last)
+                        q, r, s, t = (
+                            load_quad(position, e), load_quad(position, f), load_quad(position, g), load_quad(position, h),
+                        )  # fmt: skip
+                        count, at = keep(k, p, e, q, end, parameters, table, particles, count, at)
+                        count, at = keep(k, p, np.int32(e + 1), r, end, parameters, table, particles, count, at)
+                        count, at = keep(k, p, np.int32(e + 2), s, end, parameters, table, particles, count, at)
+                        count, at = keep(k, p, np.int32(e + 3), t, end, parameters, table, particles, count, at)
                     # what is left of the three cells lies at the row's other end
                     cells = last_run[1] if cell == base + first_run[0] else np.int32(0)
                     cell = np.int32(base + last_run[0])

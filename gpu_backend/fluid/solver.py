@@ -32,6 +32,7 @@ from model.mass_spring.cloth_parameters import collider_numbers
 from model.scene.scene import Scene
 
 THREADS = 128  # a block
+FEWER = {8192: 32, 32768: 64}  # of so many particles at most: so that each multiprocessor has some
 QUADS = 10  # of a particle: the state twice and put aside, and what a substep needs
 
 
@@ -41,11 +42,12 @@ class Fluid(SubstepSimulation):
     def __init__(self, scene: Scene, options: Options):
         super().__init__(scene, options)
         self.plan, self.kernel = fluid_plan(scene, options.live), launched_kernel(options.kernel, "fluids")
-        self.threads, self.neighbours = THREADS, MAX_NEIGHBOURS[scene.dimensions]
+        self.threads = next((few for most, few in FEWER.items() if self.particle_count <= most), THREADS)
+        self.neighbours = MAX_NEIGHBOURS[scene.dimensions]
         self.repeats = frozenset(scene.domain.repeats) if scene.domain else frozenset()
         self.most_cells = most_cells(scene)
         self._require_space()
-        self._start(THREADS)
+        self._start(self.threads)
 
     def _require_space(self) -> None:
         count, item = self.particle_count, np.dtype(self.real).itemsize
