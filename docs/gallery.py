@@ -67,7 +67,7 @@ def told(name: str) -> str:
         if not line.startswith("#") or line.startswith("# -"):  # a list tells more than a gallery has room for
             break
         comment.append(line.lstrip("# "))
-    return " ".join(comment) or f"{tomllib.loads(text)['title']}."
+    return " ".join(comment).removesuffix(" Taken over as they stand:") or f"{tomllib.loads(text)['title']}."
 
 
 def command(name: str) -> str:

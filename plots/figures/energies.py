@@ -60,10 +60,9 @@ def read_energies(trajectory: str | Path) -> EnergyRecord:
             raise InputError(f"{path}: {name} must be numbers along {dimensions} axes; record it anew")
     frames, masses = len(arrays["time"]), scene.grid.particle_count
     for name in ("position", "velocity"):
-        if arrays[name].shape != (frames, masses, 2):
-            raise InputError(
-                f"{path}: {name} has shape {arrays[name].shape}, not {(frames, masses, 2)}; record it anew"
-            )
+        wanted = (frames, masses, scene.dimensions)
+        if arrays[name].shape != wanted:
+            raise InputError(f"{path}: {name} has shape {arrays[name].shape}, not {wanted}; record it anew")
     if not frames:
         raise InputError(f"{path} holds no frame; record with a smaller every=N")
     with np.errstate(all="ignore"):

@@ -70,7 +70,7 @@ class FluidView(View):
             self._line_program = shader_program(shaders.VERTEX, shaders.LINE_FRAGMENT)
             lines = outlines(scene, 0.0)
             self._buffers += [static_buffer(lines), static_buffer(np.arange(len(lines), dtype=np.uint32))]
-            self._outlines = vertex_array(*self._buffers[-2:], dimensions=2)
+            self._outlines = vertex_array(self._buffers[-2], self._buffers[-1], dimensions=2)
         else:
             self._discs = square_array(self.vertices.position_buffer, self._buffers[0])
             self._balls = Spheres(self._scenery)
