@@ -49,7 +49,7 @@ clip; add `--backend gpu` where there is one. This page is written by `python do
 def scenes() -> list[str]:
     """The catalogue's names, in the order of the page's sections."""
     names = [name for name in catalogue() if "/" not in name]  # those in folders are hard cases, see `softlab hard`
-    order = [*dict.fromkeys(SECTIONS.values()), OTHER]
+    order = [*[*dict.fromkeys(reversed(SECTIONS.values()))][::-1], OTHER]  # by the last name of each
     return sorted(names, key=lambda name: (order.index(section(name)), name))
 
 
