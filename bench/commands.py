@@ -134,7 +134,7 @@ def hard(
         bool,
         typer.Option(
             "--quick",
-            help="The hand-out's step and velocity Verlet in float64 alone, no bodies: under a minute on two cores.",
+            help="The hand-out's step, velocity Verlet, some of fluids, in float64, no bodies: under a minute on two cores.",
         ),
     ] = False,
     case: Annotated[list[str] | None, typer.Option(help="Only this row (B5) or case. Repeatable.")] = None,

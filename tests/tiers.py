@@ -30,6 +30,7 @@ COMPILED = {
     "test_newton.py": "*",  # statics take hundreds of steps
     "test_kernel_cache.py": "*", "test_rotation.py": "*",  # machine code itself, a hundred thousand matrices
     "test_tetrahedra_cpu.py": "test_b21*", "test_hard_tetrahedra.py": "test_the_laws*",  # seconds of motion
+    "test_hard_fluids.py": "test_the_laws*",
     "test_kinematic.py": "test_an_end* test_both_ends*", "test_matter.py": "test_two_halves* test_every_solver*",  # statics
     "test_attachments.py": "test_a_body_on_soft*", "test_cloth_beside.py": "test_the_weight* test_a_box_slides*",
     "test_accuracy.py": "*", "test_accuracy_s6.py": "*", "test_accuracy_xpbd.py": "*",  # to the end
@@ -88,6 +89,9 @@ test_bodies_catalogue.py test_bodies_fall*plastic? test_bodies_fall*jelly-drop? 
 test_hard_bodies.py test_the_laws*S7?16* test_the_laws*B20* test_the_laws*flight* test_laws_see* test_the_laws*A10?point*
     test_the_laws*A10?plane* test_the_laws*A10?line*
 test_hard_tetrahedra.py test_the_laws*vbd* test_the_laws*float32*
+# of fluids: the cases that share a kernel
+test_hard_fluids.py test_the_laws*averaged* test_the_laws*float32* test_the_laws*F4* test_the_laws*F6?drawn*
+    test_the_laws*F7?two*
 test_hard_xpbd.py test_a_thousandfold* test_they_hold*implicit* test_they_hold*B23*
 test_hard_cloth.py test_the_laws*rk4*
 test_contacts_scenes.py test_layers*

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from bench.experiments.accuracy.methods import MATCHING, TETRAHEDRAL, XPBD
+from bench.experiments.accuracy.methods import FLUIDS, MATCHING, TETRAHEDRAL, XPBD
 from bench.stress.laws import Law
 from model.core.integrators import INTEGRATORS
 from model.scene.scene import Scene, load_scene
@@ -25,7 +25,7 @@ class HardCase:
     an integrator that the scene's dt is too large for runs at 0.9 of its limit instead; else it is refused. `known`: (method,
     precision), either of them ANY -> why it fails there, which then is no bug. `methods`: those it is for, by name; a
     position-based one has the iterations and substeps of `changes`, or of the scene. `basis`: where the telling check's bound
-    comes from, in words; empty where the law alone says it."""
+    comes from, in words; empty where the law alone says it. `quick`: whether it is among the few of `--quick`."""
 
     name: str
     title: str
@@ -37,6 +37,7 @@ class HardCase:
     known: Mapping[tuple[str, str], str] = field(default_factory=dict)
     methods: tuple[str, ...] = FORCES
     basis: str = ""
+    quick: bool = True
 
     @property
     def row(self) -> str:
@@ -51,6 +52,11 @@ class HardCase:
     def of_tetrahedra(self) -> bool:
         """Whether it is about tetrahedral bodies."""
         return self.methods == TETRAHEDRAL
+
+    @property
+    def of_fluids(self) -> bool:
+        """Whether it is about fluids."""
+        return self.methods == FLUIDS
 
     def base(self) -> Scene:
         """The scene before `changes`."""

@@ -1,8 +1,9 @@
-"""The hard cases: the rows B1 to B24 of the lab's collection, as scenes with a law that each must keep.
+"""The hard cases: the rows B1 to B24 of the lab's collection and F1 to F9, as scenes with a law that each must
+keep.
 
 Those that concern the mass-spring grid and cloth have a scene in the catalogue under `hard/` and a law of
 bench/stress/laws.py, numbers.py, stiff.py or cloth.py there; those of bodies are in bench/stress/body_cases.py, of tetrahedra
-in tetrahedral_cases.py. docs/method.md names the rows.
+in tetrahedral_cases.py, of fluids in fluid_cases.py. docs/method.md names the rows.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from bench.stress import laws, numbers
 from bench.stress.body_cases import BODY_CASES
 from bench.stress.case import ANY, FORCES, POSITIONS, SEIDEL, HardCase
 from bench.stress.cloth import ball_inside, comes_to_rest_in_layers, fast_ball
+from bench.stress.fluid_cases import FLUID_CASES
 from bench.stress.stiff import stiff_chain_hangs, too_stiff
 from bench.stress.tetrahedral_cases import TETRAHEDRAL_CASES
 from bench.stress.xpbd import bounded, heavy_end, one_iteration, small_steps_rope, tethered_chain
@@ -82,4 +84,5 @@ CASES = (
     HardCase("B24 empty", "no masses", "hard/b24", laws.empty, expect="refused", methods=FORCES + POSITIONS),
     *BODY_CASES,
     *TETRAHEDRAL_CASES,
+    *FLUID_CASES,
 )  # fmt: skip

@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from bench.experiments.accuracy.methods import MATCHING, METHODS, TETRAHEDRAL, changes
+from bench.experiments.accuracy.methods import FLUIDS, MATCHING, METHODS, TETRAHEDRAL, changes
 from bench.measure.costs_timing import Measures
 from bench.measure.experiment import Tell, backends_here, chosen, ending_cleanly, host_of, keep, resume, source_hash
 from bench.measure.progress import progress_bar
@@ -36,10 +36,10 @@ from model.core.simulation import PRECISIONS
 from model.scene.scene import Scene
 
 SAFE = 0.9  # of its limit: the step size of an integrator that the scene's own is too large for
-QUICK = ("lab", "velocity-verlet")
+QUICK = ("lab", "velocity-verlet", FLUIDS[0])
 QUICK_PRECISIONS = ("float64",)
 # methods whose end states are drawn, besides all that failed
-DRAWN = ("lab", "velocity-verlet", "xpbd gauss-seidel", MATCHING)
+DRAWN = ("lab", "velocity-verlet", "xpbd gauss-seidel", MATCHING, FLUIDS[0])
 
 
 @dataclass(frozen=True)
@@ -58,6 +58,7 @@ LIVE = ("gravity",)  # so that scenes without weight share kernels with the othe
 # files of bench/stress by which a case is judged
 LAWS = ("cases", "cloth", "laws", "numbers", "stiff", "trial", "xpbd")
 TETRAHEDRAL_LAWS = ("tetrahedra", "tetrahedral_cases", "trial")
+FLUID_LAWS = ("fluid_cases", "fluids", "trial")
 BODY_LAWS = (  # and of bench/experiments, one of bodies
     "../experiments/body_laws", "../experiments/body_scenes", "../experiments/clusters_by_hand", "bodies", "body_cases",
     "piles", "rotations", "trial",
@@ -70,6 +71,8 @@ def case_scene(case: HardCase, method: str) -> tuple[Scene, str]:
     own = base.method.position_based  # then substeps and iterations are the scene's
     if case.of_tetrahedra:
         solved = tetrahedral_budget(case, method)
+    elif case.of_fluids:
+        solved = {"method.scheme": method.split()[-1]}
     else:
         solved = {} if case.of_bodies else {"method.ordering": method.split()[-1]} if own else changes(method)
     scene = base.replace({**solved, **case.changes})
@@ -139,7 +142,8 @@ class _Work:
 
 def _digest(case: HardCase) -> str:
     """A hash of the laws of its kind: a case that judges otherwise is run anew."""
-    names = BODY_LAWS if case.of_bodies else TETRAHEDRAL_LAWS if case.of_tetrahedra else LAWS
+    kinds = (case.of_bodies, BODY_LAWS), (case.of_tetrahedra, TETRAHEDRAL_LAWS), (case.of_fluids, FLUID_LAWS)
+    names = next((files for holds, files in kinds if holds), LAWS)
     return source_digest(*(Path(__file__).parent / f"{name}.py" for name in names))
 
 
@@ -171,19 +175,25 @@ def run_hard(
 ) -> HardSummary:
     """Judge what the store lacks of the hard cases, and return all verdicts.
 
-    `cases`: names or rows (`B5`); None: all. `integrators`: methods; None: all, or (`quick`) the hand-out's step and velocity
-    Verlet. `precisions`: None: both, or (`quick`) float64. `backends`: cpu, gpu (None: all that are here). `pictures`: end
-    states as PNG into the folder `hard` beside the store, where OpenGL is.
+    `cases`: names or rows (`B5`); None: all. `integrators`: methods; None: all, or (`quick`) the hand-out's step, velocity
+    Verlet and the first scheme of fluids, of whose cases then only some are run unless they are named. `precisions`: None:
+    both, or (`quick`) float64. `backends`: cpu, gpu (None: all that are here). `pictures`: end states as PNG into the folder
+    `hard` beside the store, where OpenGL is.
 
     Raises SceneError (an unknown name), BackendUnavailable (a backend that is not here), InputError (the store).
     """
     wanted = chosen(cases, [case.name for case in CASES], "--case", rows=True)
     names = chosen(
-        integrators or (QUICK if quick else None), (*METHODS, MATCHING, *TETRAHEDRAL[1:]), "--integrator", rows=True
+        integrators or (QUICK if quick else None),
+        (*METHODS, MATCHING, *TETRAHEDRAL[1:], *FLUIDS),
+        "--integrator",
+        rows=True,
     )
     accurate = chosen(precisions or (QUICK_PRECISIONS if quick else None), list(PRECISIONS), "--precision")
     here, summary = backends_here(backends), HardSummary.begun(store, "hard cases")
-    everything = _work([case for case in CASES if case.name in wanted], names, here, accurate)
+    few = quick and not cases
+    asked = [case for case in CASES if case.name in wanted and (case.quick or not few)]
+    everything = _work(asked, names, here, accurate)
     ends: list[tuple[_Work, Outcome]] = []
 
     def held(work: _Work) -> bool:
@@ -235,7 +245,7 @@ def _judge(store: Store, summary: HardSummary, work: _Work, first: str, ends: li
 def _shape(scene: Scene, end: Any) -> str:
     if scene.bodies:
         return bodies_as_text(end, scene.body_set.body)
-    if scene.tetrahedra:
+    if scene.tetrahedra or scene.fluids:
         return bodies_as_text(end, np.zeros(len(end), int))
     return as_text(end, scene.grid.rows, scene.grid.columns)
 

@@ -17,7 +17,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Column, Table
 
-from bench.experiments.accuracy.methods import MATCHING, METHODS, TETRAHEDRAL, name_of
+from bench.experiments.accuracy.methods import FLUIDS, MATCHING, METHODS, TETRAHEDRAL, name_of
 from bench.measure.experiment import Summary
 from bench.store.results import Measure
 from bench.store.schema import tables_by_kind
@@ -32,7 +32,8 @@ TITLES = {case.name: case.title for case in CASES}
 BASES = {case.name: case.basis for case in CASES}
 BODIES = {case.name for case in CASES if case.of_bodies}
 OF_TETRAHEDRA = {case.name for case in CASES if case.of_tetrahedra}
-NAMES = (*METHODS, MATCHING, *TETRAHEDRAL[1:])
+OF_FLUIDS = {case.name for case in CASES if case.of_fluids}
+NAMES = (*METHODS, MATCHING, *TETRAHEDRAL[1:], *FLUIDS)
 ORDER = {case.name: place for place, case in enumerate(CASES)}
 
 
@@ -95,8 +96,9 @@ class HardRow:
 
     @property
     def kind(self) -> str:
-        """What it is about: `sheet`, `body` or `tetrahedra`; each has a table of its own."""
-        return "body" if self.of_bodies else "tetrahedra" if self.case in OF_TETRAHEDRA else "sheet"
+        """What it is about: `sheet`, `body`, `tetrahedra` or `fluid`; each has a table of its own."""
+        kinds = {"body": BODIES, "tetrahedra": OF_TETRAHEDRA, "fluid": OF_FLUIDS}
+        return next((kind for kind, names in kinds.items() if self.case in names), "sheet")
 
     def __str__(self) -> str:
         return f"{self.case}, {self.integrator}, {self.precision}, {self.backend}"
@@ -231,7 +233,7 @@ def _print_table(console: Console, rows: Sequence[HardRow]) -> None:
 def print_hard(console: Console, summary: HardSummary) -> None:
     """The verdict table, what failed and why, and what differs between backends."""
     rows = summary.rows
-    for kind in ("sheet", "body", "tetrahedra"):
+    for kind in ("sheet", "body", "tetrahedra", "fluid"):
         _print_table(console, [row for row in rows if row.kind == kind])
     for verdict, heading in (("known", "fails by its method"), ("refused", "refused")):
         told: dict[str, list[str]] = {}

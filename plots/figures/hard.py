@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from app.render.camera3d import Camera3D
-from bench.stress.results import BODIES, OF_TETRAHEDRA, HardRow, rows_of, table_of
+from bench.stress.results import BODIES, OF_FLUIDS, OF_TETRAHEDRA, HardRow, rows_of, table_of
 from plots.core.colours import BLUE, GREEN, GREY, ORANGE, SKY, VERMILLION
 from plots.core.data import Results, Source, judgements
 from plots.core.style import Drawing, new_sheet
@@ -21,7 +21,7 @@ LINE = 0.19  # inch: a line of the verdict table
 POINT = 1e-12  # m: a shape that is smaller is drawn as a point
 PREFERRED = ("velocity-verlet", "lab", "xpbd gauss-seidel")  # whose end states are shown
 NOT_HARD = ""
-NOT_OF_SHEETS = {NOT_HARD, *BODIES, *OF_TETRAHEDRA}  # those of bodies: plots/figures/hard_bodies.py
+NOT_OF_SHEETS = {NOT_HARD, *BODIES, *OF_TETRAHEDRA, *OF_FLUIDS}  # those of bodies: plots/figures/hard_bodies.py
 COLOURS = {"pass": GREEN, "refused": SKY, "known": ORANGE, "fail": VERMILLION}
 
 

@@ -17,6 +17,7 @@ from bench.store.database import Store
 from bench.stress import experiment as hard
 from bench.stress.cases import CASES
 from model.core.families import scene_plan
+from model.fluid.plan import fluid_plan
 from model.scene.scene import Scene
 
 MACHINE = "a machine"
@@ -45,9 +46,14 @@ def test_hard_has_every_case_of_forces_in_one_precision_and_eight_kernels(monkey
         hard.run_hard(store, quick=True, precisions=["float32"], cases=["B24"], backends=["cpu"], pictures=False)
     assert {work.precision for work in asked} == {"float32"}, "what is asked for by name is done"
     assert {work.precision for work in quick} == {"float64"} and {work.method for work in quick} == set(hard.QUICK)
-    both = {case.name for case in CASES if set(hard.QUICK) <= set(case.methods)}
-    assert {work.case.name for work in quick} == both and len(quick) == 2 * len(both)
-    scenes = [work for work in quick if work.case.name != "B24 empty"]
+    *sheets, fluid = hard.QUICK
+    both = {case.name for case in CASES if set(sheets) <= set(case.methods)}
+    wet = {case.name for case in CASES if fluid in case.methods and case.quick}
+    assert {work.case.name for work in quick} == both | wet and len(quick) == 2 * len(both) + len(wet)
+    assert {fluid_plan(work.case.base(), frozenset(hard.LIVE)).parts for work in quick if work.case.of_fluids} == {
+        frozenset({"gravity", "walls", "plane", "box"})
+    }, "fluids share one kernel"
+    scenes = [work for work in quick if work.case.name != "B24 empty" and not work.case.of_fluids]
     found = {kernel_of(hard.case_scene(work.case, work.method)[0], hard.LIVE) for work in scenes}
     assert len({(*key[:4], key[4] - {"pins"}) for key in found}) <= 8
 

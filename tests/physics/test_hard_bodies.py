@@ -51,7 +51,12 @@ def test_the_laws_hold(name: str, precision: str) -> None:
 
 def test_rows_are_of_bodies_and_say_where_their_bounds_come_from() -> None:
     for case in CASES:
-        assert case.of_bodies == (case in BODY_CASES) == bool(case.basis) == bool(case.base().bodies)
+        assert (
+            case.of_bodies
+            == (case in BODY_CASES)
+            == (bool(case.basis) and not case.of_fluids)
+            == bool(case.base().bodies)
+        )
 
 
 # ---------------------------------------------------------------------- what laws see

@@ -19,6 +19,7 @@ WRONG = {"xpbd averaged-jacobi": "another stiffness"}  # what a method converges
 METHODS = (*INTEGRATORS, *XPBD)  # of every sheet
 MATCHING = "shape-matching"  # of bodies
 TETRAHEDRAL = (XPBD[0], "vbd", "newton")  # of tetrahedral ones
+FLUIDS = ("pbf macklin", "pbf averaged")  # of fluids
 OF_CLOTHS = tuple(IMPLICIT)
 XPBD_ORDER = 1  # of the error at a fixed time: converged, it is implicit Euler
 
@@ -49,7 +50,7 @@ def changes(name: str, iterations: int = 1, substeps: int = 1) -> dict[str, Any]
 
 def name_of(method: Mapping[str, Any]) -> str:
     """The name of a method from its table, as stores hold it."""
-    ordering = method.get("ordering")
+    ordering = method.get("scheme") or method.get("ordering")
     return str(method.get("integrator") or (f"{method['solver']} {ordering}" if ordering else method["solver"]))
 
 

@@ -1,0 +1,246 @@
+"""Hard cases of fluids: F1 to F9. bench/stress/trial.py tells what a law returns; bench/stress/fluid_cases.py gives these
+their scenes. What a solver does to a particle is in model/fluid/plan.py, and docs/method.md names the rows."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from bench.stress.trial import Check, Trial
+from model.core.state import State
+from model.fluid.measure import compression, differences
+from model.fluid.parameters import MAX_NEIGHBOURS, speed_limit
+from model.scene.cloth import Box, Plane
+from model.scene.scene import Scene
+
+SECONDS = 1.0  # of a cup's way, of what falls and rests
+SPARSE = 2.0  # s: of what flies alone
+SETTLED = 5.0  # s: of two fluids that change places
+FREE = 0.5  # s: a lone particle has not met its floor
+SCATTERED = 1.0  # m/s: the spread of random velocities
+INSIDE = (0.4, 0.4, 0.3)  # m: of the cup
+STILL = 1e-5  # of momentum, and of a rest distance
+DENSE = 0.01  # of density: what its mean may exceed that at rest by (section F of the lab's collection)
+DEPTH = 0.1  # of a heavy fluid's depth
+HELD = 0.99  # of a speed
+
+# names of numbers
+OUTSIDE, LAG = "farthest out of the cup", "mean velocity off the cup's, of it"
+FALL, HEIGHT, SPEED = "place off the fall's law, of the way", "height over the floor, of a rest distance", "speed"
+APART, LOST = "distance of the two, of a rest distance", "momentum lost"
+LOWER, HIGH, PRESSED = "heavy fluid's height under the light one's", "heavy height off its rest", "mean compression"
+KEPT, ENERGY, BELOW = "speed kept before it hits", "largest energy over the start's", "deepest below the floor"
+FASTEST = "largest speed over its limit"
+THROUGH, DRIFT, STIRRED = (
+    "particles beyond the plate",
+    "drift of the centre, of a rest distance",
+    "largest way of a particle",
+)
+TOLD, MISSED = "neighbours told as lost, off what NumPy counts", "neighbours lost"
+
+
+def _unit(trial: Trial, size: float) -> float:
+    """The unit in the last place of a number of this size."""
+    return float(np.spacing(np.float32(size) if trial.single else np.float64(size)))
+
+
+def _rounded(trial: Trial, size: float, seconds: float, mean: int = 0) -> float:
+    """[m/s]: what a velocity may be off by after `seconds`, of places as large as `size` [m]: it is a difference of two
+    over a substep, half a unit in the last place of each, in every substep, at worst all of one sign. Of `mean`, that of
+    so many particles (1 or more), roundings of either sign: the root of their number, four deviations."""
+    method = trial.scene.method
+    h = trial.dt / method.substeps
+    substeps = trial.steps(seconds) * method.substeps
+    return (4 * np.sqrt(substeps / mean) if mean else substeps) * _unit(trial, size) / h
+
+
+def _limit(scene: Scene) -> float:
+    return max(speed_limit(scene, part) for part in scene.fluids.values())
+
+
+def _largest_speed(state: State) -> float:
+    return float(np.linalg.norm(state.velocity.astype(np.float64), axis=1).max())
+
+
+def _within_limit(trial: Trial, fastest: float) -> Check:
+    """No speed is over half a support a substep, but by rounding: what walls are passed by hangs on it."""
+    return Check(FASTEST, fastest / _limit(trial.scene), "", "<", 1 + 8 * _unit(trial, 1.0))
+
+
+def stays_in_its_cup(trial: Trial) -> list[Check]:
+    """F1: a closed cup of thick walls that moves as one from the first step, and water in it that stands. Nothing may get
+    out of it, and after a second the water goes with it: all that is left is how it swings (Galileo)."""
+    velocity = np.array(next(part.velocity for kind, part in trial.scene.colliders if kind == "box"))
+    farthest = 0.0
+    for state in trial.watch(range(1, trial.steps(SECONDS) + 1)):
+        place = state.position.astype(np.float64) - velocity * state.time
+        farthest = max(farthest, float(np.maximum(-place, place - np.array(INSIDE)).max()))
+    lag = np.linalg.norm(state.velocity.astype(np.float64).mean(axis=0) - velocity) / np.linalg.norm(velocity)
+    # out of it: as far as its faces, which the thickness of a collider lies before
+    return [Check(OUTSIDE, farthest, "m", "<", 1e-3), Check(LAG, float(lag), "", "<", 0.1)]
+
+
+def falls_alone(trial: Trial) -> list[Check]:
+    """F2: a particle without neighbours is a point: x = x_0 - g h^2 n (n + 1) / 2 after n substeps (symplectic Euler), and
+    then lies on the floor, where a wall's density alone holds it, nearer than half a rest distance."""
+    scene, method = trial.scene, trial.scene.method
+    assert scene.gravity is not None
+    start, g, h = float(scene.fluid_set.position[0, 1]), scene.gravity.acceleration, trial.dt / method.substeps
+    fallen, landed = trial.watch((trial.steps(FREE), trial.steps(4 * SECONDS)))
+    n = trial.steps(FREE) * method.substeps
+    way = g * h * h * n * (n + 1) / 2
+    error = abs(start - float(fallen.position[0, 1]) - way) / way
+    rounded = _rounded(trial, start, FREE) * FREE / way
+    high = (float(landed.position[0, 1]) - _floor(scene)) / scene.fluid_set.spacing
+    return [
+        Check(FALL, error, "", "<", rounded),
+        Check(HEIGHT, high, "", "<", 0.5),
+        Check(BELOW, -high * scene.fluid_set.spacing, "m", "<", 8 * _unit(trial, 1.0)),
+        Check(SPEED, _largest_speed(landed), "m/s", "<", _rounded(trial, 0.1, trial.dt)),
+    ]
+
+
+def parts_from_its_double(trial: Trial) -> list[Check]:
+    """F3: in the middle of a block, without weight, one particle lies in another's place: no direction leads them apart.
+    They part (by the formula `apart`), momentum stays, and nothing is faster than the limit."""
+    scene = trial.scene
+    position = scene.fluid_set.position.copy()
+    middle = int(np.argmin(np.linalg.norm(position - position.mean(axis=0), axis=1)))
+    position[0] = position[middle]
+    fastest, limit = 0.0, trial.steps(SECONDS)
+    for state in trial.watch(range(1, limit + 1), trial.start(position)):
+        fastest = max(fastest, _largest_speed(state))
+    away = np.linalg.norm(state.position[0].astype(np.float64) - state.position[middle]) / scene.fluid_set.spacing
+    return [
+        Check(APART, float(away), "", ">", 0.5),
+        _momentum(trial, state, np.zeros_like(position), SCATTERED, SECONDS),
+        _within_limit(trial, fastest),
+    ]
+
+
+def two_alone(trial: Trial) -> list[Check]:
+    """F3: two particles in one place and nothing else: two are less than a fluid's density, so that nothing parts them, nor
+    moves them (no weight), and no division by their distance of 0 shows."""
+    position = np.zeros_like(trial.scene.fluid_set.position)
+    state = trial.run(trial.start(position), SECONDS)
+    return [
+        Check(SPEED, _largest_speed(state), "m/s", "<", 1e-12),
+        Check(STIRRED, float(np.abs(state.position).max()), "m", "<", 1e-12),
+    ]
+
+
+def changes_places(trial: Trial) -> list[Check]:
+    """F4: a fluid of 1000 kg/m^3 over one of 1 kg/m^3, in a tank: what is heavier ends below (Archimedes), at its own depth,
+    and neither is pressed: densities, mean over all, within 1 % (section F). The light one is thrown about by what weighs a
+    thousand times as much: how fast is told, and bounded by the limit."""
+    scene = trial.scene
+    fluid = scene.fluid_set.fluid
+    heights, fastest = [], 0.0
+    for state in trial.watch(range(60, trial.steps(SETTLED) + 1, 60)):
+        heights.append([float(state.position[fluid == kind, 1].astype(np.float64).mean()) for kind in (0, 1)])
+        fastest = max(fastest, _largest_speed(state))
+    (heavy, light), depth = (
+        heights[-1],
+        float(np.ptp(scene.fluid_set.position[fluid == 0, 1])) + scene.fluid_set.spacing,
+    )
+    return [
+        Check(LOWER, light - heavy, "m", ">", depth / 2),
+        Check(HIGH, abs(heavy - depth / 2) / depth, "", "<", DEPTH),
+        Check(PRESSED, compression(scene, state.position.astype(np.float64))[0], "", "<", DENSE),
+        _within_limit(trial, fastest),
+        Check("largest speed at the end", _largest_speed(state), "m/s"),
+    ]
+
+
+def hits_the_floor(trial: Trial) -> list[Check]:
+    """F5: a slab that flies at 100 m/s at a floor. It arrives with that speed, nothing passes the floor, and the hit makes no
+    energy. With too few substeps it does not arrive so: no speed is over half a support a substep."""
+    scene = trial.scene
+    given, floor = np.linalg.norm(next(iter(scene.fluids.values())).velocity), _floor(scene)
+    kept, energy, low, fastest = 0.0, 0.0, np.inf, 0.0
+    for number, state in enumerate(trial.watch(range(1, trial.steps(SECONDS) + 1))):
+        speed = np.linalg.norm(state.velocity.astype(np.float64), axis=1)
+        kept = float(speed.mean() / given) if number == 0 else kept
+        energy, fastest = max(energy, float((speed**2).mean() / given**2)), max(fastest, float(speed.max()))
+        low = min(low, float(state.position[:, 1].astype(np.float64).min()))
+    return [
+        Check(KEPT, kept, "", ">", HELD),
+        Check(ENERGY, energy, "", "<", 1 + float(_rounded(trial, 2.0, trial.dt) / given)),
+        Check(BELOW, floor - low, "m", "<", 8 * _unit(trial, 1.0)),
+        _within_limit(trial, fastest),
+        Check("energy after it, of the start's", float((speed**2).mean() / given**2), ""),
+    ]
+
+
+def keeps_still(trial: Trial) -> list[Check]:
+    """F6: a drop without weight. On the lattice that its kernels are scaled by nothing moves (A12); if it is drawn together,
+    by forces in pairs, its centre stays."""
+    scene = trial.scene
+    begin = scene.fluid_set.position
+    state = trial.run(None, SPARSE)
+    way = state.position.astype(np.float64) - begin
+    size, spacing = float(np.abs(begin).max()), scene.fluid_set.spacing
+    one, all_of_them = (_rounded(trial, size, SPARSE, mean) * SPARSE / spacing for mean in (1, len(begin)))
+    checks = [Check(DRIFT, float(np.abs(way.mean(axis=0)).max() / spacing), "", "<", max(STILL, all_of_them))]
+    drawn = any(part.cohesion or part.surface_tension for part in scene.fluids.values())
+    stirred = float(np.abs(way).max() / spacing)
+    return [*checks, Check(STIRRED, stirred, "") if drawn else Check(STIRRED, stirred, "", "<", max(STILL, one))]
+
+
+def keeps_momentum(trial: Trial) -> list[Check]:
+    """F7: particles, of one fluid or two, that start with random velocities, without walls or weight: what one gives
+    another takes (Newton's third law), to 1e-5 of the sum of all m |v|; in float32 to what rounding makes of velocities."""
+    found = trial.scene.fluid_set
+    velocity = np.random.default_rng(7).normal(0, SCATTERED, found.position.shape)
+    state = trial.run(trial.start(found.position, velocity), SPARSE)
+    return [_momentum(trial, state, velocity, float(np.abs(velocity).mean()), SPARSE)]
+
+
+def _momentum(trial: Trial, state: State, velocity: np.ndarray, speed: float, seconds: float) -> Check:
+    """What all momenta changed by, of m times `speed` [m/s]."""
+    m = trial.scene.fluid_set.masses
+    change = m @ (state.velocity.astype(np.float64) - velocity)
+    lost = float(np.abs(change).max() / (m.sum() * speed))
+    rounded = _rounded(trial, float(np.abs(state.position).max()), seconds, len(m)) / speed
+    return Check(LOST, lost, "", "<", max(STILL, rounded))
+
+
+def stops_at_a_plate(trial: Trial) -> list[Check]:
+    """F8: a block and a plate meet with almost the largest speed that there is. A plate whose half and thickness together are
+    what a particle may go in a substep, half a support, is not passed."""
+    (plate,) = (part for kind, part in trial.scene.colliders if isinstance(part, Box))
+    fastest, through = 0.0, 0
+    for state in trial.watch(range(1, trial.steps(FREE) + 1)):
+        middle = plate.center[1] + plate.velocity[1] * state.time
+        through = max(through, int((state.position[:, 1] < middle).sum()))
+        fastest = max(fastest, _largest_speed(state))
+    return [Check(THROUGH, float(through), "", "<", 0.5), _within_limit(trial, fastest)]
+
+
+def tells_what_is_lost(trial: Trial) -> list[Check]:
+    """F9: several blocks in one place, a little stirred: more neighbours than lists hold. In the first substep as many are
+    told as lost as NumPy counts beyond the lists' length, by every pair; the rest stays finite and within its limit."""
+    scene = trial.scene
+    random = np.random.default_rng(9)
+    position = scene.fluid_set.position + random.normal(0, scene.fluid_set.spacing / 20, scene.fluid_set.position.shape)
+    if trial.single:
+        position = position.astype(np.float32).astype(np.float64)
+    met = np.bincount(differences(scene, position)[0].ravel(), minlength=len(position))
+    expected = int(np.maximum(met - MAX_NEIGHBOURS[scene.dimensions], 0).sum())
+    once = scene.replace({"method.substeps": 1, "method.dt": trial.dt / scene.method.substeps})
+    with trial.open(trial.start(position), scene=once) as simulation:
+        trial.advance(simulation, 1)
+        told = int(simulation.neighbours_lost)  # type: ignore[attr-defined]
+    fastest = max(
+        _largest_speed(state) for state in trial.watch(range(1, trial.steps(FREE) + 1), trial.start(position))
+    )
+    # in float32 a pair within rounding of the support counts for one and not for the other
+    return [
+        Check(TOLD, abs(told / max(expected, 1) - 1), "", "<", 1e-3 if trial.single else 1e-12),
+        Check(MISSED, float(told), "", ">", 0.5),
+        _within_limit(trial, fastest),
+    ]
+
+
+def _floor(scene: Scene) -> float:
+    """[m]: where the floor's surface is, its thickness added."""
+    return next(part.point[1] + part.thickness for _, part in scene.colliders if isinstance(part, Plane))
