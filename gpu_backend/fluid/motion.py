@@ -1,4 +1,4 @@
-"""CUDA kernels of a fluid's motion: where particles are told to go, and velocities, a thread a particle; see
+"""CUDA kernels of a fluid's motion: where particles are told to go, and velocities by themselves, a thread a particle; see
 model/fluid/plan.py. A position's fourth number is the particle's fluid, before and after a substep.
 
 Bytes a particle in float32, n neighbours: `begin` reads 36 and writes 32; `settle` reads 4 n + 68 and writes 32; `shape`
@@ -23,22 +23,17 @@ from gpu_backend.core.quads import SIZE, load_quad, store_quad
 from gpu_backend.core.world import World
 from gpu_backend.fluid.kernels import make_move
 from gpu_backend.fluid.sort_kernels import make_box
-from gpu_backend.fluid.sums import List, make_row, make_sums
+from gpu_backend.fluid.sums import List, make_row
 from gpu_backend.xpbd.kernels import make_clock
 from model.fluid.parameters import (
     F_BUOYANCY,
     F_CHANGE,
-    F_COHESION,
-    F_CONFINEMENT,
     F_DRAG,
     F_SPEED,
     F_SURFACE_DRAG,
-    F_TENSION,
-    F_VISCOSITY,
-    F_WEIGHT,
 )
 from model.fluid.plan import SMOOTHING
-from model.formulas.fluid import density, motion
+from model.formulas.fluid import motion
 
 
 @cache
@@ -182,123 +177,3 @@ def make_settle(real: Any, math: str, parts: frozenset[str], repeats: frozenset[
 
     name = f"fluid_{variant_name(real, math, parts, repeats)}"
     return make_kernels((settle, update, limit), name, **kernel_options(math))
-
-
-@cache
-def make_smoothing(
-    real: Any, math: str, parts: frozenset[str], repeats: frozenset[str], ends_there: bool
-) -> SimpleNamespace:
-    """`shape(position, velocity, record, table, found, normals, curls)`: normals [1/m], and vorticities [1/s] and their
-    lengths; `smooth(position, velocity, record, table, found, constraints, fluids, normals, curls, into)`: velocities
-    after all that neighbours do to them; where `ends_there`, limited too."""
-    formulas, sums = device_formulas(motion.make, real, math), device_formulas(density.make, real, math)
-    inline, pair, row = inlined(math), make_sums(real, math, parts, repeats).pair, make_row(parts)
-    limited = make_ends(real, math, parts).limited
-    near, slope, gradient_added, speed_of = sums.near, sums.slope, sums.gradient_added, formulas.speed_of
-    curl_added, rise_added, confined, smoothed = (
-        formulas.curl_added, formulas.rise_added, formulas.confined, formulas.smoothed,
-    )  # fmt: skip
-    smooth_share, smooth_added = formulas.smooth_share, formulas.smooth_added
-    pull, pull_added, tension_added = formulas.pull, formulas.pull_added, formulas.tension_added
-    has_viscosity, has_cohesion, has_tension, has_curl = (
-        part in parts for part in ("viscosity", "cohesion", "surface-tension", "vorticity")
-    )
-    is_dragged, zero = "drag" in parts, real(0)
-
-    @inline
-    def add_shape(sums_so_far, p, q, v, w, way, s):
-        nx, ny, nz, cx, cy, cz = sums_so_far
-        dx, dy, dz, _ = way
-        if has_tension:
-            nx, ny, nz = gradient_added(nx, s, dx), gradient_added(ny, s, dy), gradient_added(nz, s, dz)
-        if has_curl:
-            cx = curl_added(cx, s, dy, dz, v[1], v[2], w[1], w[2])
-            cy = curl_added(cy, s, dz, dx, v[2], v[0], w[2], w[0])
-            cz = curl_added(cz, s, dx, dy, v[0], v[1], w[0], w[1])
-        return nx, ny, nz, cx, cy, cz
-
-    def shape(position, velocity, record, table, found, normals, curls):
-        k, particles = np.int32(cuda.grid(1)), np.int32(found.size)
-        if k < particles:
-            parameters, p, v, at = record[0], load_quad(position, k), load_quad(velocity, k), np.int64(k)
-            totals = zero, zero, zero, zero, zero, zero
-            for _ in range(found[k]):
-                j = table[at]
-                at += particles
-                q, w = load_quad(position, j), load_quad(velocity, j)
-                way = pair(k, p, j, q, parameters)
-                s = slope(way[3], parameters.inverse_support, parameters.gradient_scale)
-                totals = add_shape(totals, p, q, v, w, way, s)
-            nx, ny, nz, cx, cy, cz = totals
-            store_quad(normals, k, nx, ny, nz, zero)
-            store_quad(curls, k, cx, cy, cz, speed_of(cx, cy, cz))
-
-    @inline
-    def add_forces(f, way, near_row, own_row, n, m, fluids, parameters):
-        """What draws particles together: `n`, `m`: normals of this one and of its neighbour."""
-        fx, fy, fz = f
-        dx, dy, dz, r = way
-        if has_cohesion:
-            a = pull(r, parameters.inverse_support, fluids[own_row + F_COHESION], fluids[near_row + F_COHESION])
-            fx, fy, fz = pull_added(fx, a, dx), pull_added(fy, a, dy), pull_added(fz, a, dz)
-        if has_tension:
-            one, other = fluids[own_row + F_TENSION], fluids[near_row + F_TENSION]
-            fx = tension_added(fx, one, other, n[0], m[0])
-            fy, fz = tension_added(fy, one, other, n[1], m[1]), tension_added(fz, one, other, n[2], m[2])
-        return fx, fy, fz
-
-    @inline
-    def add_smooth(m, v, w, r, near_row, own_row, fluids, parameters):
-        """XSPH: v, w: velocities of this one and of its neighbour."""
-        share = smooth_share(
-            near(r, parameters.inverse_support), fluids[own_row + F_VISCOSITY], fluids[near_row + F_VISCOSITY],
-            fluids[own_row + F_WEIGHT], fluids[near_row + F_WEIGHT],
-        )  # fmt: skip
-        return (
-            smooth_added(m[0], share, v[0], w[0]), smooth_added(m[1], share, v[1], w[1]),
-            smooth_added(m[2], share, v[2], w[2]),
-        )  # fmt: skip
-
-    def smooth(position, velocity, record, table, found, constraints, fluids, normals, curls, into):
-        k, particles = np.int32(cuda.grid(1)), np.int32(found.size)
-        if k < particles:
-            parameters, p, v, at = record[0], load_quad(position, k), load_quad(velocity, k), np.int64(k)
-            m, f, rise, own_row = (zero, zero, zero), (zero, zero, zero), (zero, zero, zero), row(p[3])
-            normal, curl = (zero, zero, zero, zero), (zero, zero, zero, zero)
-            if has_tension:
-                normal = load_quad(normals, k)
-            if has_curl:
-                curl = load_quad(curls, k)
-            for _ in range(found[k]):
-                j = table[at]
-                at += particles
-                q = load_quad(position, j)
-                way, near_row, other = pair(k, p, j, q, parameters), row(q[3]), (zero, zero, zero, zero)
-                if has_viscosity:
-                    m = add_smooth(m, v, load_quad(velocity, j), way[3], near_row, own_row, fluids, parameters)
-                if has_tension:
-                    other = load_quad(normals, j)
-                f = add_forces(f, way, near_row, own_row, normal, other, fluids, parameters)
-                if has_curl:
-                    s = slope(way[3], parameters.inverse_support, parameters.gradient_scale)
-                    length = load_quad(curls, j)[3]
-                    rise = (
-                        rise_added(rise[0], s, way[0], curl[3], length), rise_added(rise[1], s, way[1], curl[3], length),
-                        rise_added(rise[2], s, way[2], curl[3], length),
-                    )  # fmt: skip
-            weight = fluids[own_row + F_WEIGHT]
-            vx, vy, vz = (
-                smoothed(v[0], m[0], weight, f[0]), smoothed(v[1], m[1], weight, f[1]), smoothed(v[2], m[2], weight, f[2]),
-            )  # fmt: skip
-            if has_curl:
-                strength, steep = fluids[own_row + F_CONFINEMENT], speed_of(rise[0], rise[1], rise[2])
-                vx = confined(vx, strength, steep, rise[1], rise[2], curl[1], curl[2])
-                vy = confined(vy, strength, steep, rise[2], rise[0], curl[2], curl[0])
-                vz = confined(vz, strength, steep, rise[0], rise[1], curl[0], curl[1])
-            if ends_there:
-                c = constraints[k] if is_dragged else zero
-                vx, vy, vz = limited(vx, vy, vz, c, fluids, own_row, parameters)
-            store_quad(into, k, vx, vy, vz, zero)
-
-    name = f"fluid_{variant_name(real, math, parts, repeats)}"
-    return make_kernels((shape, smooth), name, **kernel_options(math))

@@ -19,7 +19,8 @@ from gpu_backend.core.simulation import NOTHING_BAD
 from gpu_backend.core.substeps import SubstepSimulation, launched_kernel
 from gpu_backend.fluid.cells import Cells, cell_bytes
 from gpu_backend.fluid.kernels import WALL, make_density_kernels
-from gpu_backend.fluid.motion import make_begin, make_settle, make_smoothing
+from gpu_backend.fluid.motion import make_begin, make_settle
+from gpu_backend.fluid.smoothing import make_smoothing
 from gpu_backend.fluid.sort_kernels import THREADS as SORT_THREADS
 from gpu_backend.fluid.stages import bind_fluid_stages
 from gpu_backend.fluid.tools import make_fluid_tools

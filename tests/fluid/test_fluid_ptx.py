@@ -64,7 +64,8 @@ def test_sorting(name: str) -> None:
 
 def kernel(name: str, real: Any, math: str, parts: frozenset[str]) -> Any:
     from gpu_backend.fluid.kernels import make_density_kernels
-    from gpu_backend.fluid.motion import make_begin, make_settle, make_smoothing
+    from gpu_backend.fluid.motion import make_begin, make_settle
+    from gpu_backend.fluid.smoothing import make_smoothing
 
     repeats = frozenset("xz") if "repeats" in parts else frozenset()
     if name == "begin":

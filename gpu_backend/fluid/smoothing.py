@@ -1,0 +1,164 @@
+"""CUDA kernels of what a fluid's neighbours do to each other's velocities, a thread a particle; see model/fluid/plan.py."""
+
+from __future__ import annotations
+
+from functools import cache
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+from numba import cuda
+
+from gpu_backend.core.compile import inlined, kernel_options, make_kernel, variant_name
+from gpu_backend.core.formulas import device_formulas
+from gpu_backend.core.quads import load_quad, store_quad
+from gpu_backend.fluid.motion import make_ends
+from gpu_backend.fluid.sums import make_row, make_sums
+from model.fluid.parameters import F_COHESION, F_CONFINEMENT, F_TENSION, F_VISCOSITY, F_WEIGHT
+from model.formulas.fluid import density, motion
+
+
+@cache
+def make_smoothing(
+    real: Any, math: str, parts: frozenset[str], repeats: frozenset[str], ends_there: bool
+) -> SimpleNamespace:
+    """`shape(position, velocity, record, table, found, normals, curls)`: normals [1/m], and vorticities [1/s] and their
+    lengths; `smooth(position, velocity, record, table, found, constraints, fluids, normals, curls, into)`: velocities
+    after all that neighbours do to them; where `ends_there`, limited too."""
+    variant = real, math, parts, repeats
+    return SimpleNamespace(shape=_make_shape(*variant), smooth=_make_smooth(*variant, ends_there))
+
+
+@cache
+def _make_shape(real: Any, math: str, parts: frozenset[str], repeats: frozenset[str]) -> Any:
+    formulas, sums = device_formulas(motion.make, real, math), device_formulas(density.make, real, math)
+    inline, pair = inlined(math), make_sums(real, math, parts, repeats).pair
+    slope, gradient_added, speed_of, curl_added = (
+        sums.slope, sums.gradient_added, formulas.speed_of, formulas.curl_added,
+    )  # fmt: skip
+    has_tension, has_curl, zero = "surface-tension" in parts, "vorticity" in parts, real(0)
+
+    @inline
+    def add_shape(sums_so_far, p, q, v, w, way, s):
+        nx, ny, nz, cx, cy, cz = sums_so_far
+        dx, dy, dz, _ = way
+        if has_tension:
+            nx, ny, nz = gradient_added(nx, s, dx), gradient_added(ny, s, dy), gradient_added(nz, s, dz)
+        if has_curl:
+            cx = curl_added(cx, s, dy, dz, v[1], v[2], w[1], w[2])
+            cy = curl_added(cy, s, dz, dx, v[2], v[0], w[2], w[0])
+            cz = curl_added(cz, s, dx, dy, v[0], v[1], w[0], w[1])
+        return nx, ny, nz, cx, cy, cz
+
+    def shape(position, velocity, record, table, found, normals, curls):
+        k, particles = np.int32(cuda.grid(1)), np.int32(found.size)
+        if k < particles:
+            parameters, p, v, at = record[0], load_quad(position, k), load_quad(velocity, k), np.int64(k)
+            totals = zero, zero, zero, zero, zero, zero
+            for _ in range(found[k]):
+                j = table[at]
+                at += particles
+                q, w = load_quad(position, j), load_quad(velocity, j)
+                way = pair(k, p, j, q, parameters)
+                s = slope(way[3], parameters.inverse_support, parameters.gradient_scale)
+                totals = add_shape(totals, p, q, v, w, way, s)
+            nx, ny, nz, cx, cy, cz = totals
+            store_quad(normals, k, nx, ny, nz, zero)
+            store_quad(curls, k, cx, cy, cz, speed_of(cx, cy, cz))
+
+    return make_kernel(shape, f"fluid_{variant_name(real, math, parts, repeats)}", **kernel_options(math))
+
+
+@cache
+def _make_pair_terms(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
+    """`add_forces` and `add_smooth`: what one neighbour adds."""
+    formulas, inline = device_formulas(motion.make, real, math), inlined(math)
+    near = device_formulas(density.make, real, math).near
+    smooth_share, smooth_added = formulas.smooth_share, formulas.smooth_added
+    pull, pull_added, tension_added = formulas.pull, formulas.pull_added, formulas.tension_added
+    has_cohesion, has_tension = "cohesion" in parts, "surface-tension" in parts
+
+    @inline
+    def add_forces(f, way, near_row, own_row, n, m, fluids, parameters):
+        """What draws particles together: `n`, `m`: normals of this one and of its neighbour."""
+        fx, fy, fz = f
+        dx, dy, dz, r = way
+        if has_cohesion:
+            a = pull(r, parameters.inverse_support, fluids[own_row + F_COHESION], fluids[near_row + F_COHESION])
+            fx, fy, fz = pull_added(fx, a, dx), pull_added(fy, a, dy), pull_added(fz, a, dz)
+        if has_tension:
+            one, other = fluids[own_row + F_TENSION], fluids[near_row + F_TENSION]
+            fx = tension_added(fx, one, other, n[0], m[0])
+            fy, fz = tension_added(fy, one, other, n[1], m[1]), tension_added(fz, one, other, n[2], m[2])
+        return fx, fy, fz
+
+    @inline
+    def add_smooth(m, v, w, r, near_row, own_row, fluids, parameters):
+        """XSPH: v, w: velocities of this one and of its neighbour."""
+        share = smooth_share(
+            near(r, parameters.inverse_support), fluids[own_row + F_VISCOSITY], fluids[near_row + F_VISCOSITY],
+            fluids[own_row + F_WEIGHT], fluids[near_row + F_WEIGHT],
+        )  # fmt: skip
+        return (
+            smooth_added(m[0], share, v[0], w[0]), smooth_added(m[1], share, v[1], w[1]),
+            smooth_added(m[2], share, v[2], w[2]),
+        )  # fmt: skip
+
+    return SimpleNamespace(add_forces=add_forces, add_smooth=add_smooth)
+
+
+@cache
+def _make_smooth(real: Any, math: str, parts: frozenset[str], repeats: frozenset[str], ends_there: bool) -> Any:
+    formulas, terms, row = (
+        device_formulas(motion.make, real, math),
+        _make_pair_terms(real, math, parts),
+        make_row(parts),
+    )
+    pair, limited = make_sums(real, math, parts, repeats).pair, make_ends(real, math, parts).limited
+    slope, add_forces, add_smooth = device_formulas(density.make, real, math).slope, terms.add_forces, terms.add_smooth
+    rise_added, confined, smoothed = formulas.rise_added, formulas.confined, formulas.smoothed
+    speed_of, zero, is_dragged = formulas.speed_of, real(0), "drag" in parts
+    has_viscosity, has_tension, has_curl = (part in parts for part in ("viscosity", "surface-tension", "vorticity"))
+
+    def smooth(position, velocity, record, table, found, constraints, fluids, normals, curls, into):
+        k, particles = np.int32(cuda.grid(1)), np.int32(found.size)
+        if k < particles:
+            parameters, p, v, at = record[0], load_quad(position, k), load_quad(velocity, k), np.int64(k)
+            m, f, rise, own_row = (zero, zero, zero), (zero, zero, zero), (zero, zero, zero), row(p[3])
+            normal, curl = (zero, zero, zero, zero), (zero, zero, zero, zero)
+            if has_tension:
+                normal = load_quad(normals, k)
+            if has_curl:
+                curl = load_quad(curls, k)
+            for _ in range(found[k]):
+                j = table[at]
+                at += particles
+                q = load_quad(position, j)
+                way, near_row, other = pair(k, p, j, q, parameters), row(q[3]), (zero, zero, zero, zero)
+                if has_viscosity:
+                    m = add_smooth(m, v, load_quad(velocity, j), way[3], near_row, own_row, fluids, parameters)
+                if has_tension:
+                    other = load_quad(normals, j)
+                f = add_forces(f, way, near_row, own_row, normal, other, fluids, parameters)
+                if has_curl:
+                    s = slope(way[3], parameters.inverse_support, parameters.gradient_scale)
+                    length = load_quad(curls, j)[3]
+                    rise = (
+                        rise_added(rise[0], s, way[0], curl[3], length), rise_added(rise[1], s, way[1], curl[3], length),
+                        rise_added(rise[2], s, way[2], curl[3], length),
+                    )  # fmt: skip
+            weight = fluids[own_row + F_WEIGHT]
+            vx, vy, vz = (
+                smoothed(v[0], m[0], weight, f[0]), smoothed(v[1], m[1], weight, f[1]), smoothed(v[2], m[2], weight, f[2]),
+            )  # fmt: skip
+            if has_curl:
+                strength, steep = fluids[own_row + F_CONFINEMENT], speed_of(rise[0], rise[1], rise[2])
+                vx = confined(vx, strength, steep, rise[1], rise[2], curl[1], curl[2])
+                vy = confined(vy, strength, steep, rise[2], rise[0], curl[2], curl[0])
+                vz = confined(vz, strength, steep, rise[0], rise[1], curl[0], curl[1])
+            if ends_there:
+                c = constraints[k] if is_dragged else zero
+                vx, vy, vz = limited(vx, vy, vz, c, fluids, own_row, parameters)
+            store_quad(into, k, vx, vy, vz, zero)
+
+    return make_kernel(smooth, f"fluid_{variant_name(real, math, parts, repeats)}", **kernel_options(math))
