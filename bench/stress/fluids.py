@@ -229,7 +229,7 @@ def tells_what_is_lost(trial: Trial) -> list[Check]:
     once = scene.replace({"method.substeps": 1, "method.dt": trial.dt / scene.method.substeps})
     with trial.open(trial.start(position), scene=once) as simulation:
         trial.advance(simulation, 1)
-        told = int(simulation.contacts_lost)
+        told = int(simulation.contacts_lost)  # type: ignore[attr-defined]
     fastest = max(
         _largest_speed(state) for state in trial.watch(range(1, trial.steps(FREE) + 1), trial.start(position))
     )

@@ -62,10 +62,10 @@ def test_the_limit_is_half_a_support_a_substep() -> None:
 
 
 class MadeUp:
-    """A simulation that tells of `neighbours_lost` what it is made with."""
+    """A simulation that tells of `contacts_lost` what it is made with."""
 
     def __init__(self, lost: int):
-        self.neighbours_lost = lost
+        self.contacts_lost = lost
 
     def __enter__(self) -> MadeUp:
         return self
