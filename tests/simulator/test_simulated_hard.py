@@ -6,7 +6,8 @@ from dataclasses import replace
 
 import pytest
 
-from bench.experiments.accuracy.methods import MATCHING
+from bench.experiments.accuracy.methods import FLUIDS, MATCHING
+from bench.stress import fluids
 from bench.stress.bodies import is_stopped_by_a_box, is_whole_at_once
 from bench.stress.cases import CASES
 from bench.stress.experiment import judge_case
@@ -34,5 +35,14 @@ def test_same_verdict_as_on_the_cpu(case) -> None:
 def test_bodies_have_the_same_numbers_as_on_the_cpu(name: str, precision: str) -> None:
     case = replace(BODIES[name], law=OF_BODIES[name])
     cpu, gpu = (judge_case(case, MATCHING, backend, precision, math="exact") for backend in ("cpu", "gpu"))
+    assert gpu.verdict == cpu.verdict == "pass", gpu.diagnosis
+    assert gpu.checks == cpu.checks
+
+
+@pytest.mark.parametrize("method", FLUIDS)
+def test_two_particles_in_one_place_have_the_same_numbers(method: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(fluids, "SECONDS", 1 / 60)
+    case = next(case for case in CASES if case.name == "F3 alone")
+    cpu, gpu = (judge_case(case, method, backend, "float64", math="exact") for backend in ("cpu", "gpu"))
     assert gpu.verdict == cpu.verdict == "pass", gpu.diagnosis
     assert gpu.checks == cpu.checks
