@@ -117,6 +117,7 @@ def test_the_status_tells_how_it_ended(
         monkeypatch.setattr(path, lambda *_, **__: DONE)
     monkeypatch.setattr("bench.experiments.findings_costs.run_costs", lambda *_, **__: DONE)
     monkeypatch.setattr("bench.experiments.tetrahedral.meshes.run_meshes", lambda *_, **__: DONE)
+    monkeypatch.setattr("bench.experiments.bar_costs.run_bar_costs", lambda *_, **__: DONE)
     monkeypatch.setattr("bench.experiments.convergence.run_convergence", lambda *_, **__: DONE)
     for path in ("bench.store.tables.print_sweep", "bench.store.tables.print_kernels", "bench.peers.results.print_peers",
                  "bench.experiments.throughput.print_throughput", "bench.experiments.fluids.print_fluids",
