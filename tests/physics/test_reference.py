@@ -32,8 +32,14 @@ SHARED = {
     "mesh_collider.py": {"model.contact.mesh_collider"},
     "distance_field.py": {"model.geometry.distance_field"},
     "surface_contacts.py": {"model.tetrahedra.attachments"},  # who is tied to whom
-    "tetrahedra_cloth.py": {"model.tetrahedra.attachments", "model.tetrahedra.constraints"},  # and in which order of colours
-    "fluid.py": {"model.fluid.measure", "model.scene.cloth"},  # who is near to whom, by a k-d tree, which no solver asks
+    "tetrahedra_cloth.py": {
+        "model.tetrahedra.attachments",
+        "model.tetrahedra.constraints",
+    },  # and in which order of colours
+    "fluid.py": {
+        "model.fluid.measure",
+        "model.scene.cloth",
+    },  # who is near to whom, by a k-d tree, which no solver asks
 }
 
 
