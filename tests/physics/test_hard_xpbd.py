@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 import bench.stress.experiment as hard
-from bench.experiments.accuracy.methods import MATCHING, METHODS, TETRAHEDRAL
+from bench.experiments.accuracy.methods import FLUIDS, MATCHING, METHODS, TETRAHEDRAL
 from bench.store.results import Measure, configuration
 from bench.stress.case import FORCES, POSITIONS, HardCase
 from bench.stress.cases import CASES
@@ -21,7 +21,7 @@ def test_which_cases_are_theirs():
     assert {case.row for case in MINE} == {"B1", "B2", "B3", "B4", "B8", "B13", "B23", "B24"}
     alone = {case.name for case in MINE if not set(case.methods) & set(FORCES)}
     assert alone == {"B1 implicit", "B2", "B3", "B8 implicit", "B13 inextensible", "B23"}
-    assert all(set(case.methods) <= {*METHODS, MATCHING, *TETRAHEDRAL} for case in CASES)
+    assert all(set(case.methods) <= {*METHODS, MATCHING, *TETRAHEDRAL, *FLUIDS} for case in CASES)
 
 
 @pytest.mark.parametrize("case", MINE, ids=[case.name for case in MINE])
