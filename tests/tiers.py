@@ -41,6 +41,13 @@ COMPILED = {
 ONLY_THOROUGH = table("""
 test_fluid_physics.py *
 test_compiled.py *fluid*
+# five to twenty seconds each, of what siblings hold for another value, shape or solver
+test_advise_tetrahedra.py test_an_answer_in_words*
+test_vbd_contact.py *bits?pair?
+test_bodies_hard.py test_a_soft_body_finds*plane-float32?
+test_surface_contacts.py test_cubes_that_collide*
+test_kinematic.py test_an_end_that_is_driven*
+test_attachments.py test_two_free_bodies*
 test_cloth_reference.py *rk4-cpu?
 test_stability_figures.py *draw_stiffness?
 test_restitution.py *bodies-0.001* *bodies-0.004*
