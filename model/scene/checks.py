@@ -253,10 +253,10 @@ def _check_contact(scene: SceneParts) -> None:
 
 def _check_self_collision(scene: SceneParts) -> None:
     """Raise SceneError where the sheet cannot keep the thickness."""
-    part, grid = scene.self_collision, scene.grid
-    if part is not None and part.thickness > grid.spacing:
+    part = scene.self_collision
+    if part is not None and part.thickness > scene.grid.spacing:
         raise SceneError(
             "self_collision.thickness", part.thickness,
-            f"must be at most cloth.spacing, {grid.spacing:g}: neighbours of the sheet are nearer to each other than that, "
+            f"must be at most cloth.spacing, {scene.grid.spacing:g}: neighbours of the sheet are nearer to each other than that, "
             "and would be driven apart for ever",
         )  # fmt: skip
