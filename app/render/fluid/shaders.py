@@ -117,21 +117,26 @@ void main() {{
 }}
 """
 
+# The depth at a pixel; beside the picture there is no fluid.
+AT = """
+uniform sampler2D depth;
+float at(ivec2 pixel) {
+    ivec2 size = textureSize(depth, 0);
+    return any(lessThan(pixel, ivec2(0))) || any(greaterThanEqual(pixel, size)) ? 0.0 : texelFetch(depth, pixel, 0).r;
+}
+"""
+
 # N. Truong, C. Yuksel, "A Narrow-Range Filter for Screen-Space Fluid Rendering", PACMCGIT 1 (2018), equations 4 to 7, along
 # one axis: what is nearer than the range is another surface in front and does not count, nor does its mirror image; what is
 # farther counts as if it were a little behind; the range grows with what lies in it.
 NARROW_FRAGMENT = f"""#version 330 core
-uniform sampler2D depth;
+{AT}
 uniform ivec2 way;          // (1, 0), (0, 1)
 uniform float reach;        // m: the filter's half width
 uniform float focal;        // pixels
 uniform float range;        // m
 uniform float behind;       // m
 out float smooth_depth;
-float at(ivec2 pixel) {{
-    ivec2 size = textureSize(depth, 0);
-    return any(lessThan(pixel, ivec2(0))) || any(greaterThanEqual(pixel, size)) ? 0.0 : texelFetch(depth, pixel, 0).r;
-}}
 void main() {{
     ivec2 pixel = ivec2(gl_FragCoord.xy);
     float here = at(pixel);
@@ -158,15 +163,13 @@ void main() {{
 # W. van der Laan, S. Green, M. Sainz, "Screen Space Fluid Rendering with Curvature Flow", I3D 2009: a step against the mean
 # curvature; none over edges.
 STEP = 0.2  # pixels^2, of curvature flow: explicit diffusion in a plane is stable up to a quarter
-CURVATURE_FRAGMENT = """#version 330 core
-uniform sampler2D depth;
+CURVATURE_FRAGMENT = (
+    "#version 330 core\n"
+    + AT
+    + """
 uniform float focal;
 uniform float range;        // m
 out float smooth_depth;
-float at(ivec2 pixel) {
-    ivec2 size = textureSize(depth, 0);
-    return any(lessThan(pixel, ivec2(0))) || any(greaterThanEqual(pixel, size)) ? 0.0 : texelFetch(depth, pixel, 0).r;
-}
 void main() {
     ivec2 p = ivec2(gl_FragCoord.xy);
     float here = at(p);
@@ -185,16 +188,14 @@ void main() {
     smooth_depth = here + STEP * side * side * 2.0 * curvature;
 }
 """.replace("STEP", str(STEP))
+)
 
 # Of the two differences to a pixel's neighbours along an axis the smaller one: it lies on the same surface.
-NORMAL = """
-uniform sampler2D depth;
+NORMAL = (
+    AT
+    + """
 uniform float focal;
 uniform vec2 middle;        // pixels
-float at(ivec2 pixel) {
-    ivec2 size = textureSize(depth, 0);
-    return any(lessThan(pixel, ivec2(0))) || any(greaterThanEqual(pixel, size)) ? 0.0 : texelFetch(depth, pixel, 0).r;
-}
 vec3 seen(vec2 pixel, float far) { return vec3((pixel - middle) * far / focal, -far); }  // m, in the camera's axes
 vec3 along(vec2 pixel, vec3 here, ivec2 way) {
     float one = at(ivec2(pixel) + way), other = at(ivec2(pixel) - way);
@@ -208,6 +209,7 @@ vec3 normal_at(vec2 pixel, vec3 here) {
     return normalize(cross(along(pixel, here, ivec2(1, 0)), along(pixel, here, ivec2(0, 1))));
 }
 """
+)
 
 NORMAL_FRAGMENT = (
     "#version 330 core\n"

@@ -95,13 +95,15 @@ class FluidSurface:
         """Particles as balls of `radius` [m], or as the ellipsoids that `axes` (count, 3, 3) [m] make of the unit ball;
         `absorption` (3,) or (count, 3) [1/m]: what a metre of fluid takes of red, green and blue light (Beer and Lambert)."""
         self._radius = radius
-        if axes is None:
-            axes = np.broadcast_to(radius * np.eye(3), (self.count, 3, 3))
         look = np.empty((self.count, 4), np.float32)
         look[:, :3] = absorption
-        look[:, 3] = np.linalg.norm(axes, ord=2, axis=(1, 2))
+        back = np.empty((self.count, 3, 3), np.float32)
+        if axes is None:
+            look[:, 3], back[:] = radius, np.eye(3) / radius
+        else:
+            look[:, 3], back[:] = np.linalg.norm(axes, ord=2, axis=(1, 2)), np.linalg.inv(axes)
         self._fill(0, look)
-        self._fill(1, np.ascontiguousarray(np.linalg.inv(axes), np.float32))
+        self._fill(1, back)
 
     def _fill(self, which: int, data: np.ndarray) -> None:
         from pyglet import gl

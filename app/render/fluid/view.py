@@ -74,16 +74,13 @@ class FluidView(View):
         else:
             self._discs = square_array(self.vertices.position_buffer, self._buffers[0])
             self._balls = Spheres(self._scenery)
-            middles = static_buffer(np.zeros((found.particle_count, 3), np.float32))
-            self._buffers.append(middles)
-            self._surfaces = {
-                shape: FluidSurface(middles if shape else self.vertices.position_buffer, found.particle_count)
-                for shape in (True, False)
-            }
-            taken = np.array(ABSORBED)[found.fluid % len(ABSORBED)] / found.extent
-            for surface in self._surfaces.values():
-                surface.set_look(WETTED * found.spacing, taken)
-            self._taken = taken
+            position = self.vertices.position_buffer
+            if shaped:  # the middles of ellipsoids lie elsewhere
+                position = static_buffer(np.zeros((found.particle_count, 3), np.float32))
+                self._buffers.append(position)
+            self._surface = FluidSurface(position, found.particle_count)
+            self._taken = np.array(ABSORBED)[found.fluid % len(ABSORBED)] / found.extent
+            self._surface.set_look(WETTED * found.spacing, self._taken)
         self.upload(found.position)
 
     def _look(self, colour: np.ndarray) -> np.ndarray:
@@ -92,7 +89,7 @@ class FluidView(View):
         return np.ascontiguousarray(np.concatenate([colour, radius], axis=1), np.float32)
 
     def _lits(self) -> list[Any]:
-        return [*super()._lits(), self._balls, *self._surfaces.values()]
+        return [*super()._lits(), self._balls, self._surface]
 
     # ------------------------------------------------------------------ how it looks
 
@@ -159,7 +156,7 @@ class FluidView(View):
             found = self.scene.fluid_set
             middle, axes = ellipsoids(position, WETTED * found.spacing, 2 * found.spacing)
             self.vertices.send(self._buffers[2], middle)
-            self._surfaces[True].set_look(WETTED * found.spacing, self._taken, axes)
+            self._surface.set_look(WETTED * found.spacing, self._taken, axes)
 
     # ------------------------------------------------------------------ the picture
 
@@ -205,9 +202,8 @@ class FluidView(View):
         from pyglet import gl
 
         if self.space and not self.lines:
-            surface = self._surfaces[self.shaped]
-            surface.passes(camera)
-            surface.shade(camera, self._target.frame)
+            self._surface.passes(camera)
+            self._surface.shade(camera, self._target.frame)
             gl.glEnable(gl.GL_BLEND)
             gl.glEnable(gl.GL_DEPTH_TEST)
         if selected is not None:
@@ -218,7 +214,6 @@ class FluidView(View):
     def delete(self) -> None:
         """Free the buffers."""
         if self.space:
-            for surface in self._surfaces.values():
-                surface.delete()
+            self._surface.delete()
         delete_all([self._discs, self._points, *([] if self.space else [self._outlines])], self._buffers)
         super().delete()
