@@ -6,24 +6,18 @@ from typing import Any
 
 import numpy as np
 
-from cpu_backend.contact.colliders import BOX, CAPSULE, PLANE, SPHERE
+from cpu_backend.contact.colliders import BOX, CAPSULE, PLANE, SPHERE, make_push
 from cpu_backend.core.compile import Compiler
 from cpu_backend.core.layout import row_at
 from model.fluid.plan import WALLS
-from model.formulas import cloth, colliders
+from model.formulas import colliders
 from model.formulas.fluid import density
 from model.mass_spring.cloth_parameters import (
     B_RADIUS,
     B_THICKNESS,
     B_U,
     B_V,
-    B_VX,
-    B_VY,
-    B_VZ,
     B_W,
-    B_X,
-    B_Y,
-    B_Z,
     COLLIDER_FIELDS,
 )
 
@@ -31,11 +25,8 @@ from model.mass_spring.cloth_parameters import (
 def make_walls(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
     """walls(bodies, kinds, time, parameters, x, y, z) -> (density, gradient of it, three): of all at `time` [s]."""
     compiled = compiler.compiled
-    distances, formulas, moved = (
-        colliders.make(real, compiled),
-        density.make(real, compiled),
-        cloth.make(real, compiled).moved,
-    )
+    distances, formulas = colliders.make(real, compiled), density.make(real, compiled)
+    point = make_push(compiler, real, parts).point
     plane, sphere, capsule, box = distances.plane, distances.sphere, distances.capsule, distances.box
     beyond, wall_near, wall_density = formulas.beyond, formulas.wall_near, formulas.wall_density
     wall_slope, joined_density, joined_gradient = formulas.wall_slope, formulas.joined_density, formulas.joined_gradient
@@ -64,8 +55,7 @@ def make_walls(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
             if not is_wall:
                 continue
             body = row_at(bodies, np.int64(b * COLLIDER_FIELDS))
-            cx, cy = moved(body[B_X], body[B_VX], time), moved(body[B_Y], body[B_VY], time)
-            cz = moved(body[B_Z], body[B_VZ], time)
+            cx, cy, cz = point(body, time)
             distance, nx, ny, nz = away(body, kind, x - cx, y - cy, z - cz)
             t = wall_near(beyond(distance, body[B_THICKNESS]), parameters.inverse_support)
             if t > zero:

@@ -12,6 +12,7 @@ import numpy as np
 from model.core.errors import SceneError
 from model.core.memory import MAX_PARTICLES, available_bytes, require
 from model.fluid.lattice import Lattice, lattice_of
+from model.geometry.particle_row import ParticleRow
 from model.scene.fluid import REPEATED, WIDER, Domain, Fluid
 
 PARTICLE_BYTES = 700  # on the host: state, what is sorted, a list of 64 neighbours
@@ -20,7 +21,7 @@ MAX_FLUIDS = 64
 
 
 @dataclass(frozen=True, eq=False)
-class FluidSet:
+class FluidSet(ParticleRow):
     """The particles of all fluids, one block after the other, in the order of the file; x runs fastest, then y.
 
     `position`, `velocity` (particles, dimensions) float64 [m], [m/s]; `fluid` (particles,) int32: which of `parts` each is
@@ -33,19 +34,7 @@ class FluidSet:
     position: np.ndarray
     velocity: np.ndarray
     fluid: np.ndarray
-    rows: int = 1
-    spring_count: int = 0
     pinned: str = "none"
-
-    @property
-    def columns(self) -> int:
-        """All particles: the set is one row."""
-        return len(self.position)
-
-    @property
-    def particle_count(self) -> int:
-        """How many particles."""
-        return len(self.position)
 
     @property
     def dimensions(self) -> int:

@@ -257,6 +257,6 @@ def _check_self_collision(scene: SceneParts) -> None:
     if part is not None and part.thickness > scene.grid.spacing:
         raise SceneError(
             "self_collision.thickness", part.thickness,
-            f"must be at most cloth.spacing, {scene.grid.spacing:g}: neighbours of the sheet are nearer to each other than that, "
-            "and would be driven apart for ever",
+            f"must be at most cloth.spacing, {scene.grid.spacing:g}: neighbours of the sheet are nearer to each other than "
+            "that, and would be driven apart for ever",
         )  # fmt: skip
