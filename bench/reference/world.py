@@ -35,7 +35,8 @@ class Surfaces:
 
 def _surfaces(scene: Scene, distance: float) -> Surfaces:
     slices, count = scene.world_set.slices(), scene.world_set.particle_count
-    body, kept, triangles, closed = np.full(count, -1), np.full(count, distance), [np.zeros((0, 3), int)], []
+    body, kept, triangles = np.full(count, -1), np.full(count, distance), [np.zeros((0, 3), int)]
+    closed: list[bool] = []
     for name, own in scene.members.items():
         first = slices[name].start
         if name == "bodies":
