@@ -32,7 +32,7 @@ OF_TETRAHEDRA = (
     "mesh", "wind", *(kind for kind in CONSTRAINT_KINDS if kind != "shear"), *COLLIDER_KINDS,
 )  # fmt: skip
 OF_PARTICLES = ("restitution", "adhesion_reach", "maximum_speed", "sleeping_speed")  # surfaces know nothing of these
-WITH_FLUIDS = ("fluid", "domain", "gravity", "external", "method", *COLLIDER_KINDS)
+WITH_FLUIDS = ("fluid", "domain", "foam", "gravity", "external", "method", *COLLIDER_KINDS)
 OF_A_FLUID: dict[str, Any] = {"solver": OF_FLUIDS, "dt": 1 / 60, "substeps": 4, "iterations": 10}  # unless told
 OF_BODIES = (*BODY_KINDS, "contact", "damping", "gravity", "method", *COLLIDER_KINDS)  # what goes with them
 
@@ -42,7 +42,7 @@ def check_fit(scene: SceneParts) -> None:
     if scene.fluids:
         _check_fluids(scene)
         return
-    _refuse(scene, ("domain",), "is for fluids; leave it out")
+    _refuse(scene, ("domain", "foam"), "is for fluids; leave it out")
     if scene.tetrahedra:
         _check_tetrahedra(scene)
         return

@@ -107,4 +107,17 @@ class Domain(Part):
         return self
 
 
-FLUID_KINDS: dict[str, type[Part]] = {"fluid": Fluid, "domain": Domain}
+class Foam(Part):
+    """Spray, foam and bubbles, drawn as points with the fluids (M. Ihmsen and others 2012): they come where fluid that moves
+    fast traps air or breaks over a crest. Nothing of it acts on the fluid: runs and their errors are the same without."""
+
+    rate: NotNegative = 80.0  # 1/s, points that a particle makes at most
+    speed: Positive | None = None  # m/s, with which all are made; sqrt(gravity times the fluids' length) unless given
+    lifetime: Positive = 3.0  # s, of what foams most; the least lives a quarter as long
+    buoyancy: NotNegative = 2.0  # of gravity, upward, on bubbles
+    drag: Positive | None = None  # 1/s, of bubbles; they rise at a seventh of the speed unless given
+    most: Annotated[int, Field(ge=1, le=10**6, strict=True)] = 50000  # points; the oldest go
+    seed: Annotated[int, Field(ge=0, le=2**31 - 1, strict=True)] = 0
+
+
+FLUID_KINDS: dict[str, type[Part]] = {"fluid": Fluid, "domain": Domain, "foam": Foam}
