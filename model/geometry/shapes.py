@@ -50,8 +50,8 @@ class Shape(Part):
     letters a metre tall, a sheet of a square metre, a terrain of gentle hills, 8 m x 8 m, with a raised rim, a box, a ball, a
     pipe, or a creature that stands, with fingers.
 
-    `resolution`: edges of triangles to a metre, roughly; `scale`: times its size; `text` of letters: any of LETTERS; `sides`
-    of a box [m]: a cube of a metre unless given.
+    `resolution`: edges of triangles to a metre, roughly; `scale`: times its size; `text` of letters: up to 16
+    of A B E F J L O S T Y; `sides` of a box [m]: a cube of a metre unless given.
     """
 
     name: ShapeName

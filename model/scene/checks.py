@@ -75,6 +75,9 @@ def _check_fluids(scene: SceneParts) -> None:
         scene.parts["method"], scene.kinds["method"] = Method(**OF_A_FLUID), "method"
     elif method.solver != OF_FLUIDS:
         raise SceneError("method.solver", method.solver, f"must be {OF_FLUIDS} for fluids")
+    else:
+        untold = {field: value for field, value in OF_A_FLUID.items() if field not in method.model_fields_set}
+        scene.parts[scene.name_of("method")] = method.model_copy(update=untold)
 
 
 def _check_bodies(scene: SceneParts) -> None:

@@ -35,7 +35,7 @@ class Fluid(Part):
     dimensions: Literal[2, 3] = 3
     origin: Vector | Flat = ZERO  # m, the lowest corner of the block
     size: Sides  # m, along x, y and, unless flat, z; rounded to whole rest distances
-    blocks: tuple[Block, ...] = ()  # more of them
+    blocks: tuple[Block, ...] = ()  # more of them, [{ origin = [0.5, 0.0, 0.0], size = [0.2, 0.2, 0.2] }, ...]
     rest_distance: Positive = 0.05  # m, of the lattice that has its density
     support: Positive | None = None  # m, how far a particle sees; rest_distance / 0.55 unless given
     density: Positive = 1000.0  # kg/m^3
