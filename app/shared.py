@@ -6,12 +6,17 @@ from pathlib import Path
 from typing import Any
 
 from model.core.errors import SceneError
+from model.core.family import named
 from model.core.options import Options
 from model.core.simulation import Simulation
 from model.domains.simulation import DecomposedSimulation
 from model.scene.scene import Scene
 
-LINKS = ("peer", "nccl")
+LINKS = {  # of GPUs: the class that opens a sheet which they share
+    "peer": "gpu_backend.domains.peers:PeerSimulation",
+    "flags": "gpu_backend.domains.flags:FlagSimulation",
+    "nccl": "gpu_backend.domains.nccl:NcclSimulation",
+}
 
 
 def open_shared(
@@ -39,9 +44,8 @@ def open_shared(
         from cpu_backend.domains.ranks import RankSimulation
 
         return RankSimulation(scene, options, MpiRanks(ranks), threads, exchange_every)
-    from gpu_backend.domains.peers import PeerSimulation
-
-    return PeerSimulation(scene, options, gpus, exchange_every)
+    opened: Simulation = named(LINKS[link])(scene, options, gpus, exchange_every)
+    return opened
 
 
 def shares(simulation: Simulation) -> dict[str, Any]:
@@ -60,7 +64,7 @@ def shares(simulation: Simulation) -> dict[str, Any]:
 
 def check_shared(ranks: int, link: str, render: Path | None, export: str | None) -> None:
     """Raise SceneError for what a run of several processes does not write: what goes on stepping while it is drawn."""
-    if ranks == 1 and link == "peer":
+    if ranks == 1 and link != "nccl":
         return
     if render and render.suffix.lower() == ".mp4":
         raise SceneError("--render", str(render), "draws a clip of one process alone; run it with --ranks 1")

@@ -15,6 +15,7 @@ from app.command.run_length import step_count
 from app.shared import check_shared
 from model.core.errors import BackendUnavailable, SceneError
 from model.domains.launched import STATUS_FILE, launched_rank, launched_ranks
+from model.domains.processes import abort, mpi_installed, mpiexec
 from model.domains.simulation import cut
 from model.scene.scene import Scene
 
@@ -40,8 +41,6 @@ def among_ranks(scene: Scene, request: Request) -> tuple[Request, int]:
 
 def start_ranks(count: int, arguments: Sequence[str]) -> int:
     """Run this command line on `count` processes of MPI, and wait; the exit status of rank 0. Raises BackendUnavailable."""
-    from cpu_backend.domains.mpi import mpi_installed, mpiexec
-
     launcher = mpiexec()
     mpi_installed()
     with TemporaryDirectory() as folder:
@@ -60,7 +59,5 @@ def rank_status(status: int) -> int:
     if file is not None and launched_rank() == 0:
         Path(file).write_text(str(status))
     if status == BackendUnavailable.exit_status and "mpi4py.MPI" in sys.modules and launched_ranks() > 1:
-        from cpu_backend.domains.mpi import abort
-
         abort(status)  # the end of a process would wait for one that is lost
     return status if file is None else 0

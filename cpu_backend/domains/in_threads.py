@@ -14,6 +14,7 @@ from cpu_backend.domains.ranks import RankExchange, Ranks
 from model.core.errors import BackendUnavailable
 from model.domains.decomposition import Decomposition
 from model.domains.exchange import PATIENCE
+from model.domains.processes import lost
 
 
 class Meeting:
@@ -38,11 +39,6 @@ class Meeting:
         except threading.BrokenBarrierError:
             raise lost("another rank", self.patience) from None
         return found
-
-
-def lost(who: str, patience: float) -> BackendUnavailable:
-    """The error of a rank that waited in vain."""
-    return BackendUnavailable(f"{who} does not answer for {patience:g} s", "see what ended it, and start the run again")
 
 
 class ThreadExchange(RankExchange):

@@ -6,7 +6,7 @@ from abc import ABC, abstractmethod
 
 import numpy as np
 
-PATIENCE = 60.0  # seconds that a wait for a neighbour takes at most
+PATIENCE = 60.0  # s; no wait for a neighbour takes longer
 
 
 class Exchange(ABC):
