@@ -31,7 +31,6 @@ OF_TETRAHEDRA = (
     *TETRAHEDRAL_KINDS, "contact", "damping", "external", "gravity", "method", "motion", "region", "attachment", "material",
     "mesh", "wind", *(kind for kind in CONSTRAINT_KINDS if kind != "shear"), *COLLIDER_KINDS,
 )  # fmt: skip
-OF_PARTICLES = ("restitution", "adhesion_reach", "maximum_speed", "sleeping_speed")  # surfaces know nothing of these
 WITH_FLUIDS = ("fluid", "domain", "foam", "gravity", "external", "method", *COLLIDER_KINDS)
 OF_A_FLUID: dict[str, Any] = {"solver": OF_FLUIDS, "dt": 1 / 60, "substeps": 4, "iterations": 10}  # unless told
 OF_BODIES = (*BODY_KINDS, "contact", "damping", "gravity", "method", *COLLIDER_KINDS)  # what goes with them
