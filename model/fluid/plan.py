@@ -57,9 +57,9 @@ gradient_added(g, s', d), own = own_added(own, carried(lightness, volume), s, r^
 its change are 0. An iteration: `follow solids` puts samples between their corners; `density` counts by `counted`; `correct`:
 both = both(delta_i, delta_j, volume_i, volume_j), the tensile correction of pairs of particles alone; a = correction_added.
 Then, with viscosity, over the list anew, of pairs of a particle and a sample, share = rub(near, F_VISCOSITY_i, _j,
-lightness_i, _j, grip_i, _j), a = rub_added(a, share, p_i - x_i, p_j - x_j). Of samples, a is what they are pushed by; walls and
-colliders are the fluid's. `push solids`: of each of the solids' particles
-x = 0, x = carried_on(x, share, a of a sample) in the samples' order, p = moved(p, lightness, x). Of 7 and 8, samples are left out.
+lightness_i, _j, grip_i, _j), a = rub_added(a, share, p_i - x_i, p_j - x_j). Of samples, a is what they are pushed by; walls
+and colliders are the fluid's. `push solids`: of each of the solids' particles x = 0, x = carried_on(x, share, a of a
+sample) in the samples' order, p = moved(p, lightness, x). Of 7 and 8, samples are left out.
 
 Where all fluids weigh the same (no part `fluids`), F_ rows are the first one's, whichever fluid a particle is of.
 """

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -68,26 +67,76 @@ def judged(scene: Scene, steps: int) -> tuple[np.ndarray, ...]:
     return x, v, solid, moving
 
 
-def driven(scene: Scene, steps: int, precision: str = "float64", threads: int = 1, held: bool = True) -> Any:
-    """The same on CPU threads, stage by stage."""
-    from cpu_backend.fluid.among_solids import FluidAmongSolids as OnThreads
+class HostPlaces:
+    """Where solids are that nobody but the test moves, on CPU threads."""
 
+    def __init__(self, position: np.ndarray):
+        self.before, self.position = position.copy(), position.copy()
+
+    def drift(self, way: np.ndarray) -> None:
+        self.before[:] = self.position
+        self.position += way
+
+    def told(self) -> tuple[np.ndarray, np.ndarray]:
+        return self.before, self.position
+
+    def take(self, fresh: bool) -> None:
+        """They are here already."""
+
+    def give(self) -> None:
+        """They stay here."""
+
+
+class DevicePlaces(HostPlaces):
+    """The same on CUDA, in quads."""
+
+    def __init__(self, position: np.ndarray):
+        from numba import cuda
+
+        quads = np.zeros((len(position), 4), position.dtype)
+        quads[:, :3], quads[:, 3] = position, 7.0  # which nobody looks at
+        self.before, self.position = (cuda.to_device(quads.reshape(-1)) for _ in range(2))
+
+    def drift(self, way: np.ndarray) -> None:
+        quads = self.position.copy_to_host().reshape(-1, 4)
+        self.before.copy_to_device(quads.reshape(-1))
+        quads[:, :3] += way
+        self.position.copy_to_device(quads.reshape(-1))
+
+    def told(self) -> tuple[np.ndarray, np.ndarray]:
+        before, now = (array.copy_to_host().reshape(-1, 4)[:, :3] for array in (self.before, self.position))
+        return before, now
+
+
+def driven(
+    scene: Scene, steps: int, precision: str = "float64", threads: int = 1, held: bool = True, backend: str = "cpu"
+) -> tuple[np.ndarray, ...]:
+    """The same by a backend, stage by stage."""
     samples, solid, moving = samples_of(scene, held)
     real = np.dtype(precision).type
-    before, position = (np.zeros((len(solid), 3), real) for _ in range(2))
-    position[:] = solid
-    places = SimpleNamespace(before=before, position=position, take=lambda fresh: None, give=lambda: None)
     options = Options(precision=precision, math="exact", kernel="stages")
-    with OnThreads(scene, options, threads, samples, places) as fluid:
+    fluid: Any
+    if backend == "cpu":
+        from cpu_backend.fluid.among_solids import FluidAmongSolids as OnThreads
+
+        places = HostPlaces(solid.astype(real))
+        fluid = OnThreads(scene, options, threads, samples, places)
+    else:
+        from gpu_backend.fluid.among_solids import FluidAmongSolids as OnCuda
+
+        places = DevicePlaces(solid.astype(real))
+        fluid = OnCuda(scene, options, samples, places)
+    with fluid:
         fluid.load(stirred(scene))
-        moving, h = moving.astype(real), fluid.parameters.dt
+        moving, h = moving.astype(real), fluid._record[0]["dt"]
         for step in range(steps):
             for stage, moment in fluid.plan.moments(step):
                 if stage.name == "predict":
-                    before[:] = position
-                    position[:] += h * moving
+                    places.drift(h * moving)
                 fluid._executor.stages[stage.name](moment)
                 if stage.name == "limit velocities":
-                    moving = (position - before) / h
+                    before, now = places.told()
+                    moving = (now - before) / h
+        fluid.synchronize()
         found = fluid._download()
-    return *found, position.copy(), moving
+    return *found, places.told()[1].copy(), moving

@@ -10,7 +10,11 @@ from model.fluid.samples import particle_samples, sample_volumes, triangle_sampl
 from model.scene.scene import Scene
 
 OIL = {"kind": "fluid", "origin": [0.0, 4 * D, 0.0], "size": [3 * D, D, 3 * D], "rest_distance": D, "density": 500.0}
-WALLED = {"gravity": {}, "floor": {"kind": "plane", "thickness": 0.0}, "oil": OIL | {"drag": 0.5}}
+WALLED = {
+    "gravity": {},
+    "floor": {"kind": "plane", "thickness": 0.0},
+    "oil": OIL | {"drag": 0.5, "surface_tension": 1.0},
+}
 
 
 @pytest.mark.parametrize("scene", [fluid_scene(), fluid_scene(**WALLED)], ids=["alone", "walls and oil"])
