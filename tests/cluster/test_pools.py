@@ -26,7 +26,7 @@ GROUPS = [[2], [3], [4]]
 
 def measured(tmp_path: Path, where: Where, monkeypatch: pytest.MonkeyPatch) -> None:
     """Workers of a real pool measure all."""
-    monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(ROOT), str(ROOT / "tests" / "tools")]))
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(ROOT), str(ROOT / "tests" / "cluster")]))
     (tmp_path / "log").mkdir()
     how: dict[str, Any] = {"groups": GROUPS, "log": str(tmp_path / "log")}
     with Store(tmp_path / "results.sqlite") as store:
