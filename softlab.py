@@ -32,6 +32,7 @@ from app.command.command_line import (
 from app.command.file_commands import filing
 from bench.advice_commands import advising
 from bench.commands import measuring
+from bench.scale_commands import scaling
 from bench.store.commands import keeping
 from model.domains.launched import launched_ranks
 
@@ -284,7 +285,7 @@ def doctor() -> None:
     print_findings(out, examine())
 
 
-app.registered_commands += filing.registered_commands + keeping.registered_commands
+app.registered_commands += scaling.registered_commands + filing.registered_commands + keeping.registered_commands
 
 
 if __name__ == "__main__":
