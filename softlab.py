@@ -91,7 +91,11 @@ def run(
         float | None, typer.Option(help="Seconds simulated between two frames of --export (default 1/60).")
     ] = None,
     look: Annotated[
-        list[str] | None, typer.Option(help="Of tetrahedra: skin, mesh, edges; body, stress, strain. Repeatable.")
+        list[str] | None,
+        typer.Option(
+            help="Of tetrahedra: skin, mesh, edges; body, stress, strain. Of fluids: surface, particles, foam; fluid, "
+            "speed, density. Repeatable."
+        ),
     ] = None,
     allow_unstable: Annotated[bool, typer.Option("--allow-unstable", help="Run over the stability limit.")] = False,
     gpus: Annotated[int, typer.Option(help="GPUs that share the grid by its rows, with --backend gpu.")] = 1,

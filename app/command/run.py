@@ -6,11 +6,12 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 import psutil
 
+from app.command.foaming import Foaming, frame_steps, shows_foam
 from app.command.run_length import step_count
 from app.command.run_parts import (
     bodies_report,
@@ -33,6 +34,7 @@ from model.core.energy import energies, spring_strain
 from model.core.errors import Diverged, InputError, SceneError
 from model.core.memory import available_bytes, require
 from model.core.simulation import Simulation, State
+from model.fluid.foam import FoamPoints
 from model.geometry.overlaps import overlap_lines
 from model.scene.scene import Scene
 from model.scene.sheets import mesh_lines, rest_lines
@@ -126,7 +128,8 @@ def run_scene(scene: Scene, request: Request, *, progress: bool = True) -> Resul
         clip = request.render is not None and request.render.suffix.lower() == ".mp4"
         recorder = _Recorder(start, request.record_every if request.record else 0)
         exporter = Exporter(simulation, target) if target else None
-        keepers: list[_Recorder | Exporter] = [recorder, exporter] if exporter else [recorder]
+        foaming = Foaming(simulation) if request.render and not clip and shows_foam(scene, request.look) else None
+        keepers = [keeper for keeper in (recorder, exporter, foaming) if keeper is not None]
         seconds, diverged = _advance(simulation, steps, keepers, progress and simulation.rank == 0)
         state = simulation.state()
         result = Result(
@@ -138,7 +141,7 @@ def run_scene(scene: Scene, request: Request, *, progress: bool = True) -> Resul
         notes += caught_lines(result.report) + fluid_notes(result.report)
         if exporter:
             result.written += exporter.finish(simulation, notes)
-        _write_results(result, request, recorder, simulation, start, clip)
+        _write_results(result, request, recorder, simulation, start, clip, foaming.points if foaming else None)
         if diverged is not None:
             notes.append(f"the state told of is the last one that was looked at and found good, of step {state.step}")
         if simulation.backend == "cpu" and simulation.threads > 1 and _spins() and _crowded():
@@ -171,6 +174,13 @@ def _warm_up(simulation: Simulation, start: State, steps: int) -> None:
     simulation.load(start)
 
 
+class Keeper(Protocol):
+    """Keeps something of states as a run goes on, every so many steps."""
+
+    def steps_to_next(self, done: int) -> int: ...
+    def keep(self, simulation: Simulation, done: int) -> None: ...
+
+
 class _Recorder:
     """Keeps a state every `every` steps, the start among them; 0 keeps nothing."""
 
@@ -187,7 +197,7 @@ class _Recorder:
 
 
 def _advance(
-    simulation: Simulation, steps: int, keepers: Sequence[_Recorder | Exporter], progress: bool
+    simulation: Simulation, steps: int, keepers: Sequence[Keeper], progress: bool
 ) -> tuple[float, Diverged | None]:
     """Seconds of stepping alone, and the divergence that ended it, if any. `keepers` keep states as it goes on."""
     from rich.console import Console
@@ -230,7 +240,7 @@ def _report(
 ) -> dict[str, Any]:
     scene = simulation.scene
     energy = energies(scene, state.position, state.velocity, state.plastic, state.inverse_mass)
-    strained = scene.springs or scene.cloth or scene.bodies or scene.tetrahedra
+    strained = scene.springs or scene.cloth or scene.bodies or scene.tetrahedra or scene.is_world
     strain = spring_strain(scene, state.position, plastic=state.plastic) if strained else np.zeros(0)
     speed = (state.velocity.astype("float64") ** 2).sum(axis=1)
     count = counts(scene, simulation.body.inverse_mass).particles
@@ -271,8 +281,9 @@ def _report(
 
 
 def _write_results(
-    result: Result, request: Request, recorder: _Recorder, simulation: Simulation, start: State, clip: bool
-) -> None:
+    result: Result, request: Request, recorder: _Recorder, simulation: Simulation, start: State, clip: bool,
+    foam: FoamPoints | None,
+) -> None:  # fmt: skip
     if request.out:
         result.written.append(write_state(request.out, result.state))
     if request.record:
@@ -281,13 +292,14 @@ def _write_results(
     if request.render and not clip:
         state = result.state
         how: dict[str, Any] = {"time": state.time, "inverse_mass": state.inverse_mass, "picture": picture}
+        how |= {"velocity": state.velocity, "foam": foam}
         result.written.append(render(state.position, request.render, scene=simulation.scene, **how))
     elif request.render:
         steps = result.state.step - start.step
         if steps < 1:
             raise InputError(f"{request.render}: nothing moved, so there is no clip to draw; give --steps")
         simulation.load(start)
-        per_frame = max(1, round(1 / 60 / simulation.scene.method.dt))
+        per_frame = frame_steps(simulation)
         result.written.append(
             render(simulation, request.render, steps=steps, steps_per_frame=per_frame, picture=picture)
         )
