@@ -14,15 +14,18 @@ import numpy as np
 from numba import cuda
 
 from gpu_backend.core.device import simulated
-from gpu_backend.core.launch import CHUNKS, Graphs
+from gpu_backend.core.launch import Graphs
 from gpu_backend.domains.devices import at
 from gpu_backend.domains.kernels import BLOCKS, FLAG_STRIDE, THREADS, make_border_kernels
 from gpu_backend.domains.peers import PeerSimulation
 from model.core.errors import BackendUnavailable
+from model.core.options import Options
 from model.domains.decomposition import Border, Decomposition
 from model.domains.exchange import Exchange
+from model.scene.scene import Scene
 
 FROZEN = ("resident", "stages")  # kernels whose launches carry numbers that a graph would freeze
+CHUNKS = (16, 4, 2)  # cycles of a graph: even, so that buffers are back in place; more would save no time
 
 
 class FlagExchange(Exchange):
@@ -118,15 +121,23 @@ class FlagExchange(Exchange):
 
 
 class FlagSimulation(PeerSimulation):
-    """As PeerSimulation, with a FlagExchange, and cycles in graphs where each window has a GPU to itself."""
+    """As PeerSimulation, with a FlagExchange, and cycles in graphs where each window has a GPU to itself. `graphs`: also where
+    they share one, on which windows of kernels that do not fill it run beside one another (for tests)."""
 
     exchange: FlagExchange
     _cycles: Sequence[Graphs] = ()
 
+    def __init__(
+        self, scene: Scene, options: Options, count: int, steps: int | None = None, graphs: bool | None = None
+    ):
+        self._graphs_asked = graphs
+        super().__init__(scene, options, count, steps)
+
     def _connect(self) -> Exchange:
         exchange = FlagExchange(self.windows, self.decomposition, self.devices)
         frozen = any(window._counts or window.kernel in FROZEN for window in self.windows)
-        if exchange.alone and not simulated() and not frozen:
+        wanted = exchange.alone if self._graphs_asked is None else self._graphs_asked
+        if wanted and not simulated() and not frozen:
             self.exchange = exchange
             self._cycles = [self._graphs_of(place) for place in range(len(self.windows))]
         return exchange
