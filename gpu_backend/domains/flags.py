@@ -16,7 +16,7 @@ from numba import cuda
 from gpu_backend.core.device import simulated
 from gpu_backend.core.launch import Graphs
 from gpu_backend.domains.devices import at
-from gpu_backend.domains.kernels import BLOCKS, FLAG_STRIDE, THREADS, make_border_kernels
+from gpu_backend.domains.kernels import BLOCKS, FLAG_STRIDE, THREADS, make_border_kernels, make_moves
 from gpu_backend.domains.peers import PeerSimulation
 from model.core.errors import BackendUnavailable
 from model.core.options import Options
@@ -35,9 +35,12 @@ class FlagExchange(Exchange):
     def __init__(self, windows: Sequence[Any], decomposition: Decomposition, devices: Sequence[int]):
         self.windows, self.decomposition, self.devices = windows, decomposition, devices
         self.alone = len(set(devices)) == len(windows)
-        self._kernels = make_border_kernels(windows[0].real)
+        real, axes = windows[0].real, windows[0].scene.dimensions
+        self._kernels = make_border_kernels(real, axes)
+        pair = np.complex64 if real is np.float32 else np.complex128
+        numbers = 4 * make_moves(axes).pairs  # of a mass in an inbox: both halves, position and velocity
         borders, places = decomposition.borders, range(len(windows))
-        self._inbox = {b: self._on(b.target, np.zeros(4 * self._count(b), windows[0]._pair)) for b in borders}
+        self._inbox = {b: self._on(b.target, np.zeros(numbers * self._count(b), pair)) for b in borders}
         self._flags = {b: self._on(b.target, np.zeros(BLOCKS * FLAG_STRIDE, np.int32)) for b in borders}
         self._out = [[b for b in borders if b.source == k] for k in places]
         self._in = [[b for b in borders if b.target == k] for k in places]
@@ -121,8 +124,8 @@ class FlagExchange(Exchange):
 
 
 class FlagSimulation(PeerSimulation):
-    """As PeerSimulation, with a FlagExchange, and cycles in graphs where each window has a GPU to itself. `graphs`: also where
-    they share one, on which windows of kernels that do not fill it run beside one another (for tests)."""
+    """As PeerSimulation, with a FlagExchange, and cycles in graphs where each window has a GPU to itself. `graphs`: also
+    where they share one, on which windows of kernels that do not fill it run beside one another (for tests)."""
 
     exchange: FlagExchange
     _cycles: Sequence[Graphs] = ()

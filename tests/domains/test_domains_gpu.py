@@ -91,8 +91,8 @@ def test_a_forced_mass_and_a_switched_field(link: str) -> None:
 @pytest.mark.parametrize("kernel", ["tiles", "graph"])
 @pytest.mark.parametrize("integrator", ["lab", "velocity-verlet"])
 def test_cycles_in_graphs_have_the_bits_of_one_gpu(integrator: str, kernel: str) -> None:
-    """Two small windows run beside one another on one GPU, each in graphs of many cycles; kernels wait for kernels. 16 + 4 + 2
-    cycles, one by itself, and a rest of steps."""
+    """Two small windows run beside one another on one GPU, each in graphs of many cycles; kernels wait for kernels. 16 + 4 +
+    2 cycles, one by itself, and a rest of steps."""
     scene, steps, every = scene_of(**{"method.integrator": integrator}), 23 * 4 + 3, 4
     options = Options(math="exact", kernel=kernel)
     with FlagSimulation(scene, options, 2, every, graphs=True) as simulation:
@@ -109,3 +109,12 @@ def one_after(scene: Scene, steps: int) -> State:
     with open_simulation(scene, "gpu", math="exact") as one:
         one.advance(steps)
         return one.state()
+
+
+@pytest.mark.parametrize("link", LINKS)
+@pytest.mark.parametrize("name", ["cloth-hanging", "cloth-wind", "cloth-sphere"])
+@pytest.mark.parametrize("integrator", ["velocity-verlet", "semi-implicit-euler", "rk4"])
+def test_a_cloth_has_the_bits_of_one_gpu(integrator: str, name: str, link: str) -> None:
+    settings = {"cloth.rows": 200, "cloth.columns": 61, "method.integrator": integrator, "method.dt": 1e-4}
+    scene = load_scene(name).replace(settings)
+    same(end(scene, 500, backend="gpu", gpus=3, link=link), end(scene, 500, backend="gpu"))
