@@ -1,4 +1,4 @@
-"""What each backend makes of a world's step, for `softlab plan`: every stage a pass of its own, members' and those between."""
+"""What each backend makes of a world's step, for `softlab plan`: a pass a stage, those of members and those between them."""
 
 from __future__ import annotations
 
