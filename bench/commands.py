@@ -45,6 +45,11 @@ def sweep(
             help="With --peers: only grid, cloth, xpbd, implicit (-16, -4, -1), tetrahedra (-1e5 ...) or rigid. Repeatable."
         ),
     ] = None,
+    gpus: Annotated[
+        list[int] | None, typer.Option(help="A grid on so many GPUs, beside one, instead. Repeatable; see also --link.")
+    ] = None,
+    link: Annotated[str, typer.Option(help="With --gpus: peer or flags.")] = "peer",
+    exchange_every: Annotated[int | None, typer.Option(help="With --gpus: steps between two exchanges.")] = None,
     store: StorePath = DEFAULT_STORE,
 ) -> None:
     """Time sizes x backends x threads x precisions, with and without graphics, into the store. Resumes where it stopped."""
@@ -60,6 +65,17 @@ def sweep(
     if kernel and not kernels:
         raise SceneError("--kernel", kernel[0], "chooses among those of --kernels; add --kernels")
     check_positive("--min-ms", min_ms)
+    if gpus:
+        from bench.experiments.scaling.experiment import print_scaling, run_scaling
+
+        if peers or kernels or threads:
+            raise SceneError("--gpus", gpus, "is a sweep of its own; leave out --peers, --kernels and --threads")
+        shared: dict[str, Any] = {"gpus": gpus, "sizes": size, "link": link, "exchange_every": exchange_every}
+        chosen = precisions_of(precision, "float32")
+        measure(
+            store, run_scaling, print_scaling, quick=quick, backends=backend or ["gpu"], precisions=chosen, **shared
+        )
+        return
     how: dict[str, Any] = {
         "quick": quick, "backends": backend, "sizes": size, "max_seconds": max_seconds, "total_seconds": total_seconds,
         "repeats": repeats, "min_seconds": min_ms and min_ms / 1000, "precisions": precisions_of(precision),

@@ -9,7 +9,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Column, Table
 
-from app.command.doctor import Finding
+from app.command.findings import Finding
 from model.scene.fields import about, rows_of
 from model.scene.reader import catalogue
 from model.scene.scene import load_scene
