@@ -149,9 +149,14 @@ class FluidView(View):
         self.colouring, self._most = name, 0.0
         self.vertices.send(self._buffers[0], self._look(self._own))
 
+    @property
+    def shows_levels(self) -> bool:  # type: ignore[override]
+        """See View."""
+        return self.lines and self.colouring in TITLES
+
     def level_legend(self) -> tuple[str, float] | None:
         """See View."""
-        if not self.lines or self.colouring not in TITLES or not self._most:
+        if not self.shows_levels or not self._most:
             return None
         return TITLES[self.colouring], self._most * (100 if self.colouring == "density" else 1)
 
