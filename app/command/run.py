@@ -27,6 +27,7 @@ from app.output.export import Exporter, Target, check_export
 from app.output.files import check_state_target, read_state, write_state, write_trajectory
 from app.output.offscreen import check_look
 from app.output.video import Picture, check_render, render
+from app.shared import check_shared, shares
 from cpu_backend.core.threads import core_count, wait_policy
 from model.core.divergence import MIN_INTERVAL
 from model.core.energy import energies, spring_strain
@@ -63,13 +64,18 @@ class Request:
     allow_unstable: bool = False
     export: str | None = None
     export_every: float | None = None
+    gpus: int = 1
+    ranks: int = 1
+    exchange_every: int | None = None
+    link: str = "peer"
     look: tuple[str, ...] = ()
 
 
 @dataclass
 class Result:
     """What a run gave: `report` is what `run --json` prints, `state` the end (the last checked finite one, if it
-    diverged), `written` the files made, `notes` what a person should know, `diverged` the error that ended it."""
+    diverged), `written` the files made, `notes` what a person should know, `diverged` the error that ended it, `rank` of the
+    process: number 0 alone writes."""
 
     report: dict[str, Any]
     state: State
@@ -77,6 +83,7 @@ class Result:
     written: list[Path] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
     diverged: Diverged | None = None
+    rank: int = 0
 
 
 def check_targets(scene: Scene, request: Request, steps: int, notes: list[str]) -> Target | None:
@@ -87,6 +94,7 @@ def check_targets(scene: Scene, request: Request, steps: int, notes: list[str]) 
     if request.render:
         check_render(request.render)
     check_look(scene, request.look)
+    check_shared(request.ranks, request.link, request.render, request.export)
     if request.record:
         check_state_target(request.record)
         frames = steps // request.record_every + 1
@@ -110,7 +118,8 @@ def run_scene(scene: Scene, request: Request, *, progress: bool = True) -> Resul
     begin = time.perf_counter()
     simulation = open_simulation(
         scene, request.backend, threads=request.threads, precision=request.precision, math=request.math,
-        kernel=request.kernel, initial=initial, allow_unstable=request.allow_unstable,
+        kernel=request.kernel, initial=initial, allow_unstable=request.allow_unstable, gpus=request.gpus,
+        ranks=request.ranks, exchange_every=request.exchange_every, link=request.link,
     )  # fmt: skip
     with simulation:
         start = simulation.state()
@@ -121,12 +130,14 @@ def run_scene(scene: Scene, request: Request, *, progress: bool = True) -> Resul
         exporter = Exporter(simulation, target) if target else None
         foaming = Foaming(simulation) if request.render and not clip and shows_foam(scene, request.look) else None
         keepers = [keeper for keeper in (recorder, exporter, foaming) if keeper is not None]
-        seconds, diverged = _advance(simulation, steps, keepers, progress)
+        seconds, diverged = _advance(simulation, steps, keepers, progress and simulation.rank == 0)
         state = simulation.state()
         result = Result(
             _report(simulation, state, steps, seconds, compile_seconds, diverged), state, simulation.scene,
-            notes=notes, diverged=diverged,
+            notes=notes, diverged=diverged, rank=simulation.rank,
         )  # fmt: skip
+        if result.rank != 0:
+            return result
         notes += caught_lines(result.report) + fluid_notes(result.report)
         if exporter:
             result.written += exporter.finish(simulation, notes)
@@ -201,13 +212,14 @@ def _advance(
             begin = time.perf_counter()
             simulation.advance(now)
             simulation.synchronize()
-            took = time.perf_counter() - begin
+            took = simulation.slowest(time.perf_counter() - begin)
             seconds += took
             done += now
             for keeper in keepers:
                 keeper.keep(simulation, done)
-            if progress and took > 0:
+            if took > 0:
                 batch = max(1, min(round(now * PROGRESS_SECONDS / took), 2**31))
+            if progress and took > 0:
                 if shown is None and seconds / done * (steps - done) > 1:
                     shown = Progress(*columns, console=Console(stderr=True), transient=True)
                     shown.start()
@@ -228,7 +240,7 @@ def _report(
 ) -> dict[str, Any]:
     scene = simulation.scene
     energy = energies(scene, state.position, state.velocity, state.plastic, state.inverse_mass)
-    strained = scene.springs or scene.cloth or scene.bodies or scene.tetrahedra
+    strained = scene.springs or scene.cloth or scene.bodies or scene.tetrahedra or scene.is_world
     strain = spring_strain(scene, state.position, plastic=state.plastic) if strained else np.zeros(0)
     speed = (state.velocity.astype("float64") ** 2).sum(axis=1)
     count = counts(scene, simulation.body.inverse_mass).particles
@@ -242,6 +254,7 @@ def _report(
         "precision": simulation.options.precision,
         "math": simulation.options.math,
         "kernel": simulation.kernel,
+        **shares(simulation),
         "method": scene.method.label,
         "particles": count,
         "dimensions": scene.dimensions,

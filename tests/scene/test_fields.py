@@ -42,7 +42,7 @@ def test_fields_bounds_and_units_are_the_parts() -> None:
     )
     assert {row.name: row.allowed for row in rows_of("method")}[
         "solver"
-    ] == "mass-spring, xpbd, pbd, shape-matching, vbd, newton, pbf"
+    ] == "mass-spring, xpbd, pbd, shape-matching, vbd, newton, pbf, world"
     assert {row.name: row.note for row in rows_of("sphere")}["thickness"] == "m"  # of every collider
 
 
