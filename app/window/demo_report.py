@@ -69,10 +69,12 @@ def title_text(demo: Demo, number: int) -> str:
 
 
 def strain_text(demo: Demo) -> str:
-    """The worst strain, or how far a particle of bodies is from its goal."""
+    """The worst strain, or how far a particle of bodies is from its goal, or how fast one of a fluid is."""
     worst = demo.statistics.worst_strain
     if demo.world.scene.bodies:
         return f"farthest from its goal {worst:.3g} spacings"
+    if demo.world.scene.fluids:
+        return f"fastest {demo.statistics.fastest:.3g} m/s"
     return f"worst strain {worst:+.4g}"
 
 

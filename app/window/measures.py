@@ -24,7 +24,7 @@ KEEP_RANGE = 2.6  # times the wanted range of colours: a legend that flickers be
 class Statistics:
     """What is shown about a world: energy [J], the strain of largest size (relative to the rest length), the `momentum`
     [kg m/s] along each axis, where it is asked for; of all worlds the range of colours and the `bounds` [m], as
-    `finite_bounds` gives them."""
+    `finite_bounds` gives them; `fastest` [m/s]: of a fluid's particles."""
 
     energy: float = 0.0
     kinetic: float = 0.0
@@ -32,6 +32,7 @@ class Statistics:
     strain_range: float = 0.1
     bounds: tuple[float, ...] = (0.0, 0.0, 1.0, 1.0)
     momentum: tuple[float, ...] = ()
+    fastest: float = 0.0
 
 
 def measure(
@@ -58,7 +59,10 @@ def measure(
     if momentum:
         mass = masses(world.scene, absent(world.scene, state.inverse_mass))
         pushed = tuple(np.atleast_1d(np.sum(mass * state.velocity, axis=0, dtype=np.float64)).tolist())
-    return Statistics(energy["total"], energy["kinetic"], _worst(strain), wanted, _bounds(there, before), pushed)
+    fastest = float(np.sqrt((state.velocity**2).sum(axis=1).max())) if world.scene.fluids else 0.0
+    return Statistics(
+        energy["total"], energy["kinetic"], _worst(strain), wanted, _bounds(there, before), pushed, fastest
+    )
 
 
 def measure_picture(
