@@ -189,7 +189,7 @@ def test_it_is_really_measured(monkeypatch: pytest.MonkeyPatch) -> None:
     """A narrow dam for a moment, a program that stands still, and one that is not here: its reason is told."""
     narrow = scenes.dam(4).replace({"method.substeps": 1, "method.iterations": 1})
     monkeypatch.setattr(experiment, "settings", lambda quick=False: iter([Setting(DAM, narrow, True)]))
-    monkeypatch.setattr(experiment, "PEERS", (Still("a still one", True), Still("another", False)))
+    monkeypatch.setattr(experiment, "PEERS", {DAM: (Still("a still one", True), Still("another", False))})
     monkeypatch.setattr(experiment, "QUICK", Effort(2, 1e-3, 0.01))
     monkeypatch.setattr(laws, "DAM_SECONDS", 0.01)
     with Store(":memory:") as store:

@@ -16,7 +16,7 @@ from typing import Any
 
 from app.driver import open_simulation
 from bench.experiments.fluid_truth.laws import judged
-from bench.experiments.fluid_truth.scenes import Setting, settings
+from bench.experiments.fluid_truth.scenes import DAM, TANK, Setting, settings
 from bench.measure.costs_timing import FULL, QUICK, RATIO, SECONDS, Effort, Measures, Record, in_turn
 from bench.measure.experiment import Group, Items, cost_sources, host_of
 from bench.measure.timing import Subject, prepare
@@ -31,7 +31,10 @@ from model.core.simulation import State
 from model.scene.scene import Scene
 
 FINDING = "fluid: "  # how `finding` begins; then the kind
-PEERS: tuple[Peer, ...] = (SplishSplash("DFSPH"), SplishSplash("PBF"))
+PEERS: dict[str, tuple[Peer, ...]] = {  # by kind; its PBF takes seconds a frame in the tank
+    TANK: (SplishSplash("DFSPH"),),
+    DAM: (SplishSplash("DFSPH"), SplishSplash("PBF")),
+}
 
 
 @dataclass(frozen=True)
@@ -59,7 +62,7 @@ def groups(store: Store, backends: Sequence[str], quick: bool, peers: bool = Fal
             ways = [Way(one, backend) for one in mine]
             beside = [one for one in mine if one.beside]
             if peers and beside:
-                ways += [Way(beside[0], backend, peer) for peer in PEERS if peer.backend == backend]
+                ways += [Way(beside[0], backend, peer) for peer in PEERS.get(kind, ()) if peer.backend == backend]
             sources = cost_sources(backend, *map(str, sorted(Path(__file__).parent.glob("*.py"))), str(PROCESS))
             told = tuple(way.description for way in ways)
             measure = partial(_measured, ways, told, QUICK if quick else FULL)

@@ -68,7 +68,7 @@ class Judged:
 
 def rows(found: Iterable[Measure]) -> list[Judged]:
     """Of every setting that was judged: kinds in the order of NUMBERS, schemes, then spacings and efforts."""
-    labels = {peer.name: peer.label for peer in PEERS}
+    labels = {peer.name: peer.label for peers in PEERS.values() for peer in peers}
     result = []
     mine = (m for m in found if str(m.description.get("finding", "")).startswith(FINDING))
     for numbers in by_configuration(mine):
