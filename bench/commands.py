@@ -259,16 +259,27 @@ def throughput(
     measure(store, run_throughput, print_throughput, quick=quick, backends=backend, kinds=kind, precisions=chosen)
 
 
-@measuring.command(cls=Timed, epilog="Example: softlab fluids --quick   (softlab fluids --backend gpu)")
+@measuring.command(cls=Timed, epilog="Example: softlab fluids --quick   (softlab fluids --truth --peers)")
 def fluids(
     quick: Annotated[
         bool, typer.Option("--quick", help="Pools of a thousand and of eight thousand particles, fewer repeats.")
     ] = False,
+    truth: Annotated[
+        bool,
+        typer.Option("--truth", help="Instead: how far schemes are off what is known, and what their frames take."),
+    ] = False,
+    peers: Annotated[bool, typer.Option("--peers", help="With --truth: beside other programs (SPlisHSPlasH).")] = False,
     backend: Backends = None,
     precision: RatePrecisions = None,
     store: StorePath = DEFAULT_STORE,
 ) -> None:
-    """Time fluids: how many particles a second, and what sorting, lists, densities and corrections each take of it."""
+    """Time fluids: how many particles a second, what sorting, lists, densities, corrections take; or judge them (--truth)."""
+    if truth or peers:
+        from bench.experiments.fluid_truth.experiment import run_truth
+        from bench.experiments.fluid_truth.rows import print_truth
+
+        measure(store, run_truth, print_truth, quick=quick, backends=backend, peers=peers)
+        return
     from bench.experiments.fluids import print_fluids, run_fluids
 
     chosen = precisions_of(precision, "float32")
