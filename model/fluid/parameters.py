@@ -54,7 +54,7 @@ FLUID_FIELDS = 10
     F_DRAG,  # 1/s
     F_SURFACE_DRAG,  # 1/s
     F_SPEED,  # m/s
-    F_CHANGE,  # m/s: of a velocity by neighbours and walls in a substep, at most
+    F_CHANGE,  # m/s: of a velocity by neighbours and walls in a substep, at most; of two solves half of it each
 ) = range(FLUID_FIELDS)
 
 
@@ -130,6 +130,7 @@ def fluid_rows(scene: Scene, real: type) -> np.ndarray:
     """(fluids, FLUID_FIELDS) in the arithmetic `real`, in the order of the scene's fluids."""
     found: FluidSet = scene.fluid_set
     h, rows = scene.method.dt / scene.method.substeps, np.zeros((len(found.parts), FLUID_FIELDS))
+    solves = 2 if scene.method.scheme == "divergence-free" else 1
     for row, part, weight in zip(rows, found.parts, found.lightness, strict=True):
         row[F_WEIGHT], row[F_BUOYANCY] = weight, part.buoyancy
         row[F_VISCOSITY] = smoothing(scene, part) * found.lattice.density_scale
@@ -138,7 +139,7 @@ def fluid_rows(scene: Scene, real: type) -> np.ndarray:
         row[F_CONFINEMENT] = h * part.vorticity_confinement
         row[F_DRAG], row[F_SURFACE_DRAG] = part.drag, part.free_surface_drag
         row[F_SPEED] = speed_limit(scene, part)
-        row[F_CHANGE] = h * part.maximum_acceleration if part.maximum_acceleration else np.finfo(real).max / 4
+        row[F_CHANGE] = h * part.maximum_acceleration / solves if part.maximum_acceleration else np.finfo(real).max / 4
     return rows.astype(real)
 
 

@@ -1,4 +1,5 @@
-"""A substep of a fluid: its stages, and the order of every sum in it, which both backends keep.
+"""A substep of a fluid: its stages, and the order of every sum in it, which both backends keep; of the scheme
+`divergence-free` see model/fluid/divergence_plan.py.
 
 Arrays are planes (x, y, z; in 2 dimensions z is 0 throughout, and the rest is the same). `number` of a particle is its place
 in the scene's set. The state between substeps is position and velocity, no more.
@@ -58,6 +59,7 @@ from math import pi
 
 from model.core.own_forces import own_forces, own_parts
 from model.core.plan import Node, Plan, Stage
+from model.fluid.divergence_plan import divergence_stages
 from model.formulas import colliders
 from model.formulas.fluid import density, motion
 from model.scene.scene import Scene
@@ -75,9 +77,9 @@ OF_FLUIDS = {  # part of the plan -> field of a fluid that asks for it
 
 
 def fluid_parts(scene: Scene, live: frozenset[str] = frozenset()) -> frozenset[str]:
-    """The parts that need code: `flat` (2 dimensions), `fluids` (several), `repeats`, `averaged`, `tensile`, `walls`,
-    kinds of colliders with `friction` and `restitution`, `gravity`, `drag`, `held-back`, those of OF_FLUIDS, own
-    forces."""
+    """The parts that need code: `flat` (2 dimensions), `fluids` (several), `repeats`, `averaged`, `divergence-free` (with
+    `moving` walls), `tensile`, `walls`, kinds of colliders with `friction` and `restitution`, `gravity`, `drag`, `held-back`,
+    those of OF_FLUIDS, own forces."""
     parts, fluids = own_parts(scene, live), scene.fluids.values()
     parts |= {kind for kind, _ in scene.colliders}
     wanted = {
@@ -85,6 +87,9 @@ def fluid_parts(scene: Scene, live: frozenset[str] = frozenset()) -> frozenset[s
         "fluids": len(fluids) > 1,
         "repeats": scene.domain is not None,
         "averaged": scene.method.scheme == "averaged",
+        "divergence-free": scene.method.scheme == "divergence-free",
+        "moving": any(any(collider.velocity) for _, collider in scene.colliders)
+        and scene.method.scheme == "divergence-free",
         "tensile": scene.method.tensile_correction > 0,
         "walls": bool(parts & set(WALLS)),
         "friction": any(collider.static_friction > 0 for _, collider in scene.colliders),
@@ -113,6 +118,10 @@ def fluid_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
     touch = sum(colliders.OPERATIONS[kind] for kind, _ in scene.colliders)
     forces = sum(force.operations for force in own_forces(parts))
     factors = round(met * density.OPERATIONS_FACTORS)
+    if scene.method.scheme == "divergence-free":
+        find = round(looked_at * density.OPERATIONS_FIND) + factors
+        asked = bool(parts & SMOOTHING), bool(parts & SHAPES), {"find": find, "forces": forces, "touch": touch}
+        return _plan_of(scene, parts, divergence_stages(*asked, met, axes, scene.method.iterations))
     stages: list[Stage | Node] = [
         Stage("predict", 2, 2, motion.OPERATIONS_VELOCITY + forces),
         Stage("sort into cells", 4, 4, 4 * axes),
@@ -133,6 +142,10 @@ def fluid_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
             "limit velocities", 2 + 2 * gathered + listed, 2, last.operations + round(met * motion.OPERATIONS_SMOOTH)
         )
     stages.append(last)
-    root = Node("step", (Node("substep", tuple(stages), scene.method.substeps),))
+    return _plan_of(scene, parts, tuple(stages))
+
+
+def _plan_of(scene: Scene, parts: frozenset[str], stages: tuple[Stage | Node, ...]) -> Plan:
+    root = Node("step", (Node("substep", stages, scene.method.substeps),))
     scalars = sum(stage.reads + stage.writes for stage in root.stages())
-    return Plan(root, scalars, parts, dimensions=axes)
+    return Plan(root, scalars, parts, dimensions=scene.dimensions)

@@ -82,7 +82,20 @@ def averaged() -> Scene:
     )  # fmt: skip
 
 
-SCENES = {"column": column_scene, "two fluids": two_fluids, "flat": flat, "averaged": averaged}
+def free(scene: Scene) -> Scene:
+    """The same by velocities that keep density and have no divergence."""
+    return scene.replace({"method.scheme": "divergence-free"})
+
+
+SCENES = {
+    "column": column_scene,
+    "two fluids": two_fluids,
+    "flat": flat,
+    "averaged": averaged,
+    "free column": lambda: free(column_scene()),
+    "free two fluids": lambda: free(two_fluids()),
+    "free flat": lambda: free(flat()),
+}
 
 
 def shaken(scene: Scene, seed: int = 1) -> State:
