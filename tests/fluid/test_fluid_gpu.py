@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from small_fluids import few, flat, rich, stirred
+from small_fluids import few, flat, free, rich, stirred
 
 from app.driver import open_simulation
 from model.core.state import State
@@ -19,6 +19,9 @@ SCENES = {
     "flat": flat(),
     "averaged": flat(scheme="averaged"),
     "few": few(),
+    "free rich": free(rich()),
+    "free flat": flat(scheme="divergence-free"),
+    "free many": few((1.0, 0.5, 0.75), scheme="divergence-free"),
     "many": few((1.0, 0.5, 0.75)),
 }
 
