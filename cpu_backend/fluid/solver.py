@@ -24,6 +24,7 @@ from model.core.plan import Executor, Moment, StageRun
 from model.core.simulation import Options
 from model.fluid.parameters import MAX_NEIGHBOURS, fluid_rows, most_cells
 from model.fluid.plan import SHAPES, fluid_plan
+from model.fluid.samples import Samples
 from model.mass_spring.cloth_parameters import collider_numbers
 from model.scene.scene import Scene
 
@@ -31,13 +32,16 @@ from model.scene.scene import Scene
 class Fluid(ParticlesSimulation):
     """See model/core/simulation.py for the contract. `threads`: `1x`, `2x`, `4x` or a number."""
 
+    samples: Samples | None = None  # of solids, which are particles here, behind all others
+
     def __init__(self, scene: Scene, options: Options, threads: str | int = "1x"):
         super().__init__(scene, options, threads)
-        self.kernel, self.plan = chosen_kernel(options.kernel, "fluids"), fluid_plan(scene, options.live)
-        self._particles = len(self.body.position)
+        among, self.kernel = self.samples is not None, chosen_kernel(options.kernel, "fluids")
+        self.plan = fluid_plan(scene, options.live, among)
+        self._particles = len(self.body.position) + (self.samples.count if self.samples else 0)
         self._bands = max(1, min(self.threads, self._particles // LANES))
         self._bad = np.zeros(self._bands, np.int64)
-        self._fluids = fluid_rows(scene, self.real).reshape(-1)
+        self._fluids = fluid_rows(scene, self.real, among).reshape(-1)
         self.integers = np.zeros(2, np.uint64)  # of model/core/own_forces.py
         self.integers[0] = scene.external.seed if scene.external else 0
         self._set_colliders(collider_numbers(scene, self.real))
@@ -165,7 +169,7 @@ class Fluid(ParticlesSimulation):
 
     def _parameters_changed(self) -> None:
         self.integers[POKED] = self._poke_particle + 1
-        self._fluids[:] = fluid_rows(self.scene, self.real).reshape(-1)
+        self._fluids[:] = fluid_rows(self.scene, self.real, self.samples is not None).reshape(-1)
 
     def _download(self) -> tuple[np.ndarray, np.ndarray]:
         axes, room, count = self.scene.dimensions, self._room, self._particles

@@ -26,10 +26,11 @@ from gpu_backend.fluid.sort_kernels import THREADS as SORT_THREADS
 from gpu_backend.fluid.stages import bind_fluid_stages
 from gpu_backend.fluid.tools import make_fluid_tools
 from model.core.errors import SceneError
-from model.core.plan import Executor
+from model.core.plan import Executor, StageRun
 from model.core.simulation import Options
 from model.fluid.parameters import MAX_NEIGHBOURS, fluid_rows, most_cells
 from model.fluid.plan import SHAPES, SMOOTHING, fluid_plan
+from model.fluid.samples import Samples
 from model.mass_spring.cloth_parameters import collider_numbers
 from model.scene.scene import Scene
 
@@ -41,9 +42,13 @@ QUADS = 10  # of a particle: the state twice and put aside, and what a substep n
 class Fluid(SubstepSimulation):
     """See model/core/simulation.py for the contract. `threads` is the number of threads a block."""
 
+    samples: Samples | None = None  # of solids, which are particles here, behind all others
+
     def __init__(self, scene: Scene, options: Options):
         super().__init__(scene, options)
-        self.plan, self.kernel = fluid_plan(scene, options.live), launched_kernel(options.kernel, "fluids")
+        among, self.kernel = self.samples is not None, launched_kernel(options.kernel, "fluids")
+        self.plan = fluid_plan(scene, options.live, among)
+        self.particle_count += self.samples.count if self.samples else 0
         self.threads = next((few for most, few in FEWER.items() if self.particle_count <= most), THREADS)
         self.neighbours = MAX_NEIGHBOURS[scene.dimensions]
         self.repeats = frozenset(scene.domain.repeats) if scene.domain else frozenset()
@@ -66,12 +71,12 @@ class Fluid(SubstepSimulation):
 
     def _allocate(self) -> None:
         scene, real, count = self.scene, self.real, self.particle_count
-        self._weight = scene.fluid_set.fluid.astype(real)  # told by a position's fourth number
+        self._weight = self._fluid_of.astype(real)  # told by a position's fourth number
         self._allocate_quads(collider_numbers(scene, real))
         self._numbers = np.arange(count, dtype=np.int32)
         self.particle = [self.on_device(self._numbers), self.on_device(self._numbers)]
         self.kept_particle = self.on_device(self._numbers)
-        self.fluids = self.on_device(fluid_rows(scene, real))
+        self.fluids = self.on_device(self._rows)
         self.sorted, self.corrected, self.before, self.meant = (self.new_array() for _ in range(4))
         parts, walls = self.plan.parts, WALL * count
         self.relaxed = tuple(
@@ -86,6 +91,18 @@ class Fluid(SubstepSimulation):
         self.factors, self.multipliers, self.constraints, self.gradients = self.relaxed
         self.cells = Cells(real, count, self.neighbours, self.most_cells, self.repeats, self.stream)
 
+    def _bind_stages(self) -> dict[str, StageRun]:
+        return bind_fluid_stages(self).stages
+
+    @property
+    def _fluid_of(self) -> np.ndarray:
+        """(particles,): the number of each one's fluid."""
+        return self.scene.fluid_set.fluid
+
+    @property
+    def _rows(self) -> np.ndarray:
+        return fluid_rows(self.scene, self.real, self.samples is not None)
+
     def _build(self) -> None:
         """Compile and load every kernel, by running it once on arrays that `reset` then overwrites."""
         variant = self.real, self.options.math, self.plan.parts
@@ -97,7 +114,7 @@ class Fluid(SubstepSimulation):
         if self.plan.parts & SMOOTHING and not self.free:
             self.smoothing = make_smoothing(*variant, self.repeats, not by_stages)
         if by_stages:
-            self._executor = Executor(self.plan, self.free.stages() if self.free else bind_fluid_stages(self))
+            self._executor = Executor(self.plan, self.free.stages() if self.free else self._bind_stages())
             return
         self._executor = Executor(self.plan, {}, self._advance_steps)
         if not simulated():
@@ -226,5 +243,5 @@ class Fluid(SubstepSimulation):
         self.particle[self._current].copy_to_device(self.kept_particle, stream=self.stream)
 
     def _parameters_changed(self) -> None:
-        self.fluids.copy_to_device(fluid_rows(self.scene, self.real).reshape(-1), stream=self.stream)
+        self.fluids.copy_to_device(self._rows.reshape(-1), stream=self.stream)
         super()._parameters_changed()
