@@ -31,5 +31,5 @@ def check_among_solids(scene: Scene) -> None:
     if scene.domain is not None:
         told = "does not go with solids, which know no sides that repeat; leave it out"
         raise SceneError(f"{scene.name_of('domain')}.kind", "domain", told)
-    if scene.method.scheme == "averaged":
-        raise SceneError("method.scheme", "averaged", "must be macklin where a fluid meets solids")
+    if scene.method.scheme != "macklin":
+        raise SceneError("method.scheme", scene.method.scheme, "must be macklin where a fluid meets solids")
