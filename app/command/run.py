@@ -217,7 +217,7 @@ def _report(
 ) -> dict[str, Any]:
     scene = simulation.scene
     energy = energies(scene, state.position, state.velocity, state.plastic, state.inverse_mass)
-    strained = scene.springs or scene.cloth or scene.bodies or scene.tetrahedra
+    strained = scene.springs or scene.cloth or scene.bodies or scene.tetrahedra or scene.is_world
     strain = spring_strain(scene, state.position, plastic=state.plastic) if strained else np.zeros(0)
     speed = (state.velocity.astype("float64") ** 2).sum(axis=1)
     count = counts(scene, simulation.body.inverse_mass).particles

@@ -39,6 +39,24 @@ class Row:
     seconds: dict[str, float] = field(default_factory=dict)
 
 
+def counts_of(scene: Scene) -> dict[str, Any]:
+    """What a scene has beside particles; of a world that of each of its `members`."""
+    if scene.is_world:
+        members = scene.members.items()
+        return {"members": {name: {"particles": one.grid.particle_count} | counts_of(one) for name, one in members}}
+    if scene.tetrahedra:
+        found = scene.tetrahedra_set
+        counts = {"bodies": len(found.parts), "tetrahedra": len(found.tetrahedra)}
+        return counts | ({"triangles": len(found.sheet.mesh.triangles)} if found.sheet else {})
+    if scene.fluids:
+        return {"fluids": len(scene.fluids)}
+    if scene.bodies:
+        clusters = scene.body_set.clusters
+        copies = len(scene.body_set.copies)
+        return {"bodies": copies, "clusters": clusters.count, "entries": len(clusters.indices)}
+    return {}
+
+
 @dataclass(frozen=True)
 class PlanReport:
     """All that `softlab plan` tells of a scene. `unknown`: backends whose choice cannot be had here, and why."""
@@ -78,21 +96,7 @@ class PlanReport:
     def as_dict(self) -> dict[str, Any]:
         """The object that `--json` prints. Shares are of the whole step; a limit that is infinite is null."""
         method, grid = self.scene.method, self.scene.grid
-        counts = {}
-        if self.scene.tetrahedra:
-            found = self.scene.tetrahedra_set
-            counts = {"bodies": len(found.parts), "tetrahedra": len(found.tetrahedra)}
-            if found.sheet:
-                counts["triangles"] = len(found.sheet.mesh.triangles)
-        if self.scene.fluids:
-            counts = {"fluids": len(self.scene.fluids)}
-        if self.scene.bodies:
-            clusters = self.scene.body_set.clusters
-            counts = {
-                "bodies": len(self.scene.body_set.copies),
-                "clusters": clusters.count,
-                "entries": len(clusters.indices),
-            }
+        counts = counts_of(self.scene)
         return {
             "scene": self.scene.name, "precision": self.precision, "particles": grid.particle_count,
             **counts, "springs": self.springs, "dimensions": self.plan.dimensions, "method": method.label,

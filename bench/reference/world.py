@@ -39,7 +39,8 @@ class Surfaces:
 def _surfaces(scene: Scene, distance: float) -> Surfaces:
     slices = scene.world_set.slices()
     count = slices["fluid"].start if "fluid" in slices else scene.world_set.particle_count  # which comes last
-    body, kept, triangles, closed = np.full(count, -1), np.full(count, distance), [np.zeros((0, 3), int)], []
+    body, kept, triangles = np.full(count, -1), np.full(count, distance), [np.zeros((0, 3), int)]
+    closed: list[bool] = []
     for name, own in scene.members.items():
         first = slices[name].start
         if name == "bodies":

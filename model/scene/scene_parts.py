@@ -161,7 +161,7 @@ class SceneParts:
         if not self.is_world:
             return {}
         tables = member_tables(self.kinds, self.as_dict(), self.method)
-        return {name: type(self)(own, self.name) for name, own in tables.items()}  # type: ignore[call-arg, arg-type]
+        return {name: type(self)(own, self.name) for name, own in tables.items()}  # type: ignore[call-arg]
 
     @cached_property
     def world_set(self) -> WorldSet:

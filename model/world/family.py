@@ -48,7 +48,8 @@ def _note(scene: Scene) -> str:
 
 def _stored(scene: Scene, position: np.ndarray, plastic: np.ndarray | None) -> tuple[float, dict[str, float]]:
     """And that of a cloth's constraints by kind."""
-    total, by_kind = 0.0, {}
+    total: float = 0.0
+    by_kind: dict[str, float] = {}
     for name, place in scene.world_set.slices().items():
         own, kinds = OF_MEMBERS[name].stored(
             scene.members[name], position[place], plastic if name == "bodies" else None

@@ -68,8 +68,8 @@ def _named(member: str, children: Children, share: float) -> Node:
     made: list[Node | Stage] = []
     for child in children:
         if isinstance(child, Stage):
-            counts = (round(number * share) for number in (child.reads, child.writes, child.operations))
-            made.append(Stage(name_of_stage(member, child.name), *counts, child.argument))
+            reads, writes, operations = (round(n * share) for n in (child.reads, child.writes, child.operations))
+            made.append(Stage(name_of_stage(member, child.name), reads, writes, operations, child.argument))
         else:
             made.append(replace(_named(member, child.children, share), name=child.name, times=child.times))
     return Node(member, tuple(made))

@@ -4,13 +4,12 @@ together: states, energies, pokes, live changes."""
 from __future__ import annotations
 
 from abc import abstractmethod
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
 
 from model.core.clock import Clock
-from model.core.options import unknown_kernel
-from model.core.plan import Executor, StageRun
+from model.core.plan import StageRun
 from model.core.simulation import Options, Simulation
 from model.core.state import State, checked_arrays
 from model.scene.scene import Scene
@@ -30,28 +29,17 @@ class WorldSimulation(Simulation):
     members: dict[str, Simulation]
 
     def __init__(self, scene: Scene, options: Options):
+        self.members, self.slices = {}, scene.world_set.slices()
         super().__init__(scene, options)
-        self.slices = scene.world_set.slices()
-        self.members = {}
 
-    def _start(self, options: Options, threads: Any) -> None:
-        """Open the members, and bind the stages of the plan."""
-        if options.kernel not in (None, STAGES):
-            raise unknown_kernel(options.kernel, (STAGES,), f"for a world on the {self.backend}")
-        self.kernel = STAGES
-        self.plan = self._family_plan()
-        own = Options(options.precision, options.math, STAGES, options.live)
-        try:
-            for name, scene in self.scene.members.items():
-                self.members[name] = self._open(scene, own, threads)
-            self._executor = Executor(self.plan, self._all_stages())
-        except BaseException:
-            self.close()
-            raise
-        self.reset()
+    def _open_members(self, kernel: str) -> None:
+        """Each under such a kernel."""
+        own = replace(self.options, kernel=kernel)
+        for name, scene in self.scene.members.items():
+            self.members[name] = self._open(scene, own)
 
     @abstractmethod
-    def _open(self, scene: Scene, options: Options, threads: Any) -> Simulation:
+    def _open(self, scene: Scene, options: Options) -> Simulation:
         """A member's simulation."""
 
     @abstractmethod
@@ -59,6 +47,7 @@ class WorldSimulation(Simulation):
         """What runs the stages of the plan that are no member's."""
 
     def _all_stages(self) -> dict[str, StageRun]:
+        """What runs each stage of the plan."""
         own = {
             name_of_stage(name, stage): run
             for name, member in self.members.items()
