@@ -248,6 +248,12 @@ def tetrahedra(
             "--quick", help="One mesh, few substeps and iterations, fewer repeats: half a minute on two cores."
         ),
     ] = False,
+    across: Annotated[
+        list[int] | None, typer.Option(help="Only bars so many voxels across: 1, 2, 4 or 8. Repeatable.")
+    ] = None,
+    young: Annotated[
+        list[float] | None, typer.Option(help="Only bars of this Young's modulus: 1e5, 1e6 or 1e7 Pa. Repeatable.")
+    ] = None,
     backend: Backends = None,
     precision: RatePrecisions = None,
     store: StorePath = DEFAULT_STORE,
@@ -258,8 +264,10 @@ def tetrahedra(
     from bench.experiments.tetrahedral.meshes import print_meshes, run_meshes
 
     chosen = precisions_of(precision, "float32")
-    measure(store, run_meshes, print_meshes, quick=quick, backends=backend)
-    measure(store, run_tetrahedra, print_tetrahedra, quick=quick, backends=backend, precisions=chosen)
+    picked: dict[str, Any] = {"precisions": chosen, "across": across or (), "young": young or ()}
+    if not across and not young:  # of which a chosen bar is no part
+        measure(store, run_meshes, print_meshes, quick=quick, backends=backend)
+    measure(store, run_tetrahedra, print_tetrahedra, quick=quick, backends=backend, **picked)
 
 
 @measuring.command(cls=Timed, epilog="Example: softlab bar --quick   (softlab bar --backend cpu)")

@@ -39,6 +39,7 @@ COMPILED = {
 # Tests for --thorough alone: dear, and of what others hold too, on a smaller scene, by another way, or for another value. A
 # file, then patterns of tests' names; further lines of a file begin with a space.
 ONLY_THOROUGH = table("""
+test_mpi.py test_processes* test_two* test_a_div* test_bad_input*arguments[2-6]*  # processes, seconds each
 test_fluid_physics.py *
 test_compiled.py *fluid*
 # five to twenty seconds each, of what siblings hold for another value, shape or solver

@@ -10,6 +10,7 @@ import numpy as np
 from app.render.camera import finite_bounds, joined_bounds
 from app.render.colours import strain_range
 from app.render.drawn_springs import drawn_strain
+from app.render.fluid.framing import main_part
 from model.core.build import masses
 from model.core.energy import energies
 from model.core.simulation import Simulation
@@ -50,7 +51,9 @@ def measure(
     wanted = max(map(strain_range, [strain, *others]))
     if wanted < before.strain_range <= KEEP_RANGE * wanted:
         wanted = before.strain_range
-    there = [present(w.scene, p, w.body.inverse_mass) for w, p in zip(worlds, positions, strict=True)]
+    there = [
+        main_part(w.scene, present(w.scene, p, w.body.inverse_mass)) for w, p in zip(worlds, positions, strict=True)
+    ]
     pushed: tuple[float, ...] = ()
     if momentum:
         mass = masses(world.scene, absent(world.scene, state.inverse_mass))
@@ -63,7 +66,8 @@ def measure_picture(
 ) -> Statistics:
     """`before` (its energy), with strain and bounds of another picture: the one that is shown after divergence."""
     strains = [drawn_strain(scene, position) for scene, position in zip(scenes, positions, strict=True)]
-    wanted, bounds = max(map(strain_range, strains)), _bounds(positions, before)
+    there = [main_part(scene, position) for scene, position in zip(scenes, positions, strict=True)]
+    wanted, bounds = max(map(strain_range, strains)), _bounds(there, before)
     return replace(before, worst_strain=_worst(strains[current]), strain_range=wanted, bounds=bounds)
 
 

@@ -12,9 +12,8 @@ from itertools import product
 
 import numpy as np
 
-from bench.reference import cloth
+from bench.reference import fluid_walls
 from model.fluid.measure import differences
-from model.scene.cloth import SURFACE_KINDS
 from model.scene.scene import Scene
 
 
@@ -76,19 +75,14 @@ class _World:
     def walls(self, p: np.ndarray, time: float) -> tuple[np.ndarray, np.ndarray]:
         total, gradient = np.zeros(len(p)), np.zeros_like(p)
         for kind, collider in self.scene.colliders:
-            if kind in SURFACE_KINDS:
-                continue
-            distance, normal = cloth.distances(kind, collider, p, time)
-            share, slope = self.kernels.wall_at(distance.reshape(-1) - collider.thickness)
+            distance, normal = fluid_walls.distances(kind, collider, p, time)
+            share, slope = self.kernels.wall_at(distance - collider.thickness)
             gradient = gradient * (1 - share)[:, None] + (slope * (1 - total))[:, None] * normal
             total = total + share - total * share
         return total, gradient
 
     def collide(self, number: int, before: np.ndarray, p: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        if not self.scene.colliders:
-            return p, v
-        found = cloth.collide(self.fine, before[None], p[None], v[None], number)
-        return found[0][0], found[1][0]
+        return fluid_walls.collide(self.fine, before, p, v, number)
 
 
 class _Pairs:

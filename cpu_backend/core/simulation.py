@@ -264,6 +264,19 @@ class RowsSimulation(CpuSimulation):
         current[:axes] = position.T.reshape(current[:axes].shape)
         current[axes:] = velocity.T.reshape(current[axes:].shape)
 
+    def rows(self, first: int, count: int) -> np.ndarray:
+        """(2 x dimensions, count, columns): positions, then velocities of some rows now; a view of the storage."""
+        return self.current[:, first : first + count]
+
+    def take_rows(self, first: int, rows: np.ndarray) -> None:
+        """Put those in the place of what is there."""
+        held = slice(first, first + rows.shape[1])
+        self.current[:, held] = rows
+        self._place_ghosts(held)
+
+    def _place_ghosts(self, rows: slice) -> None:
+        """What a storage holds beside the masses of rows that were written."""
+
     def _read_position(self, into: Any) -> Any:
         if into is None:
             return self._download()[0]

@@ -30,7 +30,8 @@ whole numbers.
    `correct`, from all positions at once into new ones. a = 0; for each neighbour: as in 4 dy, squared and s; both =
    delta_i + delta_j; with the tensile correction both = both - crowded(near, ...); a = correction_added(a, both, s, d).
    Then a = wall_added(a, delta_i, w) axis by axis. p = moved(p, F_WEIGHT, a), or moved_mean(..., max(neighbours, 1)).
-   Then colliders, from x to p; the velocity that they answer with (given 0) is dropped.
+   Then colliders, from x to p, capsules and boxes by model/formulas/fluid/sweep.py, so that no way leads through them; the
+   velocity that they answer with (given 0) is dropped.
 6. `update velocity`. v = velocity_of(p, x, inverse_dt); with a maximum acceleration held_back(v, u, speed_of(v - u),
    F_CHANGE); then colliders, from x to p with v.
 7. `normals and vorticity`, where one is asked for: n = 0, w = 0; for each neighbour: dy, squared, s at the new p; n =
@@ -41,10 +42,11 @@ whole numbers.
 9. `limit velocities`: with drag braked(..., c), c of the last iteration's `density`; speed_of(v), `slowed` to F_SPEED.
    The new state is p and v.
 
-Walls, of planes, spheres, capsules and boxes, in the colliders' order: t = wall_near(beyond(distance, thickness)), share =
+Walls, of all colliders in their order: t = wall_near(beyond(distance, thickness)), share =
 wall_density(t), slope = wall_slope(t); gradient = joined_gradient(gradient, total, slope, share, n) axis by axis, then
 total = joined_density(total, share), from 0. Distances: `plane`, `sphere`, `capsule`, `box` of
-model/formulas/colliders.py, of a collider that is `moved` (model/formulas/cloth.py) to the substep's end.
+model/formulas/colliders.py, of a collider that is `moved` (model/formulas/cloth.py) to the substep's end; of those made
+from a mesh those of model/formulas/fluid/surfaces.py, within support + thickness.
 
 A particle's pressure is read as what its pairs carry: the mean over neighbours, weighted by s r^2, of -(multiplier_i +
 multiplier_j) / 2 * density / dt^2 of the last substep (`pressures` of model/fluid/measure.py).
@@ -73,9 +75,10 @@ from model.core.own_forces import own_forces, own_parts
 from model.core.plan import Node, Plan, Stage
 from model.formulas import colliders
 from model.formulas.fluid import density, motion
+from model.scene.cloth import COLLIDER_KINDS
 from model.scene.scene import Scene
 
-WALLS = ("plane", "sphere", "capsule", "box")  # kinds of colliders that add to a fluid's density
+WALLS = COLLIDER_KINDS  # all add to a fluid's density
 LOOKED_AT = {2: 9, 3: 27}  # cells
 SMOOTHING = frozenset({"viscosity", "cohesion", "surface-tension", "vorticity"})
 OPERATIONS_SAMPLE = 5  # an axis of a sample: three products and two sums
@@ -90,8 +93,8 @@ OF_FLUIDS = {  # part of the plan -> field of a fluid that asks for it
 
 def fluid_parts(scene: Scene, live: frozenset[str] = frozenset(), solids: bool = False) -> frozenset[str]:
     """The parts that need code: `flat` (2 dimensions), `fluids` (several), `solids` (and so several), `repeats`, `averaged`,
-    `tensile`, `walls`, kinds of colliders with `friction` and `restitution`, `gravity`, `drag`, `held-back`, those of
-    OF_FLUIDS, own forces."""
+    `tensile`, `walls`, `swept`, kinds of colliders with `friction` and `restitution`, `gravity`, `drag`, `held-back`, those
+    of OF_FLUIDS, own forces."""
     parts, fluids = own_parts(scene, live), scene.fluids.values()
     parts |= {kind for kind, _ in scene.colliders}
     wanted = {
@@ -102,6 +105,7 @@ def fluid_parts(scene: Scene, live: frozenset[str] = frozenset(), solids: bool =
         "averaged": scene.method.scheme == "averaged",
         "tensile": scene.method.tensile_correction > 0,
         "walls": bool(parts & set(WALLS)),
+        "swept": bool(parts & {"capsule", "box"}),
         "friction": any(collider.static_friction > 0 for _, collider in scene.colliders),
         "restitution": any(collider.restitution > 0 for _, collider in scene.colliders),
         "gravity": scene.gravity is not None and (scene.gravity.enabled or "gravity" in live),

@@ -31,7 +31,7 @@ OF_TETRAHEDRA = (
     *TETRAHEDRAL_KINDS, "contact", "damping", "external", "gravity", "method", "motion", "region", "attachment", "material",
     "mesh", "wind", *(kind for kind in CONSTRAINT_KINDS if kind != "shear"), *COLLIDER_KINDS,
 )  # fmt: skip
-WITH_FLUIDS = ("fluid", "domain", "gravity", "external", "method", *COLLIDER_KINDS)
+WITH_FLUIDS = ("fluid", "domain", "foam", "gravity", "external", "method", *COLLIDER_KINDS)
 OF_A_FLUID: dict[str, Any] = {"solver": OF_FLUIDS, "dt": 1 / 60, "substeps": 4, "iterations": 10}  # unless told
 OF_BODIES = (*BODY_KINDS, "contact", "damping", "gravity", "method", *COLLIDER_KINDS)  # what goes with them
 
@@ -44,7 +44,7 @@ def check_fit(scene: SceneParts) -> None:
     if scene.fluids:
         _check_fluids(scene)
         return
-    _refuse(scene, ("domain",), "is for fluids; leave it out")
+    _refuse(scene, ("domain", "foam"), "is for fluids; leave it out")
     if scene.tetrahedra:
         _check_tetrahedra(scene)
         return
@@ -95,6 +95,9 @@ def _check_fluids(scene: SceneParts) -> None:
         scene.parts["method"], scene.kinds["method"] = Method(**OF_A_FLUID), "method"
     elif method.solver != OF_FLUIDS:
         raise SceneError("method.solver", method.solver, f"must be {OF_FLUIDS} for fluids")
+    else:
+        untold = {field: value for field, value in OF_A_FLUID.items() if field not in method.model_fields_set}
+        scene.parts[scene.name_of("method")] = method.model_copy(update=untold)
 
 
 def _check_bodies(scene: SceneParts) -> None:

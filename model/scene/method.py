@@ -34,9 +34,9 @@ class Method(Part):
     accelerated by Chebyshev's weights where `chebyshev`, what a sweep leaves of the slowest error, is over 0, and `newton`
     solves implicit Euler to the end, in at most `iterations` Newton steps. `pbf` keeps the density of fluids: by the `scheme`
     macklin a substep's pressure grows over its iterations, each going the part `relaxation` of its way; averaged is that of
-    the particle libraries, which shares corrections among neighbours and lets a fluid sink together. `world`: parts of
-    several families, each by its own solver (bodies shape-matching; tetrahedra and a mesh xpbd; fluids pbf) in common
-    substeps and iterations.
+    the particle libraries, which shares corrections among neighbours and lets a fluid sink together. Of fluids `dt` is 1/60 s
+    unless given, with 4 `substeps` of 10 `iterations`. `world`: parts of several families, each by its own solver (bodies
+    shape-matching; tetrahedra and a mesh xpbd; fluids pbf) in common substeps and iterations.
     """
 
     solver: SolverName = "mass-spring"

@@ -29,7 +29,7 @@ from model.scene.cloth import (
     Fold,
     Wind,
 )
-from model.scene.fluid import FLUID_KINDS, Domain, Fluid
+from model.scene.fluid import FLUID_KINDS, Domain, Fluid, Foam
 from model.scene.members import member_tables, members_of
 from model.scene.mesh import MESH_KINDS, Mesh
 from model.scene.method import Method
@@ -276,6 +276,7 @@ class SceneParts:
     damping: Damping | None = _part("damping")
     domain: Domain | None = _part("domain")
     external: External | None = _part("external")
+    foam: Foam | None = _part("foam")
     fold: Fold | None = _part("fold")
     gravity: Gravity | None = _part("gravity")
     manufactured: Manufactured | None = _part("manufactured")

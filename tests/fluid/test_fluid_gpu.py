@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from fluid_scenes import in_a_cup
 from small_fluids import few, flat, rich, stirred
 
 from app.driver import open_simulation
@@ -19,6 +20,7 @@ SCENES = {
     "flat": flat(),
     "averaged": flat(scheme="averaged"),
     "few": few(),
+    "cup": in_a_cup(),
     "many": few((1.0, 0.5, 0.75)),
 }
 

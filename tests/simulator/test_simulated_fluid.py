@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from fluid_scenes import in_a_cup
 from small_fluids import few, flat, rich, stirred
 
 from app.driver import open_simulation
@@ -18,6 +19,7 @@ SCENES = {
     "flat": flat(),
     "averaged": flat(scheme="averaged", iterations=1),
     "few": few((0.1, 0.15, 0.15)),
+    "cup": in_a_cup(),
 }
 
 
@@ -48,7 +50,7 @@ def test_it_is_the_judges_and_stage_by_stage_the_same_bits(name: str) -> None:
 
 
 @pytest.mark.parametrize("precision", ["float64", "float32"])
-@pytest.mark.parametrize("name", ["rich", "flat", "averaged"])
+@pytest.mark.parametrize("name", ["rich", "flat", "averaged", "cup"])
 def test_the_bits_are_the_cpus(name: str, precision: str) -> None:
     """Also of the multipliers, from which pressures are read."""
     found, multipliers = [], []
