@@ -21,6 +21,7 @@ from bench.reference.steps import Motion
 from model.scene.scene import Scene
 from model.scene.sheets import triangles_of
 from model.tetrahedra.attachments import attachment_sets
+from model.world.plan import coupled
 from model.world.solids import solids_of
 
 
@@ -101,7 +102,7 @@ def simulate(
     weight = 1 / scene.world_set.masses
     weight[scene.world_set.pinned_vertices] = 0
     motions = _motions(scene, steps, position, velocity, most, distance)
-    surfaces = _surfaces(scene, distance) if scene.contact else None
+    surfaces = _surfaces(scene, distance) if coupled(scene) else None
     slices = [place for name, place in scene.world_set.slices().items() if name != "fluid"]
     weight = weight[: slices[-1].stop]
     fluid = _Fluid(scene, position, velocity) if "fluid" in scene.members else None
@@ -117,7 +118,7 @@ def simulate(
             now = np.concatenate([place for _, place in moved])
             if fluid:
                 now = fluid.correct(now)
-            for _ in range(scene.contact.sweeps if scene.contact else 0):
+            for _ in range(scene.contact.sweeps if surfaces else 0):  # type: ignore[union-attr]
                 now = projected.project(scene.contact, touching, before, now, weight)  # type: ignore[arg-type]
         places = []
         for motion, place in zip(motions, slices, strict=True):

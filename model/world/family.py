@@ -43,7 +43,11 @@ def _note(scene: Scene) -> str:
     told = "each member by its own method, in common substeps"
     if "fluid" in scene.members:
         told += "; " + fluid_note(scene.members["fluid"])
-    return told if coupled(scene) else told + "; members pass through each other, since it has no [contact]"
+    return (
+        told
+        if coupled(scene) or len(scene.members.keys() - {"fluid"}) < 2
+        else told + "; members pass through each other, since it has no [contact]"
+    )
 
 
 def _stored(scene: Scene, position: np.ndarray, plastic: np.ndarray | None) -> tuple[float, dict[str, float]]:

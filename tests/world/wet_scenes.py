@@ -27,6 +27,7 @@ SHEET: dict[str, Any] = {
 FLOOR = {"kind": "plane", "point": [0.0, -0.15, 0.0], "thickness": 0.0}
 PARTS: dict[str, dict[str, Any]] = {
     "bodies": {"brick": BRICK, "jelly": JELLY, "floor": FLOOR},
+    "bodies that meet": {"brick": BRICK, "jelly": JELLY, "contact": {}},
     "tetrahedra": {"block": BLOCK},
     "cloth": {"cloth": SHEET, "structural": {"compliance": 1e-6}},
     "all": {
