@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from app.render.fluid.outlines import outlines
+from model.fluid.foam import in_reach
 from model.scene.cloth import Plane
 from model.scene.scene import Scene
 
@@ -18,13 +19,13 @@ CEILING = -0.2  # of a plane's unit normal upward: what hangs over a fluid does 
 
 
 def main_part(scene: Scene, position: np.ndarray) -> np.ndarray:
-    """(n, dimensions) [m]: `position` (particles, dimensions) without what is not finite and the few that are far from all
+    """(n, dimensions) [m]: `position` (particles, dimensions) without what is nowhere and the few that are far from all
     others; of scenes without fluids all of it."""
     if not scene.fluids:
         return position
-    known = position[np.isfinite(position).all(axis=1)]
+    known = position[in_reach(position)]
     if not len(known):
-        return position
+        return known
     low, high = np.quantile(known[:: -(-len(known) // SAMPLE)], (FEW, 1 - FEW), axis=0)
     beside = BESIDE * (high - low) + 2 * scene.fluid_set.spacing
     return np.asarray(known[((known >= low - beside) & (known <= high + beside)).all(axis=1)])
