@@ -15,6 +15,7 @@ from app.output.pictures import write_png
 from app.render import colours
 from app.render.camera import finite_bounds
 from app.render.drawn_springs import drawn_strain
+from app.render.fluid.framing import main_part
 from app.render.framing import seen_points, seen_radius
 from app.render.opengl import OFFSCREEN_REMEDY, drawing_text, open_window, renderer_name
 from app.render.views import camera_of, view_of
@@ -94,13 +95,14 @@ class OffscreenRenderer:
 
     def _frame(self, position: np.ndarray, time: float) -> None:
         """Hold these positions; after the first `fit` only ever more, so that a clip does not jump."""
-        there = present(self.scene, position, self._weights)
+        fluid = bool(self.scene.fluids)
+        there = main_part(self.scene, position) if fluid else present(self.scene, position, self._weights)
         bounds = finite_bounds(there)
         if bounds is None:
             return
         margins = MARGINS if self._panel else (40.0, 40.0, 40.0, 40.0)
         legend = self._legends and self._legends.needed(self._view)
-        if self._panel and (self._space or self.scene.fluids) and not legend:
+        if self._panel and (self._space or fluid) and not legend:
             margins = (40.0, 50.0, 40.0, 50.0)
         if self._space:
             self._view.keep_above_ground(bounds[1])

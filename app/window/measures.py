@@ -56,7 +56,8 @@ def measure(
     if wanted < before.strain_range <= KEEP_RANGE * wanted:
         wanted = before.strain_range
     there = [
-        main_part(w.scene, present(w.scene, p, w.body.inverse_mass)) for w, p in zip(worlds, positions, strict=True)
+        main_part(w.scene, p) if w.scene.fluids else present(w.scene, p, w.body.inverse_mass)
+        for w, p in zip(worlds, positions, strict=True)
     ]
     pushed: tuple[float, ...] = ()
     if momentum:

@@ -201,3 +201,20 @@ def test_a_legend_that_is_to_come_has_its_place_from_the_first_picture_on() -> N
     with OffscreenRenderer(scene, 640, 480) as renderer:
         renderer.fit(position)
         assert renderer.camera.to_window(position)[:, 1].min() < 100
+
+
+def test_what_is_nowhere_is_neither_framed_nor_foams() -> None:
+    """Particles that wait for an emitter are told to be a thousand kilometres away."""
+    scene = water(**FLAT)
+    position = scene.fluid_set.position.copy()
+    position[3:] = -(2.0**20)
+    assert len(main_part(scene, position)) == 3 and len(main_part(scene, position[3:])) == 0
+    assert np.abs(seen_points(scene, position, 0.0)).max() < 1
+    assert len(seen_points(scene, position[3:], 0.0)) == 0
+    velocity = np.zeros_like(position)
+    velocity[:3, 0] = 1, -1, 1
+    some, all_of_them = FoamPoints(scene, Foam(speed=0.5, rate=500.0)), FoamPoints(scene, Foam(speed=0.5, rate=500.0))
+    for step in range(3):
+        some.follow(position[:3], velocity[:3], step / 60)
+        all_of_them.follow(position, velocity, step / 60)
+    assert len(some) and some.position.tobytes() == all_of_them.position.tobytes()

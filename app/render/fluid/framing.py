@@ -7,24 +7,25 @@ from collections.abc import Sequence
 import numpy as np
 
 from app.render.fluid.outlines import outlines
+from model.fluid.foam import in_reach
 from model.scene.cloth import Plane
 from model.scene.scene import Scene
 
 FEW = 0.03  # of the particles, at each end of an axis, that may be out of sight
 BESIDE = 0.25  # of the others' extent: what is farther from them than this is
 SAMPLE = 20_000  # particles: of more, some tell where most are
-TANK = 2.0  # times the fluids' first extent: how far a wall may be that belongs to the picture
+TANK = 3.0  # times the fluids' first extent: how far a wall may be that belongs to the picture
 CEILING = -0.2  # of a plane's unit normal upward: what hangs over a fluid does not
 
 
 def main_part(scene: Scene, position: np.ndarray) -> np.ndarray:
-    """(n, dimensions) [m]: `position` (particles, dimensions) without what is not finite and the few that are far from all
+    """(n, dimensions) [m]: `position` (particles, dimensions) without what is nowhere and the few that are far from all
     others; of scenes without fluids all of it."""
     if not scene.fluids:
         return position
-    known = position[np.isfinite(position).all(axis=1)]
+    known = position[in_reach(position)]
     if not len(known):
-        return position
+        return known
     low, high = np.quantile(known[:: -(-len(known) // SAMPLE)], (FEW, 1 - FEW), axis=0)
     beside = BESIDE * (high - low) + 2 * scene.fluid_set.spacing
     return np.asarray(known[((known >= low - beside) & (known <= high + beside)).all(axis=1)])
