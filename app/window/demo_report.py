@@ -69,10 +69,11 @@ def title_text(demo: Demo, number: int) -> str:
 
 
 def strain_text(demo: Demo) -> str:
-    """The worst strain, how far a particle of bodies is from its goal, or how much a fluid is pressed."""
+    """The worst strain, how far a particle of bodies is from its goal, or how much a fluid is pressed and how fast it is."""
     worst = demo.statistics.worst_strain
     if demo.world.scene.fluids:
-        return "density error not looked at" if math.isnan(worst) else f"largest density error {worst:+.2%}"
+        fastest = f"fastest {demo.statistics.fastest:.3g} m/s"
+        return fastest if math.isnan(worst) else f"largest density error {worst:+.2%}, {fastest}"
     if demo.world.scene.bodies:
         return f"farthest from its goal {worst:.3g} spacings"
     return f"worst strain {worst:+.4g}"

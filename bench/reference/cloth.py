@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from bench.reference import distance_field, mesh_collider
+from bench.reference.contact import distance_field, mesh_collider
 from bench.reference.philox import random_directions
 from bench.reference.steps import Poke, masses, named_mask, pinned_mask
 from model.contact.mesh_collider import MeshCollider
@@ -236,7 +236,7 @@ def _entries(a: np.ndarray, b: np.ndarray, reach: float) -> tuple[np.ndarray, np
     return caught, a + np.where(caught, t, 0.0) * way
 
 
-def _touched(collider: Any, slow: float, velocity: np.ndarray, normal: np.ndarray, surface: Any = None) -> np.ndarray:
+def touched(collider: Any, slow: float, velocity: np.ndarray, normal: np.ndarray, surface: Any = None) -> np.ndarray:
     """Velocities (..., 3) after contact: nothing into the collider, and Coulomb friction relative to it (to its `surface`
     [m/s], where that moves in another way). Of what comes faster than `slow` [m/s], the restitution comes back."""
     surface = collider.velocity if surface is None else surface
@@ -265,7 +265,7 @@ def collide(
     for kind, collider in scene.colliders:
         if isinstance(collider, MeshCollider | DistanceField):
             old, new, speed = (array.reshape(-1, 3) for array in (before, position, velocity))
-            times = step * dt, (step + 1) * dt, partial(_touched, collider, slow)
+            times = step * dt, (step + 1) * dt, partial(touched, collider, slow)
             if isinstance(collider, MeshCollider):
                 settled, answered = mesh_collider.collide(collider, old, new, speed, *times)
             else:
@@ -285,5 +285,5 @@ def collide(
             normal = np.where(caught, _unit(entered)[1], normal)
             touching = touching | caught
         position = np.where(touching & free, settled, position)
-        velocity = np.where(touching & free, _touched(collider, slow, velocity, normal), velocity)
+        velocity = np.where(touching & free, touched(collider, slow, velocity, normal), velocity)
     return position, velocity

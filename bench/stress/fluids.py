@@ -205,8 +205,8 @@ def _momentum(trial: Trial, state: State, velocity: np.ndarray, speed: float, se
 
 
 def stops_at_a_plate(trial: Trial) -> list[Check]:
-    """F8: a block and a plate meet with almost the largest speed that there is. A plate whose half and thickness together are
-    what a particle may go in a substep, half a support, is not passed."""
+    """F8: a block and a plate meet with almost the largest speed that there is. However thin the plate, no way leads through
+    it, and nothing ends beyond it."""
     (plate,) = (part for kind, part in trial.scene.colliders if isinstance(part, Box))
     fastest, through = 0.0, 0
     for state in trial.watch(range(1, trial.steps(FREE) + 1)):

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from cpu_backend.contact.swept import make_swept
 from cpu_backend.core.compile import Compiler
 from cpu_backend.core.layout import block_of, row_at
 from model.formulas import cloth, colliders, distance_field, triangle_tree
@@ -122,6 +123,9 @@ def make_touches(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simple
         cx, cy, cz = point(body, end)
         distance, nx, ny, nz = box(px - cx, py - cy, pz - cz, body[B_U], body[B_V], body[B_W])
         return push(body, slow, distance, nx, ny, nz, px, py, pz, vx, vy, vz)
+
+    if "swept" in parts:
+        touch_capsule, touch_box = make_swept(compiler, real, pushing)
 
     def of_surface(topic: Any) -> Any:
         """Swept, in the collider's own frame: see model/formulas/frame.py."""

@@ -6,18 +6,27 @@ from typing import Any
 
 import numpy as np
 
-from cpu_backend.contact.colliders import BOX, CAPSULE, PLANE, SPHERE, make_push
+from cpu_backend.contact.colliders import CAPSULE, FIELD, MESH, PLANE, SPHERE, make_push
 from cpu_backend.core.compile import Compiler
 from cpu_backend.core.layout import row_at
 from model.fluid.plan import WALLS
 from model.formulas import colliders
-from model.formulas.fluid import density
+from model.formulas.fluid import density, surfaces
 from model.mass_spring.cloth_parameters import (
     B_RADIUS,
+    B_SPIN,
     B_THICKNESS,
+    B_TREE,
+    B_TURNS,
     B_U,
     B_V,
+    B_VX,
+    B_VY,
+    B_VZ,
     B_W,
+    B_X,
+    B_Y,
+    B_Z,
     COLLIDER_FIELDS,
 )
 
@@ -30,12 +39,28 @@ def make_walls(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
     plane, sphere, capsule, box = distances.plane, distances.sphere, distances.capsule, distances.box
     beyond, wall_near, wall_density = formulas.beyond, formulas.wall_near, formulas.wall_density
     wall_slope, joined_density, joined_gradient = formulas.wall_slope, formulas.joined_density, formulas.joined_gradient
-    has_plane, has_sphere, has_capsule, has_box = (kind in parts for kind in WALLS)
+    surface = surfaces.make(real, compiled)
+    mesh, field = surface.mesh_collider, surface.distance_field
+    has_plane, has_sphere, has_capsule, _, has_mesh, has_field = (kind in parts for kind in WALLS)
     zero = real(0)
 
     @compiled
-    def away(body, kind, dx, dy, dz):
-        """(distance, normal) of a place from the surface of a collider that is at 0."""
+    def beyond_surface(body, away, time, reach, x, y, z):
+        """Of one made from a mesh; `away`: of model/formulas/fluid/surfaces.py."""
+        return away(
+            body, np.int32(body[B_TREE]), body[B_X], body[B_Y], body[B_Z], body[B_VX], body[B_VY], body[B_VZ], body[B_U],
+            body[B_V], body[B_W], body[B_SPIN], body[B_TURNS], time, x, y, z, reach,
+        )  # fmt: skip
+
+    @compiled
+    def away(body, kind, time, reach, x, y, z):
+        """(distance, normal) of a place from the surface of a collider; `reach` where one made from a mesh is farther."""
+        if has_mesh and kind == MESH:
+            return beyond_surface(body, mesh, time, reach, x, y, z)
+        if has_field and kind == FIELD:
+            return beyond_surface(body, field, time, reach, x, y, z)
+        cx, cy, cz = point(body, time)
+        dx, dy, dz = x - cx, y - cy, z - cz
         if has_plane and kind == PLANE:
             return plane(dx, dy, dz, body[B_U], body[B_V], body[B_W])
         if has_sphere and kind == SPHERE:
@@ -48,15 +73,8 @@ def make_walls(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
     def walls(bodies, kinds, time, parameters, x, y, z):
         total, gx, gy, gz = zero, zero, zero, zero
         for b in range(kinds.size):
-            kind = kinds[b]
-            is_wall = (
-                (has_plane and kind == PLANE) or (has_sphere and kind == SPHERE) or (has_capsule and kind == CAPSULE)
-            ) or (has_box and kind == BOX)  # fmt: skip
-            if not is_wall:
-                continue
             body = row_at(bodies, np.int64(b * COLLIDER_FIELDS))
-            cx, cy, cz = point(body, time)
-            distance, nx, ny, nz = away(body, kind, x - cx, y - cy, z - cz)
+            distance, nx, ny, nz = away(body, kinds[b], time, parameters.support + body[B_THICKNESS], x, y, z)
             t = wall_near(beyond(distance, body[B_THICKNESS]), parameters.inverse_support)
             if t > zero:
                 share, slope = wall_density(t, parameters.wall_scale), wall_slope(t, parameters.wall_gradient)

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from gpu_backend.contact.swept import make_swept
 from gpu_backend.core.compile import inlined
 from gpu_backend.core.formulas import device_formulas
 from gpu_backend.core.integers import BOXES, CAPSULES, COLLIDERS, FIELDS, MESHES, PLANES, SPHERES
@@ -150,6 +151,8 @@ def make_collide(real: Any, math: str, parts: frozenset[str]) -> Any:
     """
     meet_plane, meet_sphere, meet_capsule, meet_box, meet_mesh, meet_field = _make_meetings(real, math, parts)
     settling_speed = device_formulas(colliders.make, real, math).settling_speed
+    swept = "swept" in parts
+    sweep_capsule, sweep_box = make_swept(real, math, _make_answers(real, math, parts))
     instant, bounces = device_formulas(cloth.make, real, math).instant, "restitution" in parts
     has_planes, has_spheres, has_capsules = "plane" in parts, "sphere" in parts, "capsule" in parts
     has_boxes, has_meshes, has_fields = "box" in parts, "mesh_collider" in parts, "distance_field" in parts
@@ -173,11 +176,21 @@ def make_collide(real: Any, math: str, parts: frozenset[str]) -> Any:
                     at = np.int32(at + COLLIDER_FIELDS)
             if has_capsules:
                 for _ in range(np.int32(integers[CAPSULES])):
-                    px, py, pz, vx, vy, vz = meet_capsule(px, py, pz, vx, vy, vz, slow, bodies, at, end)
+                    if swept:
+                        begin = instant(step, *clock)
+                        px, py, pz, vx, vy, vz = sweep_capsule(
+                            before, px, py, pz, vx, vy, vz, slow, bodies, at, begin, end
+                        )
+                    else:
+                        px, py, pz, vx, vy, vz = meet_capsule(px, py, pz, vx, vy, vz, slow, bodies, at, end)
                     at = np.int32(at + COLLIDER_FIELDS)
             if has_boxes:
                 for _ in range(np.int32(integers[BOXES])):
-                    px, py, pz, vx, vy, vz = meet_box(px, py, pz, vx, vy, vz, slow, bodies, at, end)
+                    if swept:
+                        begin = instant(step, *clock)
+                        px, py, pz, vx, vy, vz = sweep_box(before, px, py, pz, vx, vy, vz, slow, bodies, at, begin, end)
+                    else:
+                        px, py, pz, vx, vy, vz = meet_box(px, py, pz, vx, vy, vz, slow, bodies, at, end)
                     at = np.int32(at + COLLIDER_FIELDS)
             if has_meshes:
                 begin = instant(step, *clock)

@@ -9,12 +9,15 @@ import numpy as np
 
 from gpu_backend.core.compile import inlined
 from gpu_backend.core.formulas import device_formulas
-from gpu_backend.core.integers import BOXES, CAPSULES, PLANES, SPHERES
+from gpu_backend.core.integers import BOXES, CAPSULES, FIELDS, MESHES, PLANES, SPHERES
 from model.formulas import cloth, colliders
-from model.formulas.fluid import density
+from model.formulas.fluid import density, surfaces
 from model.mass_spring.cloth_parameters import (
     B_RADIUS,
+    B_SPIN,
     B_THICKNESS,
+    B_TREE,
+    B_TURNS,
     B_U,
     B_V,
     B_VX,
@@ -39,6 +42,7 @@ def make_walls(real: Any, math: str, parts: frozenset[str]) -> Any:
     times = device_formulas(cloth.make, real, math)
     instant, moved, inline, zero, next_one = times.instant, times.moved, inlined(math), real(0), np.int64(1)
     has_planes, has_spheres, has_capsules, has_boxes = (kind in parts for kind in ("plane", "sphere", "capsule", "box"))
+    (mesh, field), has_meshes, has_fields = surfaces_of(real, math), "mesh_collider" in parts, "distance_field" in parts
 
     @inline
     def way(p, bodies, at, time):
@@ -85,6 +89,34 @@ def make_walls(real: Any, math: str, parts: frozenset[str]) -> Any:
                 dx, dy, dz = way(p, bodies, at, end)
                 surface = box(dx, dy, dz, bodies[at + B_U], bodies[at + B_V], bodies[at + B_W])
                 found, at = joined(found, surface, bodies, at, parameters), np.int32(at + COLLIDER_FIELDS)
+        if has_meshes:
+            for _ in range(np.int32(integers[MESHES])):
+                found = joined(found, mesh(p, bodies, at, end, parameters), bodies, at, parameters)
+                at = np.int32(at + COLLIDER_FIELDS)
+        if has_fields:
+            for _ in range(np.int32(integers[FIELDS])):
+                found = joined(found, field(p, bodies, at, end, parameters), bodies, at, parameters)
+                at = np.int32(at + COLLIDER_FIELDS)
         return found
 
     return walls
+
+
+def surfaces_of(real: Any, math: str) -> tuple[Any, Any]:
+    """(mesh, field)(p, bodies, at, time, parameters) -> (distance, nx, ny, nz) of a particle at p (a quad) from a collider
+    made from a mesh, whose row begins at `at`."""
+    found, inline = device_formulas(surfaces.make, real, math), inlined(math)
+
+    def of(away: Any) -> Any:
+        @inline
+        def surface(p, bodies, at, time, parameters):
+            return away(
+                bodies, np.int32(at + np.int32(bodies[at + B_TREE])), bodies[at + B_X], bodies[at + B_Y], bodies[at + B_Z],
+                bodies[at + B_VX], bodies[at + B_VY], bodies[at + B_VZ], bodies[at + B_U], bodies[at + B_V],
+                bodies[at + B_W], bodies[at + B_SPIN], bodies[at + B_TURNS], time, p[0], p[1], p[2],
+                parameters.support + bodies[at + B_THICKNESS],
+            )  # fmt: skip
+
+        return surface
+
+    return of(found.mesh_collider), of(found.distance_field)

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from math import inf
+from math import hypot, inf
 
 from model.core.family import SolverFamily
 from model.fluid.measure import density_errors
 from model.fluid.parameters import fluid_record, highest_viscosity, speed_limit
-from model.fluid.plan import WALLS, fluid_plan
+from model.fluid.plan import fluid_plan
 from model.scene.cloth import COLLIDER_KINDS
 from model.scene.scene import Scene
 
@@ -15,20 +15,27 @@ from model.scene.scene import Scene
 def fluid_note(scene: Scene) -> str:
     """A line on what the method does to a motion, and what it holds back."""
     slowest = min(speed_limit(scene, part) for part in scene.fluids.values())
-    told = f"density is kept by positions, at any step size; nothing is faster than {slowest:.3g} m/s"
+    kept = "positions"
+    if scene.method.scheme == "divergence-free":
+        kept = (
+            f"velocities, {scene.method.iterations} iterations for their divergence and as many for the density to come"
+        )
+    told = f"density is kept by {kept}, at any step size; nothing is faster than {slowest:.3g} m/s"
     for name, part in scene.fluids.items():
         most = highest_viscosity(scene, part)
         if part.viscosity > most:
             told += f"; of {name}.viscosity only {most:.3g} Pa s act at this substep"
     if scene.method.scheme == "averaged":
         told += "; the averaged scheme lets a fluid sink together"
-    silent = sorted({kind for kind, _ in scene.colliders} - set(WALLS))
-    return told + (f"; {' and '.join(silent)} add nothing to its density" if silent else "")
+    fast = [name for name, part in scene.all_of(*COLLIDER_KINDS).items() if hypot(*part.velocity) > slowest]
+    if fast:
+        told += f"; {' and '.join(fast)} is faster than that: it pushes the fluid on, which lags behind"
+    return told
 
 
 FLUID = SolverFamily(
     name="fluid",
-    knows=frozenset({"fluid", "domain", "gravity", "external", "method", *COLLIDER_KINDS}),
+    knows=frozenset({"fluid", "domain", "foam", "gravity", "external", "method", *COLLIDER_KINDS}),
     accepts=lambda scene: bool(scene.fluids),
     plan=fluid_plan,
     record=fluid_record,

@@ -11,13 +11,14 @@ import numpy as np
 from pydantic import model_validator
 
 from model.assets.strokes import blended, extruded, letters, outline, polygon, tube, union
+from model.geometry.cup import cup
 from model.geometry.mesh import TriangleMesh, triangle_mesh
 from model.geometry.sheets import cell_corners, sheet_triangles
 from model.geometry.surface_nets import Field, surface
 from model.scene.parts import Count, Part, Positive
 
 ShapeName = Literal[
-    "star", "torus", "beam", "blob", "octopus", "letters", "sheet", "terrain", "box", "ball", "pipe", "creature"
+    "star", "torus", "beam", "blob", "octopus", "letters", "sheet", "terrain", "box", "ball", "pipe", "creature", "cup"
 ]  # fmt: skip
 
 FINEST, FINEST_TERRAIN = 200, 40
@@ -34,6 +35,7 @@ COARSEST = {
     "ball": 8,
     "pipe": 8,
     "creature": 40,
+    "cup": 2,
 }  # what their thinnest parts ask for
 BEAM, BOX = (1.0, 0.25, 0.25), (1.0, 1.0, 1.0)  # m
 TORUS = (0.35, 0.15)  # m: of the ring, of its tube
@@ -48,10 +50,10 @@ GAP = 0.25  # m: between letters: clusters of up to that radius do not reach acr
 class Shape(Part):
     """One of the lab's meshes: a star of five points, a torus, a beam 1 m x 0.25 m x 0.25 m, a blob with ears, an octopus,
     letters a metre tall, a sheet of a square metre, a terrain of gentle hills, 8 m x 8 m, with a raised rim, a box, a ball, a
-    pipe, or a creature that stands, with fingers.
+    pipe, a creature that stands, with fingers, or a cup 1 m high and 0.8 m across, of walls 5 cm thick.
 
-    `resolution`: edges of triangles to a metre, roughly; `scale`: times its size; `text` of letters: any of LETTERS; `sides`
-    of a box [m]: a cube of a metre unless given.
+    `resolution`: edges of triangles to a metre, roughly; `scale`: times its size; `text` of letters: up to 16
+    of A B E F J L O S T Y; `sides` of a box [m]: a cube of a metre unless given.
     """
 
     name: ShapeName
@@ -265,4 +267,5 @@ MAKERS: dict[str, Callable[[Shape], tuple[np.ndarray, np.ndarray]]] = {
     "ball": _ball,
     "pipe": _pipe,
     "creature": _creature,
+    "cup": lambda shape: cup(shape.resolution),
 }

@@ -82,7 +82,41 @@ def averaged() -> Scene:
     )  # fmt: skip
 
 
-SCENES = {"column": column_scene, "two fluids": two_fluids, "flat": flat, "averaged": averaged}
+def free(scene: Scene) -> Scene:
+    """The same by velocities that keep density and have no divergence."""
+    return scene.replace({"method.scheme": "divergence-free"})
+
+
+def in_a_cup() -> Scene:
+    """In a cup, a mesh that tips and moves, above a field and a ball that come on."""
+    return Scene(
+        {
+            "water": {"kind": "fluid", "origin": [-0.1, -0.1, -0.1], "size": [0.2, 0.15, 0.2]},
+            "cup": {
+                "kind": "mesh_collider", "shape": {"name": "cup", "resolution": 4, "scale": 0.5}, "spin": [0.2, 0.0, 3.0],
+                "velocity": [0.0, 0.3, 0.1], "origin": [0.0, 0.13, 0.0], "static_friction": 0.3, "dynamic_friction": 0.2,
+            },
+            "block": {
+                "kind": "distance_field", "shape": {"name": "box", "resolution": 2, "scale": 0.2}, "spacing": 0.05,
+                "origin": [0.02, -0.22, 0.0], "spin": [0.0, 2.0, 0.0], "velocity": [0.0, 0.2, 0.0],
+            },
+            "gravity": {},
+            "method": METHOD,
+        }
+    )  # fmt: skip
+
+
+SCENES = {
+    "column": column_scene,
+    "two fluids": two_fluids,
+    "flat": flat,
+    "averaged": averaged,
+    "free column": lambda: free(column_scene()),
+    "free two fluids": lambda: free(two_fluids()),
+    "free flat": lambda: free(flat()),
+    "cup": in_a_cup,
+    "free cup": lambda: free(in_a_cup()),
+}
 
 
 def shaken(scene: Scene, seed: int = 1) -> State:

@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 
 from model.assets.strokes import letters
 from model.core.errors import SoftlabError
+from model.geometry.cup import HEIGHT, RADIUS, WALL
 from model.geometry.mesh import triangle_mesh
 from model.geometry.shapes import BEAM, COARSEST, FINEST, LETTER_DEPTH, STAR_DEPTH, TORUS, Shape
 from model.geometry.solid import solid
@@ -23,6 +24,7 @@ SHAPES = {
     "ball": {},
     "pipe": {},
     "creature": {},
+    "cup": {},
 }
 EULER = {"torus": 0, "pipe": 0}  # of the others 2 a piece
 HOLES = {"A": 1, "B": 2, "O": 1}
@@ -94,6 +96,19 @@ def test_the_torus_has_its_volume():
         assert volume_of(arrays(mesh)) < 2 * np.pi**2 * ring * tube**2
         far = np.hypot(np.hypot(mesh.position[:, 0], mesh.position[:, 2]) - ring, mesh.position[:, 1])
         assert np.allclose(far, tube, rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("resolution", [2, 20])
+def test_the_cup_has_its_volume_and_holds_what_it_should(resolution):
+    """Two prisms over regular polygons of n corners, one in the other: an area of n / 2 sin(2 pi / n) r^2 each; at the middle
+    of its rim there is nothing, so that it can be filled from above."""
+    mesh = Shape(name="cup", resolution=resolution).mesh()
+    n = max(6, round(2 * np.pi * RADIUS * resolution))
+    area = n / 2 * np.sin(2 * np.pi / n)
+    wanted = area * (RADIUS**2 * HEIGHT - (RADIUS - WALL) ** 2 * (HEIGHT - WALL))
+    assert volume_of(arrays(mesh)) == pytest.approx(wanted, rel=1e-12)
+    inner = mesh.position[np.hypot(mesh.position[:, 0], mesh.position[:, 2]) < RADIUS - 1.5 * WALL]
+    assert inner[:, 1].max() == pytest.approx(WALL - HEIGHT / 2)
 
 
 def test_the_stars_faces_are_flat():

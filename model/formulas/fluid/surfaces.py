@@ -1,0 +1,93 @@
+"""How far a particle is from a collider made from a mesh, for what that adds to its density: in the collider's own frame
+(model/formulas/frame.py).
+
+Of a mesh the nearest point of all triangles, of either side; of a field the interpolated distance, and beyond half a cell
+from the ends of its grid that at the nearest place there, and the way to it.
+"""
+
+from __future__ import annotations
+
+from math import sqrt
+from types import SimpleNamespace
+
+import numpy as np
+
+from model.formulas import plain
+from model.formulas.cloth import make as make_cloth
+from model.formulas.distance_field import NULL, make_field
+from model.formulas.frame import make as make_frame
+from model.formulas.lengths import make as make_lengths
+from model.formulas.motion import make as make_motion
+from model.formulas.triangle_tree import make_tree
+
+
+def make(real, compiled=plain):
+    """`mesh_collider`, `distance_field` (numbers, place, o (3), q (3), e (3), spin, turns, time, x, y, z, reach) ->
+    (distance, nx, ny, nz), in the arithmetic `real`: of a place (x, y, z) [m] at `time` [s]; `reach` [m] and no normal
+    where it is farther than that, or no direction leads away. `place`: where in `numbers` the collider's begin; the rest as
+    in frame.py."""
+    frame, moved = make_frame(real, compiled), make_cloth(real, compiled).moved
+    turned, sine_cosine = frame.turned, make_motion(real, compiled).sine_cosine
+    zero, one = real(0), real(1)
+
+    def seen(away):
+        """From outside the frame: away(numbers, place, x, y, z, reach), in it."""
+
+        @compiled
+        def distance(numbers, place, ox, oy, oz, qx, qy, qz, ex, ey, ez, spin, turns, time, x, y, z, reach):
+            x, y, z = x - moved(ox, qx, time), y - moved(oy, qy, time), z - moved(oz, qz, time)
+            sine, cosine = zero, one
+            if spin != zero:
+                sine, cosine = sine_cosine(turns * time)
+                x, y, z = turned(x, y, z, ex, ey, ez, -sine, cosine)
+            length, nx, ny, nz = away(numbers, place, x, y, z, reach)
+            if spin != zero:
+                nx, ny, nz = turned(nx, ny, nz, ex, ey, ez, sine, cosine)
+            return length, nx, ny, nz
+
+        return distance
+
+    return SimpleNamespace(
+        mesh_collider=seen(make_from_mesh(real, compiled)), distance_field=seen(make_from_field(real, compiled))
+    )
+
+
+def make_from_mesh(real, compiled):
+    """away(numbers, tree, x, y, z, reach) -> (distance, nx, ny, nz), of a mesh, in the arithmetic `real`."""
+    nearest, zero = make_tree(real, compiled).nearest, real(0)
+
+    @compiled
+    def away(numbers, tree, x, y, z, reach):
+        squared, wx, wy, wz, place = nearest(numbers, tree, x, y, z, reach * reach)
+        if place < 0 or not squared > zero:
+            return reach, zero, zero, zero
+        length = sqrt(squared)
+        return length, wx / length, wy / length, wz / length
+
+    return away
+
+
+def make_from_field(real, compiled):
+    """The same of a field."""
+    between, norm = make_cloth(real, compiled).between, make_lengths(real, compiled).length
+    sample = make_field(real, compiled, between).sample
+    zero, half, null = real(0), real(0.5), real(NULL)
+
+    @compiled
+    def held(x, low, cells, per_metre):
+        """The nearest place along an axis that lies half a cell within the grid."""
+        return min(max(x, low + half / per_metre), low + (cells - half) / per_metre)
+
+    @compiled
+    def away(numbers, field, x, y, z, reach):
+        field, per_metre = np.int32(field), numbers[field + 6]
+        u = held(x, numbers[field + 3], numbers[field], per_metre)
+        v = held(y, numbers[field + 4], numbers[field + 1], per_metre)
+        w = held(z, numbers[field + 5], numbers[field + 2], per_metre)
+        distance, nx, ny, nz = sample(numbers, field, u, v, w)
+        size = norm(nx, ny, nz)
+        if not size * per_metre > null:
+            return reach, zero, zero, zero
+        return distance + norm(x - u, y - v, z - w), nx / size, ny / size, nz / size
+
+    return away

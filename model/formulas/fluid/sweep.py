@@ -1,0 +1,88 @@
+"""Where a particle's way within a substep leads through a capsule or a box: what is thinner than that way, or moves
+as fast, is not passed. All in the collider's own frame, so that one that moves sweeps particles along.
+
+A box by its faces' slabs (T. Kay and J. Kajiya, "Ray tracing complex scenes", SIGGRAPH 1986); a capsule as a cylinder and two
+balls (`sphere_entry` of model/formulas/colliders.py).
+"""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+from model.formulas import plain
+from model.formulas.colliders import make as make_colliders
+
+CONTACT = (
+    1e-3  # of half an edge: so little inside, a particle counts as on the face, whatever rounding made of its place
+)
+OPERATIONS = 60
+
+
+def make(real, compiled=plain):
+    """`capsule_entry`, `box_face` in the arithmetic `real`."""
+    zero, one, contact = real(0), real(1), real(CONTACT)
+    sphere_entry = make_colliders(real, compiled).sphere_entry
+
+    @compiled
+    def capsule_entry(ax, ay, az, bx, by, bz, ex, ey, ez, reach):
+        """The part of the way from a to b (from the segment's start, to whose end leads e) after which it is within `reach`
+        of the segment; 1 where `sphere_entry` would say so."""
+        squared = (ex * ex + ey * ey) + ez * ez
+        if squared > zero:
+            begin = ((ax * ex + ay * ey) + az * ez) / squared
+            end = ((bx * ex + by * ey) + bz * ez) / squared
+            part = sphere_entry(
+                ax - begin * ex, ay - begin * ey, az - begin * ez, bx - end * ex, by - end * ey, bz - end * ez, reach
+            )
+            along = begin + part * (end - begin)
+            if part < one and along >= zero and along <= one:
+                return part
+        first = sphere_entry(ax, ay, az, bx, by, bz, reach)
+        return min(first, sphere_entry(ax - ex, ay - ey, az - ez, bx - ex, by - ey, bz - ez, reach))
+
+    @compiled
+    def side_of(a):
+        return one if a >= zero else -one
+
+    @compiled
+    def met(a, b, half):
+        """The part of the way from a to b, along one axis, after which the face on a's side is met; -1 where it is not."""
+        side = side_of(a)
+        out, inward = side * a - half, side * (a - b)
+        if out < -contact * half or inward <= zero:
+            return -one
+        return max(out, zero) / inward
+
+    @compiled
+    def within(a, b, part, half):
+        return abs(a + part * (b - a)) <= half
+
+    @compiled
+    def box_face(ax, ay, az, bx, by, bz, hx, hy, hz):
+        """(depth, nx, ny, nz) of a way from a to b (from the centre; `h`: half the edges) that enters by the face of normal n
+        and ends so deep [m] behind it; n is 0 where it does not enter, or ends inside and nearest to that face, by which it
+        is led out anyway."""
+        tx, ty, tz = met(ax, bx, hx), met(ay, by, hy), met(az, bz, hz)
+        part = max(max(tx, ty), tz)
+        if part < zero or part > one:
+            return zero, zero, zero, zero
+        qx, qy, qz = abs(bx) - hx, abs(by) - hy, abs(bz) - hz
+        inside = qx <= zero and qy <= zero and qz <= zero
+        if tx >= ty and tx >= tz:
+            side = side_of(ax)
+            led = inside and qx >= qy and qx >= qz and side_of(bx) == side
+            if not led and within(ay, by, part, hy) and within(az, bz, part, hz):
+                return hx - side * bx, side, zero, zero
+        elif ty >= tz:
+            side = side_of(ay)
+            led = inside and qy > qx and qy >= qz and side_of(by) == side
+            if not led and within(ax, bx, part, hx) and within(az, bz, part, hz):
+                return hy - side * by, zero, side, zero
+        else:
+            side = side_of(az)
+            led = inside and qz > qx and qz > qy and side_of(bz) == side
+            if not led and within(ax, bx, part, hx) and within(ay, by, part, hy):
+                return hz - side * bz, zero, zero, side
+        return zero, zero, zero, zero
+
+    return SimpleNamespace(capsule_entry=capsule_entry, box_face=box_face)
