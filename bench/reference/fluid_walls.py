@@ -11,7 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from bench.reference import cloth, distance_field, mesh_collider
+from bench.reference import cloth
+from bench.reference.contact import distance_field, mesh_collider
 from model.contact.mesh_collider import MeshCollider
 from model.geometry.distance_field import DistanceField
 from model.scene.scene import Scene

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from bench.reference import cloth, cluster_material, mass_spring, xpbd
-from bench.reference.particle_contacts import Contacts
+from bench.reference.contact.particle_contacts import Contacts
 from bench.reference.steps import Motion, alone
 from model.core.errors import SceneError
 from model.scene.scene import Scene

@@ -2,7 +2,7 @@
 
 The substep of bench/reference/tetrahedra.py, with a cloth's constraints as bench/reference/xpbd_mesh.py projects them, what
 attachments hold (a - sum s x = 0, three components of one weight; M. Macklin et al., "XPBD", MIG 2016, eq. 17 and 18), and
-contacts as in bench/reference/surface_contacts.py. Of the model it takes the meshes, the order of constraints, and which
+contacts as in contact/surface_contacts.py. Of the model it takes the meshes, the order of constraints, and which
 points of a tetrahedron or a triangle vertices are attached to.
 """
 
@@ -13,8 +13,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from bench.reference import cloth as cloth_colliders
-from bench.reference import contacts as projected
-from bench.reference import surface_contacts, xpbd_mesh
+from bench.reference import xpbd_mesh
+from bench.reference.contact import self_contacts as projected
+from bench.reference.contact import surface_contacts
 from bench.reference.finite_elements import Body, shape_gradients
 from bench.reference.steps import Motion, alone
 from bench.reference.tetrahedra import Sweep

@@ -1,7 +1,7 @@
 """Bodies of clusters, tetrahedral bodies and cloths in one world, in slow, plain NumPy float64: the judge of both backends.
 
 Each member moves as its own reference has it (shape_matching.py, tetrahedra_cloth.py, xpbd_mesh.py), stopped when it has
-predicted and after every iteration; then what members meet is projected as bench/reference/contacts.py projects contacts:
+predicted and after every iteration; then what members meet is projected as contact/self_contacts.py projects contacts:
 particles of bodies, as balls, against every triangle of the others. A ball keeps its radius and half of what surfaces keep.
 """
 
@@ -12,9 +12,10 @@ from itertools import pairwise
 
 import numpy as np
 
-from bench.reference import contacts as projected
-from bench.reference import shape_matching, surface_contacts, tetrahedra_cloth, xpbd_mesh
-from bench.reference.contacts import Found
+from bench.reference import shape_matching, tetrahedra_cloth, xpbd_mesh
+from bench.reference.contact import self_contacts as projected
+from bench.reference.contact import surface_contacts
+from bench.reference.contact.self_contacts import Found
 from bench.reference.steps import Motion
 from model.scene.scene import Scene
 from model.scene.sheets import triangles_of
