@@ -102,8 +102,8 @@ test_hard_bodies.py test_the_laws*S7?16* test_the_laws*B20* test_the_laws*flight
     test_the_laws*A10?plane* test_the_laws*A10?line*
 test_hard_tetrahedra.py test_the_laws*vbd* test_the_laws*float32*
 # of fluids: the cases that share a kernel
-test_hard_fluids.py test_the_laws*averaged* test_the_laws*float32* test_the_laws*F4* test_the_laws*F6?drawn*
-    test_the_laws*F7?two*
+test_hard_fluids.py test_the_laws*averaged* test_the_laws*divergence* test_the_laws*float32* test_the_laws*F4*
+    test_the_laws*F6?drawn* test_the_laws*F7?two*
 test_hard_xpbd.py test_a_thousandfold* test_they_hold*implicit* test_they_hold*B23*
 test_hard_cloth.py test_the_laws*rk4*
 test_contacts_scenes.py test_layers*

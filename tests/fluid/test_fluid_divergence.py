@@ -131,7 +131,7 @@ def test_a_wall_that_comes_on_takes_what_is_at_rest_along() -> None:
     assert np.abs(solver.came[scene.fluid_set.position[:, 0] > 2 * D]).max() == 0
     found, multiplier = solver.substep(np.zeros((len(layer), 3)), lambda v, c: v)
     pressed = layer & (solver.c > -1 / 8)
-    assert pressed.sum() == 4 and found[pressed, 0].min() > 0 and multiplier[pressed].max() < 0
+    assert pressed.sum() == 12 and found[pressed, 0].min() > 0 and multiplier[pressed].max() < 0
 
 
 def test_what_is_told_and_refused() -> None:
