@@ -26,7 +26,7 @@ from gpu_backend.fluid.sort_kernels import THREADS as SORT_THREADS
 from gpu_backend.fluid.stages import bind_fluid_stages
 from gpu_backend.fluid.tools import make_fluid_tools
 from model.core.errors import SceneError
-from model.core.plan import Executor, StageRun
+from model.core.plan import Executor
 from model.core.simulation import Options
 from model.fluid.parameters import MAX_NEIGHBOURS, fluid_rows, most_cells
 from model.fluid.plan import SHAPES, SMOOTHING, fluid_plan
@@ -44,8 +44,8 @@ class Fluid(SubstepSimulation):
 
     samples: Samples | None = None  # of solids, which are particles here, behind all others
 
-    def __init__(self, scene: Scene, options: Options):
-        super().__init__(scene, options)
+    def __init__(self, scene: Scene, options: Options, stream: Any = None):
+        super().__init__(scene, options, stream)
         among, self.kernel = self.samples is not None, launched_kernel(options.kernel, "fluids")
         self.plan = fluid_plan(scene, options.live, among)
         self.particle_count += self.samples.count if self.samples else 0
@@ -91,9 +91,6 @@ class Fluid(SubstepSimulation):
         self.factors, self.multipliers, self.constraints, self.gradients = self.relaxed
         self.cells = Cells(real, count, self.neighbours, self.most_cells, self.repeats, self.stream)
 
-    def _bind_stages(self) -> dict[str, StageRun]:
-        return bind_fluid_stages(self).stages
-
     @property
     def _fluid_of(self) -> np.ndarray:
         """(particles,): the number of each one's fluid."""
@@ -103,18 +100,21 @@ class Fluid(SubstepSimulation):
     def _rows(self) -> np.ndarray:
         return fluid_rows(self.scene, self.real, self.samples is not None)
 
-    def _build(self) -> None:
-        """Compile and load every kernel, by running it once on arrays that `reset` then overwrites."""
+    def _make_kernels(self) -> None:
         variant = self.real, self.options.math, self.plan.parts
         self._tools = make_fluid_tools(self.real, self.scene.dimensions)
         self.begin, self.settling = make_begin(*variant, self.repeats), make_settle(*variant, self.repeats)
         self.relaxing = make_density_kernels(*variant, self.repeats, self.neighbours)
-        by_stages, self.smoothing = self.kernel == "stages", None
         self.free = divergence_free.DivergenceFree(self) if "divergence-free" in self.plan.parts else None
+        self.smoothing = None
         if self.plan.parts & SMOOTHING and not self.free:
-            self.smoothing = make_smoothing(*variant, self.repeats, not by_stages)
-        if by_stages:
-            self._executor = Executor(self.plan, self.free.stages() if self.free else self._bind_stages())
+            self.smoothing = make_smoothing(*variant, self.repeats, self.kernel != "stages")
+
+    def _build(self) -> None:
+        """Compile and load every kernel, by running it once on arrays that `reset` then overwrites."""
+        self._make_kernels()
+        if self.kernel == "stages":
+            self._executor = Executor(self.plan, self.free.stages() if self.free else bind_fluid_stages(self).stages)
             return
         self._executor = Executor(self.plan, {}, self._advance_steps)
         if not simulated():

@@ -55,6 +55,7 @@ multiplier_j) / 2 * density / dt^2 of the last substep (`pressures` of model/flu
 Solids (part `solids`, of a fluid that is opened with Samples, model/fluid/samples.py). Samples are particles behind all
 others by number, of one more fluid, whose row is the last. `sample solids`, between 1 and 2: of each, p = middle(corners at
 their predicted places, shares), x the same of where they were as the substep began; the least and largest p of 2 are of all.
+Two samples are no neighbours (3).
 4: C, g and `own` take neighbours by their volumes (model/formulas/fluid/solids.py): s' = counted_slope(volume, s), g =
 gradient_added(g, s', d), own = own_added(own, carried(lightness, volume), s, r^2); of samples the factor, the multiplier and
 its change are 0. An iteration: `follow solids` puts samples between their corners; `density` counts by `counted`; `correct`:

@@ -6,7 +6,7 @@ from collections.abc import Collection
 from typing import Any
 
 from model.core.errors import SceneError
-from model.fluid.fluid_set import check_fluids
+from model.fluid.fluid_set import check_among_solids, check_fluids
 from model.scene.attachment import check_attachment
 from model.scene.bodies import BODY_KINDS
 from model.scene.cloth import CLOTH_KINDS, COLLIDER_KINDS, CONSTRAINT_KINDS, SPRING_KINDS
@@ -72,14 +72,18 @@ def _check_world(scene: SceneParts) -> None:
     """Raise SceneError for what does not go with a world: what no member knows, what one of them refuses."""
     method = scene.one("method")
     if method is None:
-        scene.parts["method"], scene.kinds["method"] = Method(solver=OF_WORLDS, substeps=SUBSTEPS), "method"
+        wet = "fluid" in members_of(scene.kinds)
+        told = OF_A_FLUID | {"solver": OF_WORLDS} if wet else {"solver": OF_WORLDS, "substeps": SUBSTEPS}
+        scene.parts["method"], scene.kinds["method"] = Method(**told), "method"
     elif method.solver != OF_WORLDS:
         told = f"must be {OF_WORLDS} where {' and '.join(members_of(scene.kinds))} are in one scene"
         raise SceneError("method.solver", method.solver, told)
     for name, part in scene.all_of(*BODY_KINDS).items():
         if part.spare:
             raise SceneError(f"{name}.spare", part.spare, "bodies wait in scenes of bodies alone; leave it out")
-    scene.members  # noqa: B018 - made here, so that each is checked as a scene of its own
+    members = scene.members  # made here, so that each is checked as a scene of its own
+    if "fluid" in members:
+        check_among_solids(members["fluid"])
 
 
 def _check_fluids(scene: SceneParts) -> None:

@@ -37,7 +37,7 @@ class Method(Part):
     the particle libraries, which shares corrections among neighbours and lets a fluid sink together; divergence-free
     (DFSPH) keeps it by velocities, `iterations` times for their divergence and as often for the density that they lead to. Of
     fluids `dt` is 1/60 s unless given, with 4 `substeps` of 10 `iterations`. `world`: parts of several families, each by its
-    own solver (bodies shape-matching; tetrahedra and a mesh xpbd) in common substeps and iterations.
+    own solver (bodies shape-matching; tetrahedra and a mesh xpbd; fluids pbf) in common substeps and iterations.
     """
 
     solver: SolverName = "mass-spring"
@@ -108,10 +108,14 @@ class Method(Part):
         if self.solver == OF_FLUIDS and self.relaxation is None:
             return set(type(self).model_fields) - (set(FIELDS_OF_SOLVER[self.solver]) - {"relaxation"})
         told = set(FIELDS_OF_SOLVER[self.solver]) - ({"rows"} if self.rows == "scalar" else set())
+        if self.solver == OF_WORLDS:  # whose fluid, if it has one, is as all are unless told otherwise
+            fields = type(self).model_fields
+            told -= {name for name in ABOUT_FLUIDS if getattr(self, name) == fields[name].default}
         told -= {name for name in ("chebyshev", "sleeping_speed") if getattr(self, name) == 0}
         return set(type(self).model_fields) - told
 
 
+ABOUT_FLUIDS = ("scheme", "relaxation", "softness", "tensile_correction", "tensile_distance")
 FIELDS_OF_SOLVER = {
     "mass-spring": ("solver", "integrator", "dt"),
     "xpbd": ("solver", "dt", "substeps", "iterations", "ordering", "rows", "sleeping_speed"),
@@ -119,18 +123,8 @@ FIELDS_OF_SOLVER = {
     "shape-matching": ("solver", "dt", "substeps", "iterations", "region"),
     "vbd": ("solver", "dt", "substeps", "iterations", "chebyshev"),
     "newton": ("solver", "dt", "substeps", "iterations"),
-    "world": ("solver", "dt", "substeps", "iterations"),
-    "pbf": (
-        "solver",
-        "dt",
-        "substeps",
-        "iterations",
-        "scheme",
-        "relaxation",
-        "softness",
-        "tensile_correction",
-        "tensile_distance",
-    ),
+    "world": ("solver", "dt", "substeps", "iterations", *ABOUT_FLUIDS),
+    "pbf": ("solver", "dt", "substeps", "iterations", *ABOUT_FLUIDS),
 }
 OF_TETRAHEDRA = ("vbd", "newton")  # solvers of tetrahedral bodies alone
 OF_FLUIDS: SolverName = "pbf"
