@@ -41,6 +41,7 @@ COMPILED = {
 ONLY_THOROUGH = table("""
 test_mpi.py test_processes* test_two* test_a_div* test_bad_input*arguments[2-6]*  # processes, seconds each
 test_fluid_physics.py *
+test_archimedes.py *
 test_compiled.py *fluid*
 # five to twenty seconds each, of what siblings hold for another value, shape or solver
 test_advise_tetrahedra.py test_an_answer_in_words*
