@@ -44,6 +44,7 @@ class View(ABC):
     lines = False
     colliders = True  # whether they are drawn, in space
     subject = "sheet"  # what it shows, by which the window's keys go: bodies, tetrahedra, fluid
+    shows_levels = False  # whether colours are levels, as soon as they are known
     colourings: tuple[str, ...] = ()  # what `next_colouring` goes through
 
     def __init__(self, scene: Scene, detail: Detail = FINE):

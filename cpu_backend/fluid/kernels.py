@@ -22,7 +22,8 @@ def _phases(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNames
     return SimpleNamespace(**vars(order), **vars(constraint), **vars(velocities))
 
 
-def _compiler(name: str, real: Any, math: str, parts: frozenset[str]) -> Compiler:
+def fluid_compiler(name: str, real: Any, math: str, parts: frozenset[str]) -> Compiler:
+    """What compiles the kernels of that name."""
     return Compiler(f"{name}_{np.dtype(real).name}_{math}_{'_'.join(sorted(parts))}", math)
 
 
@@ -30,7 +31,7 @@ def _compiler(name: str, real: Any, math: str, parts: frozenset[str]) -> Compile
 def make_advance(real: Any, math: str, parts: frozenset[str]) -> Any:
     """advance(bands, steps, step, substeps, iterations, world, parameters, fluids, integers, bodies, kinds): many steps
     in one call."""
-    compiler = _compiler("fluid", real, math, parts)
+    compiler = fluid_compiler("fluid", real, math, parts)
     phases = _phases(compiler, real, parts)
     predict, enter, tally, put, find = phases.predict, phases.enter, phases.tally, phases.put, phases.find
     constrain, correct, update, finish = phases.constrain, phases.correct, phases.update, phases.finish
@@ -72,8 +73,15 @@ def make_advance(real: Any, math: str, parts: frozenset[str]) -> Any:
 @cache
 def make_stages(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
     """The phases by themselves, each a parallel loop (bands, ...); `sort`: three of them, by a team."""
-    compiler = _compiler("fluid_stages", real, math, parts)
+    compiler = fluid_compiler("fluid_stages", real, math, parts)
     phases = _phases(compiler, real, parts)
+    names = ("predict", "find", "constrain", "correct", "update", "shape", "finish")
+    loops = {name: compiler.banded(getattr(phases, name)) for name in names}
+    return SimpleNamespace(sort=make_sort(compiler, phases), **loops)
+
+
+def make_sort(compiler: Compiler, phases: SimpleNamespace) -> Any:
+    """sort(bands, world, parameters): three phases, by a team."""
     enter, tally, put = phases.enter, phases.tally, phases.put
 
     def sort(team, member, bands, world, parameters):
@@ -84,6 +92,4 @@ def make_stages(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
         for part in shares(team, member, bands):
             put(part, bands, world, parameters)
 
-    names = ("predict", "find", "constrain", "correct", "update", "shape", "finish")
-    loops = {name: compiler.banded(getattr(phases, name)) for name in names}
-    return SimpleNamespace(sort=compiler.team(sort), **loops)
+    return compiler.team(sort)

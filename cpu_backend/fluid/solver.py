@@ -15,6 +15,7 @@ import numpy as np
 from cpu_backend.core.layout import aligned_zeros
 from cpu_backend.core.simulation import ParticlesSimulation, chosen_kernel
 from cpu_backend.fluid.cells import AXES, BOX
+from cpu_backend.fluid.divergence_kernels import free_stages, make_advance_freely
 from cpu_backend.fluid.kernels import make_advance, make_stages
 from cpu_backend.fluid.lists import AROUND, FAR, LANES, RUNS
 from cpu_backend.fluid.phases import SCRATCH
@@ -46,8 +47,11 @@ class Fluid(ParticlesSimulation):
         self._set_colliders(collider_numbers(scene, self.real))
         self._allocate()
         numba.set_num_threads(self._bands)  # starts them: stages may be called by themselves
+        self._is_free, stages = "divergence-free" in self.plan.parts, {}
         staged = self.kernel == "stages"
-        self._executor = Executor(self.plan, self._stages() if staged else {}, None if staged else self._advance)
+        if staged:
+            stages = free_stages(self) if self._is_free else self._stages()
+        self._executor = Executor(self.plan, stages, None if staged else self._advance)
         self.reset()
 
     def _allocate(self) -> None:
@@ -91,7 +95,8 @@ class Fluid(ParticlesSimulation):
 
     def _advance(self, step: int, steps: int) -> None:
         method = self.scene.method
-        make_advance(self.real, self.options.math, self.plan.parts)(
+        make = make_advance_freely if self._is_free else make_advance
+        make(self.real, self.options.math, self.plan.parts)(
             self._bands, steps, step, method.substeps, method.iterations, self._world, self.parameters, self._fluids,
             self.integers, self.bodies, self.kinds,
         )  # fmt: skip

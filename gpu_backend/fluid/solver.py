@@ -17,6 +17,7 @@ from gpu_backend.core.launch import Graphs, can_capture
 from gpu_backend.core.quads import SIZE
 from gpu_backend.core.simulation import NOTHING_BAD
 from gpu_backend.core.substeps import SubstepSimulation, launched_kernel
+from gpu_backend.fluid import divergence_free
 from gpu_backend.fluid.cells import Cells, cell_bytes
 from gpu_backend.fluid.kernels import WALL, make_density_kernels
 from gpu_backend.fluid.motion import make_begin, make_settle
@@ -58,6 +59,8 @@ class Fluid(SubstepSimulation):
     def _require_space(self) -> None:
         count, item = self.particle_count, np.dtype(self.real).itemsize
         needed = item * count * (QUADS * SIZE + WALL + 3) + 12 * count
+        if "divergence-free" in self.plan.parts:
+            needed += item * count * (divergence_free.QUADS * SIZE + divergence_free.SCALARS)
         needed += cell_bytes(count, self.most_cells, self.neighbours, item)
         field = f"{self.scene.fluid_set.names[0]}.rest_distance"
         if max(self.most_cells, SIZE * count) > np.iinfo(np.int32).max:
@@ -78,7 +81,12 @@ class Fluid(SubstepSimulation):
         parts, walls = self.plan.parts, WALL * count
         self.relaxed = tuple(
             self.on_device(np.zeros(size, real))
-            for size in (count, count, count if "drag" in parts else 1, walls if "walls" in parts else 1)
+            for size in (
+                count,
+                count,
+                count if parts & {"drag", "divergence-free"} else 1,
+                walls if "walls" in parts else 1,
+            )
         )
         self.factors, self.multipliers, self.constraints, self.gradients = self.relaxed
         self.cells = Cells(real, count, self.neighbours, self.most_cells, self.repeats, self.stream)
@@ -97,15 +105,16 @@ class Fluid(SubstepSimulation):
         self._tools = make_fluid_tools(self.real, self.scene.dimensions)
         self.begin, self.settling = make_begin(*variant, self.repeats), make_settle(*variant, self.repeats)
         self.relaxing = make_density_kernels(*variant, self.repeats, self.neighbours)
+        self.free = divergence_free.DivergenceFree(self) if "divergence-free" in self.plan.parts else None
         self.smoothing = None
-        if self.plan.parts & SMOOTHING:
+        if self.plan.parts & SMOOTHING and not self.free:
             self.smoothing = make_smoothing(*variant, self.repeats, self.kernel != "stages")
 
     def _build(self) -> None:
         """Compile and load every kernel, by running it once on arrays that `reset` then overwrites."""
         self._make_kernels()
         if self.kernel == "stages":
-            self._executor = Executor(self.plan, bind_fluid_stages(self).stages)
+            self._executor = Executor(self.plan, self.free.stages() if self.free else bind_fluid_stages(self).stages)
             return
         self._executor = Executor(self.plan, {}, self._advance_steps)
         if not simulated():
@@ -138,6 +147,10 @@ class Fluid(SubstepSimulation):
     def _substep(self, place: int, substep: int) -> None:
         """Launch one substep, from the current buffers into the others; `place`: the step's after the counter."""
         time = self._counter, np.int64(place), np.int64(self.scene.method.substeps), np.int64(substep)
+        if self.free:
+            self._current = 1 - self._current
+            self.free.substep(self._current, time)
+            return
         given, flat, relaxing = self.predict(self._current, time), self._flat, self.relaxing
         self._current = now = 1 - self._current
         self.cells.sort(self.record, given, (self.sorted, self.before, self.meant, self.particle[now]))
@@ -172,6 +185,8 @@ class Fluid(SubstepSimulation):
     def _launches(self) -> int:
         """Of a step."""
         parts, method = self.plan.parts, self.scene.method
+        if self.free:
+            return method.substeps * (Cells.launches + self.free.launches)
         ends = bool(parts & SMOOTHING) + bool(parts & SHAPES)
         return method.substeps * (1 + Cells.launches + 2 * method.iterations + ends)
 

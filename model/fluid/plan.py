@@ -1,4 +1,5 @@
-"""A substep of a fluid: its stages, and the order of every sum in it, which both backends keep.
+"""A substep of a fluid: its stages, and the order of every sum in it, which both backends keep; of the scheme
+`divergence-free` see model/fluid/divergence_plan.py.
 
 Arrays are planes (x, y, z; in 2 dimensions z is 0 throughout, and the rest is the same). `number` of a particle is its place
 in the scene's set. The state between substeps is position and velocity, no more.
@@ -73,9 +74,10 @@ from math import pi
 
 from model.core.own_forces import own_forces, own_parts
 from model.core.plan import Node, Plan, Stage
+from model.fluid.divergence_plan import divergence_stages
 from model.formulas import colliders
 from model.formulas.fluid import density, motion
-from model.scene.cloth import COLLIDER_KINDS
+from model.scene.cloth import COLLIDER_KINDS, Collider
 from model.scene.scene import Scene
 
 WALLS = COLLIDER_KINDS  # all add to a fluid's density
@@ -93,8 +95,8 @@ OF_FLUIDS = {  # part of the plan -> field of a fluid that asks for it
 
 def fluid_parts(scene: Scene, live: frozenset[str] = frozenset(), solids: bool = False) -> frozenset[str]:
     """The parts that need code: `flat` (2 dimensions), `fluids` (several), `solids` (and so several), `repeats`, `averaged`,
-    `tensile`, `walls`, `swept`, kinds of colliders with `friction` and `restitution`, `gravity`, `drag`, `held-back`, those
-    of OF_FLUIDS, own forces."""
+    `divergence-free` (with `moving` walls), `tensile`, `walls`, `swept`, kinds of colliders with `friction` and
+    `restitution`, `gravity`, `drag`, `held-back`, those of OF_FLUIDS, own forces."""
     parts, fluids = own_parts(scene, live), scene.fluids.values()
     parts |= {kind for kind, _ in scene.colliders}
     wanted = {
@@ -103,6 +105,8 @@ def fluid_parts(scene: Scene, live: frozenset[str] = frozenset(), solids: bool =
         "solids": solids,
         "repeats": scene.domain is not None,
         "averaged": scene.method.scheme == "averaged",
+        "divergence-free": scene.method.scheme == "divergence-free",
+        "moving": scene.method.scheme == "divergence-free" and any(_moves(part) for _, part in scene.colliders),
         "tensile": scene.method.tensile_correction > 0,
         "walls": bool(parts & set(WALLS)),
         "swept": bool(parts & {"capsule", "box"}),
@@ -114,6 +118,10 @@ def fluid_parts(scene: Scene, live: frozenset[str] = frozenset(), solids: bool =
     }
     wanted |= {name: any(getattr(part, field) > 0 for part in fluids) for name, field in OF_FLUIDS.items()}
     return frozenset(parts | {name for name, there in wanted.items() if there})
+
+
+def _moves(collider: Collider) -> bool:
+    return any(collider.velocity) or any(getattr(collider, "spin", ()))
 
 
 def neighbours_at_rest(scene: Scene) -> float:
@@ -133,6 +141,10 @@ def fluid_plan(scene: Scene, live: frozenset[str] = frozenset(), solids: bool = 
     touch = sum(colliders.OPERATIONS[kind] for kind, _ in scene.colliders)
     forces = sum(force.operations for force in own_forces(parts))
     factors = round(met * density.OPERATIONS_FACTORS)
+    if scene.method.scheme == "divergence-free":
+        find = round(looked_at * density.OPERATIONS_FIND) + factors
+        asked = bool(parts & SMOOTHING), bool(parts & SHAPES), {"find": find, "forces": forces, "touch": touch}
+        return _plan_of(scene, parts, divergence_stages(*asked, met, axes, scene.method.iterations))
     stages: list[Stage | Node] = [
         Stage("predict", 2, 2, motion.OPERATIONS_VELOCITY + forces),
         *((Stage("sample solids", 2, 2, OPERATIONS_SAMPLE),) if solids else ()),
@@ -156,6 +168,10 @@ def fluid_plan(scene: Scene, live: frozenset[str] = frozenset(), solids: bool = 
             "limit velocities", 2 + 2 * gathered + listed, 2, last.operations + round(met * motion.OPERATIONS_SMOOTH)
         )
     stages.append(last)
-    root = Node("step", (Node("substep", tuple(stages), scene.method.substeps),))
+    return _plan_of(scene, parts, tuple(stages))
+
+
+def _plan_of(scene: Scene, parts: frozenset[str], stages: tuple[Stage | Node, ...]) -> Plan:
+    root = Node("step", (Node("substep", stages, scene.method.substeps),))
     scalars = sum(stage.reads + stage.writes for stage in root.stages())
-    return Plan(root, scalars, parts, dimensions=axes)
+    return Plan(root, scalars, parts, dimensions=scene.dimensions)

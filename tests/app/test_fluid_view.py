@@ -188,3 +188,16 @@ def test_a_few_drops_that_fly_far_are_out_of_sight_and_the_tank_is_in_sight() ->
     assert len(kept) == len(position) - 1 and kept.max() < 1
     (left, bottom), (right, top) = seen_points(scene, position, 0.0)
     assert (left, bottom, right) == pytest.approx((0.01, -0.3, 0.9)) and top == pytest.approx(0.39)
+
+
+def test_a_legend_that_is_to_come_has_its_place_from_the_first_picture_on() -> None:
+    """The fluid lies above it."""
+    scene = water(**FLAT)
+    position = scene.fluid_set.position
+    with OffscreenRenderer(scene, 640, 480, look=("density",)) as renderer:
+        renderer.fit(position)
+        renderer.draw(position)
+        assert renderer.camera.to_window(position)[:, 1].min() > 100
+    with OffscreenRenderer(scene, 640, 480) as renderer:
+        renderer.fit(position)
+        assert renderer.camera.to_window(position)[:, 1].min() < 100

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from fluid_scenes import in_a_cup
-from small_fluids import few, flat, rich, stirred
+from small_fluids import few, flat, free, rich, stirred
 
 from app.driver import open_simulation
 from model.core.state import State
@@ -21,6 +21,9 @@ SCENES = {
     "averaged": flat(scheme="averaged"),
     "few": few(),
     "cup": in_a_cup(),
+    "free rich": free(rich()),
+    "free flat": flat(scheme="divergence-free"),
+    "free many": few((1.0, 0.5, 0.75), scheme="divergence-free"),
     "many": few((1.0, 0.5, 0.75)),
 }
 

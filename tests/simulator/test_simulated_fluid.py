@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from fluid_scenes import in_a_cup
-from small_fluids import few, flat, rich, stirred
+from small_fluids import few, flat, free, rich, stirred
 
 from app.driver import open_simulation
 from bench.reference import fluid as judge
@@ -20,6 +20,8 @@ SCENES = {
     "averaged": flat(scheme="averaged", iterations=1),
     "few": few((0.1, 0.15, 0.15)),
     "cup": in_a_cup(),
+    "free rich": free(rich()),
+    "free flat": flat(scheme="divergence-free"),
 }
 
 
@@ -50,7 +52,7 @@ def test_it_is_the_judges_and_stage_by_stage_the_same_bits(name: str) -> None:
 
 
 @pytest.mark.parametrize("precision", ["float64", "float32"])
-@pytest.mark.parametrize("name", ["rich", "flat", "averaged", "cup"])
+@pytest.mark.parametrize("name", ["rich", "flat", "averaged", "cup", "free rich", "free flat"])
 def test_the_bits_are_the_cpus(name: str, precision: str) -> None:
     """Also of the multipliers, from which pressures are read."""
     found, multipliers = [], []
