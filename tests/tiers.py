@@ -41,11 +41,8 @@ COMPILED = {
 ONLY_THOROUGH = table("""
 test_mpi.py test_processes* test_two* test_a_div* test_bad_input*arguments[2-6]*  # processes, seconds each
 test_fluid_physics.py *
-<<<<<<< HEAD
 test_divergence_physics.py *
-=======
 test_archimedes.py *
->>>>>>> h-fluidsolid
 test_compiled.py *fluid*
 # five to twenty seconds each, of what siblings hold for another value, shape or solver
 test_advise_tetrahedra.py test_an_answer_in_words*

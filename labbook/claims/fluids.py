@@ -36,7 +36,8 @@ def column(results: Results) -> Claim:
         return Claim("How a column of water stands was not measured.")
     backend, source, found = held
     able = sorted((r for r in found if _all_at_once(r) and r.frame), key=lambda r: r.frame or 0.0)
-    parts, numbers = [], {}
+    parts: list[str] = []
+    numbers: dict[str, float] = {}
     if able:
         best = able[0]
         numbers |= {f"{best.who} frame": best.frame or 0.0, f"{best.who} mean": best.numbers[laws.MEAN]}
