@@ -21,6 +21,9 @@ def bind_fluid_stages(sim: Any) -> dict[str, StageRun]:
     def time(moment: Moment) -> tuple[Any, ...]:
         return start, np.int64(moment.step), np.int64(moment.substeps), np.int64(moment.substep)
 
+    def emit(moment: Moment) -> None:
+        sim.flow.emit(state, velocity, sim.particle[0], time(moment))
+
     def predict(moment: Moment) -> None:
         now["given"] = sim.predict(0, time(moment))
 
@@ -63,6 +66,7 @@ def bind_fluid_stages(sim: Any) -> dict[str, StageRun]:
         )
 
     return {
+        "emit": emit,
         "predict": predict,
         "sort into cells": sort,
         "find neighbours": find,

@@ -6,6 +6,7 @@ from collections.abc import Collection
 from typing import Any
 
 from model.core.errors import SceneError
+from model.fluid.flow import check_flow
 from model.fluid.fluid_set import check_fluids
 from model.scene.attachment import check_attachment
 from model.scene.bodies import BODY_KINDS
@@ -32,7 +33,7 @@ OF_TETRAHEDRA = (
     "mesh", "wind", *(kind for kind in CONSTRAINT_KINDS if kind != "shear"), *COLLIDER_KINDS,
 )  # fmt: skip
 OF_PARTICLES = ("restitution", "adhesion_reach", "maximum_speed", "sleeping_speed")  # surfaces know nothing of these
-WITH_FLUIDS = ("fluid", "domain", "gravity", "external", "method", *COLLIDER_KINDS)
+WITH_FLUIDS = ("fluid", "emitter", "sink", "domain", "gravity", "external", "method", *COLLIDER_KINDS)
 OF_A_FLUID: dict[str, Any] = {"solver": OF_FLUIDS, "dt": 1 / 60, "substeps": 4, "iterations": 10}  # unless told
 OF_BODIES = (*BODY_KINDS, "contact", "damping", "gravity", "method", *COLLIDER_KINDS)  # what goes with them
 
@@ -42,7 +43,7 @@ def check_fit(scene: SceneParts) -> None:
     if scene.fluids:
         _check_fluids(scene)
         return
-    _refuse(scene, ("domain",), "is for fluids; leave it out")
+    _refuse(scene, ("domain", "emitter", "sink"), "is for fluids; leave it out")
     if scene.tetrahedra:
         _check_tetrahedra(scene)
         return
@@ -75,6 +76,7 @@ def _check_fluids(scene: SceneParts) -> None:
         scene.parts["method"], scene.kinds["method"] = Method(**OF_A_FLUID), "method"
     elif method.solver != OF_FLUIDS:
         raise SceneError("method.solver", method.solver, f"must be {OF_FLUIDS} for fluids")
+    check_flow(scene)
 
 
 def _check_bodies(scene: SceneParts) -> None:

@@ -29,6 +29,7 @@ from model.scene.cloth import (
     Fold,
     Wind,
 )
+from model.scene.flow import FLOW_KINDS, Emitter, Sink
 from model.scene.fluid import FLUID_KINDS, Domain, Fluid
 from model.scene.mesh import MESH_KINDS, Mesh
 from model.scene.method import Method
@@ -64,6 +65,7 @@ KINDS: dict[str, type[Part]] = (
     | BODY_KINDS
     | TETRAHEDRAL_KINDS
     | FLUID_KINDS
+    | FLOW_KINDS
     | {"contact": Contact, "region": Region, "attachment": Attachment, "material": Material}
 )
 SHEETS = ("grid", "cloth", "mesh")  # a scene has one of them
@@ -72,6 +74,7 @@ SEVERAL = (
     *BODY_KINDS,
     *TETRAHEDRAL_KINDS,
     "fluid",
+    *FLOW_KINDS,
     *COLLIDER_KINDS,
     "load",
     "motion",
@@ -169,6 +172,16 @@ class SceneParts:
     def fluids(self) -> dict[str, Fluid]:
         """The scene's fluids, by the part's name."""
         return self.all_of("fluid")
+
+    @property
+    def emitters(self) -> dict[str, Emitter]:
+        """Where fluids come from, by the part's name."""
+        return self.all_of("emitter")
+
+    @property
+    def sinks(self) -> dict[str, Sink]:
+        """Where they end, by the part's name."""
+        return self.all_of("sink")
 
     @cached_property
     def fluid_set(self) -> FluidSet:

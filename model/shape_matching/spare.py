@@ -33,8 +33,12 @@ def weights(scene: Scene, parts: frozenset[str], inverse_mass: np.ndarray) -> np
 
 
 def absent(scene: Scene, inverse_mass: np.ndarray | None = None) -> np.ndarray | None:
-    """(particles,) bool: those of bodies that wait, by inverse masses as in State or (None) when the scene starts; None where
-    no body does."""
+    """(particles,) bool: those of bodies and of fluids that wait, by inverse masses as in State or (None) when the scene
+    starts; None where no body does."""
+    if scene.emitters or scene.sinks:
+        found = scene.fluid_set
+        waits = ~found.there(found.position) if inverse_mass is None else np.asarray(inverse_mass) == 0
+        return waits if waits.any() else None
     if not scene.bodies:
         return None
     waits = scene.body_set.waiting if inverse_mass is None else np.asarray(inverse_mass) == 0
@@ -69,7 +73,9 @@ class Counts:
 def counts(scene: Scene, inverse_mass: np.ndarray | None = None) -> Counts:
     """What is there and what waits, by `absent`."""
     if not scene.bodies:
-        return Counts(scene.grid.particle_count)
+        waits = absent(scene, inverse_mass)
+        waiting_particles = 0 if waits is None else int(waits.sum())
+        return Counts(scene.grid.particle_count - waiting_particles, waiting_particles=waiting_particles)
     is_there = copies_there(scene, inverse_mass)
     there = [copy.baked for copy in scene.body_set.copies if is_there[copy.number]]
     waiting = [copy.baked for copy in scene.body_set.copies if not is_there[copy.number]]
