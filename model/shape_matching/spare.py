@@ -9,6 +9,7 @@ import numpy as np
 
 from model.core.errors import InputError, SceneError
 from model.core.state import State
+from model.fluid.flow import nozzle_points
 from model.scene.scene import Scene
 from model.shape_matching.body_set import Copy
 
@@ -46,7 +47,11 @@ def absent(scene: Scene, inverse_mass: np.ndarray | None = None) -> np.ndarray |
 
 
 def present(scene: Scene, position: np.ndarray, inverse_mass: np.ndarray | None = None) -> np.ndarray:
-    """Those of `position` (particles, dimensions) that are there by `absent`; all, where none would be left."""
+    """Those of `position` (particles, dimensions) that are there by `absent`, of fluids by where they are; all, where none
+    would be left, or of a fluid its nozzles."""
+    if scene.emitters or scene.sinks:
+        there = position[scene.fluid_set.there(position)]
+        return there if len(there) else nozzle_points(scene, np.float64)[:, : position.shape[1]]
     waits = absent(scene, inverse_mass)
     return position if waits is None or waits.all() else position[~waits]
 
