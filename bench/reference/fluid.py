@@ -12,8 +12,8 @@ from itertools import product
 
 import numpy as np
 
-from bench.reference import fluid_walls
-from bench.reference.fluid_flow import Flow
+from bench.reference import fluid_world
+from bench.reference.fluid_world import Flow
 from model.fluid.measure import differences
 from model.scene.scene import Scene
 
@@ -82,14 +82,14 @@ class _World:
     def walls(self, p: np.ndarray, time: float) -> tuple[np.ndarray, np.ndarray]:
         total, gradient = np.zeros(len(p)), np.zeros_like(p)
         for kind, collider in self.scene.colliders:
-            distance, normal = fluid_walls.distances(kind, collider, p, time)
+            distance, normal = fluid_world.distances(kind, collider, p, time)
             share, slope = self.kernels.wall_at(distance - collider.thickness)
             gradient = gradient * (1 - share)[:, None] + (slope * (1 - total))[:, None] * normal
             total = total + share - total * share
         return total, gradient
 
     def collide(self, number: int, before: np.ndarray, p: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        return fluid_walls.collide(self.fine, before, p, v, number)
+        return fluid_world.collide(self.fine, before, p, v, number)
 
 
 class _Pairs:

@@ -26,10 +26,9 @@ def test_what_is_in_a_vessel() -> None:
     position = scene.fluid_set.position
     assert in_cup(cup, position, 0.0).all() and not in_basin(scene, position).any()
     middle, quarter = np.array([cup.origin]), np.pi / 2 / 0.9
+    beside = middle + np.array([[0.13, 0.0, 0.0]])
     assert in_cup(cup, middle, quarter).all()
-    assert (
-        in_cup(cup, middle + [0.13, 0.0, 0.0], quarter).all() and not in_cup(cup, middle + [0.13, 0.0, 0.0], 0.0).any()
-    )
+    assert in_cup(cup, beside, quarter).all() and not in_cup(cup, beside, 0.0).any()
     assert in_basin(scene, np.array([[0.24, 0.01, 0.0]])).all()
     assert not in_basin(scene, np.array([[0.24, 0.2, 0.0], [0.5, 0.01, 0.0], [0.24, 0.01, 0.2]])).any()
 
