@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import json
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -31,7 +32,9 @@ from app.command.command_line import (
 from app.command.file_commands import filing
 from bench.advice_commands import advising
 from bench.commands import measuring
+from bench.scale_commands import scaling
 from bench.store.commands import keeping
+from model.domains.launched import launched_ranks
 
 app = typer.Typer(
     cls=Commands,
@@ -48,7 +51,12 @@ DEFAULT_FILM = Path("softlab-results") / "film.mp4"
 
 def main() -> None:
     """Run the command line; an error a user can mend is one line on standard error and its exit status."""
-    sys.exit(exit_status(lambda: app(standalone_mode=False)))
+    status = exit_status(lambda: app(standalone_mode=False))
+    if launched_ranks() > 1:
+        from app.command.ranks import rank_status
+
+        status = rank_status(status)
+    sys.exit(status)
 
 
 @app.command(epilog="Example: softlab run lab-grid --steps 1000 --set grid.rows=256 --json   (on a GPU: --backend gpu)")
@@ -83,15 +91,28 @@ def run(
         float | None, typer.Option(help="Seconds simulated between two frames of --export (default 1/60).")
     ] = None,
     look: Annotated[
-        list[str] | None, typer.Option(help="Of tetrahedra: skin, mesh, edges; body, stress, strain. Repeatable.")
+        list[str] | None,
+        typer.Option(
+            help="Of tetrahedra: skin, mesh, edges; body, stress, strain. Of fluids: surface, particles, foam; fluid, "
+            "speed, density. Repeatable."
+        ),
     ] = None,
     allow_unstable: Annotated[bool, typer.Option("--allow-unstable", help="Run over the stability limit.")] = False,
+    gpus: Annotated[int, typer.Option(help="GPUs that share the grid by its rows, with --backend gpu.")] = 1,
+    ranks: Annotated[int, typer.Option(help="Processes of MPI that share it, with --backend cpu.")] = 1,
+    exchange_every: Annotated[
+        int | None, typer.Option(help="Steps between two exchanges of borders (default: as it suits).")
+    ] = None,
+    link: Annotated[
+        str, typer.Option(help="How GPUs send: peer, flags (one process), nccl (a process each, by mpiexec).")
+    ] = "peer",
     judge: Annotated[
         bool, typer.Option(help="Hold the end state against a converged reference, where affordable.")
     ] = True,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
 ) -> None:
     """Run a scene without a window."""
+    from app.command.ranks import among_ranks, start_ranks
     from app.command.run import Request, run_scene
     from app.command.run_length import parse_record
     from bench.experiments.accuracy.judge import judge_run
@@ -99,10 +120,16 @@ def run(
     request = Request(
         backend, threads, precision, math, kernel, steps, time, initial, out_file,
         parse_record(record[:1]) if record else 0, record[1] if record else None, render, allow_unstable,
-        export_to, export_every, tuple(look or ()),
+        export_to, export_every, gpus, ranks, exchange_every, link, tuple(look or ()),
     )  # fmt: skip
+    wanted = scene_of(scene, settings)
+    request, processes = among_ranks(wanted, request)
+    if processes:
+        raise typer.Exit(start_ranks(processes, sys.argv))
     with compilations_told():
-        result = run_scene(scene_of(scene, settings), request)
+        result = run_scene(wanted, request)
+    if result.rank != 0:
+        return
     for note in result.notes:
         errors.print(note, markup=False)
     if initial:
@@ -224,22 +251,27 @@ def scenes(
         print_scenes(out)
 
 
-@app.command(epilog="Example: softlab plan lab-grid --measure")
+@app.command(epilog="Example: softlab plan lab-grid --measure   (softlab plan lab-grid --gpus 4 --set grid.rows=8192)")
 def plan(
     scene: SceneName,
     backend: Annotated[str | None, typer.Option(help="Only this backend: cpu or gpu.")] = None,
     precision: Precision = "float32",
     measure: Annotated[bool, typer.Option("--measure", help="Time every stage, about a second a backend.")] = False,
+    gpus: Annotated[int, typer.Option(help="Also who owns what on so many GPUs, and what their link allows.")] = 1,
+    exchange_every: Annotated[int | None, typer.Option(help="With --gpus: steps between two exchanges.")] = None,
     settings: Settings = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
 ) -> None:
     """Print the stages of a step, their bytes and operations, each backend's kernel, and the stability limit."""
     from app.driver import BACKENDS
     from app.plan.report import plan_report
+    from app.plan.shared import shared_plan
 
     wanted = BACKENDS if backend is None else (backend,)
     with compilations_told():
         report = plan_report(scene_of(scene, settings), precision, wanted, measure)
+    if gpus != 1:
+        report = replace(report, shared=shared_plan(report.scene, gpus, exchange_every, report.item))
     if as_json:
         print(json.dumps(report.as_dict()))
     else:
@@ -257,7 +289,7 @@ def doctor() -> None:
     print_findings(out, examine())
 
 
-app.registered_commands += filing.registered_commands + keeping.registered_commands
+app.registered_commands += scaling.registered_commands + filing.registered_commands + keeping.registered_commands
 
 
 if __name__ == "__main__":

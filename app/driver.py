@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from app.auto_threads import AUTO, open_quickest
+from app.shared import open_shared
 from model.core.diagnosis import refusal
 from model.core.errors import SceneError
 from model.core.families import family_of
@@ -27,13 +28,20 @@ def open_simulation(
     live: Iterable[str] = (),
     initial: State | None = None,
     allow_unstable: bool = False,
+    gpus: int = 1,
+    ranks: int = 1,
+    exchange_every: int | None = None,
+    link: str = "peer",
 ) -> Simulation:
     """Open a scene on a backend; use it as a context manager.
 
     `scene`: a Scene, a catalogue name or a TOML file. `threads` (cpu): `1x`, `2x`, `4x` the cores, a number, or `auto`: as
     many as cores or one, whichever is quicker now (`threads_reason` says why). `live`:
     what may change while running, of gravity, poke, dt, stiffness, damping; only those parts are compiled to be
-    changeable. `initial`: start from a state.
+    changeable. `initial`: start from a state. `gpus`: that share the sheet, by its rows; `ranks`: processes of MPI on
+    CPUs that do, of which this is one; every `exchange_every` steps they tell each other of their borders (None: as suits).
+    `link`: how GPUs do, `peer` (one process, from each other's memory), `flags` (into it, kernels wait for kernels) or `nccl`
+    (a process of MPI for each).
 
     Raises SceneError or InputError (bad input), UnstableTimeStep (dt over the limit, unless `allow_unstable`),
     BackendUnavailable (no GPU).
@@ -50,7 +58,9 @@ def open_simulation(
         raise refused
     if backend not in BACKENDS:
         raise SceneError("--backend", backend, f"must be one of {', '.join(BACKENDS)}")
-    if backend == "cpu" and threads == AUTO:
+    if gpus != 1 or ranks != 1:
+        simulation = open_shared(scene, backend, options, threads, gpus, ranks, exchange_every, link)
+    elif backend == "cpu" and threads == AUTO:
         from cpu_backend.core.threads import core_count
 
         simulation = open_quickest(lambda count: _open(scene, backend, options, count), core_count())

@@ -8,13 +8,29 @@ import typer
 
 from app.command.command_line import DEFAULT_STORE, StorePath
 from bench.measure.took import Timed
-from bench.options import Backends, Integrators, Methods, Precisions, RatePrecisions, measure, precisions_of
+from bench.options import (
+    Backends,
+    Cluster,
+    Integrators,
+    Methods,
+    Precisions,
+    RatePrecisions,
+    Sbatch,
+    Workers,
+    measure,
+    precisions_of,
+    where_asked,
+)
 from model.core.errors import SceneError
 
 measuring = typer.Typer()
 
 
-@measuring.command(cls=Timed, epilog="Example: softlab sweep --quick --backend cpu")
+@measuring.command(
+    cls=Timed,
+    epilog="Example: softlab sweep --quick --backend cpu   (on a cluster: softlab sweep --cluster slurm --workers 8 "
+    "--sbatch partition=cpu)",
+)
 def sweep(
     quick: Annotated[bool, typer.Option("--quick", help="Small sizes, a quarter of a minute.")] = False,
     backend: Backends = None,
@@ -45,6 +61,14 @@ def sweep(
             help="With --peers: only grid, cloth, xpbd, implicit (-16, -4, -1), tetrahedra (-1e5 ...) or rigid. Repeatable."
         ),
     ] = None,
+    gpus: Annotated[
+        list[int] | None, typer.Option(help="A grid on so many GPUs, beside one, instead. Repeatable; see also --link.")
+    ] = None,
+    link: Annotated[str, typer.Option(help="With --gpus: peer or flags.")] = "peer",
+    exchange_every: Annotated[int | None, typer.Option(help="With --gpus: steps between two exchanges.")] = None,
+    cluster: Cluster = None,
+    workers: Workers = None,
+    sbatch: Sbatch = None,
     store: StorePath = DEFAULT_STORE,
 ) -> None:
     """Time sizes x backends x threads x precisions, with and without graphics, into the store. Resumes where it stopped."""
@@ -59,7 +83,25 @@ def sweep(
         raise SceneError("--scene", scene[0], "chooses among those of --peers; add --peers")
     if kernel and not kernels:
         raise SceneError("--kernel", kernel[0], "chooses among those of --kernels; add --kernels")
+    if cluster and peers:
+        raise SceneError(
+            "--cluster", cluster, "does not go with --peers, which are built on the machine that times them"
+        )
     check_positive("--min-ms", min_ms)
+    if gpus:
+        from bench.experiments.scaling.experiment import print_scaling, run_scaling
+
+        if peers or kernels or threads or cluster:
+            raise SceneError(
+                "--gpus", gpus, "is a sweep of its own; leave out --peers, --kernels, --threads and --cluster"
+            )
+        shared: dict[str, Any] = {"gpus": gpus, "sizes": size, "link": link, "exchange_every": exchange_every}
+        chosen = precisions_of(precision, "float32")
+        measure(
+            store, run_scaling, print_scaling, quick=quick, backends=backend or ["gpu"], precisions=chosen, **shared
+        )
+        return
+    where = where_asked(cluster, workers, sbatch)
     how: dict[str, Any] = {
         "quick": quick, "backends": backend, "sizes": size, "max_seconds": max_seconds, "total_seconds": total_seconds,
         "repeats": repeats, "min_seconds": min_ms and min_ms / 1000, "precisions": precisions_of(precision),
@@ -69,14 +111,14 @@ def sweep(
         from bench.experiments.kernel_sweep import run_kernel_sweep
 
         how |= {"kernels": kernel, "energy": energy, "starts": starts, "again": again}
-        measure(store, run_kernel_sweep, print_kernels, **how)
+        measure(store, run_kernel_sweep, print_kernels, where=where, **how)
     elif peers:
         from bench.peers.results import print_peers
         from bench.peers.sweep import run_peers
 
         measure(store, run_peers, print_peers, scenes=scene, **how)
     else:
-        measure(store, run_sweep, graphics=graphics, threads=threads or THREADS, again=again, **how)
+        measure(store, run_sweep, where=where, graphics=graphics, threads=threads or THREADS, again=again, **how)
 
 
 @measuring.command(
@@ -97,6 +139,9 @@ def accuracy(
         bool | None,
         typer.Option(help="Also the small experiments behind single findings (default: unless a part is chosen)."),
     ] = None,
+    cluster: Cluster = None,
+    workers: Workers = None,
+    sbatch: Sbatch = None,
     store: StorePath = DEFAULT_STORE,
 ) -> None:
     """Hold every method, step size and precision against a converged reference: speed against error (bodies: softlab bar)."""
@@ -109,7 +154,7 @@ def accuracy(
     scenes = labels_of([*(names or []), *(scene or [])]) or None
     if findings is None:
         findings = not (integrator or precision or scenes)
-    how: dict[str, Any] = {"quick": quick, "backends": backend}
+    how: dict[str, Any] = {"quick": quick, "backends": backend, "where": where_asked(cluster, workers, sbatch)}
     measure(store, run_accuracy, integrators=integrator, precisions=precision, scenes=scenes, **how)
     for run in (run_findings, run_costs, run_convergence) if findings else ():
         measure(store, run, **how)
@@ -120,12 +165,16 @@ def stability(
     quick: Annotated[bool, typer.Option("--quick", help="A coarser map, fewer edges, little of float32.")] = False,
     integrator: Integrators = None,
     backend: Backends = None,
+    cluster: Cluster = None,
+    workers: Workers = None,
+    sbatch: Sbatch = None,
     store: StorePath = DEFAULT_STORE,
 ) -> None:
     """Find where every integrator breaks: outcomes over step size, stiffness and damping, and the edge by bisection."""
     from bench.experiments.stability.experiment import run_stability
 
-    measure(store, run_stability, quick=quick, integrators=integrator, backends=backend)
+    where = where_asked(cluster, workers, sbatch)
+    measure(store, run_stability, where=where, timed=False, quick=quick, integrators=integrator, backends=backend)
 
 
 @measuring.command(cls=Timed, epilog="Example: softlab hard --quick   (softlab hard --case B5 --integrator rk4)")
@@ -210,16 +259,27 @@ def throughput(
     measure(store, run_throughput, print_throughput, quick=quick, backends=backend, kinds=kind, precisions=chosen)
 
 
-@measuring.command(cls=Timed, epilog="Example: softlab fluids --quick   (softlab fluids --backend gpu)")
+@measuring.command(cls=Timed, epilog="Example: softlab fluids --quick   (softlab fluids --truth --peers)")
 def fluids(
     quick: Annotated[
         bool, typer.Option("--quick", help="Pools of a thousand and of eight thousand particles, fewer repeats.")
     ] = False,
+    truth: Annotated[
+        bool,
+        typer.Option("--truth", help="Instead: how far schemes are off what is known, and what their frames take."),
+    ] = False,
+    peers: Annotated[bool, typer.Option("--peers", help="With --truth: beside other programs (SPlisHSPlasH).")] = False,
     backend: Backends = None,
     precision: RatePrecisions = None,
     store: StorePath = DEFAULT_STORE,
 ) -> None:
-    """Time fluids: how many particles a second, and what sorting, lists, densities and corrections each take of it."""
+    """Time fluids: how many particles a second, what sorting, lists, densities, corrections take; or judge them (--truth)."""
+    if truth or peers:
+        from bench.experiments.fluid_truth.experiment import run_truth
+        from bench.experiments.fluid_truth.rows import print_truth
+
+        measure(store, run_truth, print_truth, quick=quick, backends=backend, peers=peers)
+        return
     from bench.experiments.fluids import print_fluids, run_fluids
 
     chosen = precisions_of(precision, "float32")
@@ -248,6 +308,12 @@ def tetrahedra(
             "--quick", help="One mesh, few substeps and iterations, fewer repeats: half a minute on two cores."
         ),
     ] = False,
+    across: Annotated[
+        list[int] | None, typer.Option(help="Only bars so many voxels across: 1, 2, 4 or 8. Repeatable.")
+    ] = None,
+    young: Annotated[
+        list[float] | None, typer.Option(help="Only bars of this Young's modulus: 1e5, 1e6 or 1e7 Pa. Repeatable.")
+    ] = None,
     backend: Backends = None,
     precision: RatePrecisions = None,
     store: StorePath = DEFAULT_STORE,
@@ -258,8 +324,10 @@ def tetrahedra(
     from bench.experiments.tetrahedral.meshes import print_meshes, run_meshes
 
     chosen = precisions_of(precision, "float32")
-    measure(store, run_meshes, print_meshes, quick=quick, backends=backend)
-    measure(store, run_tetrahedra, print_tetrahedra, quick=quick, backends=backend, precisions=chosen)
+    picked: dict[str, Any] = {"precisions": chosen, "across": across or (), "young": young or ()}
+    if not across and not young:  # of which a chosen bar is no part
+        measure(store, run_meshes, print_meshes, quick=quick, backends=backend)
+    measure(store, run_tetrahedra, print_tetrahedra, quick=quick, backends=backend, **picked)
 
 
 @measuring.command(cls=Timed, epilog="Example: softlab bar --quick   (softlab bar --backend cpu)")

@@ -10,6 +10,7 @@ import typer
 from rich.console import Console
 
 from app.command.command_line import out, typed
+from model.core.errors import SceneError
 
 Backends = Annotated[list[str] | None, typer.Option(help="Only this backend. Repeatable.")]
 Integrators = Annotated[list[str] | None, typer.Option(help="Only this integrator. Repeatable.")]
@@ -21,6 +22,20 @@ Methods = Annotated[
 ]
 Precisions = Annotated[list[str] | None, typer.Option(help="Only float32, or float64. Repeatable.")]
 RatePrecisions = Annotated[list[str] | None, typer.Option(help="float32 (the default), or float64. Repeatable.")]
+Cluster = Annotated[
+    str | None,
+    typer.Option(
+        metavar="local|slurm|dask://HOST:PORT",
+        help="Measure in workers: processes here, Slurm jobs with a node each, or those of a Dask cluster.",
+    ),
+]
+Workers = Annotated[int | None, typer.Option(help="With --cluster: how many (default: as many as can time at once).")]
+Sbatch = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="NAME=VALUE", help="With --cluster slurm: an option of its jobs, as partition=gpu. Repeatable."
+    ),
+]
 Time = Annotated[float | None, typer.Option(help="Seconds simulated until it is judged (default 1.5).")]
 
 
@@ -41,17 +56,44 @@ def measure(
     run: Callable[..., Any],
     show: Callable[[Console, Any, str], None] | None = None,
     tell: Callable[[Console, Any], None] = told,
+    where: Any = None,
+    timed: bool = True,
     **how: Any,
 ) -> Any:
     """Run an experiment into the store, then tell what the store says of this machine (`show`) and what was done (`tell`);
-    the summary. The exit status of Ctrl-C, if that ended it."""
+    the summary. `where`: in workers, each with its machine to itself if something is `timed`. The exit status of Ctrl-C, if
+    that ended it; 1 if something was given up."""
     from bench.store.database import Store
 
     with Store(path) as store:
-        summary = run(store, command=typed(), **how)
-        if show is not None:
-            show(out, store, summary.machine)
+        if where is not None:
+            from bench.cluster.start import on_cluster
+
+            summary = on_cluster(store, run, where, timed=timed, command=typed(), **how)
+        else:
+            summary = run(store, command=typed(), **how)
+        for machine in [summary.machine] if where is None else summary.machines:
+            if show is not None:
+                show(out, store, machine)
         tell(out, summary)
+        if where is not None:
+            from bench.cluster.summary import print_workers
+
+            print_workers(out, summary)
     if summary.interrupted:
         raise typer.Exit(130)
+    if where is not None and (summary.given_up or summary.kept):
+        raise typer.Exit(1)
     return summary
+
+
+def where_asked(cluster: str | None, workers: int | None, sbatch: list[str] | None) -> Any:
+    """Where an experiment is to be measured; None: in this process. Raises SceneError."""
+    from bench.cluster.pools import where_of
+
+    if cluster is None:
+        for name, value in (("--workers", workers), ("--sbatch", sbatch)):
+            if value is not None:
+                raise SceneError(name, value, "goes with --cluster")
+        return None
+    return where_of(cluster, workers, sbatch)

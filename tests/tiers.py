@@ -39,6 +39,7 @@ COMPILED = {
 # Tests for --thorough alone: dear, and of what others hold too, on a smaller scene, by another way, or for another value. A
 # file, then patterns of tests' names; further lines of a file begin with a space.
 ONLY_THOROUGH = table("""
+test_mpi.py test_processes* test_two* test_a_div* test_bad_input*arguments[2-6]*  # processes, seconds each
 test_fluid_physics.py *
 test_fluid_vessels.py test_what_a_cup* test_a_splash*
 test_compiled.py *fluid*
@@ -90,6 +91,9 @@ test_xpbd_laws.py test_small_steps_rope* test_tethers*cpu-jacobi? test_tethers*
 test_xpbd_reference.py test_first_order*along* test_small_steps_rope
 test_rebound.py test_a_brick_that_lands*cpu* test_bodies_that_meet* test_a_brick_that_lands*
 test_shapes3d.py *closed*mesh2*
+# processes that import the whole lab, and time with it
+test_pools.py test_workers_by_dask test_two_real_workers*
+test_sweep_on_many.py *nothing?2? *nothing?3?
 # scenes of the catalogue, and cases that break solvers
 test_bodies_catalogue.py test_bodies_fall*plastic? test_bodies_fall*jelly-drop? test_bodies_fall*soft-pile?
     test_bodies_fall*soft-rain?

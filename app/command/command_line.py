@@ -19,6 +19,7 @@ from rich.console import Console
 from typer.core import TyperGroup
 
 from model.core.errors import SoftlabError
+from model.domains.launched import launched_rank
 
 errors = Console(stderr=True, highlight=False, soft_wrap=True)
 out = Console(highlight=False)
@@ -117,7 +118,9 @@ def exit_status(command: Callable[[], int | None]) -> int:
 
 
 def told(line: str, status: int) -> int:
-    """`status`, once the line is on standard error, if that can be written at all."""
+    """`status`, once the line is on standard error, if that can be written at all; of several processes one says it."""
+    if launched_rank():
+        return status
     with suppress(OSError):
         errors.print(f"softlab: {line}", markup=False)
     return status

@@ -6,11 +6,12 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 import psutil
 
+from app.command.foaming import Foaming, frame_steps, shows_foam
 from app.command.run_length import step_count
 from app.command.run_parts import (
     bodies_report,
@@ -26,12 +27,14 @@ from app.output.export import Exporter, Target, check_export
 from app.output.files import check_state_target, read_state, write_state, write_trajectory
 from app.output.offscreen import check_look
 from app.output.video import Picture, check_render, render
+from app.shared import check_shared, shares
 from cpu_backend.core.threads import core_count, wait_policy
 from model.core.divergence import MIN_INTERVAL
 from model.core.energy import energies, spring_strain
 from model.core.errors import Diverged, InputError, SceneError
 from model.core.memory import available_bytes, require
 from model.core.simulation import Simulation, State
+from model.fluid.foam import FoamPoints
 from model.geometry.overlaps import overlap_lines
 from model.scene.scene import Scene
 from model.scene.sheets import mesh_lines, rest_lines
@@ -61,13 +64,18 @@ class Request:
     allow_unstable: bool = False
     export: str | None = None
     export_every: float | None = None
+    gpus: int = 1
+    ranks: int = 1
+    exchange_every: int | None = None
+    link: str = "peer"
     look: tuple[str, ...] = ()
 
 
 @dataclass
 class Result:
     """What a run gave: `report` is what `run --json` prints, `state` the end (the last checked finite one, if it
-    diverged), `written` the files made, `notes` what a person should know, `diverged` the error that ended it."""
+    diverged), `written` the files made, `notes` what a person should know, `diverged` the error that ended it, `rank` of the
+    process: number 0 alone writes."""
 
     report: dict[str, Any]
     state: State
@@ -75,6 +83,7 @@ class Result:
     written: list[Path] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
     diverged: Diverged | None = None
+    rank: int = 0
 
 
 def check_targets(scene: Scene, request: Request, steps: int, notes: list[str]) -> Target | None:
@@ -85,6 +94,7 @@ def check_targets(scene: Scene, request: Request, steps: int, notes: list[str]) 
     if request.render:
         check_render(request.render)
     check_look(scene, request.look)
+    check_shared(request.ranks, request.link, request.render, request.export)
     if request.record:
         check_state_target(request.record)
         frames = steps // request.record_every + 1
@@ -108,7 +118,8 @@ def run_scene(scene: Scene, request: Request, *, progress: bool = True) -> Resul
     begin = time.perf_counter()
     simulation = open_simulation(
         scene, request.backend, threads=request.threads, precision=request.precision, math=request.math,
-        kernel=request.kernel, initial=initial, allow_unstable=request.allow_unstable,
+        kernel=request.kernel, initial=initial, allow_unstable=request.allow_unstable, gpus=request.gpus,
+        ranks=request.ranks, exchange_every=request.exchange_every, link=request.link,
     )  # fmt: skip
     with simulation:
         start = simulation.state()
@@ -117,16 +128,20 @@ def run_scene(scene: Scene, request: Request, *, progress: bool = True) -> Resul
         clip = request.render is not None and request.render.suffix.lower() == ".mp4"
         recorder = _Recorder(start, request.record_every if request.record else 0)
         exporter = Exporter(simulation, target) if target else None
-        seconds, diverged = _advance(simulation, steps, [recorder, exporter] if exporter else [recorder], progress)
+        foaming = Foaming(simulation) if request.render and not clip and shows_foam(scene, request.look) else None
+        keepers = [keeper for keeper in (recorder, exporter, foaming) if keeper is not None]
+        seconds, diverged = _advance(simulation, steps, keepers, progress and simulation.rank == 0)
         state = simulation.state()
         result = Result(
             _report(simulation, state, steps, seconds, compile_seconds, diverged), state, simulation.scene,
-            notes=notes, diverged=diverged,
+            notes=notes, diverged=diverged, rank=simulation.rank,
         )  # fmt: skip
+        if result.rank != 0:
+            return result
         notes += caught_lines(result.report) + fluid_notes(result.report)
         if exporter:
             result.written += exporter.finish(simulation, notes)
-        _write_results(result, request, recorder, simulation, start, clip)
+        _write_results(result, request, recorder, simulation, start, clip, foaming.points if foaming else None)
         if diverged is not None:
             notes.append(f"the state told of is the last one that was looked at and found good, of step {state.step}")
         if simulation.backend == "cpu" and simulation.threads > 1 and _spins() and _crowded():
@@ -159,6 +174,13 @@ def _warm_up(simulation: Simulation, start: State, steps: int) -> None:
     simulation.load(start)
 
 
+class Keeper(Protocol):
+    """Keeps something of states as a run goes on, every so many steps."""
+
+    def steps_to_next(self, done: int) -> int: ...
+    def keep(self, simulation: Simulation, done: int) -> None: ...
+
+
 class _Recorder:
     """Keeps a state every `every` steps, the start among them; 0 keeps nothing."""
 
@@ -175,7 +197,7 @@ class _Recorder:
 
 
 def _advance(
-    simulation: Simulation, steps: int, keepers: Sequence[_Recorder | Exporter], progress: bool
+    simulation: Simulation, steps: int, keepers: Sequence[Keeper], progress: bool
 ) -> tuple[float, Diverged | None]:
     """Seconds of stepping alone, and the divergence that ended it, if any. `keepers` keep states as it goes on."""
     from rich.console import Console
@@ -190,13 +212,14 @@ def _advance(
             begin = time.perf_counter()
             simulation.advance(now)
             simulation.synchronize()
-            took = time.perf_counter() - begin
+            took = simulation.slowest(time.perf_counter() - begin)
             seconds += took
             done += now
             for keeper in keepers:
                 keeper.keep(simulation, done)
-            if progress and took > 0:
+            if took > 0:
                 batch = max(1, min(round(now * PROGRESS_SECONDS / took), 2**31))
+            if progress and took > 0:
                 if shown is None and seconds / done * (steps - done) > 1:
                     shown = Progress(*columns, console=Console(stderr=True), transient=True)
                     shown.start()
@@ -217,7 +240,7 @@ def _report(
 ) -> dict[str, Any]:
     scene = simulation.scene
     energy = energies(scene, state.position, state.velocity, state.plastic, state.inverse_mass)
-    strained = scene.springs or scene.cloth or scene.bodies or scene.tetrahedra
+    strained = scene.springs or scene.cloth or scene.bodies or scene.tetrahedra or scene.is_world
     strain = spring_strain(scene, state.position, plastic=state.plastic) if strained else np.zeros(0)
     speed = (state.velocity.astype("float64") ** 2).sum(axis=1)
     count = counts(scene, simulation.body.inverse_mass).particles
@@ -231,6 +254,7 @@ def _report(
         "precision": simulation.options.precision,
         "math": simulation.options.math,
         "kernel": simulation.kernel,
+        **shares(simulation),
         "method": scene.method.label,
         "particles": count,
         "dimensions": scene.dimensions,
@@ -246,7 +270,7 @@ def _report(
         "potential_energy": energy["potential"],
         "conserved": energy["conserved"],
         "max_speed": float(speed.max() ** 0.5),
-        "max_strain": float(np.abs(strain).max()) if len(strain) else 0.0,
+        "max_strain": None if scene.fluids else float(np.abs(strain).max()) if len(strain) else 0.0,
         "error": None,
         "error_reason": "not judged",
         "outcome": "ok" if diverged is None else "diverged",
@@ -257,8 +281,9 @@ def _report(
 
 
 def _write_results(
-    result: Result, request: Request, recorder: _Recorder, simulation: Simulation, start: State, clip: bool
-) -> None:
+    result: Result, request: Request, recorder: _Recorder, simulation: Simulation, start: State, clip: bool,
+    foam: FoamPoints | None,
+) -> None:  # fmt: skip
     if request.out:
         result.written.append(write_state(request.out, result.state))
     if request.record:
@@ -267,13 +292,14 @@ def _write_results(
     if request.render and not clip:
         state = result.state
         how: dict[str, Any] = {"time": state.time, "inverse_mass": state.inverse_mass, "picture": picture}
+        how |= {"velocity": state.velocity, "foam": foam}
         result.written.append(render(state.position, request.render, scene=simulation.scene, **how))
     elif request.render:
         steps = result.state.step - start.step
         if steps < 1:
             raise InputError(f"{request.render}: nothing moved, so there is no clip to draw; give --steps")
         simulation.load(start)
-        per_frame = max(1, round(1 / 60 / simulation.scene.method.dt))
+        per_frame = frame_steps(simulation)
         result.written.append(
             render(simulation, request.render, steps=steps, steps_per_frame=per_frame, picture=picture)
         )

@@ -125,11 +125,15 @@ def fluid_notes(report: dict[str, Any]) -> list[str]:
 def contact_report(simulation: Simulation, state: State) -> dict[str, Any]:
     """Of a cloth that meets itself: the least gaps [m] between layers and between edges (None: more than the thickness), what
     contacts of masses with triangles do not see (pairs of edges that are too near, edges through triangles), and contacts
-    that there was no room for. Seconds on large sheets. Of tetrahedral bodies the last alone."""
+    that there was no room for. Seconds on large sheets. Of tetrahedral bodies, and of a world, the last alone."""
     scene = simulation.scene
-    if scene.tetrahedra and scene.contact is not None:
-        surfaces: Any = simulation.contacts  # type: ignore[attr-defined]
-        return {"contacts_lost": surfaces.lost + surfaces.neighbours_lost}
+    if (scene.tetrahedra or scene.is_world) and scene.contact is not None:
+        worlds = [simulation, *getattr(simulation, "members", {}).values()]
+        surfaces: list[Any] = [
+            own for one in worlds if hasattr(own := getattr(one, "contacts", None), "neighbours_lost")
+        ]
+        of_particles = sum(getattr(one, "contacts_lost", 0) for one in worlds[1:])
+        return {"contacts_lost": of_particles + sum(one.lost + one.neighbours_lost for one in surfaces)}
     if scene.self_collision is None:
         return {}
     from model.contact.penetration import measure

@@ -9,7 +9,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Column, Table
 
-from app.command.doctor import Finding
+from app.command.findings import Finding
 from model.scene.fields import about, rows_of
 from model.scene.reader import catalogue
 from model.scene.scene import load_scene
@@ -29,7 +29,8 @@ UNITS = {
     "largest_compression": "of the density at rest",
     "height": "m",
 }
-ABSENT = ("error", "threads_reason")  # no line where there is none
+LABELS = {"mean_compression": "density error, mean", "largest_compression": "density error, largest"}
+ABSENT = ("error", "threads_reason", "max_strain")  # no line where there is none
 
 
 def number(value: Any) -> str:
@@ -52,7 +53,7 @@ def print_report(console: Console, report: dict[str, Any], written: list[Path]) 
             continue
         unit = "of the spacing, from its goal" if key == "max_strain" and "bodies" in report else UNITS.get(key, "")
         more = f"+ {number(waiting[key])} waiting" if waiting.get(key) else ""
-        table.add_row(key.replace("_", " "), f"{number(value)} {unit}{more}".rstrip())
+        table.add_row(LABELS.get(key, key.replace("_", " ")), f"{number(value)} {unit}{more}".rstrip())
     if report["error_reason"]:
         label = "error" if report["error"] is None else ""
         table.add_row(label, ("not known: " if report["error"] is None else "") + escape(report["error_reason"]))
@@ -82,12 +83,18 @@ def print_scenes(console: Console) -> None:
 
 
 def print_fields(console: Console, kind: str) -> None:
-    """What a table of a scene file may hold. Raises SceneError."""
-    table = Table(
-        *(Column(head, overflow="fold") for head in ("field", "default", "allowed", "")), box=None, pad_edge=False
+    """What a table of a scene file may hold: three columns, since a fourth has no room on a narrow terminal. Raises
+    SceneError."""
+    heads = (
+        Column("field", no_wrap=True),
+        Column("default", overflow="fold"),
+        Column("allowed, meaning", overflow="fold"),
     )
+    table = Table(*heads, box=None, pad_edge=False)
     for row in rows_of(kind):
-        table.add_row(row.name, row.default, row.allowed, escape(row.note))
+        table.add_row(
+            row.name, escape(row.default), escape("; ".join(told for told in (row.allowed, row.note) if told))
+        )
     console.print(f"[{kind}]: {about(kind)}\n", markup=False)
     console.print(table)
 

@@ -68,13 +68,20 @@ def check_export(name: str, seconds: float | None, dt: float, notes: list[str]) 
     return target
 
 
+def _members_of(simulation: Simulation) -> dict[str, Simulation]:
+    """By name; of what is no world itself alone."""
+    members: dict[str, Simulation] = getattr(simulation, "members", {"": simulation})
+    return members
+
+
 class Exporter:
     """Writes states of a run as meshes: a pattern's frames, the one that `simulation` is at now first, or else the end."""
 
     def __init__(self, simulation: Simulation, target: Target):
         self.target, self.every = target, target.every
         self.written: list[Path] = []
-        self._frames = ClusterFrames(simulation.scene) if simulation.scene.bodies else None
+        self._worlds = _members_of(simulation)
+        self._frames = {name: ClusterFrames(one.scene) for name, one in self._worlds.items() if one.scene.bodies}
         self.keep(simulation, 0)
 
     def steps_to_next(self, done: int) -> int:
@@ -99,10 +106,12 @@ class Exporter:
     def _write(self, simulation: Simulation) -> None:
         simulation.check()
         scene, position = simulation.scene, simulation.read("position").astype(np.float64)
-        matrices = self._frames.of_simulation(simulation, position) if self._frames else None
         path = self.target.of(len(self.written))
-        weights = simulation.body.inverse_mass
-        pieces = pieces_of(scene, position, matrices, weights)
+        weights, pieces = simulation.body.inverse_mass, []
+        for name, one in self._worlds.items():
+            own, frames = one.read("position").astype(np.float64), self._frames.get(name)
+            matrices = frames.of_simulation(one, own) if frames else None
+            pieces += pieces_of(one.scene, own, matrices, one.body.inverse_mass)
         if path.suffix.lower() == GLB and scene.dimensions == 3:
             pieces += collider_pieces(scene, present(scene, position, weights), simulation.time)
         self.written.append(write_pieces(path, pieces))

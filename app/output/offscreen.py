@@ -22,6 +22,7 @@ from model.core.build import rest_positions
 from model.core.errors import InputError, SoftlabError
 from model.core.files import check_target
 from model.core.simulation import Simulation
+from model.fluid.foam import FoamPoints
 from model.scene.scene import Scene
 from model.shape_matching.spare import present
 
@@ -44,7 +45,8 @@ class OffscreenRenderer:
         self, scene: Scene, width: int = 1280, height: int = 960, *, legend: bool = True, lines: bool = False,
         look: Sequence[str] = (),
     ):  # fmt: skip
-        from app.render.panels import Legends, Panel, Style
+        from app.render.legends import Legends
+        from app.render.panels import Panel, Style
 
         for name, value in (("width", width), ("height", height)):
             if not MIN_SIZE <= value <= MAX_SIZE:
@@ -97,7 +99,8 @@ class OffscreenRenderer:
         if bounds is None:
             return
         margins = MARGINS if self._panel else (40.0, 40.0, 40.0, 40.0)
-        if self._panel and self._space and not (self._legends and self._legends.needed(self._view)):
+        legend = self._legends and self._legends.needed(self._view)
+        if self._panel and (self._space or self.scene.fluids) and not legend:
             margins = (40.0, 50.0, 40.0, 50.0)
         if self._space:
             self._view.keep_above_ground(bounds[1])
@@ -123,12 +126,27 @@ class OffscreenRenderer:
             self.strain_range = max(fitted, self.strain_range) if self._fitted else fitted
         self._fitted = True
 
-    def draw(self, position: np.ndarray, time: float = 0.0, normal: np.ndarray | None = None) -> None:
+    @property
+    def wants_velocity(self) -> bool:
+        """Whether what is drawn depends on velocities: speeds, foam."""
+        return bool(getattr(self._view, "wants_velocity", False))
+
+    def show_foam(self, points: FoamPoints | None) -> None:
+        """Of fluids: spray and foam as they have become so far, in place of none."""
+        if points is not None and self.scene.fluids:
+            self._view.show_foam(points)
+
+    def draw(
+        self, position: np.ndarray, time: float = 0.0, normal: np.ndarray | None = None,
+        velocity: np.ndarray | None = None,
+    ) -> None:  # fmt: skip
         """Draw a state (particles, dimensions) [m] and return when it has been drawn. Raises InputError for another shape.
 
-        In space: `time` [s] says where moving colliders are, `normal` (particles, 3) are the cloth's, if known.
+        `time` [s] says where moving colliders are; in space `normal` (particles, 3) are the cloth's, if known; `velocity`
+        (particles, dimensions) [m/s], if known, is for what `wants_velocity`.
         """
         self._window.switch_to()
+        self._view.know(velocity, time)
         self._view.upload(position, normal)
         self._draw(time)
 
@@ -202,10 +220,13 @@ def render_frame(
     time: float = 0.0,
     inverse_mass: np.ndarray | None = None,
     look: Sequence[str] = (),
+    velocity: np.ndarray | None = None,
+    foam: FoamPoints | None = None,
 ) -> Path:
     """Draw a state (particles, dimensions) [m] of `scene` into a PNG and return its path. `caption` None: the scene's
     title. In space, `lines`: as springs, or particles, and not as a surface; `time` [s]: where moving colliders are;
-    `inverse_mass`, as in State: which bodies wait; `look`: see OffscreenRenderer.
+    `inverse_mass`, as in State: which bodies wait; `look`: see OffscreenRenderer; `velocity` (particles, dimensions)
+    [m/s] and `foam`: of a fluid, where they are known.
 
     Raises InputError (name, folder, size, shape) and BackendUnavailable (no off-screen OpenGL).
     """
@@ -215,7 +236,8 @@ def render_frame(
         renderer.fit(position, time)
         if caption is not None:
             renderer.caption = caption
-        renderer.draw(position, time)
+        renderer.show_foam(foam)
+        renderer.draw(position, time, velocity=velocity)
         return write_png(path, renderer.image())
 
 

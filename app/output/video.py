@@ -17,6 +17,7 @@ from app.output.offscreen import OffscreenRenderer, render_frame
 from model.core.errors import BackendUnavailable, InputError
 from model.core.files import check_target, replacing
 from model.core.simulation import Simulation
+from model.fluid.foam import FoamPoints
 from model.scene.scene import Scene
 
 FRAME, CLIP = ".png", ".mp4"
@@ -35,7 +36,9 @@ class Picture:
     look: tuple[str, ...] = ()
 
 
-Frame = tuple[np.ndarray, float, np.ndarray | None]  # position [m], time [s], and a cloth's normals, if they are known
+Frame = tuple[
+    np.ndarray, float, np.ndarray | None, np.ndarray | None
+]  # position [m], time [s], and a cloth's normals and velocities [m/s], if they are known
 
 
 def ffmpeg_path() -> str:
@@ -153,7 +156,8 @@ def render_clip(
 
     def state() -> Frame:
         normal = simulation.read("normal") if simulation.scene.cloth else None
-        return simulation.read("position"), simulation.time, normal
+        velocity = simulation.read("velocity") if simulation.scene.fluids else None
+        return simulation.read("position"), simulation.time, normal, velocity
 
     def states() -> Iterator[Frame]:
         yield state()
@@ -184,9 +188,9 @@ def _write_clip(
         renderer.caption = scene.title if picture.caption is None else picture.caption
         renderer.show_bodies(inverse_mass)
         start, bar, task = perf_counter(), None, None
-        for position, time, normal in states:
+        for position, time, normal, velocity in states:
             renderer.fit(position, time)
-            renderer.draw(position, time, normal)
+            renderer.draw(position, time, normal, velocity)
             writer.write(renderer.image())
             if bar is None and progress and perf_counter() - start > PROGRESS_AFTER:
                 bar, task = _progress_bar(writer.path.name, total)
@@ -220,13 +224,15 @@ def render(
     picture: Picture = Picture(),
     time: float = 0.0,
     inverse_mass: np.ndarray | None = None,
+    velocity: np.ndarray | None = None,
+    foam: FoamPoints | None = None,
 ) -> Path:
     """Draw into `frame.png` or `clip.mp4`, as the suffix says, and return the path.
 
     `source`: a simulation (a frame shows its state now; a clip advances it by `steps`), or positions, (particles,
     dimensions) for a frame and (frames, particles, dimensions) for a clip, which need their `scene`, and in space the
-    `time` [s] at which its moving colliders are to be shown; `inverse_mass`, as in State, tells which bodies wait.
-    Raises InputError, BackendUnavailable.
+    `time` [s] at which its moving colliders are to be shown; `inverse_mass`, as in State, tells which bodies wait; `velocity`
+    [m/s] and `foam` of a fluid's frame, where known. Raises InputError, BackendUnavailable.
     """
     path = check_render(path)
     clip = path.suffix.lower() == CLIP
@@ -234,14 +240,16 @@ def render(
         if clip:
             return render_clip(source, path, steps, steps_per_frame, picture)
         scene, time, inverse_mass = source.scene, source.time, source.body.inverse_mass
+        velocity = source.read("velocity") if scene.fluids else None
     position = source.read("position") if isinstance(source, Simulation) else source
     if scene is None:
         raise InputError("positions alone cannot be drawn; give their scene, too")
     if not clip:
         size, words = (picture.width, picture.height), picture.caption
         how: dict[str, Any] = {"time": time, "inverse_mass": inverse_mass, "look": picture.look}
+        how |= {"velocity": velocity, "foam": foam}
         return render_frame(scene, position, path, *size, caption=words, **how)
     if position.ndim != 3:
         raise InputError(f"positions of shape {position.shape}; a clip needs (frames, particles, {scene.dimensions})")
-    states = ((frame, time, None) for frame in position)
+    states = ((frame, time, None, None) for frame in position)
     return _write_clip(scene, states, len(position), path, picture, inverse_mass)

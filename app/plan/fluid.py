@@ -34,10 +34,10 @@ def fluid_lines(scene: Scene) -> list[str]:
             if field == "support" and value is None:
                 told = f"{part.support_radius:g}"
             lines.append(f"  {name}.{field} = {told}  ({notes.get(field, '')})")
-        share = smoothing(scene, part)
+        share, mass = smoothing(scene, part), part.density * found.spacing**found.dimensions
         lines.append(
             f"  of {name}: nothing faster than {speed_limit(scene, part):.4g} m/s (half a support a substep); XSPH takes "
-            f"{share:.3g} of a difference of velocities; a particle weighs {part.density * found.lattice.volume:.4g} kg"
+            f"{share:.3g} of a difference of velocities; a particle weighs {mass:.4g} kg"
         )
     return lines + flow_lines(scene)
 

@@ -16,6 +16,7 @@ import numpy as np
 
 from app.driver import BACKENDS
 from app.plan.passes import BackendPlan
+from app.plan.shared import SharedPlan
 from model.core.errors import SceneError
 from model.core.families import family_of, stability_limit
 from model.core.family import named
@@ -39,9 +40,28 @@ class Row:
     seconds: dict[str, float] = field(default_factory=dict)
 
 
+def counts_of(scene: Scene) -> dict[str, Any]:
+    """What a scene has beside particles; of a world that of each of its `members`."""
+    if scene.is_world:
+        members = scene.members.items()
+        return {"members": {name: {"particles": one.grid.particle_count} | counts_of(one) for name, one in members}}
+    if scene.tetrahedra:
+        found = scene.tetrahedra_set
+        counts = {"bodies": len(found.parts), "tetrahedra": len(found.tetrahedra)}
+        return counts | ({"triangles": len(found.sheet.mesh.triangles)} if found.sheet else {})
+    if scene.fluids:
+        return {"fluids": len(scene.fluids)}
+    if scene.bodies:
+        clusters = scene.body_set.clusters
+        copies = len(scene.body_set.copies)
+        return {"bodies": copies, "clusters": clusters.count, "entries": len(clusters.indices)}
+    return {}
+
+
 @dataclass(frozen=True)
 class PlanReport:
-    """All that `softlab plan` tells of a scene. `unknown`: backends whose choice cannot be had here, and why."""
+    """All that `softlab plan` tells of a scene. `unknown`: backends whose choice cannot be had here, and why; `shared`: by
+    several GPUs, where that was asked for."""
 
     scene: Scene
     precision: str
@@ -50,6 +70,7 @@ class PlanReport:
     rows: tuple[Row, ...]
     backends: tuple[BackendPlan, ...]
     unknown: dict[str, str]
+    shared: SharedPlan | None = None
 
     @property
     def item(self) -> int:
@@ -78,21 +99,7 @@ class PlanReport:
     def as_dict(self) -> dict[str, Any]:
         """The object that `--json` prints. Shares are of the whole step; a limit that is infinite is null."""
         method, grid = self.scene.method, self.scene.grid
-        counts = {}
-        if self.scene.tetrahedra:
-            found = self.scene.tetrahedra_set
-            counts = {"bodies": len(found.parts), "tetrahedra": len(found.tetrahedra)}
-            if found.sheet:
-                counts["triangles"] = len(found.sheet.mesh.triangles)
-        if self.scene.fluids:
-            counts = {"fluids": len(self.scene.fluids)}
-        if self.scene.bodies:
-            clusters = self.scene.body_set.clusters
-            counts = {
-                "bodies": len(self.scene.body_set.copies),
-                "clusters": clusters.count,
-                "entries": len(clusters.indices),
-            }
+        counts = counts_of(self.scene)
         return {
             "scene": self.scene.name, "precision": self.precision, "particles": grid.particle_count,
             **counts, "springs": self.springs, "dimensions": self.plan.dimensions, "method": method.label,
@@ -103,6 +110,7 @@ class PlanReport:
             "stages": [self._row_as_dict(row) for row in self.rows],
             "backends": {one.name: self._backend_as_dict(one) for one in self.backends},
             "unknown": self.unknown,
+            **({"shared": self.shared.as_dict()} if self.shared else {}),
         }  # fmt: skip
 
     def _row_as_dict(self, row: Row) -> dict[str, Any]:

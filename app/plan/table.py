@@ -9,7 +9,10 @@ from app.command.tables import number
 from app.plan.fluid import fluid_lines
 from app.plan.passes import BackendPlan
 from app.plan.report import PlanReport, Row, limit_line, share
+from app.plan.shared import shared_lines
+from model.core.families import family_of
 from model.core.stability_limit import frequency_lines
+from model.scene.scene import Scene
 from model.shape_matching.spare import counts
 
 
@@ -61,26 +64,32 @@ def _print_backend(console: Console, one: BackendPlan) -> None:
         console.print(f"  not measured: {one.unmeasured}", soft_wrap=True, markup=False)
 
 
+def amounts(scene: Scene) -> str:
+    """Of particles, and what holds them; of a world member by member."""
+    if scene.is_world:
+        return "; ".join(f"{name}: {amounts(member)}" for name, member in scene.members.items())
+    if scene.fluids:
+        return str(scene.fluid_set)
+    if scene.tetrahedra:
+        return str(scene.tetrahedra_set)
+    if not scene.bodies:
+        return f"{number(scene.grid.particle_count)} masses, {number(family_of(scene).spring_count(scene))} springs"
+    body_set, told = scene.body_set, counts(scene)
+    waiting = (
+        f" ({number(told.waiting)} waiting, of {number(told.waiting_particles)} particles)" if told.waiting else ""
+    )
+    bodies = "1 body" if len(body_set.copies) == 1 else f"{number(len(body_set.copies))} bodies"
+    entries = len(body_set.clusters.indices) / body_set.particle_count
+    return (
+        f"{number(body_set.particle_count)} particles of {bodies}{waiting}, "
+        f"{number(body_set.clusters.count)} clusters, {entries:.2f} a particle"
+    )
+
+
 def print_plan(console: Console, report: PlanReport) -> None:
     """The stages of a step, each with what it moves and computes; each backend's kernel; the stability limit."""
     scene = report.scene
-    amounts = f"{number(scene.grid.particle_count)} masses, {number(report.springs)} springs"
-    if scene.fluids:
-        amounts = str(scene.fluid_set)
-    if scene.tetrahedra:
-        amounts = str(scene.tetrahedra_set)
-    if scene.bodies:
-        body_set, told = scene.body_set, counts(scene)
-        waiting = (
-            f" ({number(told.waiting)} waiting, of {number(told.waiting_particles)} particles)" if told.waiting else ""
-        )
-        bodies = "1 body" if len(body_set.copies) == 1 else f"{number(len(body_set.copies))} bodies"
-        entries = len(body_set.clusters.indices) / body_set.particle_count
-        amounts = (
-            f"{number(body_set.particle_count)} particles of {bodies}{waiting}, "
-            f"{number(body_set.clusters.count)} clusters, {entries:.2f} a particle"
-        )
-    console.print(f"{scene.name}  {amounts}, {report.plan.dimensions}-D, {report.precision}", soft_wrap=True)
+    console.print(f"{scene.name}  {amounts(scene)}, {report.plan.dimensions}-D, {report.precision}", soft_wrap=True)
     for line in (limit_line(report), *frequency_lines(scene), *fluid_lines(scene)):
         console.print(line, soft_wrap=True, markup=False)
     measured = ", measured microseconds of the whole grid" if any(row.seconds for row in report.rows) else ""
@@ -91,5 +100,7 @@ def print_plan(console: Console, report: PlanReport) -> None:
     for one in report.backends:
         console.print()
         _print_backend(console, one)
+    for line in shared_lines(report.shared) if report.shared else ():
+        console.print(line, soft_wrap=True, markup=False)
     for name, reason in report.unknown.items():
         console.print(f"\n{name}: {reason}", soft_wrap=True, markup=False)

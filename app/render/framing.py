@@ -7,6 +7,7 @@ import numpy as np
 from app.render.camera import finite_bounds
 from app.render.camera3d import box_corners
 from app.render.collider_shapes import collider_boxes
+from app.render.fluid.framing import main_part, with_tank
 from model.scene.cloth import Plane
 from model.scene.scene import Scene
 
@@ -21,20 +22,24 @@ def seen_radius(scene: Scene) -> float:
 def seen_points(scene: Scene, position: np.ndarray, time: float) -> np.ndarray:
     """(n, 3) float64 [m]: those of `position` (particles, 3) that are finite, the corners of what is near of the colliders at
     `time` [s], and below bodies the places where they would land; none where nothing is finite. In a plane two corners
-    (2, 2).
+    (2, 2). Of fluids without the drops that fly far, and with the tank (app/render/fluid/framing.py).
 
     Landing places, as colliders, count up to half the masses' own size away: of what falls from the sky the ground would
     leave nothing to see.
     """
+    position = main_part(scene, position)
     bounds = finite_bounds(position)
     if bounds is None:
         return np.zeros((0, scene.dimensions))
+    tank = with_tank(scene, bounds, time)
     if scene.dimensions == 2:
-        return np.reshape(bounds, (2, 2))
+        return np.reshape(tank, (2, 2))
     points = np.asarray(position, dtype=np.float64)
     if not np.isfinite(points).all():
         points = points[np.isfinite(points).all(axis=1)]
     found = [points, *(box_corners(low, high) for low, high in collider_boxes(scene, bounds, time))]
+    if scene.fluids:
+        found.append(box_corners(np.array(tank[:3]), np.array(tank[3:])))
     least = bounds[1] - scene.grid.extent / 2
     for _, collider in scene.colliders if scene.bodies else ():
         if isinstance(collider, Plane):

@@ -1,129 +1,24 @@
-"""What lies over the picture: the legend of strain, panels of text, an arrow for a force."""
+"""What lies over the picture: panels of text, an arrow for a force. Legends: app/render/legends.py."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from app.render import colours
-from model.core.build import pinned_indices
-from model.scene.scene import Scene
 
 FONTS = ["DejaVu Sans", "Helvetica Neue", "Segoe UI", "Arial"]
 MONOSPACED = ["DejaVu Sans Mono", "Menlo", "Consolas", "Courier New"]
-MINUS = "\N{MINUS SIGN}"
-STRAIN_TITLE = f"strain of a spring: (length {MINUS} rest) / rest"
-EDGE_TITLE = f"strain of an edge: (length {MINUS} rest) / rest"
-ZERO_REST_TITLE = "strain of a spring: length / spacing"
 Pair = tuple[float, float]
 TIP_GAP = 18.0  # pixels from an arrow's tip, where the pointer is, to its label
 EDGE = (0.75, 0.77, 0.80)
-LEGEND_WIDTH, LEGEND_HEIGHT, LEGEND_PARTS = 260, 14, 64  # pixels, pixels, rectangles
 
 
 def rgba(colour: tuple[float, float, float], alpha: int = 255) -> tuple[int, int, int, int]:
     """A colour of app/render/colours.py as pyglet takes it."""
     red, green, blue = (round(255 * part) for part in colour)
     return red, green, blue, alpha
-
-
-class Legend:
-    """The bar of colours with its numbers, at the lower right corner: of strains, from minus the range to it, or, where
-    `levels`, of what has no sign. Made once; `place` and `draw` for each frame."""
-
-    def __init__(self, has_pins: bool, title: str = STRAIN_TITLE, levels: bool = False) -> None:
-        import pyglet
-
-        self._batch = pyglet.graphics.Batch()
-        self._shown: tuple[int, float, str] | None = None
-        self._levels = levels
-        middles = (np.arange(LEGEND_PARTS) + 0.5) / LEGEND_PARTS
-        shown = colours.level_colours(middles, 1.0) if levels else colours.strain_colours(2 * middles - 1, 1.0)
-        part = LEGEND_WIDTH / LEGEND_PARTS
-        self._back = pyglet.shapes.Rectangle(
-            0, 0, LEGEND_WIDTH + 44, 84 if has_pins else 64, (255, 255, 255, 225), batch=self._batch
-        )
-        self._bars = [
-            pyglet.shapes.Rectangle(0, 0, part + 0.5, LEGEND_HEIGHT, rgba(tuple(colour)), batch=self._batch)
-            for colour in shown
-        ]
-        self._title = self._label(title, "center")
-        self._numbers = [self._label("", "center") for _ in range(5)]
-        self._pin_mark = pyglet.shapes.Rectangle(0, 0, 8, 8, rgba(colours.PIN), batch=self._batch) if has_pins else None
-        self._pin_text = self._label("pinned mass", "left") if has_pins else None
-
-    def _label(self, text: str, anchor: Any) -> Any:
-        import pyglet
-
-        return pyglet.text.Label(
-            text, font_name=FONTS, font_size=9, color=rgba(colours.INK), anchor_x=anchor, batch=self._batch
-        )
-
-    def place(self, width: int, most: float, title: str = "") -> None:
-        """Put it at the lower right of a window `width` pixels wide, with this range at its ends; under a `title`, if any."""
-        if self._shown == (width, most, title):
-            return
-        self._shown = (width, most, title)
-        self._title.text = title or self._title.text
-        left, bottom = width - LEGEND_WIDTH - 34, 28
-        self._back.position = (left - 22, bottom - 22)
-        for k, bar in enumerate(self._bars):
-            bar.position = (left + k * LEGEND_WIDTH / LEGEND_PARTS, bottom)
-        for k, label in enumerate(self._numbers):
-            value = most * (k / 4 if self._levels else (k - 2) / 2)
-            label.text = "0" if value == 0 else f"{value:.3g}" if self._levels else f"{value:+.3g}".replace("-", MINUS)
-            label.position = (left + k * LEGEND_WIDTH / 4, bottom - 14, 0)
-        self._title.position = (left + LEGEND_WIDTH / 2, bottom + LEGEND_HEIGHT + 8, 0)
-        if self._pin_mark is not None and self._pin_text is not None:
-            self._pin_mark.position = (left + LEGEND_WIDTH / 2 - 44, bottom + LEGEND_HEIGHT + 27)
-            self._pin_text.position = (left + LEGEND_WIDTH / 2 - 30, bottom + LEGEND_HEIGHT + 27, 0)
-
-    def draw(self) -> None:
-        """Draw it."""
-        self._batch.draw()
-
-
-class Legends:
-    """The legends that a scene may need: of the strain of what is drawn as lines, and of levels."""
-
-    def __init__(self, scene: Scene) -> None:
-        self._strain = legend_of(scene)
-        self._levels = (
-            Legend(len(pinned_indices(scene.grid)) > 0, levels=True) if scene.tetrahedra or scene.fluids else None
-        )
-
-    def needed(self, view: Any) -> bool:
-        """Whether one goes with what a view shows."""
-        return self._chosen(view) is not None
-
-    def _chosen(self, view: Any) -> Legend | None:
-        if self._levels is not None and view.level_legend() is not None:
-            return self._levels
-        return self._strain if view.lines else None
-
-    def draw(self, view: Any, width: int, strain_range: float) -> None:
-        """The one that goes with what a view shows, if any, in a window `width` pixels wide."""
-        chosen = self._chosen(view)
-        if chosen is None:
-            return
-        levels = view.level_legend()
-        if levels is None:
-            chosen.place(width, strain_range)
-        else:
-            chosen.place(width, levels[1], levels[0])
-        chosen.draw()
-
-
-def legend_of(scene: Scene) -> Legend | None:
-    """The legend of strains that a scene needs; None without springs and tetrahedra."""
-    if scene.tetrahedra:
-        return Legend(len(pinned_indices(scene.grid)) > 0, EDGE_TITLE)
-    if not scene.springs and not scene.cloth_springs:
-        return None
-    title = ZERO_REST_TITLE if scene.springs and not scene.springs.rest_length else STRAIN_TITLE
-    return Legend(len(pinned_indices(scene.grid)) > 0, title)
 
 
 @dataclass(frozen=True)

@@ -44,13 +44,13 @@ def outer_faces(found: TetrahedraSet) -> Skin:
 class _Surface:
     """A skin on the graphics card: points, normals and colours, renewed by `send`; `drawn`: all of it."""
 
-    def __init__(self, skin: Skin):
+    def __init__(self, skin: Skin, first_colour: int = 0):
         from pyglet import gl
 
         self.skin = skin
         own = np.zeros(skin.count, np.int64)
         for number, faces in enumerate(skin.triangles):
-            own[faces] = number
+            own[faces] = first_colour + number
         self._own = of_numbers(own)
         zero = np.zeros((skin.count, 3), np.float32)
         self._buffers = [static_buffer(zero), static_buffer(zero), static_buffer(self._own)]
@@ -85,11 +85,15 @@ class TetrahedraView(SheetView):
 
     subject, colourings = "tetrahedra", COLOURINGS
 
-    def __init__(self, scene: Scene, detail: Detail = FINE):
+    def __init__(self, scene: Scene, detail: Detail = FINE, first_colour: int = 0):
+        """`first_colour`: the first body's, of those that bodies have."""
         super().__init__(scene, detail)
         found = scene.tetrahedra_set
         self.skin, self.colouring, self._most = True, COLOURINGS[0], 0.0
-        self._surfaces = {True: _Surface(found.skin), False: _Surface(outer_faces(found))}
+        self._surfaces = {
+            True: _Surface(found.skin, first_colour),
+            False: _Surface(outer_faces(found), first_colour),
+        }
         self._tinted = Lit(shaders3d.TINTED_VERTEX, shaders3d.TINTED_FRAGMENT)
 
     def _lits(self) -> list[Any]:

@@ -67,6 +67,18 @@ def square_array(position: int, look: int, dimensions: int = 3) -> Any:
     return _array_of([(POSITION, position, dimensions), (LOOK, look, 4)])
 
 
+def point_array(position: int, look: int, dimensions: int = 3) -> Any:
+    """A vertex array of points: (vertices, dimensions) positions, and colours with alpha (vertices, 4); float32."""
+    from pyglet import gl
+
+    array = square_array(position, look, dimensions)
+    gl.glBindVertexArray(array)
+    for place in (POSITION, LOOK):
+        gl.glVertexAttribDivisor(place, 0)
+    gl.glBindVertexArray(0)
+    return array
+
+
 def draw_elements(array: Any, mode: int, count: int) -> None:
     """Draw `count` elements of a vertex array."""
     from pyglet import gl

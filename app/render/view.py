@@ -45,12 +45,14 @@ class View(ABC):
     lines = False
     colliders = True  # whether they are drawn, in space
     subject = "sheet"  # what it shows, by which the window's keys go: bodies, tetrahedra, fluid
+    shows_levels = False  # whether colours are levels, as soon as they are known
     colourings: tuple[str, ...] = ()  # what `next_colouring` goes through
 
     def __init__(self, scene: Scene, detail: Detail = FINE):
         self.scene, self.space = scene, scene.dimensions == 3
         self.detail = detail if self.space else FINE
         self.vertices = CudaVertices(scene)
+        self.know(None, 0.0)
         self._point_program = shader_program(shaders.VERTEX, shaders.POINT_FRAGMENT)
         if self.space:
             self.lowest = float(
@@ -100,6 +102,15 @@ class View(ABC):
     def level_legend(self) -> tuple[str, float] | None:
         """(title with its unit, the range in that unit) of the colours of what is shown; None where they are no levels."""
         return None
+
+    def name_legend(self) -> tuple[tuple[str, tuple[float, float, float]], ...]:
+        """(name, colour) of what has a colour of its own; none where they tell nothing."""
+        return ()
+
+    def know(self, velocity: np.ndarray | None, time: float) -> None:
+        """Of the state that is uploaded next: velocities (particles, dimensions) [m/s], if they are known, and its time
+        [s]. Most views draw nothing of them."""
+        self._velocity, self._when = velocity, time
 
     def keep_above_ground(self, lowest: float) -> None:
         """The ground that a scene in space without a plane gets lies below `lowest` [m] from now on."""

@@ -1,4 +1,4 @@
-"""Which view and which camera a scene needs: those of a plane or those of space, of a sheet or of bodies."""
+"""Which view and which camera a scene needs: those of a plane or those of space, of a sheet, of bodies or of a world."""
 
 from __future__ import annotations
 
@@ -6,27 +6,39 @@ from typing import Any
 
 from app.render.camera import Camera2D
 from app.render.camera3d import Camera3D
-from app.render.detail import FINE, usual_detail
+from app.render.detail import FINE, Detail, usual_detail
 from app.render.opengl import renderer_name
 from model.scene.scene import Scene
 
 
 def view_of(scene: Scene, quick: bool = False) -> Any:
-    """A SheetView or, for bodies, a BodiesView or a TetrahedraView, for fluids a FluidView, in the current OpenGL context.
-    Raises BackendUnavailable.
+    """A SheetView or, for bodies, a BodiesView or a TetrahedraView, for fluids a FluidView, for a world of these a WorldView,
+    in the current OpenGL context. Raises BackendUnavailable.
 
     `quick`: frames matter more than edges and shadows, which are left out where a processor does the drawing.
     """
+    from app.render.world_view import WorldView
+
+    detail = usual_detail(renderer_name()) if quick else FINE
+
+    def make(one: Scene, of_one: Detail, first_colour: int = 0) -> Any:
+        return _view_of_family(one, of_one, quick, first_colour)
+
+    return WorldView(scene, make, detail) if scene.is_world else make(scene, detail)
+
+
+def _view_of_family(scene: Scene, detail: Detail, quick: bool, first_colour: int) -> Any:
+    """Of particles of one family."""
     from app.render.bodies.view import BodiesView
     from app.render.fluid.view import FluidView
     from app.render.sheet_view import SheetView
     from app.render.tetrahedra_view import TetrahedraView
 
-    detail = usual_detail(renderer_name()) if quick else FINE
     if scene.fluids:
         return FluidView(scene, detail, shaped=not quick)
-    kind = BodiesView if scene.bodies else TetrahedraView if scene.tetrahedra else SheetView
-    return kind(scene, detail)
+    if scene.tetrahedra:
+        return TetrahedraView(scene, detail, first_colour)
+    return (BodiesView if scene.bodies else SheetView)(scene, detail)
 
 
 def camera_of(scene: Scene, width: int, height: int) -> Any:

@@ -6,6 +6,7 @@ import numpy as np
 
 from app.render.camera import Margins, joined_bounds
 from app.render.collider_shapes import with_colliders
+from app.render.fluid.framing import with_tank
 from app.window.panes import IN_A_ROW
 from app.window.shown import Shown
 
@@ -44,7 +45,9 @@ class Following:
             for view in self.viewer.views:
                 view.keep_above_ground(float(least[1]))
         seen = (*least.tolist(), *most.tolist())
-        return joined_bounds([with_colliders(world.scene, seen, world.time) for world in worlds])
+        return joined_bounds(
+            [with_tank(world.scene, with_colliders(world.scene, seen, world.time), world.time) for world in worlds]
+        )
 
     def approach(self, share: float) -> None:
         """By so much of the way to the view that shows everything."""

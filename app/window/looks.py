@@ -15,7 +15,7 @@ OF_PLANE = "a scene in the plane is drawn in one way"
 
 
 class Looks:
-    """The keys L, V and, of bodies, P, K, C, I, O over the `views` of a demo's worlds."""
+    """The keys L, V and, of bodies, P, K, C, I, O, of fluids O, W over the `views` of a demo's worlds."""
 
     def __init__(self, demo: Demo, views: Sequence[Any]):
         self.demo = demo
@@ -44,6 +44,8 @@ class Looks:
                     getattr(view, f"toggle_{name}")()
             if view.lines != old.lines:
                 view.toggle_lines()
+            if getattr(view, "foam", None) != getattr(old, "foam", None):
+                view.toggle_foam()
             if hasattr(old, "colouring"):
                 self._colour(view, old.colouring)
 
@@ -106,6 +108,14 @@ class Looks:
         self.demo.say(" behind the ".join(word for word in (inside, "skin" if first.skin else "") if word))
         if name == "links" and not any(len(copy.baked.links) for copy in self.demo.world.scene.body_set.copies):
             self.demo.say("these bodies have no links")
+
+    def toggle_foam(self) -> None:
+        """W: of fluids spray, foam and bubbles."""
+        if self._subject != "fluid":
+            self.demo.say("there are no fluids here")
+            return
+        shown = [view.toggle_foam() for view in self.views]
+        self.demo.say("spray, foam and bubbles, from now on" if shown[0] else "without foam")
 
     def next_colouring(self) -> None:
         """O: particles coloured by body, by group, by cluster; tetrahedra by body, by stress, by strain; fluids by fluid, by

@@ -8,8 +8,9 @@ from time import perf_counter
 import numpy as np
 
 from app.render import colours
+from app.render.legends import Legends
 from app.render.opengl import drawing_text
-from app.render.panels import Arrow, Legends, Panel, Style
+from app.render.panels import Arrow, Panel, Style
 from app.window.controls import hint, keys_text
 from app.window.demo_report import numbers_text, title_text
 from app.window.frame_times import FrameGraph, FrameTimes

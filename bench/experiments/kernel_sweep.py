@@ -22,6 +22,7 @@ from bench.measure.experiment import Tell, backends_here, ending_cleanly, host_o
 from bench.measure.gpu import gpu_simulated
 from bench.measure.kernel_runner import NO_JOULES, KernelRunner
 from bench.measure.limits import enter_limits
+from bench.measure.share import share
 from bench.measure.starts import measure_starts
 from bench.store.database import Store
 from bench.store.results import configuration
@@ -115,7 +116,10 @@ class _KernelSweep(Sweep):
 
     def _measure(self, cases: Sequence[Case], tell: Tell) -> None:
         for scene, backend in self.starting:
-            measure_starts(self.store, self.summary.run, self.summary.machine, scene, backend, source_hash(backend))
+            with share().take(f"starts {backend}") as mine:
+                if mine:
+                    run, machine = self.summary.run, self.summary.machine
+                    measure_starts(self.store, run, machine, scene, backend, source_hash(backend))
         self.starting = ()
         super()._measure(cases, tell)
 

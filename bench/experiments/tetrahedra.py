@@ -17,23 +17,35 @@ from __future__ import annotations
 import time as clock
 from collections.abc import Sequence
 from contextlib import ExitStack
-from functools import cache, partial
-from math import ceil, inf, pi, sqrt
+from functools import partial
+from itertools import product
+from math import ceil, inf, pi
 from typing import Any
 
 import numpy as np
 
 from app.driver import open_simulation
 from bench.experiments.advise.tetrahedra_laws import Stiff
+from bench.experiments.tetrahedral.cantilever import (
+    BLOCKS,
+    DENSITY,
+    FRAME,
+    POISSON,
+    SIDE,
+    bending_frequency,
+    cantilever,
+    continuum_sag,
+    exact_drop,
+    exact_rest,
+    sag,
+)
 from bench.experiments.tetrahedral.promised import promised
 from bench.measure.costs_timing import FULL, QUICK, RATIO, SECONDS, Effort, Measures, Record, in_turn
 from bench.measure.experiment import Group, Items, cost_sources, described
 from bench.measure.timing import Subject, prepare
-from bench.reference.finite_elements import mode_shapes
-from bench.reference.finite_elements_newton import nonlinear_static
 from bench.store.database import Store
 from model.core.build import build
-from model.core.errors import SoftlabError, UnstableTimeStep
+from model.core.errors import SceneError, SoftlabError, UnstableTimeStep
 from model.core.simulation import PRECISIONS, Simulation, State
 from model.scene.checks import SOLVERS_OF_TETRAHEDRA
 from model.scene.scene import Scene
@@ -41,16 +53,11 @@ from model.scene.scene import Scene
 TETRAHEDRA = "tetrahedra"  # value of `finding`
 SAG, SOLVER_ERROR, MESH_ERROR = "tetrahedra_sag", "tetrahedra_solver_error", "tetrahedra_mesh_error"
 MOTION_ERROR, ELEMENTS = "tetrahedra_motion_error", "tetrahedra_count"
-LENGTH, SIDE, DENSITY, POISSON = 1.0, 0.1, 1000.0, 0.3  # m, m, kg/m^3
-WEIGHT = 0.1 / 1e6  # m/s^2 of gravity per Pa of Young's modulus
-SHEAR = 0.849673  # of a square section's area that resists shear, at this Poisson's ratio
-FRAME = 1 / 60  # s
 MODULI = (1e5, 1e6, 1e7)  # Pa
 SECTIONS = (1, 2, 4, 8)  # voxels across: 50, 400, 3200, 25 600 tetrahedra
 LONGEST = (
     30.0  # s of a bar's way to rest, and of its half vibration: what would take longer is told, and not waited for
 )
-BLOCKS = "xpbd blocks"  # a name of SETTINGS: position-based, the shape as one block
 SETTINGS = {  # solver -> (substeps, iterations) of a frame
     "xpbd": ((4, 1), (16, 1), (30, 1), (1, 30), (4, 8), (64, 1), (128, 1), (256, 1), (512, 1), (32, 2)),
     BLOCKS: ((4, 1), (16, 1), (30, 1), (64, 1), (128, 1), (4, 8), (16, 8), (32, 2)),
@@ -64,59 +71,9 @@ QUICK_SETTINGS = {
     "newton": ((1, 1),),
 }
 STIFFER = 1.25  # a bar of two voxels across swings so many times as quick as the continuum's; finer ones less
-MODES = 16  # of the lowest ones, which the tip follows
 FREE = 1e-9  # of the brake: as good as none, with the same machine code
 TO_REST = 22  # tenths of a period, after which a brake that is critical leaves STILL
 STILL, FRAMES = 1e-5, 1200  # of the sag, in a tenth of a period; at most so many frames
-
-_MASSES: dict[int, float] = {}  # kg, of a particle, by voxels across: known without cutting each bar anew
-
-
-def cantilever(across: int, young: float, solver: str, substeps: int, iterations: int) -> Scene:
-    """The bar, held at its left end, braked critically for its first bending vibration."""
-    beam = {
-        "kind": "tetrahedral_body", "shape": {"name": "box", "sides": [LENGTH, SIDE, SIDE]}, "edge": SIDE / across,
-        "young_modulus": young, "poisson_ratio": POISSON, "density": DENSITY, "pinned": ["left"],
-    }  # fmt: skip
-    method: dict[str, Any] = {"solver": solver.split()[0], "dt": FRAME, "substeps": substeps, "iterations": iterations}
-    if solver == BLOCKS:
-        method["rows"] = "blocks"
-    tables = {"beam": beam, "gravity": {"acceleration": WEIGHT * young}, "method": method}
-    if across not in _MASSES:
-        _MASSES[across] = Scene(tables, "cantilever").grid.mass
-    braking = 2 * 2 * pi * bending_frequency(young) * _MASSES[across]
-    return Scene(tables | {"damping": {"coefficient": braking}}, "cantilever")
-
-
-def bending_frequency(young: float) -> float:
-    """The first one of the clamped bar [Hz], by Euler and Bernoulli: 1.8751^2 / (2 pi L^2) sqrt(E I / (rho A))."""
-    return float(1.8751040687**2 / (2 * pi * LENGTH**2) * sqrt(young * SIDE**2 / (12 * DENSITY)))
-
-
-def continuum_sag(young: float, poisson: float = POISSON) -> float:
-    """Of the tip [m]: q L^4 / (8 E I) + q L^2 / (2 kappa G A), q the weight of a metre."""
-    area, second = SIDE**2, SIDE**4 / 12
-    load, shear = DENSITY * area * WEIGHT * young, young / (2 * (1 + poisson))
-    return load * LENGTH**4 / (8 * young * second) + load * LENGTH**2 / (2 * SHEAR * shear * area)
-
-
-@cache
-def exact_rest(across: int, young: float) -> np.ndarray:
-    """(particles, 3) [m]: where the bar is at rest on its own mesh, whatever solves it."""
-    found = cantilever(across, young, "xpbd", 1, 1).tetrahedra_set
-    fixed = np.zeros(found.particle_count, bool)
-    fixed[found.pinned_vertices] = True
-    return nonlinear_static(
-        found.position, found.tetrahedra, young, POISSON, fixed, "fixed-corotated", gravity=(0.0, -WEIGHT * young, 0.0),
-        density=DENSITY,
-    )  # fmt: skip
-
-
-def sag(scene: Scene, position: np.ndarray) -> float:
-    """How far the end that is not held is below where it was cut [m]: the mean of its vertices."""
-    rest = scene.tetrahedra_set.position
-    end = rest[:, 0] > rest[:, 0].max() - 1e-6 * LENGTH
-    return float((rest[end, 1] - position[end, 1]).mean())
 
 
 class TooLong(Exception):
@@ -128,7 +85,7 @@ class TooLong(Exception):
 
 def settle(simulation: Simulation, across: int, young: float, most: float = inf) -> float:
     """Let go at the exact rest, stepped until the tip stands still; its sag [m]. Raises Diverged, TooLong for `most` [s]."""
-    scene, rest = simulation.scene, exact_rest(across, young)
+    scene, rest = simulation.scene, exact_rest(across)
     simulation.load(State(rest, np.zeros_like(rest), build(scene).inverse_mass, 0.0, 0))
     part = max(1, round(0.1 / bending_frequency(young) / FRAME))
     last, begin = sag(scene, rest), clock.perf_counter()
@@ -142,22 +99,6 @@ def settle(simulation: Simulation, across: int, young: float, most: float = inf)
             return now
         last = now
     return last
-
-
-@cache
-def exact_drop(across: int, young: float) -> tuple[int, float]:
-    """(frames to half of the first period, how far down the tip then is [m]) of the bar let go from its unloaded shape: the
-    sum over the modes of phi (phi' M g) / (phi' M phi w^2) (1 - cos w t)."""
-    scene = cantilever(across, young, "xpbd", 1, 1)
-    found = scene.tetrahedra_set
-    fixed = np.zeros(found.particle_count, bool)
-    fixed[found.pinned_vertices] = True
-    frequency, shapes = mode_shapes(found.position, found.tetrahedra, young, POISSON, DENSITY, fixed, MODES)
-    frames = max(1, round(0.5 / frequency[0] / FRAME))
-    mass, w = found.masses, 2 * pi * frequency
-    push = -WEIGHT * young * (shapes[:, :, 1] @ mass) / (np.einsum("mpk,p->m", shapes**2, mass) * w**2)
-    moved = np.einsum("m,mpk->pk", push * (1 - np.cos(w * frames * FRAME)), shapes)
-    return frames, sag(scene, found.position + moved)
 
 
 def drop(simulation: Simulation, across: int, young: float, most: float = inf) -> float:
@@ -187,27 +128,36 @@ def settings(quick: bool, across: int = SECTIONS[1], young: float | None = None)
     return list(dict.fromkeys(found))
 
 
+def among(option: str, chosen: Sequence[float], known: Sequence[Any]) -> Sequence[Any]:
+    """What was chosen of what there is. Raises SceneError for another."""
+    for value in chosen:
+        if value not in known:
+            raise SceneError(option, value, f"must be one of {', '.join(f'{one:g}' for one in known)}")
+    return chosen
+
+
 def groups(
-    store: Store, backends: Sequence[str], quick: bool, precisions: Sequence[str] = tuple(PRECISIONS)
+    store: Store,
+    backends: Sequence[str],
+    quick: bool,
+    precisions: Sequence[str] = tuple(PRECISIONS),
+    across: Sequence[int] = (),
+    young: Sequence[float] = (),
 ) -> list[Group]:
-    """What is timed in turn: all settings of one bar. `quick`: the middle mesh, few settings, fewer and shorter samples."""
-    effort, sections = (QUICK, SECTIONS[1:2]) if quick else (FULL, SECTIONS)
+    """What is timed in turn: all settings of one bar. `quick`: the middle mesh, few settings, fewer and shorter samples;
+    `across`, `young`: only these of SECTIONS and of MODULI. Raises SceneError for others."""
+    effort, usual = (QUICK, SECTIONS[1:2]) if quick else (FULL, SECTIONS)
+    sections, moduli = among("--across", across, SECTIONS) or usual, among("--young", young, MODULI) or MODULI
     made = {
-        (across, young): tuple(cantilever(across, young, *setting) for setting in settings(quick, across, young))
-        for across in sections for young in MODULI
+        (a, e): tuple(cantilever(a, e, *setting) for setting in settings(quick, a, e)) for a in sections for e in moduli
     }  # fmt: skip
     found = []
     for backend in backends:
         sources = cost_sources(backend, __file__)
-        for precision in precisions:
-            for across in sections:
-                for young in MODULI:
-                    scenes = made[across, young]
-                    told = tuple(described(scene, backend, TETRAHEDRA, precision=precision) for scene in scenes)
-                    name = f"{across} across, {young:.0e} Pa, {precision}, {backend}"
-                    found.append(
-                        Group(name, told, sources, partial(_bar, across, young, scenes, told, effort), len(told))
-                    )
+        for precision, ((a, e), scenes) in product(precisions, made.items()):
+            told = tuple(described(scene, backend, TETRAHEDRA, precision=precision) for scene in scenes)
+            name = f"{a} across, {e:.0e} Pa, {precision}, {backend}"
+            found.append(Group(name, told, sources, partial(_bar, a, e, scenes, told, effort), len(told)))
     return found
 
 
@@ -236,7 +186,7 @@ def open_braked(scene: Scene, backend: str, precision: str) -> Simulation:
 def _bar(
     across: int, young: float, scenes: Sequence[Scene], told: Sequence[dict[str, Any]], effort: Effort, record: Record
 ) -> list[Measures]:
-    exact, continuum = sag(scenes[0], exact_rest(across, young)), continuum_sag(young)
+    exact, continuum = sag(scenes[0], exact_rest(across)), continuum_sag(young)
     found: list[Measures] = []
     with ExitStack() as stack:
         subjects: list[tuple[int, Subject]] = []

@@ -7,6 +7,8 @@ bench/measure/samples.py.
 
 from __future__ import annotations
 
+import hashlib
+import re
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -19,6 +21,7 @@ from bench.measure.costs_timing import RATIO, Measures, Record
 from bench.measure.gpu import gpu_or_reason, gpu_simulated
 from bench.measure.machine import enter_machine
 from bench.measure.progress import progress_bar
+from bench.measure.share import share
 from bench.measure.timing import MEASUREMENT
 from bench.store.database import Store
 from bench.store.results import configuration
@@ -140,6 +143,12 @@ def ending_cleanly(summary: Summary) -> Iterator[None]:
         summary.stop()
 
 
+def group_name(place: int, group: Sequence[Any]) -> str:
+    """By what processes that share an experiment know a group: its place in the plan and a digest of what is in it."""
+    words = re.sub(r" at 0x\w+", "", " ".join(map(str, group)))  # where something lies in memory names nothing
+    return f"{place}-{hashlib.sha256(words.encode()).hexdigest()[:8]}"
+
+
 def resume(
     store: Store,
     summary: Made,
@@ -152,26 +161,32 @@ def resume(
     worth: Callable[[One], float] = lambda case: 1,
     whole: bool = False,
 ) -> Made:
-    """Measure what the store lacks of the groups, one after another, in a run of its own, and say what was done. Ctrl-C ends
-    cleanly. Raises InputError (the store) and what `measure` raises.
+    """Measure what the store lacks of the groups, one after another, in a run of its own, and say what was done; of several
+    workers (bench/measure/share.py) those that this one takes. Ctrl-C ends cleanly. Raises InputError (the store) and what
+    `measure` raises.
 
     `held(case)`: the store has it; `measure(group, tell)`: the cases of a group that it lacks, or (`whole`) all of a group
     that it does not have all of; `worth(case)`: its share of the bar, which `progress` shows.
     """
+
+    def lacking(group: Sequence[One]) -> Sequence[One]:
+        lacks = [case for case in group if not held(case)]
+        return group if whole and lacks else lacks
+
     with ending_cleanly(summary):
-        missing = [[case for case in group if not held(case)] for group in groups]
-        missing = [
-            list(group) if whole and lacking else lacking for group, lacking in zip(groups, missing, strict=True)
-        ]
-        missing = [group for group in missing if group]
+        missing = [lacking(group) for group in groups]
         summary.held = sum(map(len, groups)) - sum(map(len, missing))
-        if missing:
-            summary.run = store.start_run(summary.machine, command, summary.version)
-            with progress_bar(progress) as bar:
-                total = sum(worth(case) for group in missing for case in group)
-                task = bar.add_task(summary.name, total=total or 1)
-                for group in missing:
-                    measure(group, lambda text, done: bar.update(task, description=text, advance=done))
+        named = {group_name(k, group): k for k, group in enumerate(groups) if missing[k]}
+        worths = {name: sum(worth(case) for case in missing[k]) for name, k in named.items()}
+        share().planned(store, summary.machine, {name: (worths[name], str(groups[k][0])) for name, k in named.items()})
+        with progress_bar(progress and bool(named)) as bar:
+            task = bar.add_task(summary.name, total=sum(worths.values()) or 1)
+            for name, k in named.items():
+                with share().take(name) as mine:
+                    group = lacking(groups[k]) if mine else []  # anew: others may have measured some of it since
+                    if group:
+                        summary.run = summary.run or store.start_run(summary.machine, command, summary.version)
+                        measure(group, lambda text, done: bar.update(task, description=text, advance=done))
     return summary
 
 

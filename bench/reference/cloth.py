@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from bench.reference import distance_field, mesh_collider
+from bench.reference.contact import distance_field, mesh_collider
 from bench.reference.philox import random_directions
 from bench.reference.steps import Poke, masses, named_mask, pinned_mask
 from model.contact.mesh_collider import MeshCollider

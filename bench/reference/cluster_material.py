@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from bench.reference.particle_contacts import Contacts
+from bench.reference.contact.particle_contacts import Contacts
 from model.shape_matching.clusters import Clusters
 
 

@@ -13,6 +13,7 @@ from itertools import product
 import numpy as np
 
 from bench.reference import fluid_world
+from bench.reference.fluid_divergence import DivergenceFree
 from bench.reference.fluid_world import Flow
 from model.fluid.measure import differences
 from model.scene.scene import Scene
@@ -164,10 +165,14 @@ def _solve(world: _World, number: int, x: np.ndarray, p: np.ndarray, pairs: _Pai
             total /= np.maximum(neighbours, 1)[:, None]
         p, _ = world.collide(number, x, p + weight[:, None] * total, np.zeros_like(p))
     pairs.at(p, place)
+    return p, c, _carried(pairs, multiplier)
+
+
+def _carried(pairs: _Pairs, multiplier: np.ndarray) -> np.ndarray:
+    """What the pairs of each particle carry."""
     weights = pairs.s * pairs.r**2
     mean = (multiplier[pairs.i] + multiplier[pairs.j]) / 2 * weights
-    carried = pairs.sum(mean, mean) / np.maximum(pairs.sum(weights, weights), 1e-300)
-    return p, c, carried
+    return np.asarray(pairs.sum(mean, mean) / np.maximum(pairs.sum(weights, weights), 1e-300))
 
 
 def _smooth(world: _World, p: np.ndarray, v: np.ndarray, pairs: _Pairs) -> np.ndarray:
@@ -217,16 +222,26 @@ def substep(world: _World, number: int, x: np.ndarray, v: np.ndarray, who: np.nd
         speed = np.linalg.norm(velocity, axis=1)
         return velocity * np.where(speed > fastest, fastest / np.where(speed > 0, speed, 1), 1)[:, None]
 
-    u = v.copy()
-    u[:, 1] -= h * gravity * world.of("buoyancy")
-    u = limited(u)
-    p, x = x + h * u, x.copy()
-    for axis in scene.domain.repeats if scene.domain else ():
-        k = "xyz".index(axis)
-        assert scene.domain is not None
-        low, side = scene.domain.origin[k], scene.domain.size[k]
-        shift = np.where(p[:, k] < low, side, np.where(p[:, k] >= low + side, -side, 0))
-        p[:, k], x[:, k] = p[:, k] + shift, x[:, k] + shift
+    def accelerated(velocity: np.ndarray) -> np.ndarray:
+        u = velocity.copy()
+        u[:, 1] -= h * gravity * world.of("buoyancy")
+        return limited(u)
+
+    def braked(velocity: np.ndarray, c: np.ndarray) -> np.ndarray:
+        rate = world.of("drag") + world.of("free_surface_drag") * np.clip(-c, 0, 1)
+        return np.asarray(velocity / (1 + h * rate)[:, None])
+
+    if scene.method.scheme == "divergence-free":
+        _, x = _wrapped(world, x, x)
+        pairs = _Pairs(world, x)
+        solver = DivergenceFree(world, number, x, pairs, _places(world, x))
+        v, multiplier = solver.substep(v, lambda u, c: accelerated(braked(_smooth(world, x, u, pairs), c)))
+        v = limited(v)
+        p, v = world.collide(number, x, x + h * v, v)
+        pairs.at(p, _places(world, p))
+        return who, p, v, solver.c, _carried(pairs, multiplier)
+    u = accelerated(v)
+    p, x = _wrapped(world, x + h * u, x)
     left = ~world.flow.ended(p)
     who, x, p, u = who[left], x[left], p[left], u[left]
     world.choose(who)
@@ -238,9 +253,19 @@ def substep(world: _World, number: int, x: np.ndarray, v: np.ndarray, who: np.nd
     far = np.linalg.norm(v - u, axis=1)
     v = u + (v - u) * np.where(far > change, change / np.where(far > 0, far, 1), 1)[:, None]
     p, v = world.collide(number, x, p, v)
-    v = _smooth(world, p, v, pairs)
-    rate = world.of("drag") + world.of("free_surface_drag") * np.clip(-c, 0, 1)
-    return who, p, limited(v / (1 + h * rate)[:, None]), c, multiplier
+    return who, p, limited(braked(_smooth(world, p, v, pairs), c)), c, multiplier
+
+
+def _wrapped(world: _World, p: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Places p, and x with them, by whole sides to where p is in the box that repeats."""
+    p, x, domain = p.copy(), x.copy(), world.scene.domain
+    for axis in domain.repeats if domain else ():
+        k = "xyz".index(axis)
+        assert domain is not None
+        low, side = domain.origin[k], domain.size[k]
+        shift = np.where(p[:, k] < low, side, np.where(p[:, k] >= low + side, -side, 0))
+        p[:, k], x[:, k] = p[:, k] + shift, x[:, k] + shift
+    return p, x
 
 
 def run(

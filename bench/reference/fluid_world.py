@@ -14,7 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from bench.reference import cloth, distance_field, mesh_collider
+from bench.reference import cloth
+from bench.reference.contact import distance_field, mesh_collider
 from model.contact.mesh_collider import MeshCollider
 from model.fluid.fluid_set import PARKED
 from model.geometry.distance_field import DistanceField

@@ -9,7 +9,8 @@ from __future__ import annotations
 import numpy as np
 
 from bench.reference import cloth, cluster_material, mass_spring, xpbd
-from bench.reference.particle_contacts import Contacts
+from bench.reference.contact.particle_contacts import Contacts
+from bench.reference.steps import Motion, alone
 from model.core.errors import SceneError
 from model.scene.scene import Scene
 from model.shape_matching.clusters import Clusters
@@ -59,6 +60,18 @@ def simulate(
     The solver shape-matching of a grid or of bodies, as its [method] says; colliders act at the end of every substep. Raises
     SceneError for another solver.
     """
+    return alone(motion(scene, steps, position, velocity, first_step, poke))
+
+
+def motion(
+    scene: Scene,
+    steps: int,
+    position: np.ndarray | None = None,
+    velocity: np.ndarray | None = None,
+    first_step: int = 0,
+    poke: xpbd.Poke | None = None,
+) -> Motion:
+    """`simulate`, which others may take part in: see Motion."""
     if scene.method.solver != "shape-matching":
         raise SceneError("method.solver", scene.method.solver, "must be shape-matching here")
     begin, at_rest = (scene.body_set.position, scene.body_set.velocity) if scene.bodies else mass_spring.start(scene)
@@ -83,6 +96,7 @@ def simulate(
             if contacts:
                 contacts.find(p)
             multipliers = np.zeros(len(scene.body_set.links.ends)) if scene.bodies else np.zeros(0)
+            p = yield before, p
             for _ in range(method.iterations):
                 if len(multipliers):
                     p = linked(scene, p, multipliers)
@@ -91,6 +105,7 @@ def simulate(
                 plastic = bent
                 if contacts:
                     p = contacts.sweep(before, p)
+                p = yield before, p
             if contacts:
                 p = contacts.ended(before, p)
             old, v = v, np.where(free, (p - before) / h, 0.0)

@@ -1,8 +1,8 @@
-"""What the references of the grid and of the cloth share: their pins, and one step of every integrator."""
+"""What references share: pins, one step of every integrator, motions that others take part in."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Generator
 
 import numpy as np
 
@@ -12,8 +12,22 @@ from model.scene.scene import Scene
 Poke = tuple[int, tuple[float, ...]]
 Accelerate = Callable[[np.ndarray, np.ndarray, float], np.ndarray]
 Settle = Callable[[np.ndarray, np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
+# Steps that stop when a substep has predicted and after each of its iterations: yields where particles were when it began and
+# where they are, is sent where they are to be instead; returns positions and velocities
+Motion = Generator[tuple[np.ndarray, np.ndarray], np.ndarray, tuple[np.ndarray, np.ndarray]]
 
 EXPLICIT_DAMPING_VERLET = "velocity-verlet-explicit-damping"  # not a scene's integrator: kept to show what it loses
+
+
+def alone(motion: Motion) -> tuple[np.ndarray, np.ndarray]:
+    """What a motion ends with that nobody takes part in."""
+    try:
+        _, now = next(motion)
+        while True:
+            _, now = motion.send(now)
+    except StopIteration as ended:
+        found: tuple[np.ndarray, np.ndarray] = ended.value
+        return found
 
 
 def pinned_mask(scene: Scene) -> np.ndarray:

@@ -2,7 +2,7 @@
 
 The substep of bench/reference/tetrahedra.py, with a cloth's constraints as bench/reference/xpbd_mesh.py projects them, what
 attachments hold (a - sum s x = 0, three components of one weight; M. Macklin et al., "XPBD", MIG 2016, eq. 17 and 18), and
-contacts as in bench/reference/surface_contacts.py. Of the model it takes the meshes, the order of constraints, and which
+contacts as in contact/surface_contacts.py. Of the model it takes the meshes, the order of constraints, and which
 points of a tetrahedron or a triangle vertices are attached to.
 """
 
@@ -12,9 +12,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from bench.reference import contacts as projected
-from bench.reference import surface_contacts, xpbd_mesh
+from bench.reference import cloth as cloth_colliders
+from bench.reference import xpbd_mesh
+from bench.reference.contact import self_contacts as projected
+from bench.reference.contact import surface_contacts
 from bench.reference.finite_elements import Body, shape_gradients
+from bench.reference.steps import Motion, alone
 from bench.reference.tetrahedra import Sweep
 from model.core.errors import SceneError
 from model.scene.scene import Scene
@@ -70,8 +73,14 @@ def simulate(
 ) -> tuple[np.ndarray, np.ndarray]:
     """(position [m], velocity [m/s]), (particles, 3) float64, after `steps` steps from such ones. `most`: how many contacts a
     vertex has; `distance` [m]: what they keep. Raises SceneError for what is not known here."""
-    if scene.colliders or scene.motions or scene.external or any(p.mass_damping for p in scene.tetrahedra.values()):
-        raise SceneError("scene", scene.name, "the reference knows gravity, dampers, contacts and attachments")
+    return alone(motion(scene, steps, position, velocity, most, distance))
+
+
+def motion(scene: Scene, steps: int, position: np.ndarray, velocity: np.ndarray, most: int, distance: float) -> Motion:
+    """`simulate`, which others may take part in: see Motion."""
+    if scene.motions or scene.external or any(p.mass_damping for p in scene.tetrahedra.values()):
+        told = "the reference knows gravity, dampers, contacts, colliders and attachments"
+        raise SceneError("scene", scene.name, told)
     found, method = scene.tetrahedra_set, scene.method
     (damping,) = {part.damping for part in scene.tetrahedra.values()}
     h, inverse_mass = method.dt / method.substeps, 1 / found.masses
@@ -82,6 +91,7 @@ def simulate(
     start = int(found.first_particle[-1])
     cloth = [replace(item, corners=item.corners + start) for item in xpbd_mesh.items_of(scene)] if scene.mesh else []
     bodies, joints = _bodies(scene), _joints(scene)
+    fine = scene.replace({"method.dt": h}) if scene.colliders else scene
     p, v = np.array(position, np.float64), np.array(velocity, np.float64)
     sail = found.surface[(found.surface >= start).all(axis=1)]
     for number in range(steps * method.substeps):
@@ -96,6 +106,7 @@ def simulate(
         multipliers = [np.zeros(3 if "isometric" in item.of.__qualname__ else 1) for item in cloth]
         held = [np.zeros(3) for _ in joints]
         touching = surface_contacts.find(scene, distance, before, p).kept(most) if scene.contact else None
+        p = yield before, p
         for _ in range(method.iterations):
             for sweep, (_, order) in zip(sweeps, bodies, strict=True):
                 for members in order:
@@ -107,5 +118,9 @@ def simulate(
             for _ in range(scene.contact.sweeps if scene.contact else 0):
                 assert touching is not None and scene.contact is not None
                 p = projected.project(scene.contact, touching, before, p, inverse_mass)  # type: ignore[arg-type]
+            p = yield before, p
         v = np.where(free, (p - before) / h, 0.0)
+        if scene.colliders:
+            met = cloth_colliders.collide(fine, before[None], p[None], v[None], number)
+            p, v = np.where(free, met[0][0], p), np.where(free, met[1][0], 0.0)
     return p, v

@@ -15,7 +15,7 @@ import numpy as np
 
 from bench.reference import cloth
 from bench.reference.philox import random_directions
-from bench.reference.steps import Poke
+from bench.reference.steps import Motion, Poke, alone
 from model.geometry.topology import mesh_of, pinned_vertices
 from model.scene.scene import Scene
 from model.scene.sheets import triangles_of
@@ -213,6 +213,19 @@ def simulate(
 ) -> tuple[np.ndarray, np.ndarray]:
     """(position [m], velocity [m/s]), (vertices, 3) float64, after `steps` steps from such ones. `mass` (vertices,) [kg]. The
     method's substeps and iterations, Gauss-Seidel; no long-range attachments."""
+    return alone(motion(scene, steps, position, velocity, mass, first_step, poke))
+
+
+def motion(
+    scene: Scene,
+    steps: int,
+    position: np.ndarray,
+    velocity: np.ndarray,
+    mass: np.ndarray,
+    first_step: int = 0,
+    poke: Poke | None = None,
+) -> Motion:
+    """`simulate`, which others may take part in: see Motion."""
     assert scene.mesh is not None and not scene.attachments
     method, gravity = scene.method, scene.gravity
     items, h = items_of(scene, method.solver == "pbd"), method.dt / method.substeps
@@ -220,7 +233,9 @@ def simulate(
     inverse_mass = 1 / np.asarray(mass, dtype=np.float64)
     inverse_mass[pinned_of(scene)] = 0
     free = (inverse_mass > 0)[:, None]
-    fine = scene.replace({"method.dt": h, "mesh.pinned": "none"})  # masses that are held are put back
+    fine = scene.replace(
+        {"method.dt": h, f"{scene.name_of('mesh')}.pinned": "none"}
+    )  # masses that are held are put back
     drag = (scene.damping.coefficient if scene.damping else 0.0) * inverse_mass[:, None]
     for number in range(first_step * method.substeps, (first_step + steps) * method.substeps):
         force = wind_on(scene, p, v, number * h) if scene.wind else np.zeros_like(p)
@@ -236,9 +251,11 @@ def simulate(
         v = np.where(free, v * (1 - h * drag) + h * a, 0.0)
         p = before + h * v
         multipliers = [np.zeros(3 if "isometric" in item.of.__qualname__ else 1) for item in items]
+        p = yield before, p
         for _ in range(method.iterations):
             for item, multiplier in zip(items, multipliers, strict=True):
                 project(item, p, before, multiplier, inverse_mass, h, method.pbd_stiffness)
+            p = yield before, p
         v = (p - before) / h
         shape = (fine.grid.rows, fine.grid.columns, 3)
         old, new, speed = (a.reshape(shape) for a in (before, p, v))

@@ -29,13 +29,21 @@ class Store:
     """One store, open for reading and writing; a context manager.
 
     `path` is made where it does not exist yet (its folder only for the default path), once there is something to write.
-    Raises InputError, with what to
-    do, for a store that is locked, damaged, no SQLite file, of another schema version, or that cannot be written;
-    nothing on disk is changed then.
+    `journal`: how SQLite keeps what is not committed yet; DELETE for a file that another host may read later, where WAL,
+    which needs memory that processes share, is no way.
+    Raises InputError, with what to do, for a store that is locked, damaged, no SQLite file, of another schema version, or
+    that cannot be written; nothing on disk is changed then.
     """
 
-    def __init__(self, path: str | Path = DEFAULT_PATH, *, readonly: bool = False, busy_seconds: float = BUSY_SECONDS):
-        self.path = str(path)
+    def __init__(
+        self,
+        path: str | Path = DEFAULT_PATH,
+        *,
+        readonly: bool = False,
+        busy_seconds: float = BUSY_SECONDS,
+        journal: str = "WAL",
+    ):
+        self.path, self.journal = str(path), journal
         self.readonly = readonly
         self._busy_seconds = busy_seconds
         memory = self.path == ":memory:"
@@ -121,7 +129,7 @@ class Store:
         if not memory:
             check_rows(connection, self.path)
         if not self.readonly and not memory:
-            connection.execute("PRAGMA journal_mode = WAL")
+            connection.execute(f"PRAGMA journal_mode = {self.journal}")
             connection.execute("PRAGMA synchronous = NORMAL")  # safe under kill -9, if not a power cut
 
     @contextmanager

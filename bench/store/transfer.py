@@ -39,8 +39,9 @@ GROUP = ("configuration", "run", "sources", "stage", "steps", "suspect")  # what
 Rows = dict[str, list[tuple[Any, ...]]]  # table -> rows in the column order of TABLES
 
 
-def export(store: Store, path: str | Path, machine: str | None = None) -> Path:
-    """Write the store (or one machine's part of it, by key) to a .csv, .csv.gz or .sqlite file; the path.
+def export(store: Store, path: str | Path, machine: str | None = None, after: int = 0) -> Path:
+    """Write the store (or one machine's part of it, by key) to a .csv, .csv.gz or .sqlite file; the path. `after`: only runs
+    that were entered after so many (`last_run`).
 
     An earlier text export is replaced, at once and whole; any other existing file is not. Raises InputError.
     """
@@ -48,7 +49,7 @@ def export(store: Store, path: str | Path, machine: str | None = None) -> Path:
     check_target(file, (*TEXTS, ".sqlite"), "an export")
     if file.exists() and not (is_text(file) and _is_text_export(file)):
         raise InputError(f"{file} exists and would be overwritten; delete it first, or give another path")
-    rows = _rows_of(store, machine)
+    rows = _rows_of(store, machine, after)
     with replacing(file) as temporary:
         if is_text(file):
             text = _text(rows).encode()
@@ -85,23 +86,29 @@ def load_text(paths: Iterable[str | Path]) -> Store:
     return store
 
 
-def _rows_of(store: Store, machine: str | None = None) -> Rows:
-    """Every row of the store, or those that belong to one machine, in a repeatable order."""
+def last_run(store: Store) -> int:
+    """The number of the run that was entered last; 0: none."""
+    return int(store.query("SELECT coalesce(max(rowid), 0) FROM run")[0][0])
+
+
+def _rows_of(store: Store, machine: str | None = None, after: int = 0) -> Rows:
+    """Every row of the store, or those of one machine or of runs `after` a number, in a repeatable order."""
     if machine is not None and not store.query("SELECT 1 FROM machine WHERE key = ?", (machine,)):
         known = ", ".join(key for (key,) in store.query("SELECT key FROM machine ORDER BY key"))
         raise InputError(f"{store.path} knows no machine {machine}; it knows: {known or 'none'}")
-    mine = "SELECT key FROM run WHERE :machine IS NULL OR machine = :machine"
+    mine = "SELECT key FROM run WHERE (:machine IS NULL OR machine = :machine) AND rowid > :after"
     used = f"SELECT configuration FROM {{}} WHERE run IN ({mine})"
     conditions = {
         "machine": "WHERE :machine IS NULL OR key = :machine ORDER BY key",
-        "run": "WHERE :machine IS NULL OR machine = :machine ORDER BY started, key",
-        "configuration": f"WHERE :machine IS NULL OR hash IN ({used.format('sample')} UNION {used.format('measure')}) "
-        "ORDER BY hash",
+        "run": f"WHERE key IN ({mine}) ORDER BY started, key",
+        "configuration": "WHERE (:machine IS NULL AND NOT :after) "
+        f"OR hash IN ({used.format('sample')} UNION {used.format('measure')}) ORDER BY hash",
         "sample": f"WHERE run IN ({mine}) ORDER BY configuration, run, sources, stage, repeat",
         "measure": f"WHERE run IN ({mine}) ORDER BY configuration, run, sources, name",
     }
+    wanted = {"machine": machine, "after": after}
     return {
-        table: store.query(f"SELECT {', '.join(columns)} FROM {table} {conditions[table]}", {"machine": machine})
+        table: store.query(f"SELECT {', '.join(columns)} FROM {table} {conditions[table]}", wanted)
         for table, columns in TABLES.items()
     }
 

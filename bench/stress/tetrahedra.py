@@ -9,7 +9,7 @@ from math import atan, atan2, cos, sin
 import numpy as np
 
 from bench.experiments.body_laws import angular_momentum
-from bench.experiments.tetrahedra import continuum_sag, sag
+from bench.experiments.tetrahedral.cantilever import continuum_sag, sag
 from bench.stress.laws import Law
 from bench.stress.trial import Check, Trial
 from model.core.simulation import State

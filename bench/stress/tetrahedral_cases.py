@@ -7,7 +7,7 @@ from functools import partial
 from typing import Any
 
 from bench.experiments.accuracy.methods import TETRAHEDRAL
-from bench.experiments.tetrahedra import cantilever
+from bench.experiments.tetrahedral.cantilever import cantilever
 from bench.stress import tetrahedra
 from bench.stress.case import HardCase
 from model.scene.scene import Scene

@@ -10,7 +10,7 @@ from cpu_backend.contact.neighbours import Neighbours
 from cpu_backend.contact.self_contact import HeldContacts
 from cpu_backend.contact.surfaces_find import VALUES, make_find
 from model.contact.particle_parameters import G_REACH
-from model.contact.surface_parameters import contact_surface, neighbour_record, surface_pairs, surface_record
+from model.contact.surface_parameters import TETRAHEDRA_MEET, Meeting, neighbour_record
 from model.scene.scene import Scene
 
 AXES = 3
@@ -18,14 +18,17 @@ AXES = 3
 
 class SurfaceContacts(HeldContacts):
     """The contacts of a substep: vertices against the triangles of other bodies, and of their own body's far parts where it
-    meets itself. Particles are rows of numbers, positions first; `weights` (particles,): their inverse masses.
+    meets itself. Particles are rows of numbers, positions first; `weights` (particles,): their inverse masses; `meeting`:
+    whose they are.
 
     `find` makes them from the state before a substep and the predicted one; `project` sweeps over them.
     """
 
-    def __init__(self, scene: Scene, real: Any, math: str, threads: int, weights: np.ndarray):
+    def __init__(
+        self, scene: Scene, real: Any, math: str, threads: int, weights: np.ndarray, meeting: Meeting = TETRAHEDRA_MEET
+    ):
         super().__init__(scene.contact, real, math, threads, weights, VALUES)
-        surface = contact_surface(scene.tetrahedra_set)
+        self._meeting, surface = meeting, meeting.surface(scene)
         self._vertices, self._body, count = surface.vertices, surface.body, len(surface.vertices)
         self._rest = np.ascontiguousarray(surface.rest, real)
         self._at_vertex = surface.at_vertex.offsets, surface.at_vertex.indices
@@ -36,13 +39,16 @@ class SurfaceContacts(HeldContacts):
         self._places, self._ones = np.zeros(AXES * count, real), np.ones(count, real)
         self._missed = np.zeros(threads, np.int64)
         self._seen = np.zeros((threads, len(surface.triangles)), np.int32)
-        self._find = make_find(real, math)
+        self._find, self._ratio = make_find(real, math, meeting.ratio is not None), np.zeros(0, real)
         self.change(scene)
 
     def change(self, scene: Scene) -> None:
         """Take over what may change while running."""
-        self.record, self._pairs = surface_record(scene, self.real), neighbour_record(scene, self.real)
-        self._reach = self.real(surface_pairs(scene)[:, :, G_REACH].max())
+        pairs = self._meeting.pairs(scene)
+        self.record, self._pairs = self._meeting.record(scene, self.real), neighbour_record(pairs, self.real)
+        self._reach = self.real(pairs[:, :, G_REACH].max())
+        if self._meeting.ratio is not None:
+            self._ratio = self._meeting.ratio(scene).astype(self.real)
 
     def find(self, before: np.ndarray, predicted: np.ndarray) -> None:
         """Both (particles, 3 or more) [m]."""
@@ -51,8 +57,8 @@ class SurfaceContacts(HeldContacts):
         self.found[...] = 0
         self._find(
             self._bands, before, predicted, self._rest, self._body, self._vertices, self._neighbours.found,
-            self._at_vertex, self._surface, self.record[0], self.triangles, self.corners, self.values, self.found,
-            self._missed, self._seen,
+            self._at_vertex, self._surface, self.record[0], self._ratio, self.triangles, self.corners, self.values,
+            self.found, self._missed, self._seen,
         )  # fmt: skip
         self.lost += int(self._missed.sum())
         self._link()

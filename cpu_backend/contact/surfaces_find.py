@@ -45,11 +45,12 @@ def _make_slots(compiler: Compiler, real: Any) -> SimpleNamespace:
     return SimpleNamespace(one_side=one_side, **vars(slots))
 
 
-def _make_triangle(compiler: Compiler, real: Any, slots: SimpleNamespace) -> Any:
-    """meet(k, triangle, before, predicted, rest, body, surface, parameters, triangles, corners, values, found): see the inner
-    function."""
+def _make_triangle(compiler: Compiler, real: Any, slots: SimpleNamespace, ratios: bool) -> Any:
+    """meet(k, triangle, before, predicted, rest, body, surface, parameters, ratio, triangles, corners, values, found): see
+    the inner function."""
     formulas = contact.make(real, compiler.compiled)
-    outward = surface_contact.make(real, compiler.compiled).outward
+    sides = surface_contact.make(real, compiler.compiled)
+    outward, kept_by = sides.outward, sides.kept_by
     nearest, away, length, dot = formulas.nearest, formulas.away, formulas.length, formulas.dot
     held_distance, mixed = formulas.held_distance, formulas.mixed
     place_of, copy = slots.place_of, slots.copy
@@ -73,7 +74,7 @@ def _make_triangle(compiler: Compiler, real: Any, slots: SimpleNamespace) -> Any
         )
 
     @compiler.compiled
-    def meet(k, triangle, before, predicted, rest, body, surface, parameters, triangles, corners, values, found):
+    def meet(k, triangle, before, predicted, rest, body, surface, parameters, ratio, triangles, corners, values, found):
         """`found` and 1 more if vertex k may come near the triangle, which then is put among its nearest."""
         corners_of, owned = surface
         a, b, c = corners_of[triangle, 0], corners_of[triangle, 1], corners_of[triangle, 2]
@@ -89,7 +90,10 @@ def _make_triangle(compiler: Compiler, real: Any, slots: SimpleNamespace) -> Any
         distance = length(rx, ry, rz)
         nearer = max(motion(before, predicted, k, a), motion(before, predicted, k, b))
         nearer = max(nearer, motion(before, predicted, k, c))
-        if not distance < parameters.thickness + parameters.margin + nearer:
+        thickness, margin, flat = parameters.thickness, parameters.margin, parameters.normal_distance
+        if ratios:  # of vertices that are balls
+            thickness, margin, flat = kept_by(ratio[k], thickness), kept_by(ratio[k], margin), kept_by(ratio[k], flat)
+        if not distance < thickness + margin + nearer:
             return found
         first, last = k * MAX_CONTACTS, k * MAX_CONTACTS + min(found, MAX_CONTACTS)
         place = place_of(first, last, distance, triangle, triangles, values)
@@ -97,12 +101,10 @@ def _make_triangle(compiler: Compiler, real: Any, slots: SimpleNamespace) -> Any
             return found + 1
         for slot in range(min(last, first + MAX_CONTACTS - 1), place, -1):
             copy(slot - 1, slot, triangles, corners, values)
-        rest_gap = parameters.thickness
+        rest_gap = thickness
         if body[a] == body[k]:
             rest_gap = rest_distance(rest, k, a, b, c, s, t)
-        inside, nx, ny, nz = outward(
-            rx, ry, rz, distance, ux, uy, uz, vx, vy, vz, parameters.normal_distance
-        )  # fmt: skip
+        inside, nx, ny, nz = outward(rx, ry, rz, distance, ux, uy, uz, vx, vy, vz, flat)
         if inside and (owned[triangle] >> sheet) & 1 != 0:
             inside, nx, ny, nz = False, -nx, -ny, -nz
         triangles[place] = triangle
@@ -110,7 +112,7 @@ def _make_triangle(compiler: Compiler, real: Any, slots: SimpleNamespace) -> Any
         values[place, V_B], values[place, V_C], values[place, V_DISTANCE] = s, t, distance
         values[place, V_NX], values[place, V_NY], values[place, V_NZ] = nx, ny, nz
         gap = dot(nx, ny, nz, rx, ry, rz)
-        values[place, V_HELD] = held_distance(parameters.thickness, rest_gap, gap, parameters.push)
+        values[place, V_HELD] = held_distance(thickness, rest_gap, gap, parameters.push)
         values[place, V_INSIDE] = one if inside else zero
         return found + 1
 
@@ -118,18 +120,18 @@ def _make_triangle(compiler: Compiler, real: Any, slots: SimpleNamespace) -> Any
 
 
 @cache
-def make_find(real: Any, math: str) -> Any:
-    """find_contacts(bands, before, predicted, rest, body, vertices, neighbours, at_vertex, surface, parameters, triangles,
-    corners, values, found, lost, seen): of each vertex that has neighbours; `neighbours`: what their search found,
+def make_find(real: Any, math: str, ratios: bool = False) -> Any:
+    """find_contacts(bands, before, predicted, rest, body, vertices, neighbours, at_vertex, surface, parameters, ratio,
+    triangles, corners, values, found, lost, seen): of each vertex that has neighbours; `neighbours`: what their search found,
     `at_vertex`, `surface`: (offsets, triangles at vertices), (corners, owned features). `found` is 0 before; `seen` (bands,
     triangles): which vertex a triangle was last looked at for, which it is by each of its corners."""
-    compiler = Compiler(f"surfaces_{np.dtype(real).name}_{math}", math)
+    compiler = Compiler(f"surfaces{'_of_balls' * ratios}_{np.dtype(real).name}_{math}", math)
     slots = _make_slots(compiler, real)
-    meet, one_side = _make_triangle(compiler, real, slots), slots.one_side
+    meet, one_side = _make_triangle(compiler, real, slots, ratios), slots.one_side
 
     def find_contacts(
-        band, bands, before, predicted, rest, body, vertices, neighbours, at_vertex, surface, parameters, triangles, corners,
-        values, found, lost, seen,
+        band, bands, before, predicted, rest, body, vertices, neighbours, at_vertex, surface, parameters, ratio, triangles,
+        corners, values, found, lost, seen,
     ):  # fmt: skip
         who, numbers, entries, _, begins, active, _ = neighbours
         offsets, lists = at_vertex
@@ -145,8 +147,8 @@ def make_find(real: Any, math: str) -> Any:
                     if seen[band, triangle] != k:
                         seen[band, triangle] = k
                         count = meet(
-                            k, triangle, before, predicted, rest, body, surface, parameters, triangles, corners, values,
-                            count,
+                            k, triangle, before, predicted, rest, body, surface, parameters, ratio, triangles, corners,
+                            values, count,
                         )  # fmt: skip
             entry += np.int64(numbers[n])
             kept, first = min(count, np.int64(MAX_CONTACTS)), k * MAX_CONTACTS

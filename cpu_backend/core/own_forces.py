@@ -9,7 +9,7 @@ import numpy as np
 from numba import prange
 
 from cpu_backend.core.compile import Compiler
-from model.core.own_forces import OwnForce, make_own, own_forces
+from model.core.own_forces import WINDOW, OwnForce, make_own, own_forces
 from model.core.plan import Moment, StageRun
 
 
@@ -35,11 +35,12 @@ def make_own_row(compiler: Compiler, real: Any, axes: int, parts: frozenset[str]
 
 
 @cache
-def _make_stage(real: Any, math: str, axes: int, force: OwnForce, has_load: bool) -> Any:
+def _make_stage(real: Any, math: str, axes: int, force: OwnForce, has_load: bool, window: frozenset[str]) -> Any:
     """stage(acceleration, weights, record, integers, step): one force on every mass; `acceleration` (axes, rows, columns)
-    [m/s^2], `weights` (rows, columns), by which masses are lighter than the sheet's where they differ (`has_load`)."""
+    [m/s^2], `weights` (rows, columns), by which masses are lighter than the sheet's where they differ (`has_load`);
+    `window`: {WINDOW} where the sheet is one, else nothing."""
     compiler = Compiler(f"{force.part}_{axes}d_{np.dtype(real).name}_{math}", math)
-    own = make_own_force(compiler, real, axes, frozenset({force.part} | ({"load"} if has_load else set())))
+    own = make_own_force(compiler, real, axes, window | {force.part} | ({"load"} if has_load else set()))
     zero, one = real(0), real(1)
 
     def stage(acceleration, weights, record, integers, step):
@@ -72,7 +73,9 @@ def bind_forces(sim: Any, acceleration: np.ndarray, weights: np.ndarray | None =
     alike = np.zeros((1, 1), sim.real) if weights is None else weights
 
     def bound(force: OwnForce) -> StageRun:
-        stage = _make_stage(sim.real, sim.options.math, len(acceleration), force, weights is not None)
+        stage = _make_stage(
+            sim.real, sim.options.math, len(acceleration), force, weights is not None, sim.plan.parts & {WINDOW}
+        )
         return lambda moment: stage(acceleration, alike, sim.record, sim.integers, moment.step)
 
     def add_gravity(moment: Moment) -> None:

@@ -138,6 +138,11 @@ class ParticlesSimulation(CpuSimulation):
     def _places(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, int]:
         """(positions, velocities, where each particle's first coordinate lies, how far the next lies from it), flat."""
 
+    @property
+    def substep_start(self) -> np.ndarray:
+        """Positions with which the substep began, as they lie in the first of `_places`, of the kernel `stages`."""
+        raise NotImplementedError
+
     def _first_diverged(self) -> int:
         numba.set_num_threads(self._bands)
         look = make_first_diverged_of(self.real, self.scene.dimensions)
@@ -183,6 +188,11 @@ class QuadsSimulation(Targeted, ParticlesSimulation):
 
     def _places(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, int]:
         return self._position.reshape(-1), self._velocity.reshape(-1), self._slots, 1
+
+    @property
+    def substep_start(self) -> np.ndarray:
+        """See ParticlesSimulation."""
+        return self._before.reshape(-1)
 
     def _download(self) -> tuple[np.ndarray, np.ndarray]:
         return np.ascontiguousarray(self._position[:, :3]), np.ascontiguousarray(self._velocity[:, :3])
@@ -253,6 +263,19 @@ class RowsSimulation(CpuSimulation):
         current, axes = self.current, self.scene.dimensions
         current[:axes] = position.T.reshape(current[:axes].shape)
         current[axes:] = velocity.T.reshape(current[axes:].shape)
+
+    def rows(self, first: int, count: int) -> np.ndarray:
+        """(2 x dimensions, count, columns): positions, then velocities of some rows now; a view of the storage."""
+        return self.current[:, first : first + count]
+
+    def take_rows(self, first: int, rows: np.ndarray) -> None:
+        """Put those in the place of what is there."""
+        held = slice(first, first + rows.shape[1])
+        self.current[:, held] = rows
+        self._place_ghosts(held)
+
+    def _place_ghosts(self, rows: slice) -> None:
+        """What a storage holds beside the masses of rows that were written."""
 
     def _read_position(self, into: Any) -> Any:
         if into is None:

@@ -14,6 +14,7 @@ import numpy as np
 
 from cpu_backend.core.compile import Compiler
 from cpu_backend.core.layout import row_at
+from cpu_backend.core.progress import shares
 from model.fluid.flow import (
     E_BEFORE,
     E_COUNT,
@@ -133,3 +134,32 @@ def make_flow(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNam
         return (flow[0][0], room, nobody), state, unsorted, in_order, work, table, lists, scratch
 
     return SimpleNamespace(emit=emit, drain=drain, rest=rest, there_of=there_of)
+
+
+def make_flowing(compiler: Compiler, phases: SimpleNamespace, drains: bool) -> dict[str, Any]:
+    """`emit(bands, number, world, parameters, flow)`; `sort(bands, world, parameters, flow)`, of who is there, without those
+    that sinks take: phases by themselves, each by a team."""
+    enter, tally, put = phases.enter, phases.tally, phases.put
+    emit_some, drain, rest, cells_in = phases.emit, phases.drain, phases.rest, phases.cells_in
+
+    def emit(team, member, bands, number, world, parameters, flow):
+        for part in shares(team, member, bands):
+            if part == 0:
+                emit_some(number, world, parameters, flow)
+
+    def sort(team, member, bands, world, parameters, flow):
+        for part in shares(team, member, bands):
+            enter(part, bands, world, parameters)
+        if drains:
+            for part in shares(team, member, bands):
+                drain(part, bands, world, flow)
+        for part in shares(team, member, bands):
+            tally(part, bands, world, parameters)
+        for part in shares(team, member, bands):
+            put(part, bands, world, parameters)
+        if drains:
+            for part in shares(team, member, bands):
+                if part == 0:
+                    rest(world, cells_in(bands, world, parameters)[2], flow)
+
+    return {"sort": compiler.team(sort), "emit": compiler.team(emit)}

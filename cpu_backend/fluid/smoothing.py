@@ -29,6 +29,7 @@ def make_smoothing(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simp
     speed_of = m.speed_of
     has_viscosity, has_cohesion = "viscosity" in parts, "cohesion" in parts
     has_tension, has_vorticity = "surface-tension" in parts, "vorticity" in parts
+    has_solids = "solids" in parts
     row_of = compiler.compiled(make_row_of(parts))
     zero = real(0)
 
@@ -41,13 +42,15 @@ def make_smoothing(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simp
         return dx, dy, dz, squared(dx, dy, dz)
 
     @compiler.compiled
-    def shapes(i, many, entries, room, place, velocity, normal, curl, sides, parameters):
+    def shapes(i, many, entries, room, place, velocity, normal, curl, sides, parameters, fluid):
         """The normal and the vorticity of particle i; `entries`: its own begin there."""
         support, inverse, scale = parameters.support, parameters.inverse_support, parameters.gradient_scale
         nx, ny, nz, wx, wy, wz = zero, zero, zero, zero, zero, zero
         vx, vy, vz = velocity[i], velocity[room + i], velocity[2 * room + i]
         for k in range(many):
             j = np.int64(entries[k * LANES])
+            if has_solids and fluid[j] == parameters.sampled:
+                continue
             dx, dy, dz, square = difference(i, j, room, place, sides, support)
             s = slope(square, inverse, scale)
             if has_tension:
@@ -74,6 +77,8 @@ def make_smoothing(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simp
             j = np.int64(entries[k * LANES])
             dx, dy, dz, square = difference(i, j, room, place, sides, support)
             other = row_of(fluid, j)
+            if has_solids and fluid[j] == parameters.sampled:
+                continue
             if has_viscosity:
                 share = smooth_share(
                     near(square, inverse), fluids[row + F_VISCOSITY], fluids[other + F_VISCOSITY], weight,

@@ -15,6 +15,7 @@ import numpy as np
 from cpu_backend.core.layout import aligned_zeros
 from cpu_backend.core.simulation import ParticlesSimulation, chosen_kernel
 from cpu_backend.fluid.cells import AXES, BOX
+from cpu_backend.fluid.divergence_kernels import free_stages, make_advance_freely
 from cpu_backend.fluid.kernels import make_advance, make_stages
 from cpu_backend.fluid.lists import AROUND, FAR, LANES, RUNS
 from cpu_backend.fluid.phases import SCRATCH
@@ -25,6 +26,7 @@ from model.fluid.flow import emitter_rows, fluid_starts, nozzle_points, sink_row
 from model.fluid.fluid_set import PARKED
 from model.fluid.parameters import MAX_NEIGHBOURS, fluid_rows, most_cells
 from model.fluid.plan import SHAPES, fluid_plan
+from model.fluid.samples import Samples
 from model.mass_spring.cloth_parameters import collider_numbers
 from model.scene.scene import Scene
 
@@ -32,20 +34,26 @@ from model.scene.scene import Scene
 class Fluid(ParticlesSimulation):
     """See model/core/simulation.py for the contract. `threads`: `1x`, `2x`, `4x` or a number."""
 
+    samples: Samples | None = None  # of solids, which are particles here, behind all others
+
     def __init__(self, scene: Scene, options: Options, threads: str | int = "1x"):
         super().__init__(scene, options, threads)
-        self.kernel, self.plan = chosen_kernel(options.kernel, "fluids"), fluid_plan(scene, options.live)
-        self._particles = len(self.body.position)
+        among, self.kernel = self.samples is not None, chosen_kernel(options.kernel, "fluids")
+        self.plan = fluid_plan(scene, options.live, among)
+        self._particles = len(self.body.position) + (self.samples.count if self.samples else 0)
         self._bands = max(1, min(self.threads, self._particles // LANES))
         self._bad = np.zeros(self._bands, np.int64)
-        self._fluids = fluid_rows(scene, self.real).reshape(-1)
+        self._fluids = fluid_rows(scene, self.real, among).reshape(-1)
         self.integers = np.zeros(2, np.uint64)  # of model/core/own_forces.py
         self.integers[0] = scene.external.seed if scene.external else 0
         self._set_colliders(collider_numbers(scene, self.real))
         self._allocate()
         numba.set_num_threads(self._bands)  # starts them: stages may be called by themselves
+        self._is_free, stages = "divergence-free" in self.plan.parts, {}
         staged = self.kernel == "stages"
-        self._executor = Executor(self.plan, self._stages() if staged else {}, None if staged else self._advance)
+        if staged:
+            stages = free_stages(self) if self._is_free else self._stages()
+        self._executor = Executor(self.plan, stages, None if staged else self._advance)
         self.reset()
 
     def _allocate(self) -> None:
@@ -109,9 +117,10 @@ class Fluid(ParticlesSimulation):
 
     def _advance(self, step: int, steps: int) -> None:
         method = self.scene.method
-        make_advance(self.real, self.options.math, self.plan.parts)(
+        make, flow = (make_advance_freely, ()) if self._is_free else (make_advance, (self._flow,))
+        make(self.real, self.options.math, self.plan.parts)(
             self._bands, steps, step, method.substeps, method.iterations, self._world, self.parameters, self._fluids,
-            self.integers, self.bodies, self.kinds, self._flow,
+            self.integers, self.bodies, self.kinds, *flow,
         )  # fmt: skip
 
     def _stages(self) -> dict[str, StageRun]:
@@ -139,7 +148,7 @@ class Fluid(ParticlesSimulation):
         touched = "bodies", "kinds"
         found = {
             "predict": run(stage.predict, "step", "world", "parameters", "fluids", "integers"),
-            "sort into cells": run(stage.sort, "world", "parameters", "flow"),
+            "sort into cells": run(stage.sort, "world", "parameters", *(("flow",) if self._flow else ())),
             "find neighbours": run(stage.find, "number", "world", "parameters", "fluids", *touched),
             "density": run(stage.constrain, "number", "here", "world", "parameters", *touched),
             "correct": run(stage.correct, "number", "here", "there", "world", "parameters", "fluids", *touched),
@@ -186,7 +195,7 @@ class Fluid(ParticlesSimulation):
 
     def _parameters_changed(self) -> None:
         self.integers[POKED] = self._poke_particle + 1
-        self._fluids[:] = fluid_rows(self.scene, self.real).reshape(-1)
+        self._fluids[:] = fluid_rows(self.scene, self.real, self.samples is not None).reshape(-1)
         if self._flow:
             self._flow[4][:] = emitter_rows(self.scene, self._taps, self.real).reshape(-1)
 

@@ -57,7 +57,9 @@ def make_velocities(compiler: Compiler, real: Any, parts: frozenset[str], sides_
         sides, meant = sides_of(parameters), in_order[2]
         for i in range(count * part // shared, count * (part + 1) // shared):
             own = row_at(entries, np.int64(i // LANES) * (LANES * most) + i % LANES)
-            shape_of(i, neighbours[i], own, room, place, meant, unsorted[0], unsorted[1], sides, parameters)
+            shape_of(
+                i, neighbours[i], own, room, place, meant, unsorted[0], unsorted[1], sides, parameters, in_order[4]
+            )
 
     @compiled
     def finish(part, shared, place, world, parameters, fluids):

@@ -228,6 +228,11 @@ class Bodies(ParticlesSimulation):
     def _places(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, int]:
         return self._even, self._velocity, self.layout.slots, self.layout.count
 
+    @property
+    def substep_start(self) -> np.ndarray:
+        """See ParticlesSimulation."""
+        return self._odd
+
     def _parameters_changed(self) -> None:
         self.integers[POKED] = self.layout.slots[self._poke_particle] + 1 if self._poke_particle >= 0 else 0
         if self.contacts:

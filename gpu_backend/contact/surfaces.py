@@ -12,13 +12,13 @@ from gpu_backend.contact.self_contact import HeldContacts, contact_bytes
 from gpu_backend.contact.surfaces_find import make_find
 from gpu_backend.core.quads import SIZE
 from model.contact.particle_parameters import G_OWN, G_REACH
-from model.contact.surface_parameters import contact_surface, neighbour_record, surface_pairs, surface_record
+from model.contact.surface_parameters import TETRAHEDRA_MEET, Meeting, neighbour_record
 from model.scene.scene import Scene
 
 
-def surface_contact_bytes(scene: Scene, item: int) -> int:
+def surface_contact_bytes(scene: Scene, item: int, meeting: Meeting = TETRAHEDRA_MEET) -> int:
     """Device memory for the contacts of a scene's bodies, `item` bytes a scalar."""
-    surface = contact_surface(scene.tetrahedra_set)
+    surface = meeting.surface(scene)
     particles, vertices = len(surface.rest), len(surface.vertices)
     lists = 4 * (4 * len(surface.triangles) + 2 * vertices + len(surface.at_vertex.indices) + particles)
     own = neighbour_bytes(vertices, True, item) + SIZE * item * (vertices + particles)
@@ -28,9 +28,11 @@ def surface_contact_bytes(scene: Scene, item: int) -> int:
 class SurfaceContacts(HeldContacts):
     """See cpu_backend/contact/surfaces.py. `before`, `predicted`, `position`: quads of particles, on the device."""
 
-    def __init__(self, scene: Scene, real: Any, math: str, weights: np.ndarray, stream: Any):
+    def __init__(
+        self, scene: Scene, real: Any, math: str, weights: np.ndarray, stream: Any, meeting: Meeting = TETRAHEDRA_MEET
+    ):
         super().__init__(scene.contact, real, math, weights, stream)
-        surface = contact_surface(scene.tetrahedra_set)
+        self._meeting, surface = meeting, meeting.surface(scene)
         vertices, bodies = surface.vertices, len(surface.edge)
         self._vertices, self._body = self._new(vertices), self._new(surface.body)
         rest = np.zeros((len(surface.rest), SIZE), real)
@@ -39,15 +41,21 @@ class SurfaceContacts(HeldContacts):
         lists = surface.at_vertex.offsets, surface.at_vertex.indices, surface.triangles.reshape(-1), surface.owned
         self._surface = tuple(self._new(np.ascontiguousarray(one)) for one in lists)
         pairs = self._new(surface.body[vertices]), self._new(np.arange(bodies, dtype=np.int32)), np.int32(bodies)
-        meets_itself = bool((surface_pairs(scene)[:, :, G_OWN] > 0).any())
+        meets_itself = bool((meeting.pairs(scene)[:, :, G_OWN] > 0).any())
         self._neighbours = Neighbours(real, len(vertices), pairs, rest[vertices, :3] if meets_itself else None, stream)
-        self._find, self._of_vertices = make_find(real, math), self._launch(len(vertices))
-        self.record, self._pairs = self._new(surface_record(scene, real)), self._new(self._pairs_of(scene))
+        balls = meeting.ratio is not None
+        self._find, self._of_vertices = make_find(real, math, balls), self._launch(len(vertices))
+        self.record, self._pairs = self._new(meeting.record(scene, real)), self._new(self._pairs_of(scene))
+        self._ratio = self._new(self._ratio_of(scene))
 
     def _pairs_of(self, scene: Scene) -> np.ndarray:
         """What the search reads, and the longest reach."""
-        reach = surface_pairs(scene)[:, :, G_REACH].max()
-        return np.append(neighbour_record(scene, self._real), reach).astype(self._real)
+        pairs = self._meeting.pairs(scene)
+        return np.append(neighbour_record(pairs, self._real), pairs[:, :, G_REACH].max()).astype(self._real)
+
+    def _ratio_of(self, scene: Scene) -> np.ndarray:
+        """See Meeting; one number that is not read, where there is none."""
+        return np.ones(1, self._real) if self._meeting.ratio is None else self._meeting.ratio(scene).astype(self._real)
 
     @property
     def finding(self) -> int:
@@ -61,7 +69,8 @@ class SurfaceContacts(HeldContacts):
 
     def change(self, scene: Scene) -> None:
         """Take over what may change while running."""
-        self.record.copy_to_device(surface_record(scene, self._real), stream=self._stream)
+        self.record.copy_to_device(self._meeting.record(scene, self._real), stream=self._stream)
+        self._ratio.copy_to_device(self._ratio_of(scene), stream=self._stream)
         self._pairs.copy_to_device(self._pairs_of(scene), stream=self._stream)
 
     def find(self, before: Any, predicted: Any) -> None:
@@ -71,7 +80,7 @@ class SurfaceContacts(HeldContacts):
         kernels.clear[self._of_masses](self.found, self._link_counts)
         kernels.find_contacts[self._of_vertices](
             before, predicted, self._rest, self._body, self._vertices, self._neighbours.table, self._neighbours.found,
-            *self._surface, self.record, self.triangles, self.corners, self._normals, self.shares, self.found,
+            *self._surface, self.record, self._ratio, self.triangles, self.corners, self._normals, self.shares, self.found,
             self._link_counts, self._lost,
         )  # fmt: skip
         self._link()

@@ -46,14 +46,12 @@ def _make_slots(real: Any, math: str) -> SimpleNamespace:
 
 
 @cache
-def _make_meet(real: Any, math: str) -> Any:
-    """meet(k, p, moved, triangle, before, predicted, rest, body, corners_of, owned, parameters, triangles, corners, normals,
-    weights, found): see cpu_backend/contact/surfaces_find.py."""
+def _make_meet(real: Any, math: str, ratios: bool) -> Any:
+    """meet(k, p, moved, triangle, before, predicted, rest, body, corners_of, owned, parameters, ratio, triangles, corners,
+    normals, weights, found): see cpu_backend/contact/surfaces_find.py."""
     device, slots = cuda.jit(device=True, **kernel_options(math)), _make_slots(real, math)
-    formulas, outward = (
-        device_formulas(contact.make, real, math),
-        device_formulas(surface_contact.make, real, math).outward,
-    )
+    formulas, sides = device_formulas(contact.make, real, math), device_formulas(surface_contact.make, real, math)
+    outward, kept_by = sides.outward, sides.kept_by
     nearest, away, length, dot = formulas.nearest, formulas.away, formulas.length, formulas.dot
     held_distance, mixed = formulas.held_distance, formulas.mixed
     place_of, copy = slots.place_of, slots.copy
@@ -76,8 +74,8 @@ def _make_meet(real: Any, math: str) -> Any:
 
     @device
     def meet(
-        k, p, moved, triangle, before, predicted, rest, body, corners_of, owned, parameters, triangles, corners, normals,
-        weights, found,
+        k, p, moved, triangle, before, predicted, rest, body, corners_of, owned, parameters, ratio, triangles, corners,
+        normals, weights, found,
     ):  # fmt: skip
         a, b, c = corners_of[3 * triangle], corners_of[3 * triangle + 1], corners_of[3 * triangle + 2]
         if a == k or b == k or c == k:
@@ -93,7 +91,10 @@ def _make_meet(real: Any, math: str) -> Any:
         distance = length(rx, ry, rz)
         nearer = max(motion(load_quad(predicted, a), moved, qa), motion(load_quad(predicted, b), moved, qb))
         nearer = max(nearer, motion(load_quad(predicted, c), moved, qc))
-        if not distance < parameters.thickness + parameters.margin + nearer:
+        thickness, margin, flat = parameters.thickness, parameters.margin, parameters.normal_distance
+        if ratios:  # of vertices that are balls
+            thickness, margin, flat = kept_by(ratio[k], thickness), kept_by(ratio[k], margin), kept_by(ratio[k], flat)
+        if not distance < thickness + margin + nearer:
             return found
         first = k * MAX_CONTACTS
         last = first + min(found, MAX_CONTACTS)
@@ -106,17 +107,15 @@ def _make_meet(real: Any, math: str) -> Any:
         while slot > place:
             copy(slot - 1, slot, triangles, corners, normals, weights)
             slot -= 1
-        rest_gap = parameters.thickness
+        rest_gap = thickness
         if body[a] == body[k]:
             rest_gap = rest_distance(rest, k, a, b, c, s, t)
-        inside, nx, ny, nz = outward(
-            rx, ry, rz, distance, ux, uy, uz, vx, vy, vz, parameters.normal_distance
-        )  # fmt: skip
+        inside, nx, ny, nz = outward(rx, ry, rz, distance, ux, uy, uz, vx, vy, vz, flat)
         if inside and (owned[triangle] >> sheet) & 1 != 0:
             inside, nx, ny, nz = False, -nx, -ny, -nz
         triangles[place] = triangle
         corners[3 * place], corners[3 * place + 1], corners[3 * place + 2] = a, b, c
-        held = held_distance(parameters.thickness, rest_gap, dot(nx, ny, nz, rx, ry, rz), parameters.push)
+        held = held_distance(thickness, rest_gap, dot(nx, ny, nz, rx, ry, rz), parameters.push)
         store_quad(normals, place, nx, ny, nz, held)
         store_quad(weights, place, s, t, distance, one if inside else zero)
         return found + 1
@@ -125,11 +124,12 @@ def _make_meet(real: Any, math: str) -> Any:
 
 
 @cache
-def make_find(real: Any, math: str) -> SimpleNamespace:
+def make_find(real: Any, math: str, ratios: bool = False) -> SimpleNamespace:
     """The kernels `take(before, vertices, points)`: quads of the vertices, each of weight 1; `clear(found, link_counts)`;
     `find_contacts(before, predicted, rest, body, vertices, table, numbers, offsets, at_vertex, corners_of, owned, record,
-    triangles, corners, normals, weights, found, link_counts, lost)`: `table`, `numbers`: the neighbours of each vertex."""
-    meet, one_side = _make_meet(real, math), _make_slots(real, math).one_side
+    ratio, triangles, corners, normals, weights, found, link_counts, lost)`: `table`, `numbers`: the neighbours of each
+    vertex."""
+    meet, one_side = _make_meet(real, math, ratios), _make_slots(real, math).one_side
     one, many = real(1), np.int64(MAX_NEIGHBOURS)
 
     def take(before, vertices, points):
@@ -145,8 +145,8 @@ def make_find(real: Any, math: str) -> SimpleNamespace:
             link_counts[k] = 0
 
     def find_contacts(
-        before, predicted, rest, body, vertices, table, numbers, offsets, at_vertex, corners_of, owned, record, triangles,
-        corners, normals, weights, found, link_counts, lost,
+        before, predicted, rest, body, vertices, table, numbers, offsets, at_vertex, corners_of, owned, record, ratio,
+        triangles, corners, normals, weights, found, link_counts, lost,
     ):  # fmt: skip
         i = np.int64(cuda.grid(1))  # type: ignore[call-arg]
         if i < vertices.size:
@@ -159,7 +159,7 @@ def make_find(real: Any, math: str) -> SimpleNamespace:
                 for at in range(offsets[j], offsets[j + 1]):
                     count = meet(
                         k, p, moved, np.int64(at_vertex[at]), before, predicted, rest, body, corners_of, owned, parameters,
-                        triangles, corners, normals, weights, count,
+                        ratio, triangles, corners, normals, weights, count,
                     )  # fmt: skip
             kept, first = min(count, np.int64(MAX_CONTACTS)), k * MAX_CONTACTS
             if count > kept:
@@ -170,5 +170,5 @@ def make_find(real: Any, math: str) -> SimpleNamespace:
                 cuda.atomic.add(link_counts, corners[place], 1)
 
     return make_kernels(
-        (take, clear, find_contacts), f"surfaces_{variant_name(real, math)}", **kernel_options(math)
+        (take, clear, find_contacts), f"surfaces{'_of_balls' * ratios}_{variant_name(real, math)}", **kernel_options(math)
     )  # fmt: skip

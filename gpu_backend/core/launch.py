@@ -54,10 +54,13 @@ class Graphs:
 
     def replay(self, parity: int, count: int) -> None:
         """Run `count` passes as one graph, captured the first time."""
-        key = (parity, count)
-        if key not in self._graphs:
-            self._graphs[key] = self._capture(parity, count)
-        _checked(self._runtime.cudaGraphLaunch(self._graphs[key], self._handle()))
+        self.ready(parity, count)
+        _checked(self._runtime.cudaGraphLaunch(self._graphs[parity, count], self._handle()))
+
+    def ready(self, parity: int, count: int) -> None:
+        """Capture that graph, unless it was."""
+        if (parity, count) not in self._graphs:
+            self._graphs[parity, count] = self._capture(parity, count)
 
     def _handle(self) -> Any:
         handle = self._stream.handle  # an integer-like object of cuda.bindings, or a ctypes pointer of older versions

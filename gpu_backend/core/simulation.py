@@ -51,8 +51,10 @@ class CudaSimulation(Simulation):
     _graphs: Graphs | None = None
     _normals: Any = None
 
-    def __init__(self, scene: Scene, options: Options):
+    def __init__(self, scene: Scene, options: Options, stream: Any = None):
+        """`stream`: of a world whose members run on one; None: one of its own."""
         self.device = require_gpu()
+        self.stream = stream
         super().__init__(scene, options)
         self.particle_count = len(self.body.position)
 
@@ -76,7 +78,7 @@ class CudaSimulation(Simulation):
     def _start(self, threads: int = 256) -> None:
         """Everything that a step needs, on the device, in the state at time 0. `threads`: of a block of `_flat`."""
         rows, columns = self.body.rows, self.body.columns
-        self.stream = new_stream()
+        self.stream = new_stream() if self.stream is None else self.stream
         self._flat = self._over(self.particle_count, threads)
         self._grid = ((-(-columns // BLOCK[0]), -(-rows // BLOCK[1])), BLOCK, self.stream)
         self.shape = (np.int32(rows), np.int32(columns))

@@ -6,10 +6,13 @@ A solver launches a substep (`_substep`), and says of how many launches a step i
 from __future__ import annotations
 
 from abc import abstractmethod
+from collections.abc import Callable
+from typing import Any
 
-from gpu_backend.core.launch import can_capture
+from gpu_backend.core.launch import Graphs, can_capture
 from gpu_backend.core.quad_simulation import QuadSimulation
 from model.core.options import unknown_kernel
+from model.scene.scene import Scene
 
 MAX_NODES = 4096  # launches of one graph
 LARGEST_CHUNK = 256  # steps of one graph
@@ -24,8 +27,14 @@ def launched_kernel(wanted: str | None, what: str, more: tuple[str, ...] = ()) -
     return wanted or ("graph" if can_capture() else "launch")
 
 
-class SubstepSimulation(QuadSimulation):
-    """A position-based simulation on the GPU. See model/core/simulation.py for the contract."""
+class Launched:
+    """Steps of substeps, by launches; see CudaSimulation for what `_graphs`, `_current`, `_count_on`, `_set_counter` are."""
+
+    scene: Scene
+    _graphs: Graphs | None
+    _current: int
+    _count_on: Callable[[int], None]
+    _set_counter: Callable[[int], None]
 
     @abstractmethod
     def _substep(self, place: int, substep: int) -> None:
@@ -57,3 +66,33 @@ class SubstepSimulation(QuadSimulation):
         if steps:
             self._launch(self._current, steps)
             self._count_on(steps)
+
+
+class SubstepSimulation(Launched, QuadSimulation):
+    """A position-based simulation on the GPU. See model/core/simulation.py for the contract.
+
+    A substep in three is one that others may take part in, before and after each iteration (gpu_backend/world)."""
+
+    def _substep(self, place: int, substep: int) -> None:
+        """See Launched."""
+        self.begin_substep(place, substep)
+        for iteration in range(self.scene.method.iterations):
+            self.iterate(iteration)
+        self.end_substep(place, substep)
+
+    def begin_substep(self, place: int, substep: int) -> None:
+        """Launch what predicts, into the other buffers, which then are the current ones, and searches."""
+        raise NotImplementedError
+
+    def iterate(self, iteration: int) -> None:
+        """Launch an iteration, in the current buffers."""
+        raise NotImplementedError
+
+    def end_substep(self, place: int, substep: int) -> None:
+        """Launch what ends a substep."""
+        raise NotImplementedError
+
+    @property
+    def substep_start(self) -> Any:
+        """Positions with which the substep began, quads."""
+        return self.position[1 - self._current]

@@ -100,7 +100,7 @@ def make_density_kernels(
     variant = real, math, parts
     sums, move, relax = make_sums(*variant, repeats), make_move(*variant, repeats), make_relax(*variant)
     sum_factor, sum_density = sums.sum_factor, sums.sum_density
-    search = make_search(real, 2 if "flat" in parts else 3, neighbours, repeats)
+    search = make_search(real, 2 if "flat" in parts else 3, neighbours, repeats, "solids" in parts)
     walls, clock = make_walls(*variant), make_clock(math, parts)
     has_walls, zero, axes, extent = "walls" in parts, real(0), np.int32(WALL), make_extent(parts)
 

@@ -39,6 +39,7 @@ def _make_shape(real: Any, math: str, parts: frozenset[str], repeats: frozenset[
     )  # fmt: skip
     has_tension, has_curl, zero = "surface-tension" in parts, "vorticity" in parts, real(0)
     extent = make_extent(parts)
+    has_solids = "solids" in parts
 
     @inline
     def add_shape(sums_so_far, p, q, v, w, way, s):
@@ -62,6 +63,8 @@ def _make_shape(real: Any, math: str, parts: frozenset[str], repeats: frozenset[
                 j = table[at]
                 at += particles
                 q, w = load_quad(position, j), load_quad(velocity, j)
+                if has_solids and q[3] == parameters.sampled:
+                    continue
                 way = pair(k, p, j, q, parameters)
                 s = slope(way[3], parameters.inverse_support, parameters.gradient_scale)
                 totals = add_shape(totals, p, q, v, w, way, s)
@@ -122,6 +125,7 @@ def _make_smooth(real: Any, math: str, parts: frozenset[str], repeats: frozenset
     rise_added, confined, smoothed = formulas.rise_added, formulas.confined, formulas.smoothed
     speed_of, zero, is_dragged, extent = formulas.speed_of, real(0), "drag" in parts, make_extent(parts)
     has_viscosity, has_tension, has_curl = (part in parts for part in ("viscosity", "surface-tension", "vorticity"))
+    has_solids = "solids" in parts
 
     def smooth(position, velocity, record, table, found, constraints, fluids, normals, curls, into):
         k = np.int32(cuda.grid(1))
@@ -138,6 +142,8 @@ def _make_smooth(real: Any, math: str, parts: frozenset[str], repeats: frozenset
                 j = table[at]
                 at += particles
                 q = load_quad(position, j)
+                if has_solids and q[3] == parameters.sampled:
+                    continue
                 way, near_row, other = pair(k, p, j, q, parameters), row(q[3]), (zero, zero, zero, zero)
                 if has_viscosity:
                     m = add_smooth(m, v, load_quad(velocity, j), way[3], near_row, own_row, fluids, parameters)

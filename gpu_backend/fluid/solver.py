@@ -17,6 +17,7 @@ from gpu_backend.core.launch import Graphs, can_capture
 from gpu_backend.core.quads import SIZE
 from gpu_backend.core.simulation import NOTHING_BAD
 from gpu_backend.core.substeps import SubstepSimulation, launched_kernel
+from gpu_backend.fluid import divergence_free
 from gpu_backend.fluid.cells import Cells, cell_bytes
 from gpu_backend.fluid.extent import FLOWS
 from gpu_backend.fluid.flow import Flow
@@ -32,6 +33,7 @@ from model.core.simulation import Options
 from model.fluid.fluid_set import PARKED
 from model.fluid.parameters import MAX_NEIGHBOURS, fluid_rows, most_cells
 from model.fluid.plan import SHAPES, SMOOTHING, fluid_plan
+from model.fluid.samples import Samples
 from model.mass_spring.cloth_parameters import collider_numbers
 from model.scene.scene import Scene
 
@@ -43,9 +45,13 @@ QUADS = 10  # of a particle: the state twice and put aside, and what a substep n
 class Fluid(SubstepSimulation):
     """See model/core/simulation.py for the contract. `threads` is the number of threads a block."""
 
-    def __init__(self, scene: Scene, options: Options):
-        super().__init__(scene, options)
-        self.plan, self.kernel = fluid_plan(scene, options.live), launched_kernel(options.kernel, "fluids")
+    samples: Samples | None = None  # of solids, which are particles here, behind all others
+
+    def __init__(self, scene: Scene, options: Options, stream: Any = None):
+        super().__init__(scene, options, stream)
+        among, self.kernel = self.samples is not None, launched_kernel(options.kernel, "fluids")
+        self.plan = fluid_plan(scene, options.live, among)
+        self.particle_count += self.samples.count if self.samples else 0
         self.threads = next((few for most, few in FEWER.items() if self.particle_count <= most), THREADS)
         self.neighbours = MAX_NEIGHBOURS[scene.dimensions]
         self.repeats = frozenset(scene.domain.repeats) if scene.domain else frozenset()
@@ -56,6 +62,8 @@ class Fluid(SubstepSimulation):
     def _require_space(self) -> None:
         count, item = self.particle_count, np.dtype(self.real).itemsize
         needed = item * count * (QUADS * SIZE + WALL + 3) + 12 * count
+        if "divergence-free" in self.plan.parts:
+            needed += item * count * (divergence_free.QUADS * SIZE + divergence_free.SCALARS)
         needed += cell_bytes(count, self.most_cells, self.neighbours, item)
         field = f"{self.scene.fluid_set.names[0]}.rest_distance"
         if max(self.most_cells, SIZE * count) > np.iinfo(np.int32).max:
@@ -66,7 +74,7 @@ class Fluid(SubstepSimulation):
 
     def _allocate(self) -> None:
         scene, real, count = self.scene, self.real, self.particle_count
-        self._weight = scene.fluid_set.fluid.astype(real)  # told by a position's fourth number
+        self._weight = self._fluid_of.astype(real)  # told by a position's fourth number
         self._allocate_quads(collider_numbers(scene, real))
         self._numbers = np.arange(count, dtype=np.int32)
         self.flow = Flow(self) if self._flows else None
@@ -74,27 +82,45 @@ class Fluid(SubstepSimulation):
             self._numbers = np.append(self._numbers, np.int32(0))  # and how many are there
         self.particle = [self.on_device(self._numbers), self.on_device(self._numbers)]
         self.kept_particle = self.on_device(self._numbers)
-        self.fluids = self.on_device(fluid_rows(scene, real))
+        self.fluids = self.on_device(self._rows)
         self.sorted, self.corrected, self.before, self.meant = (self.new_array() for _ in range(4))
         parts, walls = self.plan.parts, WALL * count
         self.relaxed = tuple(
             self.on_device(np.zeros(size, real))
-            for size in (count, count, count if "drag" in parts else 1, walls if "walls" in parts else 1)
+            for size in (
+                count,
+                count,
+                count if parts & {"drag", "divergence-free"} else 1,
+                walls if "walls" in parts else 1,
+            )
         )
         self.factors, self.multipliers, self.constraints, self.gradients = self.relaxed
         self.cells = Cells(real, count, self.neighbours, self.most_cells, self.repeats, self.stream, self.flow)
 
-    def _build(self) -> None:
-        """Compile and load every kernel, by running it once on arrays that `reset` then overwrites."""
+    @property
+    def _fluid_of(self) -> np.ndarray:
+        """(particles,): the number of each one's fluid."""
+        return self.scene.fluid_set.fluid
+
+    @property
+    def _rows(self) -> np.ndarray:
+        return fluid_rows(self.scene, self.real, self.samples is not None)
+
+    def _make_kernels(self) -> None:
         variant = self.real, self.options.math, self.plan.parts
         self._tools = make_fluid_tools(self.real, self.scene.dimensions, self.plan.parts & FLOWS)
         self.begin, self.settling = make_begin(*variant, self.repeats), make_settle(*variant, self.repeats)
         self.relaxing = make_density_kernels(*variant, self.repeats, self.neighbours)
-        by_stages, self.smoothing = self.kernel == "stages", None
-        if self.plan.parts & SMOOTHING:
-            self.smoothing = make_smoothing(*variant, self.repeats, not by_stages)
-        if by_stages:
-            self._executor = Executor(self.plan, bind_fluid_stages(self))
+        self.free = divergence_free.DivergenceFree(self) if "divergence-free" in self.plan.parts else None
+        self.smoothing = None
+        if self.plan.parts & SMOOTHING and not self.free:
+            self.smoothing = make_smoothing(*variant, self.repeats, self.kernel != "stages")
+
+    def _build(self) -> None:
+        """Compile and load every kernel, by running it once on arrays that `reset` then overwrites."""
+        self._make_kernels()
+        if self.kernel == "stages":
+            self._executor = Executor(self.plan, self.free.stages() if self.free else bind_fluid_stages(self).stages)
             return
         self._executor = Executor(self.plan, {}, self._advance_steps)
         if not simulated():
@@ -129,6 +155,10 @@ class Fluid(SubstepSimulation):
     def _substep(self, place: int, substep: int) -> None:
         """Launch one substep, from the current buffers into the others; `place`: the step's after the counter."""
         time = self._counter, np.int64(place), np.int64(self.scene.method.substeps), np.int64(substep)
+        if self.free:
+            self._current = 1 - self._current
+            self.free.substep(self._current, time)
+            return
         if self.flow:
             now = self._current
             self.flow.emit(self.position[now], self.velocity[now], self.particle[now], time)
@@ -166,6 +196,8 @@ class Fluid(SubstepSimulation):
     def _launches(self) -> int:
         """Of a step."""
         parts, method = self.plan.parts, self.scene.method
+        if self.free:
+            return method.substeps * (Cells.launches + self.free.launches)
         ends = bool(parts & SMOOTHING) + bool(parts & SHAPES)
         flow = Flow.launches if self.flow else 0
         return method.substeps * (1 + Cells.launches + flow + 2 * method.iterations + ends)
@@ -248,7 +280,7 @@ class Fluid(SubstepSimulation):
             self.flow.restore()
 
     def _parameters_changed(self) -> None:
-        self.fluids.copy_to_device(fluid_rows(self.scene, self.real).reshape(-1), stream=self.stream)
+        self.fluids.copy_to_device(self._rows.reshape(-1), stream=self.stream)
         if self.flow:
             self.flow.changed()
         super()._parameters_changed()

@@ -2,18 +2,26 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from model.core.plan import Moment, StageRun
 
 
-def bind_fluid_stages(sim: Any) -> dict[str, StageRun]:
+class Bound(NamedTuple):
+    """`stages`: what runs each stage of a plan; `now`: what is predicted ("given") and where particles are ("position",
+    "other"), as the last stage left it."""
+
+    stages: dict[str, StageRun]
+    now: dict[str, Any]
+
+
+def bind_fluid_stages(sim: Any) -> Bound:
     """What runs each stage of the plan of `sim`, a gpu_backend.fluid.solver.Fluid. The state keeps its buffer."""
     flat, cells, relaxing, settling = sim._flat, sim.cells, sim.relaxing, sim.settling
     state, velocity, start = sim.position[0], sim.velocity[0], sim.on_device(np.zeros(1, np.int64))
-    now = {"given": (), "position": sim.sorted, "other": sim.corrected}
+    now: dict[str, Any] = {"given": (), "position": sim.sorted, "other": sim.corrected}
 
     def world(moment: Moment) -> tuple[Any, ...]:
         return sim.bodies, sim.integers, *time(moment)
@@ -65,7 +73,7 @@ def bind_fluid_stages(sim: Any) -> dict[str, StageRun]:
             state, sim.meant, sim.record, *sim.lists, sim.constraints, sim.fluids, sim.before, sim.sorted, velocity
         )
 
-    return {
+    stages: dict[str, StageRun] = {
         "emit": emit,
         "predict": predict,
         "sort into cells": sort,
@@ -76,3 +84,4 @@ def bind_fluid_stages(sim: Any) -> dict[str, StageRun]:
         "normals and vorticity": shape,
         "limit velocities": limit,
     }
+    return Bound(stages, now)

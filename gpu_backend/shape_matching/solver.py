@@ -39,8 +39,8 @@ from model.xpbd.plan import xpbd_plan
 class Bodies(SubstepSimulation):
     """See model/core/simulation.py for the contract. `threads` is the number of threads a block."""
 
-    def __init__(self, scene: Scene, options: Options):
-        super().__init__(scene, options)
+    def __init__(self, scene: Scene, options: Options, stream: Any = None):
+        super().__init__(scene, options, stream)
         self.plan, self.kernel = xpbd_plan(scene, options.live), launched_kernel(options.kernel, "bodies")
         self.threads, self.clusters = THREADS, scene.body_set.loose
         self._require_space()
@@ -145,25 +145,33 @@ class Bodies(SubstepSimulation):
 
     # ------------------------------------------------------------------ a step
 
-    def _substep(self, place: int, substep: int) -> None:
-        """Launch one substep, from the current buffers into the others; `place`: the step's after the counter."""
+    def begin_substep(self, place: int, substep: int) -> None:
+        """See SubstepSimulation."""
         before, velocity = self.position[self._current], self.velocity[self._current]
         self._current = 1 - self._current
-        now, new_velocity = self.position[self._current], self.velocity[self._current]
-        time = self._counter, np.int64(place), np.int64(self.scene.method.substeps), np.int64(substep)
+        now = self.position[self._current]
         self._ends.begin[self._flat](before, velocity, now, self.record, self.integers)
         if self.contacts:
             self.contacts.find(now)
-        for iteration in range(self.scene.method.iterations):
-            if iteration and not self.contacts:
-                self._move(now)
-            for number in range(self.scene.body_set.links.colours):
-                self._links.project(now, self.record, number, iteration == 0)
-            self._match(now, self.rotation)
-            self._lattices.move(now)
-            if self.contacts:
-                self._move(now)
-                self.contacts.project(before, now)
+
+    def iterate(self, iteration: int) -> None:
+        """See SubstepSimulation. Particles that meet nobody come to the goals of the last one as the substep ends."""
+        before, now = self.substep_start, self.position[self._current]
+        if iteration and not self.contacts:
+            self._move(now)
+        for number in range(self.scene.body_set.links.colours):
+            self._links.project(now, self.record, number, iteration == 0)
+        self._match(now, self.rotation)
+        self._lattices.move(now)
+        if self.contacts:
+            self._move(now)
+            self.contacts.project(before, now)
+
+    def end_substep(self, place: int, substep: int) -> None:
+        """See SubstepSimulation."""
+        before, velocity = self.substep_start, self.velocity[1 - self._current]
+        now, new_velocity = self.position[self._current], self.velocity[self._current]
+        time = self._counter, np.int64(place), np.int64(self.scene.method.substeps), np.int64(substep)
         last = self.record, self.bodies, self.integers, *time
         if self._material.damped:
             self._damp(before, now, velocity, new_velocity)

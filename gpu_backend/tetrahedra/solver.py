@@ -74,11 +74,11 @@ class Tetrahedra(MeshPositionBased):
         kernels.look[self._flat](velocity, self._earlier, slow, self._sleeping_speed, self.record)
         kernels.keep[self._flat](before, position, velocity, self._earlier, slow, *self._near)
 
-    def _substep(self, place: int, substep: int) -> None:
-        before = self.position[self._current]
-        super()._substep(place, substep)
+    def end_substep(self, place: int, substep: int) -> None:
+        """See SubstepSimulation."""
+        super().end_substep(place, substep)
         if SLEEPING in self.plan.parts:
-            self._keep_places(before, self.position[self._current], self.velocity[self._current])
+            self._keep_places(self.substep_start, self.position[self._current], self.velocity[self._current])
 
     @property
     def _launches(self) -> int:

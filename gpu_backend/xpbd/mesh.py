@@ -47,8 +47,8 @@ class MeshPositionBased(DrivenSimulation, SubstepSimulation):
 
     what, named = "a mesh", "mesh"
 
-    def __init__(self, scene: Scene, options: Options):
-        super().__init__(scene, options)
+    def __init__(self, scene: Scene, options: Options, stream: Any = None):
+        super().__init__(scene, options, stream)
         self.plan = self._plan_of(scene, options.live)
         self.kernel, self.threads = self._choose_kernel(options.kernel), THREADS
         self._require_space()
@@ -169,24 +169,36 @@ class MeshPositionBased(DrivenSimulation, SubstepSimulation):
         if self._slow is not None:
             self._slow[self._flat](velocity, self._rates, self.record)
 
-    def _substep(self, place: int, substep: int) -> None:
-        """Launch one substep, from the current buffers into the others; `place`: the step's after the counter."""
+    def _when(self, place: int, substep: int) -> tuple[Any, ...]:
+        """What kernels take of when a substep is."""
+        return self._counter, np.int64(place), np.int64(self.scene.method.substeps), np.int64(substep)
+
+    def begin_substep(self, place: int, substep: int) -> None:
+        """See SubstepSimulation."""
         before, velocity = self.position[self._current], self.velocity[self._current]
         self._current = 1 - self._current
         now, new_velocity = self.position[self._current], self.velocity[self._current]
-        time = self._counter, np.int64(place), np.int64(self.scene.method.substeps), np.int64(substep)
+        time = self._when(place, substep)
         self._brake(velocity)
         self._begin[self._flat](before, velocity, now, *self._lists, self.record, self.integers, *time)
         self._drive(now, new_velocity, time)
         if self.contacts:
             self.contacts.find(before, now)
-        for iteration in range(self.scene.method.iterations):
-            for _, project in self._colours:
-                project(before, now, iteration == 0)
-            if self.contacts:
-                self.contacts.project(before, now)
-        self._end[self._flat](before, now, new_velocity, self.record, self.bodies, self.integers, *time)
-        self._drive(now, new_velocity, time)
+
+    def iterate(self, iteration: int) -> None:
+        """See SubstepSimulation."""
+        before, now = self.substep_start, self.position[self._current]
+        for _, project in self._colours:
+            project(before, now, iteration == 0)
+        if self.contacts:
+            self.contacts.project(before, now)
+
+    def end_substep(self, place: int, substep: int) -> None:
+        """See SubstepSimulation."""
+        before, now, velocity = self.substep_start, self.position[self._current], self.velocity[self._current]
+        time = self._when(place, substep)
+        self._end[self._flat](before, now, velocity, self.record, self.bodies, self.integers, *time)
+        self._drive(now, velocity, time)
 
     @property
     def _launches(self) -> int:

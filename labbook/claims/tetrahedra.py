@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from bench.experiments.tetrahedra import BLOCKS
 from bench.experiments.tetrahedral.bars import Bar, bars
+from bench.experiments.tetrahedral.cantilever import BLOCKS
 from bench.experiments.tetrahedral.decides import STIFF, decisions
 from bench.experiments.tetrahedral.meshes import MESH, STEP, meshes, steps
 from bench.experiments.tetrahedral.promised import WITHIN

@@ -3,6 +3,7 @@ them, and the constants."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from weakref import WeakKeyDictionary
 
@@ -81,22 +82,31 @@ def contact_surface(found: TetrahedraSet) -> ContactSurface:
 
 
 def _made(found: TetrahedraSet) -> ContactSurface:
-    triangles, position = found.surface, found.position
     first = np.append(found.first_particle, found.particle_count)
     body = np.repeat(np.arange(len(found.names), dtype=np.int32), np.diff(first))
+    sheets = np.arange(len(found.names)) >= len(found.parts)
+    return surface_of(found.surface, found.position, body, sheets, contact_free(found))
+
+
+def surface_of(
+    triangles: np.ndarray, position: np.ndarray, body: np.ndarray, sheets: np.ndarray, free: np.ndarray
+) -> ContactSurface:
+    """Of `triangles` (t, 3) int32 of particles at rest at `position` (particles, 3) [m]; `body` (particles,) int32; `sheets`
+    (bodies,) bool: which have two sides and no inside; `free` (particles,) bool: those that meet nothing."""
+    count = len(sheets)
     sides = np.stack([np.linalg.norm(position[triangles[:, b]] - position[triangles[:, a]], axis=1) for a, b in _SIDES])
     of_body = body[triangles[:, 0]]
-    many = np.bincount(of_body, minlength=len(found.names))
-    edge = np.bincount(of_body, sides.mean(axis=0), len(found.names)) / np.maximum(many, 1)
-    corner = np.zeros(len(found.names))
+    many = np.bincount(of_body, minlength=count)
+    edge = np.bincount(of_body, sides.mean(axis=0), count) / np.maximum(many, 1)
+    corner = np.zeros(count)
     np.maximum.at(corner, of_body, _farthest(sides))
-    triangles = triangles[~contact_free(found)[triangles].any(axis=1)]
+    triangles = triangles[~free[triangles].any(axis=1)]
     vertices = np.unique(triangles)
-    place = np.full(found.particle_count, -1)
+    place = np.full(len(position), -1)
     place[vertices] = np.arange(len(vertices))
     corners = triangles.ravel()
     at_vertex = grouped(place[corners], np.arange(len(corners), dtype=np.int32) // 3, len(vertices))
-    two_sided = np.where(body[triangles[:, 0]] >= len(found.parts), 1 << SHEET, 0)
+    two_sided = np.where(sheets[body[triangles[:, 0]]], 1 << SHEET, 0)
     owned = (_owners(triangles) | two_sided).astype(np.int32)
     return ContactSurface(vertices.astype(np.int32), triangles, owned, at_vertex, body, position, edge, corner)
 
@@ -136,9 +146,10 @@ def contact_distance(scene: Scene) -> float:
     return scene.contact.distance or SHARE * float(contact_surface(scene.tetrahedra_set).edge.min())
 
 
-def surface_record(scene: Scene, real: type) -> np.ndarray:
-    """(1,): SURFACE_CONTACT_PARAMETERS in the arithmetic `real`: computed in float64, rounded once. Raises SceneError."""
-    part, distance = scene.contact, contact_distance(scene)
+def surface_record(scene: Scene, distance: float, real: type) -> np.ndarray:
+    """(1,): SURFACE_CONTACT_PARAMETERS in the arithmetic `real`, of surfaces that keep the `distance` [m]: computed in
+    float64, rounded once. Raises SceneError."""
+    part = scene.contact
     assert part is not None
     h = scene.method.dt / scene.method.substeps
     values = {
@@ -169,8 +180,27 @@ def surface_pairs(scene: Scene) -> np.ndarray:
     return rows
 
 
-def neighbour_record(scene: Scene, real: type) -> np.ndarray:
-    """(PAIRS + bodies^2 * PAIR_FIELDS,) in the arithmetic `real`: what the search for neighbours reads."""
-    rows, head = surface_pairs(scene), np.zeros(PAIRS)
+def neighbour_record(rows: np.ndarray, real: type) -> np.ndarray:
+    """(PAIRS + bodies^2 * PAIR_FIELDS,) in the arithmetic `real`: what the search for neighbours reads, of such rows as
+    `surface_pairs` tells."""
+    head = np.zeros(PAIRS)
     head[H_INVERSE_CELL] = 1 / rows[:, :, G_REACH].max()
     return np.concatenate([head, rows.reshape(-1)]).astype(real)
+
+
+@dataclass(frozen=True)
+class Meeting:
+    """Whose surfaces meet, of a scene: their `surface`; the `distance` [m] that they keep; `pairs`, as `surface_pairs` tells
+    them; `ratio` (particles,): what a vertex keeps from triangles, in parts of the distance, where that is not 1 of all."""
+
+    surface: Callable[[Scene], ContactSurface]
+    distance: Callable[[Scene], float]
+    pairs: Callable[[Scene], np.ndarray]
+    ratio: Callable[[Scene], np.ndarray] | None = None
+
+    def record(self, scene: Scene, real: type) -> np.ndarray:
+        """See `surface_record`."""
+        return surface_record(scene, self.distance(scene), real)
+
+
+TETRAHEDRA_MEET = Meeting(lambda scene: contact_surface(scene.tetrahedra_set), contact_distance, surface_pairs)

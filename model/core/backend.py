@@ -50,6 +50,15 @@ class Backend(ABC):
     def _upload(self, position: np.ndarray, velocity: np.ndarray) -> None:
         """Take (particles, dimensions) arrays in the simulation's precision as the state."""
 
+    @property
+    def rank(self) -> int:
+        """Of this process, where several have a share each (model/domains); 0 speaks for all."""
+        return 0
+
+    def slowest(self, seconds: float) -> float:
+        """The longest of the times [s] that the processes took, the same for all of them."""
+        return seconds
+
     def _read_position(self, into: Any) -> Any:
         """Position into `into` (None: a new host array). A backend with a device overrides this for device targets."""
         position, _ = self._download()

@@ -20,6 +20,7 @@ from model.scene.scene_parts import SHEETS
 from model.scene.self_collision import CONTACT_BYTES
 from model.shape_matching.body_set import BodySet
 from model.tetrahedra.body_set import TetrahedraSet
+from model.world.world_set import WorldSet
 
 MASS_BYTES = 160  # on the host: position, velocity and inverse mass in float64, two solver states, a snapshot
 
@@ -46,12 +47,12 @@ def sheet_name(scene: Scene) -> str:
     return scene.name_of(*SHEETS, default="bodies")
 
 
-Sheet = Grid | BodySet | TetrahedraSet | FluidSet
+Sheet = Grid | BodySet | TetrahedraSet | FluidSet | WorldSet
 
 
 def pinned_indices(grid: Sheet) -> np.ndarray:
     """Sorted flat indices (row * columns + column) of the masses that `grid.pinned` names."""
-    if isinstance(grid, TetrahedraSet):
+    if isinstance(grid, TetrahedraSet | WorldSet):
         return grid.pinned_vertices
     if isinstance(grid, Mesh) and grid.file is not None:
         return pinned_vertices(grid)
@@ -61,7 +62,7 @@ def pinned_indices(grid: Sheet) -> np.ndarray:
 def rest_positions(grid: Sheet) -> np.ndarray:
     """(particles, dimensions) float64 [m]: (column * spacing, -row * spacing), row-major; a cloth's from its origin, in
     z = const where it hangs, along +z instead of -y where it lies. Of a mesh, where its vertices are."""
-    if isinstance(grid, BodySet | TetrahedraSet | FluidSet):
+    if isinstance(grid, BodySet | TetrahedraSet | FluidSet | WorldSet):
         return grid.position
     if isinstance(grid, Mesh):
         return mesh_of(grid).position + grid.origin
@@ -122,7 +123,9 @@ def _build(scene: Scene) -> Body:
         return Body(1, count, grid.position.copy(), grid.velocity, inverse_mass, np.flatnonzero(waiting), grid.extent)
     cloth, fold = scene.cloth, scene.fold
     position = folded_positions(cloth, fold) if cloth and fold else rest_positions(grid).copy()
-    velocity = grid.velocity.copy() if isinstance(grid, TetrahedraSet | FluidSet) else np.zeros_like(position)
+    velocity = (
+        grid.velocity.copy() if isinstance(grid, TetrahedraSet | FluidSet | WorldSet) else np.zeros_like(position)
+    )
     pinned = pinned_indices(grid)
     inverse_mass = 1 / np.broadcast_to(masses(scene), (count, 1))[:, 0]
     inverse_mass[pinned] = 0
@@ -149,7 +152,7 @@ def masses(scene: Scene, waiting: np.ndarray | None = None) -> np.ndarray | floa
     if scene.bodies:
         mass = scene.body_set.clusters.mass
         return (mass if waiting is None else np.where(waiting, 0.0, mass))[:, None]
-    if isinstance(scene.grid, TetrahedraSet | FluidSet):
+    if isinstance(scene.grid, TetrahedraSet | FluidSet | WorldSet):
         return (scene.grid.masses if waiting is None else np.where(waiting, 0.0, scene.grid.masses))[:, None]
     if scene.mesh and scene.mesh.density is not None:
         return vertex_masses(scene.mesh)[:, None]

@@ -13,9 +13,10 @@ from model.shape_matching.family import BODIES, WINDOWS
 from model.tetrahedra.family import TETRAHEDRA
 from model.tetrahedra.newton import TETRAHEDRA_NEWTON
 from model.tetrahedra.vbd import TETRAHEDRA_VBD
+from model.world.family import WORLD
 from model.xpbd.family import MESH, SHEET
 
-FAMILIES = (GRID, CLOTH, SHEET, MESH, WINDOWS, BODIES, TETRAHEDRA, TETRAHEDRA_VBD, TETRAHEDRA_NEWTON, FLUID)
+FAMILIES = (GRID, CLOTH, SHEET, MESH, WINDOWS, BODIES, TETRAHEDRA, TETRAHEDRA_VBD, TETRAHEDRA_NEWTON, FLUID, WORLD)
 
 
 def family_of(scene: Scene) -> SolverFamily:

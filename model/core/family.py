@@ -11,6 +11,7 @@ import numpy as np
 
 from model.core.clock import Clock
 from model.core.plan import Plan
+from model.domains.decomposition import Reach
 from model.scene.scene import Scene
 
 
@@ -30,6 +31,8 @@ class SolverFamily:
     `solvers`, `passes`: where the class that a backend opens, and the function that tells `softlab plan` what the backend
     makes of a step, are found: `module:name`, as they lie above the model. `reference`: the module in bench/reference/ whose
     `simulate` judges it. `unknown`: why no converged reference of the motion is known, and what to ask instead; None: one is.
+    `reach(scene)`: how far a step reads along the rows of its sheet, so that several can share it (model/domains); raises
+    SceneError for a part that cannot be shared; None: no scene of the family can yet.
     """
 
     name: str
@@ -47,6 +50,7 @@ class SolverFamily:
     passes: Mapping[str, str]
     reference: str
     unknown: str | None = None
+    reach: Callable[[Scene], Reach] | None = None
 
 
 ANY_SHEET = frozenset({"damping", "gravity", "external", "perturbation", "method"})  # kinds that go with every sheet

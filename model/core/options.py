@@ -28,12 +28,14 @@ LIVE_PATHS = {  # what may be named in `live=`, and the stage that then is compi
 
 @dataclass(frozen=True)
 class Options:
-    """How a scene is run, apart from what it is. `kernel` None: the backend's own choice."""
+    """How a scene is run, apart from what it is. `kernel` None: the backend's own choice; `first_particle`: of a window of a
+    larger sheet (model/domains), the number of its first particle there."""
 
     precision: str = "float32"
     math: str = "fast"
     kernel: str | None = None
     live: frozenset[str] = field(default_factory=frozenset)
+    first_particle: int | None = None
 
     def __post_init__(self) -> None:
         for name, value, known in (("--precision", self.precision, tuple(PRECISIONS)), ("--math", self.math, MATHS)):

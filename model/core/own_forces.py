@@ -7,15 +7,18 @@ Kernels call `own` of `make_own` and do not know which forces there are, plain o
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
+from model.core.plan import Plan
 from model.formulas import distance, random
 from model.scene.scene import Scene
 
-EXTERNAL_SEED, POKED = 0, 1  # places in the integers that kernels read; POKED: 1 + the particle, 0 for none
+# places in the integers that kernels read; POKED: 1 + the particle, 0 for none; FIRST: particle of a window, of grids alone
+EXTERNAL_SEED, POKED, FIRST = 0, 1, 2
+WINDOW = "window"  # the part of a plan whose particles are not counted from the sheet's first
 Made = Callable[[Callable[..., Any]], Any]  # what a backend makes of a factory of formulas
 
 
@@ -162,7 +165,25 @@ def make_own(real: Any, compiled: Any, made: Made, axes: int, parts: frozenset[s
 
     for force in own_forces(parts):
         own = _then(own, force.make(real, compiled, made, axes), add, compiled)
-    return own
+    return _counted_in_sheet(own, compiled) if WINDOW in parts else own
+
+
+def _counted_in_sheet(own: Any, compiled: Any) -> Any:
+    """`own` for particles that are counted in a window."""
+
+    @compiled
+    def own_of_window(a, k, weight, parameters, integers, step):
+        return own(a, np.int64(k) + np.int64(integers[FIRST]), weight, parameters, integers, step)
+
+    return own_of_window
+
+
+def in_window(plan: Plan, first_particle: int | None) -> Plan:
+    """The plan where its particles are those of a window that begins with `first_particle` of the sheet (None: it is the
+    sheet). Only a force that asks for their numbers makes a difference."""
+    if first_particle is None or not own_forces(plan.parts):
+        return plan
+    return replace(plan, parts=plan.parts | {WINDOW})
 
 
 def _then(before: Any, force: Any, add: Any, compiled: Any) -> Any:

@@ -194,6 +194,14 @@ class Simulation(Backend):
             self._clock, self._record = clock, self._make_record(self.scene, self._poke_force, clock)
             self._parameters_changed()
 
+    def follow(self, scene: Scene, particle: int, force: Sequence[float], clock: Clock) -> None:
+        """Take over, from the next step on, what has changed in a world that this is a member of: the member's `scene`, the
+        `particle` that is poked (-1: none) with a `force` [N], the clock."""
+        self.scene, self._clock, self.limit = scene, clock, stability_limit(scene)
+        self._poke_particle, self._poke_force = particle, tuple(force)
+        self._record = self._make_record(scene, force, clock)
+        self._parameters_changed()
+
     def _take_weights(self, inverse_mass: np.ndarray) -> None:
         """Other bodies wait than do now. Raises InputError where anything else is different."""
         weights = spare.weights(self.scene, self.plan.parts, inverse_mass)

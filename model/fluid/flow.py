@@ -128,6 +128,9 @@ def check_flow(scene: Any) -> None:
     """Raise SceneError where an emitter gives nothing, is too fast, lies in a collider or in a sink, or has nothing to give;
     where a sink is of other dimensions."""
     axes, emptied = scene.dimensions, bool(scene.sinks)
+    if (scene.emitters or emptied) and scene.method.scheme == "divergence-free":
+        told = "does not go with emitters and sinks yet; take macklin or averaged"
+        raise SceneError("method.scheme", scene.method.scheme, told)
     for name, sink in scene.sinks.items():
         for field in ("center", "point", "normal"):
             if axes == 2 and len(getattr(sink, field)) == 3 and getattr(sink, field)[2] != 0:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -58,9 +59,8 @@ class FluidSet(ParticleRow):
 
     @cached_property
     def particle_masses(self) -> tuple[float, ...]:
-        """Of each fluid's particles [kg], in a plane of a layer one metre thick: those with which its lattice has its
-        density."""
-        return tuple(part.density * self.lattice.volume for part in self.parts)
+        """Of each fluid's particles [kg], in a plane of a layer one metre thick: of a cell of its lattice."""
+        return tuple(part.density * self.spacing**self.dimensions for part in self.parts)
 
     @property
     def mass(self) -> float:
@@ -139,6 +139,18 @@ def check_fluids(parts: Mapping[str, Fluid], domain: Domain | None, domain_name:
         if domain.size["xyz".index(axis)] < least:
             told = f"must be {REPEATED} supports long at least where it repeats, {least:g} m along {axis}"
             raise SceneError(f"{domain_name}.size", list(domain.size), told)
+
+
+def check_among_solids(scene: Any) -> None:
+    """Raise SceneError for a scene of fluids that cannot meet solids."""
+    if scene.dimensions == 2:
+        told = "must be 3 where a fluid meets solids, which lie in space"
+        raise SceneError(f"{next(iter(scene.fluids))}.dimensions", 2, told)
+    if scene.domain is not None:
+        told = "does not go with solids, which know no sides that repeat; leave it out"
+        raise SceneError(f"{scene.name_of('domain')}.kind", "domain", told)
+    if scene.method.scheme != "macklin":
+        raise SceneError("method.scheme", scene.method.scheme, "must be macklin where a fluid meets solids")
 
 
 def vortices(place: np.ndarray, domain: Domain) -> np.ndarray:

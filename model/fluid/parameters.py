@@ -37,6 +37,7 @@ FLUID_PARAMETERS = (
     "tensile",  # m^2
     "inverse_tensile",  # 1 / (1 - q^2) where the tensile correction has that strength
     "inverse_cell",  # 1/m, of an axis that does not repeat
+    "sampled",  # the number of a fluid that samples of solids are of: one more than there are
     *(f"{what}_{axis}" for axis in AXES for what in BOX),  # of one that does, else 0
 )
 FIELDS = {"dt": "method.dt", "gravity": "gravity.acceleration", **own_fields()}
@@ -53,7 +54,7 @@ FLUID_FIELDS = 10
     F_DRAG,  # 1/s
     F_SURFACE_DRAG,  # 1/s
     F_SPEED,  # m/s
-    F_CHANGE,  # m/s: of a velocity by neighbours and walls in a substep, at most
+    F_CHANGE,  # m/s: of a velocity by neighbours and walls in a substep, at most; of two solves half of it each
 ) = range(FLUID_FIELDS)
 
 
@@ -97,6 +98,7 @@ def fluid_record(
         "tensile": method.tensile_correction * support**2,
         "inverse_tensile": 1 / (1 - method.tensile_distance**2),
         "inverse_cell": 1 / (WIDER * support),
+        "sampled": float(len(found.parts)),
         **_box(scene),
     }
     assert tuple(values) == FLUID_PARAMETERS, f"{set(values) ^ set(FLUID_PARAMETERS)} or their order differ"
@@ -124,11 +126,14 @@ def _box(scene: Scene) -> dict[str, float]:
     return values
 
 
-def fluid_rows(scene: Scene, real: type) -> np.ndarray:
-    """(fluids, FLUID_FIELDS) in the arithmetic `real`, in the order of the scene's fluids."""
+def fluid_rows(scene: Scene, real: type, solids: bool = False) -> np.ndarray:
+    """(fluids, FLUID_FIELDS) in the arithmetic `real`, in the order of the scene's fluids; with `solids` one more, of their
+    samples, which do nothing by themselves."""
     found: FluidSet = scene.fluid_set
-    h, rows = scene.method.dt / scene.method.substeps, np.zeros((len(found.parts), FLUID_FIELDS))
-    for row, part, weight in zip(rows, found.parts, found.lightness, strict=True):
+    h, rows = scene.method.dt / scene.method.substeps, np.zeros((len(found.parts) + solids, FLUID_FIELDS))
+    free, solves = np.finfo(real).max / 4, 2 if scene.method.scheme == "divergence-free" else 1
+    rows[:, F_SPEED], rows[:, F_CHANGE] = free, free
+    for row, part, weight in zip(rows, found.parts, found.lightness, strict=False):
         row[F_WEIGHT], row[F_BUOYANCY] = weight, part.buoyancy
         row[F_VISCOSITY] = smoothing(scene, part) * found.lattice.density_scale
         row[F_COHESION] = h * part.cohesion / (found.parts[0].density * found.support**2)
@@ -136,7 +141,7 @@ def fluid_rows(scene: Scene, real: type) -> np.ndarray:
         row[F_CONFINEMENT] = h * part.vorticity_confinement
         row[F_DRAG], row[F_SURFACE_DRAG] = part.drag, part.free_surface_drag
         row[F_SPEED] = speed_limit(scene, part)
-        row[F_CHANGE] = h * part.maximum_acceleration if part.maximum_acceleration else np.finfo(real).max / 4
+        row[F_CHANGE] = h * part.maximum_acceleration / solves if part.maximum_acceleration else free
     return rows.astype(real)
 
 

@@ -1,4 +1,5 @@
-"""A substep of a fluid: its stages, and the order of every sum in it, which both backends keep.
+"""A substep of a fluid: its stages, and the order of every sum in it, which both backends keep; of the scheme
+`divergence-free` see model/fluid/divergence_plan.py.
 
 Arrays are planes (x, y, z; in 2 dimensions z is 0 throughout, and the rest is the same). `number` of a particle is its place
 in the scene's set. The state between substeps is position and velocity, no more.
@@ -56,6 +57,19 @@ from a mesh those of model/formulas/fluid/surfaces.py, within support + thicknes
 A particle's pressure is read as what its pairs carry: the mean over neighbours, weighted by s r^2, of -(multiplier_i +
 multiplier_j) / 2 * density / dt^2 of the last substep (`pressures` of model/fluid/measure.py).
 
+Solids (part `solids`, of a fluid that is opened with Samples, model/fluid/samples.py). Samples are particles behind all
+others by number, of one more fluid, whose row is the last. `sample solids`, between 1 and 2: of each, p = middle(corners at
+their predicted places, shares), x the same of where they were as the substep began; the least and largest p of 2 are of all.
+Two samples are no neighbours (3).
+4: C, g and `own` take neighbours by their volumes (model/formulas/fluid/solids.py): s' = counted_slope(volume, s), g =
+gradient_added(g, s', d), own = own_added(own, carried(lightness, volume), s, r^2); of samples the factor, the multiplier and
+its change are 0. An iteration: `follow solids` puts samples between their corners; `density` counts by `counted`; `correct`:
+both = both(delta_i, delta_j, volume_i, volume_j), the tensile correction of pairs of particles alone; a = correction_added.
+Then, with viscosity, over the list anew, of pairs of a particle and a sample, share = rub(near, F_VISCOSITY_i, _j,
+lightness_i, _j, grip_i, _j), a = rub_added(a, share, p_i - x_i, p_j - x_j). Of samples, a is what they are pushed by; walls
+and colliders are the fluid's. `push solids`: of each of the solids' particles x = 0, x = carried_on(x, share, a of a
+sample) in the samples' order, p = moved(p, lightness, x). Of 7 and 8, samples are left out.
+
 Where all fluids weigh the same (no part `fluids`), F_ rows are the first one's, whichever fluid a particle is of.
 """
 
@@ -65,15 +79,17 @@ from math import pi
 
 from model.core.own_forces import own_forces, own_parts
 from model.core.plan import Node, Plan, Stage
+from model.fluid.divergence_plan import divergence_stages
 from model.formulas import colliders
 from model.formulas.fluid import density, motion
 from model.formulas.fluid.flow import OPERATIONS_SINK
-from model.scene.cloth import COLLIDER_KINDS
+from model.scene.cloth import COLLIDER_KINDS, Collider
 from model.scene.scene import Scene
 
 WALLS = COLLIDER_KINDS  # all add to a fluid's density
 LOOKED_AT = {2: 9, 3: 27}  # cells
 SMOOTHING = frozenset({"viscosity", "cohesion", "surface-tension", "vorticity"})
+OPERATIONS_SAMPLE = 5  # an axis of a sample: three products and two sums
 SHAPES = frozenset({"surface-tension", "vorticity"})
 OF_FLUIDS = {  # part of the plan -> field of a fluid that asks for it
     "viscosity": "viscosity",
@@ -83,17 +99,20 @@ OF_FLUIDS = {  # part of the plan -> field of a fluid that asks for it
 }
 
 
-def fluid_parts(scene: Scene, live: frozenset[str] = frozenset()) -> frozenset[str]:
-    """The parts that need code: `flat` (2 dimensions), `fluids` (several), `repeats`, `averaged`, `tensile`, `walls`,
-    `emitter`, `sink`, `swept`, kinds of colliders with `friction` and `restitution`, `gravity`, `drag`, `held-back`, those
-    of OF_FLUIDS, own forces."""
+def fluid_parts(scene: Scene, live: frozenset[str] = frozenset(), solids: bool = False) -> frozenset[str]:
+    """The parts that need code: `flat` (2 dimensions), `fluids` (several), `solids` (and so several), `repeats`, `averaged`,
+    `divergence-free` (with `moving` walls), `tensile`, `walls`, `emitter`, `sink`, `swept`, kinds of colliders with
+    `friction` and `restitution`, `gravity`, `drag`, `held-back`, those of OF_FLUIDS, own forces."""
     parts, fluids = own_parts(scene, live), scene.fluids.values()
     parts |= {kind for kind, _ in scene.colliders}
     wanted = {
         "flat": scene.dimensions == 2,
-        "fluids": len(fluids) > 1,
+        "fluids": len(fluids) > 1 or solids,
+        "solids": solids,
         "repeats": scene.domain is not None,
         "averaged": scene.method.scheme == "averaged",
+        "divergence-free": scene.method.scheme == "divergence-free",
+        "moving": scene.method.scheme == "divergence-free" and any(_moves(part) for _, part in scene.colliders),
         "tensile": scene.method.tensile_correction > 0,
         "walls": bool(parts & set(WALLS)),
         "swept": bool(parts & {"capsule", "box"}),
@@ -109,15 +128,20 @@ def fluid_parts(scene: Scene, live: frozenset[str] = frozenset()) -> frozenset[s
     return frozenset(parts | {name for name, there in wanted.items() if there})
 
 
+def _moves(collider: Collider) -> bool:
+    return any(collider.velocity) or any(getattr(collider, "spin", ()))
+
+
 def neighbours_at_rest(scene: Scene) -> float:
     """How many neighbours a particle inside has, about."""
     across = scene.fluid_set.support / scene.fluid_set.spacing
     return (pi * across**2 if scene.dimensions == 2 else 4 / 3 * pi * across**3) - 1
 
 
-def fluid_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
-    """The plan of a step. Numbers are per particle and axis, as in model/core/plan.py; of neighbours as many as at rest."""
-    parts, axes = fluid_parts(scene, live), scene.dimensions
+def fluid_plan(scene: Scene, live: frozenset[str] = frozenset(), solids: bool = False) -> Plan:
+    """The plan of a step, with `solids` of one that meets them. Numbers are per particle and axis, as in model/core/plan.py;
+    of neighbours as many as at rest."""
+    parts, axes = fluid_parts(scene, live, solids), scene.dimensions
     met, across = neighbours_at_rest(scene), scene.fluid_set.support / scene.fluid_set.spacing
     looked_at = LOOKED_AT[axes] * across**axes
     listed = round(met / axes)  # of four bytes each, as if they were scalars
@@ -125,16 +149,23 @@ def fluid_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
     touch = sum(colliders.OPERATIONS[kind] for kind, _ in scene.colliders)
     forces = sum(force.operations for force in own_forces(parts))
     factors = round(met * density.OPERATIONS_FACTORS)
+    if scene.method.scheme == "divergence-free":
+        find = round(looked_at * density.OPERATIONS_FIND) + factors
+        asked = bool(parts & SMOOTHING), bool(parts & SHAPES), {"find": find, "forces": forces, "touch": touch}
+        return _plan_of(scene, parts, divergence_stages(*asked, met, axes, scene.method.iterations))
     stages: list[Stage | Node] = [
         *([Stage("emit", 0, 0, 0)] if "emitter" in parts else []),
         Stage("predict", 2, 2, motion.OPERATIONS_VELOCITY + forces),
+        *((Stage("sample solids", 2, 2, OPERATIONS_SAMPLE),) if solids else ()),
         Stage("sort into cells", 4, 4, 4 * axes + OPERATIONS_SINK * len(scene.sinks)),
         Stage("find neighbours", 1 + gathered, 1 + listed, round(looked_at * density.OPERATIONS_FIND) + factors),
     ]
-    iteration = (
+    iteration: tuple[Stage, ...] = (
         Stage("density", 1 + gathered + listed, 1, round(met * density.OPERATIONS_DENSITY)),
         Stage("correct", 1 + gathered + listed, 1, round(met * density.OPERATIONS_CORRECT) + touch),
     )
+    if solids:
+        iteration = (Stage("follow solids", 1, 1, OPERATIONS_SAMPLE), *iteration, Stage("push solids", 2, 1, 4))
     stages += [Node("iteration", iteration, scene.method.iterations), Stage("update velocity", 2, 1, 20 + touch)]
     if parts & SHAPES:
         stages.append(
@@ -146,6 +177,10 @@ def fluid_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
             "limit velocities", 2 + 2 * gathered + listed, 2, last.operations + round(met * motion.OPERATIONS_SMOOTH)
         )
     stages.append(last)
-    root = Node("step", (Node("substep", tuple(stages), scene.method.substeps),))
+    return _plan_of(scene, parts, tuple(stages))
+
+
+def _plan_of(scene: Scene, parts: frozenset[str], stages: tuple[Stage | Node, ...]) -> Plan:
+    root = Node("step", (Node("substep", stages, scene.method.substeps),))
     scalars = sum(stage.reads + stage.writes for stage in root.stages())
-    return Plan(root, scalars, parts, dimensions=axes)
+    return Plan(root, scalars, parts, dimensions=scene.dimensions)

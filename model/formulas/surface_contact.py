@@ -16,7 +16,7 @@ from model.formulas.lengths import make as make_lengths
 
 
 def make(real, compiled=plain):
-    """`outward`, in the arithmetic `real`. Vectors are three numbers."""
+    """`outward`, `kept_by`, in the arithmetic `real`. Vectors are three numbers."""
     zero, behind = real(0), real(0.25)
     lengths = make_lengths(real, compiled)
     dot, cross, length = lengths.dot, lengths.cross, lengths.length
@@ -38,4 +38,9 @@ def make(real, compiled=plain):
             return True, -(rx / distance), -(ry / distance), -(rz / distance)
         return False, rx / distance, ry / distance, rz / distance
 
-    return SimpleNamespace(outward=outward)
+    @compiled
+    def kept_by(ratio, length):
+        """A length of a contact, of a vertex that keeps `ratio` of what surfaces do."""
+        return ratio * length
+
+    return SimpleNamespace(outward=outward, kept_by=kept_by)

@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial import cKDTree
 
-FEW = 12  # neighbours: those with no more are balls, in three dimensions
+FEW = 6  # neighbours: those with no more are balls, in three dimensions
 LONE = 0.6  # of the radius, of a ball alone
 FLATTEST = 4.0  # times: the longest axis over the shortest
 SMOOTHED = 0.9  # of the way from a particle to the mean of its neighbours, for the middle of its ellipsoid
@@ -39,5 +39,5 @@ def ellipsoids(position: np.ndarray, radius: float, support: float) -> tuple[np.
     length *= radius / np.cbrt(length.prod(axis=1, keepdims=True))
     alone = count <= FEW
     length[alone] = LONE * radius
-    middle = position + np.where(alone, 0.0, SMOOTHED)[:, None] * mean
+    middle = position + SMOOTHED * mean
     return middle, np.einsum("nik,nk,njk->nij", turned, length, turned)

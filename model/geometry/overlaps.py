@@ -13,6 +13,7 @@ from model.formulas import colliders, distance_field, triangle_tree
 from model.mass_spring.cloth_parameters import B_RADIUS, B_THICKNESS, B_U, B_W, B_X, B_Z, collider_rows
 from model.scene.scene import Scene
 
+HOLLOW = " (it is solid all through; a tank is made of planes, a floor and walls)"
 MAX_ASKED = 2000  # free masses: a tenth of a second
 
 
@@ -63,5 +64,6 @@ def overlap_lines(scene: Scene) -> list[str]:
             lines.append(
                 f"{about} of {len(free)} free masses begin deep inside a {kind}: the first step moves them to its surface "
                 + ("at once; begin beside it" if scene.fluids else "and draws their springs out; begin beside it")
+                + (HOLLOW if scene.fluids and kind != "plane" else "")
             )
     return lines

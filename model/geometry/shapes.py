@@ -52,8 +52,8 @@ class Shape(Part):
     letters a metre tall, a sheet of a square metre, a terrain of gentle hills, 8 m x 8 m, with a raised rim, a box, a ball, a
     pipe, a creature that stands, with fingers, or a cup 1 m high and 0.8 m across, of walls 5 cm thick.
 
-    `resolution`: edges of triangles to a metre, roughly; `scale`: times its size; `text` of letters: any of LETTERS; `sides`
-    of a box [m]: a cube of a metre unless given.
+    `resolution`: edges of triangles to a metre, roughly; `scale`: times its size; `text` of letters: up to 16
+    of A B E F J L O S T Y; `sides` of a box [m]: a cube of a metre unless given.
     """
 
     name: ShapeName

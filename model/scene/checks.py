@@ -7,11 +7,12 @@ from typing import Any
 
 from model.core.errors import SceneError
 from model.fluid.flow import check_flow
-from model.fluid.fluid_set import check_fluids
+from model.fluid.fluid_set import check_among_solids, check_fluids
 from model.scene.attachment import check_attachment
 from model.scene.bodies import BODY_KINDS
 from model.scene.cloth import CLOTH_KINDS, COLLIDER_KINDS, CONSTRAINT_KINDS, SPRING_KINDS
-from model.scene.method import OF_FLUIDS, Method
+from model.scene.members import OF_PARTICLES, SUBSTEPS, members_of
+from model.scene.method import OF_FLUIDS, OF_WORLDS, Method
 from model.scene.method import OF_TETRAHEDRA as TETRAHEDRAL_SOLVERS
 from model.scene.motion import motions_of_pins
 from model.scene.particle_contact import MAX_KINDS
@@ -27,23 +28,24 @@ NOT_OF_MESHES = ("shear", "fold", "motion", "load", "self_collision")
 GRID_ONLY = ("springs", "manufactured")
 MATCHED = ("grid", "springs", "damping", "gravity", "external", "perturbation", "method")  # by clusters of masses
 SOLVERS_OF_TETRAHEDRA = ("xpbd", *TETRAHEDRAL_SOLVERS)
-SUBSTEPS = 20  # of tetrahedra, unless told: a beam of 1e6 Pa then sags as its mesh says, to a fifth
 OF_TETRAHEDRA = (
     *TETRAHEDRAL_KINDS, "contact", "damping", "external", "gravity", "method", "motion", "region", "attachment", "material",
     "mesh", "wind", *(kind for kind in CONSTRAINT_KINDS if kind != "shear"), *COLLIDER_KINDS,
 )  # fmt: skip
-OF_PARTICLES = ("restitution", "adhesion_reach", "maximum_speed", "sleeping_speed")  # surfaces know nothing of these
-WITH_FLUIDS = ("fluid", "emitter", "sink", "domain", "gravity", "external", "method", *COLLIDER_KINDS)
+WITH_FLUIDS = ("fluid", "emitter", "sink", "domain", "foam", "gravity", "external", "method", *COLLIDER_KINDS)
 OF_A_FLUID: dict[str, Any] = {"solver": OF_FLUIDS, "dt": 1 / 60, "substeps": 4, "iterations": 10}  # unless told
 OF_BODIES = (*BODY_KINDS, "contact", "damping", "gravity", "method", *COLLIDER_KINDS)  # what goes with them
 
 
 def check_fit(scene: SceneParts) -> None:
     """Raise SceneError for a part that belongs to the other kind of sheet."""
+    if scene.is_world:
+        _check_world(scene)
+        return
     if scene.fluids:
         _check_fluids(scene)
         return
-    _refuse(scene, ("domain", "emitter", "sink"), "is for fluids; leave it out")
+    _refuse(scene, ("domain", "emitter", "sink", "foam"), "is for fluids; leave it out")
     if scene.tetrahedra:
         _check_tetrahedra(scene)
         return
@@ -67,6 +69,25 @@ def _refuse(scene: SceneParts, kinds: Collection[str], why: str) -> None:
             raise SceneError(f"{name}.kind", kind, why)
 
 
+def _check_world(scene: SceneParts) -> None:
+    """Raise SceneError for what does not go with a world: what no member knows, what one of them refuses."""
+    method = scene.one("method")
+    if method is None:
+        wet = "fluid" in members_of(scene.kinds)
+        told = OF_A_FLUID | {"solver": OF_WORLDS} if wet else {"solver": OF_WORLDS, "substeps": SUBSTEPS}
+        scene.parts["method"], scene.kinds["method"] = Method(**told), "method"
+    elif method.solver != OF_WORLDS:
+        told = f"must be {OF_WORLDS} where {' and '.join(members_of(scene.kinds))} are in one scene"
+        raise SceneError("method.solver", method.solver, told)
+    for name, part in scene.all_of(*BODY_KINDS).items():
+        if part.spare:
+            raise SceneError(f"{name}.spare", part.spare, "bodies wait in scenes of bodies alone; leave it out")
+    _refuse(scene, ("emitter", "sink"), "goes with fluids alone yet, without bodies; leave it out")
+    members = scene.members  # made here, so that each is checked as a scene of its own
+    if "fluid" in members:
+        check_among_solids(members["fluid"])
+
+
 def _check_fluids(scene: SceneParts) -> None:
     """Raise SceneError for what does not go with fluids, or not yet."""
     _refuse(scene, KINDS.keys() - WITH_FLUIDS, f"does not go with fluids yet, which have {', '.join(WITH_FLUIDS)}")
@@ -76,6 +97,9 @@ def _check_fluids(scene: SceneParts) -> None:
         scene.parts["method"], scene.kinds["method"] = Method(**OF_A_FLUID), "method"
     elif method.solver != OF_FLUIDS:
         raise SceneError("method.solver", method.solver, f"must be {OF_FLUIDS} for fluids")
+    else:
+        untold = {field: value for field, value in OF_A_FLUID.items() if field not in method.model_fields_set}
+        scene.parts[scene.name_of("method")] = method.model_copy(update=untold)
     check_flow(scene)
 
 
@@ -150,6 +174,11 @@ def _check_surfaces(scene: SceneParts) -> None:
 def check_solver(scene: SceneParts) -> None:
     """Raise SceneError for a part that the scene's solver does not know."""
     solver, integrator = scene.method.solver, scene.method.integrator
+    if scene.is_world:  # whose members are checked
+        return
+    if solver == OF_WORLDS:
+        told = "is for parts of several families, such as bodies beside tetrahedral ones"
+        raise SceneError("method.solver", solver, told)
     if scene.method.sleeping_speed > 0 and not scene.tetrahedra:
         raise SceneError(
             "method.sleeping_speed", scene.method.sleeping_speed, "is for tetrahedral bodies; leave it out"

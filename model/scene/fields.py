@@ -101,6 +101,71 @@ def _leaves(annotation: Any) -> list[Any]:
     return [leaf for part in get_args(annotation) for leaf in _leaves(part)]
 
 
+EXAMPLES = """
+## Examples
+
+Two blocks of water over a floor, between two walls, in a plane; every other field has its default.
+
+```toml
+title = "Two blocks of water"
+
+[water]
+kind = "fluid"
+dimensions = 2
+size = [0.4, 0.6]           # m, from the origin
+rest_distance = 0.02        # m
+blocks = [{ origin = [0.8, 0.0], size = [0.2, 0.3] }]
+
+[floor]
+kind = "plane"
+thickness = 0.0
+
+[left]
+kind = "plane"
+normal = [1.0, 0.0, 0.0]
+thickness = 0.0
+
+[right]
+kind = "plane"
+point = [1.2, 0.0, 0.0]
+normal = [-1.0, 0.0, 0.0]
+thickness = 0.0
+
+[gravity]
+
+[method]
+solver = "pbf"
+```
+
+Two of the lab's shapes: `resolution` is of the surface that is seen, `edge` of the voxels that are computed.
+
+```toml
+title = "A beam of jelly"
+
+[beam]
+kind = "tetrahedral_body"
+shape = { name = "beam", resolution = 12 }
+edge = 0.125                # m
+young_modulus = 1e5         # Pa
+pinned = ["left"]
+
+[sign]
+kind = "tetrahedral_body"
+shape = { name = "letters", text = "SOFT", resolution = 20, scale = 0.5 }
+edge = 0.1
+origin = [0.0, 1.0, 0.0]    # m
+
+[floor]
+kind = "plane"
+point = [0.0, -1.0, 0.0]
+
+[gravity]
+
+[contact]
+```
+"""
+
+
 def document() -> str:
     """docs/scene.md: every kind of table, its fields, defaults, bounds and units."""
     lines = [
@@ -119,11 +184,12 @@ def document() -> str:
         "| mesh, volume | a cloth of triangles, and what fills a closed one |",
         "| plane, sphere, capsule, box, mesh_collider, distance_field | what masses cannot enter |",
         "| soft_body, soft_sheet, soft_lattice, rigid_body, contact | bodies; shape: the lab's own |",
-        "| fluid, emitter, sink, domain | fluids by particles, where they come from and end, a box whose sides repeat |",
+        "| fluid, emitter, sink, domain, foam | fluids by particles, where they come from and end, a box whose sides repeat, "
+        "spray and foam as points |",
         "| tetrahedral_body, region, material, attachment | bodies of Young's modulus and Poisson's ratio |",
     ]
     for kind in TOLD:
         lines += ["", f"## {kind}", about(kind), "", "| field | default | allowed | |", "|---|---|---|---|"]
         cells = ((row.name, row.default, row.allowed, row.note) for row in rows_of(kind))
         lines += ["| " + " | ".join(cell.replace("|", "\\|") for cell in row) + " |" for row in cells]
-    return "\n".join(lines) + "\n"
+    return "\n".join(lines) + "\n" + EXAMPLES

@@ -31,7 +31,8 @@ class Scene(SceneParts):
             if kind not in SEVERAL and len(self.all_of(kind)) > 1:
                 raise SceneError(kind, list(self.all_of(kind)), "one part of this kind a scene")
         sheets = list(self.all_of(*SHEETS))
-        if len(sheets) != 1 and not ((self.bodies or self.tetrahedra or self.fluids) and not sheets):
+        free = self.bodies or self.tetrahedra or self.fluids or self.is_world
+        if len(sheets) != 1 and not (free and not sheets):
             raise SceneError(
                 "grid",
                 sheets or None,

@@ -30,7 +30,8 @@ from model.scene.cloth import (
     Wind,
 )
 from model.scene.flow import FLOW_KINDS, Emitter, Sink
-from model.scene.fluid import FLUID_KINDS, Domain, Fluid
+from model.scene.fluid import FLUID_KINDS, Domain, Fluid, Foam
+from model.scene.members import member_tables, members_of
 from model.scene.mesh import MESH_KINDS, Mesh
 from model.scene.method import Method
 from model.scene.motion import Motion
@@ -54,6 +55,7 @@ from model.scene.words import scene_error, suggestion
 from model.scene.xpbd import XPBD_KINDS, Attachments, Load
 from model.shape_matching.body_set import BodySet, make_body_set
 from model.tetrahedra.body_set import TetrahedraSet, make_tetrahedra_set
+from model.world.world_set import WorldSet, make_world_set
 
 KINDS: dict[str, type[Part]] = (
     GRID_KINDS
@@ -140,17 +142,43 @@ class SceneParts:
     def grid(self) -> Grid:
         """The sheet of masses: a grid, or the cloth, which is one in space, of triangles if it is a mesh; or the body set
         or the set of tetrahedra, a cloth beside them too, or of fluids, which are a row of masses to whoever asks no more
-        than that."""
+        than that; of a world all particles."""
+        if self.is_world:
+            return self.world_set  # type: ignore[return-value]
         if self.tetrahedra:
             return self.tetrahedra_set  # type: ignore[return-value]
         if self.fluids:
             return self.fluid_set  # type: ignore[return-value]
         return self.cloth or self.one("grid") or self.body_set  # type: ignore[return-value]
 
+    @cached_property
+    def is_world(self) -> bool:
+        """Whether its parts belong to several families of particles. They then are the `members`' parts, and not its own:
+        whoever counts particles by a set of bodies asks a member."""
+        return bool(members_of(self.kinds))
+
+    @cached_property
+    def members(self) -> dict[str, Any]:
+        """Of a world, a scene of each family's parts, by the names in model/scene/members.py, in the order of its particles;
+        none of any other scene. Raises SceneError."""
+        if not self.is_world:
+            return {}
+        tables = member_tables(self.kinds, self.as_dict(), self.method)
+        return {name: type(self)(own, self.name) for name, own in tables.items()}  # type: ignore[call-arg]
+
+    @cached_property
+    def world_set(self) -> WorldSet:
+        """All particles of a world, those of one member after those of another."""
+        return make_world_set({name: member.grid for name, member in self.members.items()})
+
+    def own(self, *kinds: str) -> dict[str, Any]:
+        """As `all_of`; none of a world, whose members have them."""
+        return {} if self.is_world else self.all_of(*kinds)
+
     @property
     def bodies(self) -> dict[str, Placed]:
         """The scene's soft and rigid bodies, by the part's name."""
-        return self.all_of(*BODY_KINDS)
+        return self.own(*BODY_KINDS)
 
     @cached_property
     def body_set(self) -> BodySet:
@@ -160,7 +188,7 @@ class SceneParts:
     @property
     def tetrahedra(self) -> dict[str, TetrahedralBody]:
         """The scene's tetrahedral bodies, by the part's name."""
-        return self.all_of(*TETRAHEDRAL_KINDS)
+        return self.own(*TETRAHEDRAL_KINDS)
 
     @cached_property
     def tetrahedra_set(self) -> TetrahedraSet:
@@ -171,7 +199,7 @@ class SceneParts:
     @property
     def fluids(self) -> dict[str, Fluid]:
         """The scene's fluids, by the part's name."""
-        return self.all_of("fluid")
+        return self.own("fluid")
 
     @property
     def emitters(self) -> dict[str, Emitter]:
@@ -189,6 +217,11 @@ class SceneParts:
         return make_fluid_set(self.fluids, self.domain)
 
     @property
+    def mesh(self) -> Mesh | None:
+        """The cloth of triangles."""
+        return next(iter(self.own("mesh").values()), None)
+
+    @property
     def cloth(self) -> Cloth | None:
         """The sheet in space: rows and columns, or a mesh."""
         return self.one("cloth") or self.mesh
@@ -198,7 +231,7 @@ class SceneParts:
         """2, and 3 for a cloth and for bodies of any kind; of fluids what they say."""
         if self.fluids:
             return next(iter(self.fluids.values())).dimensions
-        return 3 if self.cloth or self.bodies or self.tetrahedra else 2
+        return 3 if self.cloth or self.bodies or self.tetrahedra or self.is_world else 2
 
     @property
     def cloth_springs(self) -> dict[str, ClothSprings]:
@@ -229,12 +262,12 @@ class SceneParts:
     @property
     def held_parts(self) -> dict[str, Attachment]:
         """What holds tetrahedral bodies and a cloth to the world, to colliders and to one another, by the part's name."""
-        return self.all_of("attachment")
+        return self.own("attachment")
 
     @property
     def holdable(self) -> dict[str, Part]:
         """What attachments hold, by the part's name: tetrahedral bodies, then a cloth beside them."""
-        return self.tetrahedra | self.all_of("mesh")
+        return self.tetrahedra | self.own("mesh")
 
     @property
     def regions(self) -> dict[str, Region]:
@@ -256,10 +289,10 @@ class SceneParts:
     damping: Damping | None = _part("damping")
     domain: Domain | None = _part("domain")
     external: External | None = _part("external")
+    foam: Foam | None = _part("foam")
     fold: Fold | None = _part("fold")
     gravity: Gravity | None = _part("gravity")
     manufactured: Manufactured | None = _part("manufactured")
-    mesh: Mesh | None = _part("mesh")
     method: Method = _part("method")
     perturbation: Perturbation | None = _part("perturbation")
     self_collision: SelfCollision | None = _part("self_collision")

@@ -37,6 +37,7 @@ class TetrahedralBody(MeshSource):
         **MeshSource.contradicts, "edge": ("voxels",), "voxels": ("edge",),
     }  # fmt: skip
 
+    file: str | None = None  # .obj, .stl, .ply; of tetrahedra as they are .msh, .vtk, .ele with .node, .npz
     edge: Positive | None = None  # m, of a voxel
     voxels: Count = 10  # along the longest side, unless an edge is given
     tetrahedra: Literal[5, 6, "conforming"] = 5  # to a voxel; six lock sooner; or conforming, which follow the surface

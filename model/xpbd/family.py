@@ -46,7 +46,7 @@ SHEET = SolverFamily(
     knows=(GRID.knows | CLOTH.knows | {"load", "attachments", "self_collision"}) - {"manufactured"},
     accepts=lambda scene: (
         scene.method.position_based
-        and not (scene.method.matches_shapes or scene.mesh or scene.tetrahedra or scene.fluids)
+        and not (scene.method.matches_shapes or scene.mesh or scene.tetrahedra or scene.fluids or scene.is_world)
     ),
     plan=xpbd_plan,
     record=xpbd_record,

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from bench.experiments.tetrahedra import BLOCKS
 from bench.experiments.tetrahedral.bars import Bar, bars
+from bench.experiments.tetrahedral.cantilever import BLOCKS
 from plots.core.backends import on_backends
 from plots.core.colours import BLUE, GREEN, GREY, ORANGE, PURPLE, VERMILLION
 from plots.core.data import Results, Source

@@ -10,12 +10,16 @@ from test_view3d import drawing  # noqa: F401  # a fixture
 
 from app.output.offscreen import OffscreenRenderer, check_look
 from app.render import colours
+from app.render.fluid.framing import main_part
 from app.render.fluid.outlines import SIDES, outlines
 from app.render.fluid.view import COLOURINGS, LOOKS
+from app.render.framing import seen_points
 from app.render.particle_colours import of_numbers
 from app.window.controls import FLUID_KEYS, keys_text
 from model.core.errors import InputError
+from model.fluid.foam import FOAM, FoamPoints
 from model.fluid.measure import density_errors
+from model.scene.fluid import Foam
 from model.scene.scene import Scene
 
 pytestmark = pytest.mark.usefixtures("drawing")
@@ -107,3 +111,93 @@ def test_colliders_of_a_plane_are_outlined_where_they_are() -> None:
     along = np.clip(rest[:-8] @ (0.5, 0.5), 0, 1)
     np.testing.assert_allclose(np.linalg.norm(rest[:-8] - along[:, None], axis=1), 0.2, atol=1e-6)
     assert set(map(tuple, rest[-8:].round(6))) == {(2.5, 1.7), (3.5, 1.7), (3.5, 2.3), (2.5, 2.3)}
+
+
+@pytest.mark.parametrize("fields", [{}, FLAT], ids=["space", "plane"])
+def test_foam_is_drawn_over_the_fluid_and_dimmed_within_it(fields: dict[str, Any]) -> None:
+    """A point before the fluid changes the pixel it is at most, one behind the surface less, one behind the whole of it
+    hardly; none, nothing."""
+    scene = water(**fields)
+    middle = scene.fluid_set.position.mean(axis=0) if scene.dimensions == 3 else scene.fluid_set.position[5]
+    pictures = []
+    with OffscreenRenderer(scene, 320, 240, legend=False, look=("foam",)) as renderer:
+        position, points = scene.fluid_set.position, FoamPoints(scene, Foam())
+        renderer.show_foam(points)
+        renderer.fit(position)
+        toward = renderer.camera.axes[2] if scene.dimensions == 3 else np.zeros(2)
+        for depth in (None, 0.5, 0.0, -0.5):
+            if depth is not None:
+                points.position, points.kind = (middle + depth * toward)[None], np.array([FOAM], np.int8)
+            renderer.draw(position)
+            pictures.append(renderer.image()[..., :3].astype(float))
+        place = renderer.camera.to_window(middle)
+    x, y = int(place[0]), int(240 - place[1])
+    changed = [np.abs(image - pictures[0])[y - 3 : y + 4, x - 3 : x + 4].max() for image in pictures[1:]]
+    if scene.dimensions == 3:
+        assert changed[0] > 100 and changed[0] > 2 * changed[1] > 4 * changed[2]
+    else:
+        assert min(changed) > 100
+
+
+def test_speeds_are_seen_in_pictures_of_a_run() -> None:
+    """What no simulation holds is coloured by speed where the velocities come with it."""
+    scene = water(**FLAT)
+    position = scene.fluid_set.position
+    velocity = np.zeros_like(position)
+    velocity[:, 0] = np.linspace(0, 2, len(position))
+    with OffscreenRenderer(scene, 320, 240, legend=False, look=("speed",)) as renderer:
+        renderer.fit(position)
+        renderer.draw(position, velocity=velocity)
+        title, most = renderer._view.level_legend()
+        image, places = renderer.image()[..., :3] / 255, renderer.camera.to_window(position)
+    assert "m/s" in title and most == 2
+    for (x, y), colour in zip(places, colours.level_colours(velocity[:, 0], most), strict=True):
+        np.testing.assert_allclose(image[int(240 - y), int(x)], colour, atol=0.02)
+
+
+def test_several_fluids_have_a_legend_of_names_and_water_is_blue() -> None:
+    oil = {"kind": "fluid", "density": 600.0, "origin": [0.0, 1.0]} | FLAT
+    scene = Scene({"oil": oil, "water": {"kind": "fluid"} | FLAT, "method": METHOD})
+    with OffscreenRenderer(scene, 320, 240) as renderer:
+        names = dict(renderer._view.name_legend())
+        renderer.fit(scene.fluid_set.position)
+        renderer.draw(scene.fluid_set.position)
+        image = renderer.image()[..., :3] / 255
+        places = renderer.camera.to_window(scene.fluid_set.position)
+    assert list(names) == ["oil", "water"]
+    for name, (x, y) in (("oil", places[0]), ("water", places[-1])):
+        np.testing.assert_allclose(image[int(240 - y), int(x)], names[name], atol=0.02)
+        chip = np.abs(image[160:, 200:] - names[name]).max(axis=-1) < 0.02
+        assert 60 <= chip.sum() <= 144, "its chip, ten pixels wide"
+    assert names["water"][2] > names["water"][0] and names["oil"][0] > names["oil"][2]
+
+
+def test_a_few_drops_that_fly_far_are_out_of_sight_and_the_tank_is_in_sight() -> None:
+    walls = {
+        "floor": {"kind": "plane", "point": [0.0, -0.3, 0.0]},
+        "right": {"kind": "plane", "point": [0.9, 0.0, 0.0], "normal": [-1.0, 0.0, 0.0]},
+        "roof": {"kind": "plane", "point": [0.0, 0.5, 0.0], "normal": [0.0, -1.0, 0.0]},
+        "far": {"kind": "plane", "point": [-5.0, 0.0, 0.0], "normal": [1.0, 0.0, 0.0]},
+    }
+    scene = Scene(
+        {"water": {"kind": "fluid"} | FLAT | {"size": [0.4, 0.4], "rest_distance": 0.02}, "method": METHOD} | walls
+    )
+    position = scene.fluid_set.position.copy()
+    position[7] = 50.0
+    kept = main_part(scene, position)
+    assert len(kept) == len(position) - 1 and kept.max() < 1
+    (left, bottom), (right, top) = seen_points(scene, position, 0.0)
+    assert (left, bottom, right) == pytest.approx((0.01, -0.3, 0.9)) and top == pytest.approx(0.39)
+
+
+def test_a_legend_that_is_to_come_has_its_place_from_the_first_picture_on() -> None:
+    """The fluid lies above it."""
+    scene = water(**FLAT)
+    position = scene.fluid_set.position
+    with OffscreenRenderer(scene, 640, 480, look=("density",)) as renderer:
+        renderer.fit(position)
+        renderer.draw(position)
+        assert renderer.camera.to_window(position)[:, 1].min() > 100
+    with OffscreenRenderer(scene, 640, 480) as renderer:
+        renderer.fit(position)
+        assert renderer.camera.to_window(position)[:, 1].min() < 100

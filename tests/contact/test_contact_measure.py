@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from contact_scenes import SPACING, crumpled, folded
 
-from bench.reference.contacts import nearest_weights, triangles
+from bench.reference.contact.self_contacts import nearest_weights, triangles
 from model.contact.penetration import measure
 
 ROWS, COLUMNS = 4, 4

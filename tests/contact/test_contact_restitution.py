@@ -13,8 +13,8 @@ import pytest
 from bodies_scenes import POKE, bodies_scene, end_state, lone_points, opened, same
 from meeting_bodies import meeting
 
-from bench.reference import particle_contacts as judge
 from bench.reference import shape_matching as reference
+from bench.reference.contact import particle_contacts as judge
 from cpu_backend.contact.particles import ParticleContacts
 from model.contact.particle_parameters import H_RESTITUTION, H_SETTLING, particle_contact_record
 from model.core.errors import SceneError

@@ -10,8 +10,8 @@ import pytest
 from contact_scenes import SPACING, crumpled, folded
 
 from app.driver import open_simulation
-from bench.reference import contacts as reference
 from bench.reference import mass_spring
+from bench.reference.contact import self_contacts as reference
 from cpu_backend.contact.self_contact import Contacts
 from model.contact.self_contact_parameters import MAX_CONTACTS, table_size
 from model.core.build import build, folded_positions

@@ -14,7 +14,7 @@ from bodies_scenes import AWAY, POKE, SAMPLED, bodies_scene, end_state, lone_poi
 from meeting_bodies import meeting, neighbours
 
 from bench.reference import shape_matching as reference
-from bench.reference.particle_contacts import Contacts
+from bench.reference.contact.particle_contacts import Contacts
 from cpu_backend.contact.particles import ParticleContacts
 from model.contact.particle_parameters import (
     H_INVERSE_CELL,

@@ -10,8 +10,8 @@ import pytest
 from surface_scenes import FLOOR, METHOD, SIDE, box, crumpled, crumpled_state, meeting, three
 
 from app.driver import open_simulation
-from bench.reference import contacts as projected
-from bench.reference import surface_contacts as reference
+from bench.reference.contact import self_contacts as projected
+from bench.reference.contact import surface_contacts as reference
 from cpu_backend.contact.surfaces import SurfaceContacts
 from model.contact.self_contact_parameters import MAX_CONTACTS
 from model.contact.surface_parameters import contact_distance, contact_surface

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from kernel_text import entry_of, record_of
 
-FIND = {"take": "fif", "clear": "ii", "find_contacts": "fffiiiiiiiipiiffiil"}
+FIND = {"take": "fif", "clear": "ii", "find_contacts": "fffiiiiiiiipfiiffiil"}
 PROJECT = {"push": "ffiiffffpf"}
 
 pytestmark = pytest.mark.usefixtures("ptx_compiler")

@@ -42,6 +42,15 @@ FLOW = {
     "take": "RIRIRIIII",
     "rest": "III",
 }
+SOLIDS = {
+    "sample": "IiIRRRRRR",
+    "gather": "IiI",
+    "follow": "IIRRR",
+    "push": "RIIRRR",
+    "factors": "RFIIIiRRRRRR" + TIME,
+    "density": "RFIIIiRRRRR" + TIME,
+    "correct": "RRFIIIiRRR" + TIME + "RR",
+}
 COUNTED = {"hash_particles", "find", "prepare", "take"}  # by atomics
 PLAIN = frozenset({"gravity", "plane", "walls"})
 ALL = PLAIN | {
@@ -127,3 +136,17 @@ def test_exact_kernels_contract_nothing(name: str) -> None:
     """In float64, whose quotients and roots are instructions: no product runs into a sum."""
     text = kernel_text(kernel(name, np.float64, "exact", ALL), STEP[name], np.float64, "exact")
     assert "fma.rn.f64" not in text
+
+
+@pytest.mark.parametrize("math", ["fast", "exact"])
+@pytest.mark.parametrize("name", SOLIDS)
+def test_solids(name: str, math: str) -> None:
+    from gpu_backend.fluid.solids import make_sampling, make_solid_kernels
+
+    parts = (ALL - {"repeats", "averaged"}) | {"solids"}
+    for real in (np.float32, np.float64):
+        made = vars(make_sampling(real, math)) | vars(make_solid_kernels(real, math, parts))
+        text = kernel_text(made[name], SOLIDS[name], real, math)
+        assert "call" not in text and "atom" not in text and ".local" not in text
+        assert ".f64" not in text or real is np.float64
+        assert "fma.rn" not in text or math == "fast" or real is np.float32

@@ -17,7 +17,7 @@ from field_scenes import BLOCK, TORUS, block
 from surface_touch import check_compiled, check_formulas, fall_by, touch_by
 
 from bench.reference import cloth as judge
-from bench.reference.mesh_collider import nearest_point
+from bench.reference.contact.mesh_collider import nearest_point
 from model.formulas import distance_field as formulas
 from model.formulas.distance_field import SETTLED
 from model.geometry import signed_distance

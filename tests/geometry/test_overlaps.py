@@ -40,3 +40,13 @@ def test_free_masses_deep_inside_are_told():
     (line,) = overlap_lines(scene)
     assert line.startswith(f"{deep} of 81 free masses begin deep inside a sphere")
     assert overlap_lines(scene.replace({"sphere.radius": 0.02})) == []
+
+
+def test_water_in_a_box_is_told_what_a_tank_is_made_of():
+    """A box is no container: all of the water, 4 x 4 x 4 particles, begins inside of it."""
+    water = {"kind": "fluid", "origin": [0.3, 0.3, 0.3], "size": [0.4, 0.4, 0.4], "rest_distance": 0.1}
+    box = {"kind": "box", "center": [0.5, 0.5, 0.5], "half_size": [0.5, 0.5, 0.5]}
+    (line,) = overlap_lines(Scene({"water": water, "tank": box}))
+    assert line.startswith("64 of 64 free masses begin deep inside a box") and "a tank is made of planes" in line
+    (line,) = overlap_lines(Scene({"water": water, "floor": {"kind": "plane", "point": [0.0, 2.0, 0.0]}}))
+    assert "tank" not in line

@@ -8,6 +8,7 @@ from typing import Any, Self
 import numpy as np
 
 from app.render.detail import FINE
+from app.render.fluid.view import COLOURINGS as OF_FLUIDS
 from app.render.particle_colours import COLOURINGS as OF_BODIES
 from app.render.tetrahedra_view import COLOURINGS as OF_TETRAHEDRA
 from app.render.views import camera_of
@@ -31,9 +32,11 @@ class FakeView:
         self.scene, self.space = scene, scene.dimensions == 3
         self.detail, self.lines, self.colliders = FINE, False, True
         self.particles, self.skin, self.clusters, self.links = False, True, False, False
-        self.subject = "bodies" if scene.bodies else "tetrahedra" if scene.tetrahedra else "sheet"
-        self.colourings = {"bodies": OF_BODIES, "tetrahedra": OF_TETRAHEDRA}.get(self.subject, ())
-        self.colouring, self.light = "body", np.array([0.0, 0.8, 0.6])
+        kinds = {"bodies": scene.bodies, "tetrahedra": scene.tetrahedra, "fluid": scene.fluids}
+        self.subject = next((name for name, parts in kinds.items() if parts), "sheet")
+        known = {"bodies": OF_BODIES, "tetrahedra": OF_TETRAHEDRA, "fluid": OF_FLUIDS}
+        self.colourings = known.get(self.subject, ())
+        self.colouring, self.light, self.foam = (*self.colourings, "body")[0], np.array([0.0, 0.8, 0.6]), False
 
     def toggle_lines(self) -> bool:
         self.lines = not self.lines
@@ -45,6 +48,13 @@ class FakeView:
 
     def toggle_particles(self) -> None:
         self.particles = not self.particles
+
+    def next_colouring(self) -> None:
+        self.colouring = self.colourings[(self.colourings.index(self.colouring) + 1) % len(self.colourings)]
+
+    def toggle_foam(self) -> bool:
+        self.foam = not self.foam
+        return self.foam
 
     def show_colliders(self, shown: bool) -> None:
         self.colliders = shown

@@ -204,6 +204,20 @@ def test_layers_and_colliders() -> None:
         assert view.detail.name == "quick"
 
 
+@pytest.mark.parametrize("axes", [2, 3])
+def test_layers_of_a_fluid(axes: int) -> None:
+    table = {"kind": "fluid", "dimensions": axes, "size": [0.2] * axes, "rest_distance": 0.1}
+    with Stage(Scene({"water": table, "method": {"solver": "pbf", "dt": 0.01}})) as stage:
+        view = stage.viewer.views[0]
+        assert ("Surface" in stage.state.places) == (axes == 3)
+        stage.click("Spray, foam, bubbles")
+        assert view.foam and stage.demo.message.startswith("spray")
+        stage.click("colour density")
+        assert view.colouring == "density"
+        stage.click("Spray, foam, bubbles")
+        assert not view.foam
+
+
 def test_precision_and_kernel_carry_the_state_over_and_what_a_solver_lacks_it_says() -> None:
     with Stage(scene()) as stage:
         stage.demo.frame()

@@ -184,7 +184,7 @@ def test_links_that_reach_nobody() -> None:
 
 def test_what_slept_stays() -> None:
     """`contact.sleeping_speed`, in the reference that the kernels are held against."""
-    from bench.reference.particle_contacts import Contacts
+    from bench.reference.contact.particle_contacts import Contacts
 
     scene = Scene({
         "b": {"kind": "soft_body", "shape": {"name": "box"}, "particle_spacing": 0.5}, "contact": {"sleeping_speed": 0.5},

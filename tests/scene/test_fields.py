@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
+import re
+import tomllib
+from io import StringIO
 from pathlib import Path
 
 import pytest
+from rich.console import Console
 
+from app.command.tables import print_fields
+from model.assets.strokes import letters
 from model.core.errors import SceneError
 from model.scene.fields import REQUIRED, about, document, rows_of
+from model.scene.scene import Scene
 from model.scene.scene_parts import KINDS
 
 PAGE = Path(__file__).parents[2] / "docs" / "scene.md"
@@ -35,8 +42,39 @@ def test_fields_bounds_and_units_are_the_parts() -> None:
     )
     assert {row.name: row.allowed for row in rows_of("method")}[
         "solver"
-    ] == "mass-spring, xpbd, pbd, shape-matching, vbd, newton, pbf"
+    ] == "mass-spring, xpbd, pbd, shape-matching, vbd, newton, pbf, world"
     assert {row.name: row.note for row in rows_of("sphere")}["thickness"] == "m"  # of every collider
+
+
+@pytest.mark.parametrize("text", re.findall(r"```toml\n(.*?)```", document(), re.DOTALL))
+def test_the_examples_of_the_page_are_scenes(text: str) -> None:
+    scene = Scene(tomllib.loads(text))
+    assert scene.grid.particle_count > 10 and scene.title != "untitled"
+
+
+def test_letters_are_those_that_there_are() -> None:
+    assert f"of {' '.join(letters())};" in about("shape")
+
+
+def test_a_fluid_is_solved_alike_with_a_method_that_says_no_more_and_with_none() -> None:
+    water = {"kind": "fluid", "size": [0.2, 0.2, 0.2]}
+    none, bare = (Scene({"water": water} | more) for more in ({}, {"method": {"solver": "pbf"}}))
+    assert none.canonical() == bare.canonical()
+    method = Scene({"water": water, "method": {"solver": "pbf", "substeps": 1}}).method
+    assert (method.substeps, method.dt, method.iterations) == (1, none.method.dt, none.method.iterations)
+
+
+def test_the_terminal_shows_every_field_on_eighty_columns() -> None:
+    """Every word of a note is there, wrapped."""
+    for kind in ("method", "fluid", "tetrahedral_body"):
+        page = StringIO()
+        print_fields(Console(file=page, width=80), kind)
+        lines = page.getvalue().splitlines()
+        assert max(map(len, lines)) <= 80
+        shown = " ".join(page.getvalue().split())
+        for row in rows_of(kind):
+            assert any(line.startswith(f"{row.name} ") for line in lines)
+            assert all(word in shown for word in row.note.split())
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -19,16 +19,19 @@ from bench.experiments.tetrahedra import (
     MOTION_ERROR,
     SAG,
     SOLVER_ERROR,
+    groups,
+    run_tetrahedra,
+    settings,
+)
+from bench.experiments.tetrahedral.bars import Bar, bars
+from bench.experiments.tetrahedral.cantilever import (
+    BLOCKS,
     bending_frequency,
     cantilever,
     continuum_sag,
     exact_rest,
-    groups,
-    run_tetrahedra,
     sag,
-    settings,
 )
-from bench.experiments.tetrahedral.bars import Bar, bars
 from bench.experiments.tetrahedral.decides import decisions, gates
 from bench.measure.costs_timing import SECONDS
 from bench.measure.experiment import described
@@ -52,7 +55,7 @@ def test_the_bar_is_what_it_is_called() -> None:
 def test_exact_rests_are_the_meshs() -> None:
     """The sag of a straight elastic bar is linear in the load: of the tip load of 0.01 N it is 2.7106e-4 m on this mesh where
     the continuum's is 4.0306e-4; of its own weight both keep the same share, to a tenth, and all moduli sag alike."""
-    shares = [sag(cantilever(2, young, "xpbd", 4, 1), exact_rest(2, young)) / continuum_sag(young) for young in MODULI]
+    shares = [sag(cantilever(2, young, "xpbd", 4, 1), exact_rest(2)) / continuum_sag(young) for young in MODULI]
     assert shares[0] == pytest.approx(2.7106 / 4.0306, rel=0.1)
     np.testing.assert_allclose(shares, shares[0], rtol=1e-9)
 
@@ -75,7 +78,7 @@ def store(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Store]:
 
 def test_both_errors_are_told_apart(store: Store) -> None:
     found = {bar.solver: bar for bar in bars(measures(store))}
-    assert found.keys() == {"xpbd", tetrahedra.BLOCKS}
+    assert found.keys() == {"xpbd", BLOCKS}
     usual = found["xpbd"]
     assert (usual.elements, usual.young, usual.substeps, usual.iterations) == (50, 1e6, 4, 1)
     assert usual.seconds > 0 and usual.solver_error > 0.5  # far from rest: four substeps

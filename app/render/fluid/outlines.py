@@ -8,17 +8,18 @@ from model.scene.cloth import Box, Capsule, Plane, Sphere
 from model.scene.scene import Scene
 
 SIDES = 96  # of a circle
-FAR = 4.0  # times the scene's size: how long the line of a half-plane is
+FAR = 40.0  # times the scene's size: how long the line of a half-plane is
 
 
-def outlines(scene: Scene, time: float) -> np.ndarray:
-    """(2 n, 2) float32 [m]: n lines by their ends, where colliders are at `time` [s]. Of meshes and fields there are none."""
+def outlines(scene: Scene, time: float, planes: bool = True) -> np.ndarray:
+    """(2 n, 2) float32 [m]: n lines by their ends, where colliders are at `time` [s], with or without planes. Of meshes and
+    fields there are none."""
     found = [np.zeros((0, 2))]
     for _, collider in scene.colliders:
         shift = time * np.array(getattr(collider, "velocity", (0.0, 0.0, 0.0)))[:2]
         if isinstance(collider, Plane):
             normal = np.array(collider.normal)[:2]
-            if not normal.any():
+            if not (planes and normal.any()):
                 continue
             along = FAR * scene.grid.extent * np.array([-normal[1], normal[0]]) / np.linalg.norm(normal)
             point = np.array(collider.point)[:2] + shift

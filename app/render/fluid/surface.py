@@ -246,6 +246,10 @@ class FluidSurface:
         self._pictures.screen()
         program.stop()
 
+    def bind_depth(self) -> None:
+        """The depth of the last `passes`, for the only sampler of the program in use."""
+        self._pictures.bind(depth=self._result)
+
     def delete(self) -> None:
         """Free everything."""
         from pyglet import gl

@@ -8,27 +8,25 @@ from typing import Any
 
 import numpy as np
 
-from app.render import colours, shaders
+from app.render import colours
 from app.render.camera3d import Camera3D
 from app.render.detail import FINE, Detail
-from app.render.fluid.outlines import outlines
-from app.render.fluid.shaders import DISC_FRAGMENT, DISC_VERTEX
+from app.render.fluid.foam import NAMED, FoamLayer
+from app.render.fluid.plane import PlaneFluid
 from app.render.fluid.surface import FluidSurface
-from app.render.opengl import shader_program
 from app.render.particle_colours import of_numbers
 from app.render.spheres import Spheres
 from app.render.vertex_arrays import (
     delete_all,
-    draw_elements,
-    draw_squares,
     square_array,
     static_buffer,
-    uniform_matrix,
     vertex_array,
 )
 from app.render.view import View
 from model.core.errors import InputError
 from model.core.simulation import Simulation
+from model.fluid.fluid_set import FluidSet
+from model.fluid.foam import FoamPoints
 from model.fluid.measure import density_errors
 from model.geometry.anisotropy import ellipsoids
 from model.scene.scene import Scene
@@ -37,21 +35,34 @@ COLOURINGS = ("fluid", "speed", "density")  # the first is how fluids are shown 
 TITLES = {"speed": "speed, m/s", "density": "density over that at rest, less 1, %"}
 LEAST = {"speed": 1e-2, "density": 1e-3}  # m/s, 1: the smallest range
 SHARE = 0.98  # of the particles that the range holds
-LOOKS = ("surface", "particles", *COLOURINGS)
+LOOKS = ("surface", "particles", "foam", *COLOURINGS)
 RADIUS = 0.5  # of a particle, in rest distances
 WETTED = 0.9  # likewise, of what its surface is made of
+WATER = 1000.0  # kg/m^3
 ABSORBED = (
     (5.2, 1.5, 0.7),
-    (0.9, 3.0, 6.0),
-    (1.2, 5.0, 2.0),
-    (4.0, 1.0, 3.5),
+    (0.5, 1.1, 5.5),
+    (4.5, 1.0, 3.0),
+    (0.8, 3.5, 5.0),
 )  # over the scene's size, of red, green, blue
 
 
+def water_first(found: FluidSet) -> np.ndarray:
+    """(fluids,): a number of each, 0 of that whose density is nearest to water's, the others as in the file: it is blue."""
+    density = np.array([part.density for part in found.parts])
+    water, number = int(np.abs(np.log(density / WATER)).argmin()), np.arange(len(density))
+    return np.where(number == water, 0, number + (number < water))
+
+
+def fluid_colours(number: np.ndarray) -> np.ndarray:
+    """(n, 3) float32 of numbers as of `water_first`: the first is blue, the second amber, as ABSORBED leaves light."""
+    return of_numbers(np.where(number < 2, 1 - number, number))
+
+
 class FluidView(View):
-    """See View; `lines`: as particles and not as a surface, in a plane always. `colouring`: of COLOURINGS, of which a surface
-    shows the first alone. `shaped`: the surface's particles are ellipsoids, which takes the host a tenth of a second for
-    10 000 particles, else balls."""
+    """See View; `lines`: as particles and not as a surface, in a plane always; `foam`: whether its points are shown.
+    `colouring`: of COLOURINGS, of which a surface shows the first alone. `shaped`: the surface's particles are ellipsoids,
+    which takes the host a tenth of a second for 10 000 particles, else balls."""
 
     subject, colourings = "fluid", COLOURINGS
 
@@ -60,17 +71,13 @@ class FluidView(View):
         found = scene.fluid_set
         self.shaped, self.lines, self.colouring, self._most = shaped, not self.space, COLOURINGS[0], 0.0
         self._time = 0.0  # of what a plane's colliders are drawn at
-        self._own = of_numbers(found.fluid + 1)  # the first is blue
+        self._number = water_first(found)
+        self._own = fluid_colours(self._number[found.fluid])
         self._radius = RADIUS * found.spacing
         self._buffers = [static_buffer(self._look(self._own)), static_buffer(np.zeros(1, np.uint32))]
         self._points = vertex_array(self.vertices.position_buffer, self._buffers[1], dimensions=scene.dimensions)
         if not self.space:
-            self._discs = square_array(self.vertices.position_buffer, self._buffers[0], 2)
-            self._disc_program = shader_program(DISC_VERTEX, DISC_FRAGMENT)
-            self._line_program = shader_program(shaders.VERTEX, shaders.LINE_FRAGMENT)
-            lines = outlines(scene, 0.0)
-            self._buffers += [static_buffer(lines), static_buffer(np.arange(len(lines), dtype=np.uint32))]
-            self._outlines = vertex_array(self._buffers[-2], self._buffers[-1], dimensions=2)
+            self._plane = PlaneFluid(scene, self.vertices.position_buffer, self._buffers[0])
         else:
             self._discs = square_array(self.vertices.position_buffer, self._buffers[0])
             self._balls = Spheres(self._scenery)
@@ -79,8 +86,10 @@ class FluidView(View):
                 position = static_buffer(np.zeros((found.particle_count, 3), np.float32))
                 self._buffers.append(position)
             self._surface = FluidSurface(position, found.particle_count)
-            self._taken = np.array(ABSORBED)[found.fluid % len(ABSORBED)] / found.extent
+            self._taken = np.array(ABSORBED)[self._number[found.fluid] % len(ABSORBED)] / found.extent
             self._surface.set_look(WETTED * found.spacing, self._taken)
+        self._foam = FoamLayer(scene)
+        self.foam = scene.foam is not None
         self.upload(found.position)
 
     def _look(self, colour: np.ndarray) -> np.ndarray:
@@ -103,11 +112,23 @@ class FluidView(View):
         for name in names:
             if name not in LOOKS:
                 raise InputError(f"look {name}: must be one of {', '.join(LOOKS)}")
-            if name in COLOURINGS:
+            if name == "foam":
+                self.foam = True
+            elif name in COLOURINGS:
                 self.colour_by(name)
                 self.lines = self.lines or name != COLOURINGS[0]
             else:
                 self.lines = not self.space or name == "particles"
+
+    def toggle_foam(self) -> bool:
+        """Spray, foam and bubbles, from now on, or none; whether they are shown now."""
+        self.foam = not self.foam
+        self._foam.points.forget()
+        return self.foam
+
+    def show_foam(self, points: FoamPoints) -> None:
+        """These, whose history is known, instead of its own."""
+        self._foam.points = points
 
     def next_colouring(self) -> None:
         """By fluid, by speed, by density."""
@@ -118,32 +139,51 @@ class FluidView(View):
         self.colouring, self._most = name, 0.0
         self.vertices.send(self._buffers[0], self._look(self._own))
 
+    @property
+    def shows_levels(self) -> bool:  # type: ignore[override]
+        """See View."""
+        return self.lines and self.colouring in TITLES
+
     def level_legend(self) -> tuple[str, float] | None:
         """See View."""
-        if not self.lines or self.colouring not in TITLES or not self._most:
+        if not self.shows_levels or not self._most:
             return None
         return TITLES[self.colouring], self._most * (100 if self.colouring == "density" else 1)
 
+    def name_legend(self) -> tuple[tuple[str, tuple[float, float, float]], ...]:
+        """See View: several fluids, and as particles what is among them."""
+        found, shown = self.scene.fluid_set, self.colouring == COLOURINGS[0] or not self.lines
+        fluids = zip(found.names, fluid_colours(self._number).tolist(), strict=True)
+        named = tuple((name, tuple(colour)) for name, colour in fluids) if shown and len(found.names) > 1 else ()
+        return named + (NAMED if self.foam and self.lines else ())
+
     # ------------------------------------------------------------------ the state
 
+    @property
+    def wants_velocity(self) -> bool:
+        """Whether speeds are drawn, or what follows from them."""
+        return self.foam or (self.lines and self.colouring == "speed")
+
     def upload(self, position: np.ndarray, normal: np.ndarray | None = None) -> None:
-        """See View. Speeds are not known of a state that no simulation holds: then the colours are those of the fluids."""
+        """See View. Of a state of which `know` was not told velocities the colours are the fluids', and foam stays."""
         self.vertices.upload_state(position, False)
-        self._send(position, None)
+        self._send(position, self._velocity)
 
     def upload_from(self, simulation: Simulation, position: np.ndarray | None = None) -> None:
         """See View."""
         shaped = self.space and self.shaped and not self.lines
-        if position is None and (shaped or self.colouring == "density"):
+        if position is None and (shaped or self.foam or (self.lines and self.colouring == "density")):
             position = simulation.read("position")
         self.vertices.upload(simulation, False, position)
-        wanted = self.lines and self.colouring == "speed"
-        self._send(position, simulation.read("velocity") if wanted else None)
+        self.know(simulation.read("velocity") if self.wants_velocity else None, simulation.time)
+        self._send(position, self._velocity)
 
     def _send(self, position: np.ndarray | None, velocity: np.ndarray | None) -> None:
         """Colours by numbers, and ellipsoids, as far as they are shown and known."""
-        level = None
-        if velocity is not None:
+        level, self._velocity = None, None
+        if self.foam and velocity is not None and position is not None:
+            self._foam.follow(position, velocity, self._when)
+        if velocity is not None and self.lines and self.colouring == "speed":
             level = np.linalg.norm(velocity, axis=1)
         elif self.lines and self.colouring == "density" and position is not None and np.isfinite(position).all():
             level = np.maximum(density_errors(self.scene, position), 0.0)
@@ -167,33 +207,16 @@ class FluidView(View):
         if self.lines and self.space:
             self._balls.draw(camera, self._target.samples > 1, [(self._discs, self.scene.grid.particle_count, 1.0)])
         elif self.lines:
-            self._draw_discs(camera)
-            self._draw_outlines(camera)
+            self._plane.draw_particles(camera)
+            if self.foam:
+                self._foam.draw(camera)
+            self._plane.draw_colliders(camera, self._time)
 
     def draw(self, camera: Any, strain_range: float, selected: int | None = None, time: float = 0.0) -> None:
         """See View."""
         if not self.space:
             self._time = time
         super().draw(camera, strain_range, selected, time)
-
-    def _draw_outlines(self, camera: Any) -> None:
-        """The colliders of a plane."""
-        from pyglet import gl
-
-        lines = outlines(self.scene, self._time)
-        self.vertices.send(self._buffers[2], lines)
-        program = self._line_program
-        program.use()
-        program["transform"], program["toward"], program["colour"] = uniform_matrix(camera.matrix()), 0.0, colours.FAINT
-        draw_elements(self._outlines, gl.GL_LINES, len(lines))
-        program.stop()
-
-    def _draw_discs(self, camera: Any) -> None:
-        program = self._disc_program
-        program.use()
-        program["transform"], program["pixels"] = uniform_matrix(camera.matrix()), camera.scale
-        draw_squares(self._discs, self.scene.grid.particle_count)
-        program.stop()
 
     def _draw_shadows(self, camera: Camera3D, time: float) -> None:
         def shade(camera: Camera3D, flatten: np.ndarray, centre: np.ndarray) -> None:
@@ -209,6 +232,8 @@ class FluidView(View):
             self._surface.shade(camera, self._target.frame)
             gl.glEnable(gl.GL_BLEND)
             gl.glEnable(gl.GL_DEPTH_TEST)
+        if self.space and self.foam:
+            self._foam.draw(camera, None if self.lines else self._surface)
         if selected is not None:
             self._use_points(camera, self._points)
             self._ring(selected)
@@ -218,5 +243,8 @@ class FluidView(View):
         """Free the buffers."""
         if self.space:
             self._surface.delete()
-        delete_all([self._discs, self._points, *([] if self.space else [self._outlines])], self._buffers)
+        else:
+            self._plane.delete()
+        self._foam.delete()
+        delete_all([self._points, *([self._discs] if self.space else [])], self._buffers)
         super().delete()

@@ -29,6 +29,7 @@ WHY = {  # why a field is not live, by kind of table
     "method": "the stages of a step are compiled for it",
     "tetrahedral_body": "it is compiled into the constraints' tables",
     "material": "it is compiled into the constraints' tables",
+    "foam": "what is drawn was made by it",
 }
 MADE_OF = "masses and springs are made of it"
 WHY_OTHERS = "constants and tables are made of it"

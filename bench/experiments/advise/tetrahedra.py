@@ -30,8 +30,8 @@ from bench.experiments.advise.tetrahedra_laws import (
     least_descent,
     least_substep,
 )
-from bench.experiments.tetrahedra import DENSITY, FRAME, LENGTH, POISSON, SIDE
 from bench.experiments.tetrahedral.bars import Bar, bars
+from bench.experiments.tetrahedral.cantilever import DENSITY, FRAME, LENGTH, POISSON, SIDE
 from bench.measure.costs_timing import QUICK, SECONDS, Record, in_turn
 from bench.measure.experiment import backends_here, cost_sources, described
 from bench.measure.machine import enter_machine

@@ -6,7 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from math import nan
 
-from bench.experiments.tetrahedra import BLOCKS, ELEMENTS, MESH_ERROR, MOTION_ERROR, SOLVER_ERROR, TETRAHEDRA
+from bench.experiments.tetrahedra import ELEMENTS, MESH_ERROR, MOTION_ERROR, SOLVER_ERROR, TETRAHEDRA
+from bench.experiments.tetrahedral.cantilever import BLOCKS
 from bench.measure.costs_timing import SECONDS
 from bench.store.results import Measure, by_configuration
 from bench.store.schema import tables_by_kind

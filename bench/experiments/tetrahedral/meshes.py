@@ -23,7 +23,8 @@ from rich.console import Console
 
 from app.driver import open_simulation
 from bench.experiments.bar_strip import follow, swing_of, told
-from bench.experiments.tetrahedra import BLOCKS, DENSITY, FREE, SECTIONS, cantilever
+from bench.experiments.tetrahedra import FREE, SECTIONS
+from bench.experiments.tetrahedral.cantilever import BLOCKS, DENSITY, cantilever
 from bench.measure.costs_timing import Measures
 from bench.measure.experiment import Experiment, Items, cost_sources, described
 from bench.reference import finite_elements

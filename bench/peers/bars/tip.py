@@ -17,7 +17,7 @@ import numpy as np
 from scipy.sparse import diags
 from scipy.sparse.linalg import eigsh
 
-from bench.experiments.tetrahedra import POISSON, WEIGHT, cantilever, exact_drop, sag
+from bench.experiments.tetrahedral.cantilever import POISSON, WEIGHT, cantilever, exact_drop, sag
 from bench.reference.elastic_materials import lame
 from bench.reference.finite_elements import Body, free_coordinates
 from model.scene.scene import Scene

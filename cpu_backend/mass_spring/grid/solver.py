@@ -21,6 +21,7 @@ from cpu_backend.mass_spring.grid.rk4 import make_advance_rk4
 from cpu_backend.mass_spring.grid.row_step import CLOSING, MIDDLE, OPENING
 from cpu_backend.mass_spring.grid.stages import bind_stages
 from cpu_backend.mass_spring.grid.tiled import make_tiled_advance
+from model.core.own_forces import in_window
 from model.core.plan import Executor
 from model.core.simulation import Options
 from model.mass_spring.plan import mass_spring_plan
@@ -33,9 +34,9 @@ class MassSpring(RowsSimulation):
     def __init__(self, scene: Scene, options: Options, threads: str | int = "1x"):
         super().__init__(scene, options, threads)
         self.kernel = choose_kernel(scene, self.real, options.kernel)
-        self.plan = mass_spring_plan(scene, options.live)
+        self.plan = in_window(mass_spring_plan(scene, options.live), options.first_particle)
         rows, columns = self.body.rows, self.body.columns
-        self.integers = self._seeds(2)
+        self.integers = np.append(self._seeds(2), np.uint64(options.first_particle or 0))
         self._layout = plain(rows, columns) if self.kernel == "stages" else padded(rows, columns, self.real)
         self._integers_of_layout = self._layout.integers()
         self._states = aligned_zeros((4 if self._is_rk4 else 2) * self._layout.size, self.real)
@@ -100,8 +101,11 @@ class MassSpring(RowsSimulation):
 
     def _upload(self, position: np.ndarray, velocity: np.ndarray) -> None:
         super()._upload(position, velocity)
-        current = self.current
+        self._place_ghosts(slice(None))
+
+    def _place_ghosts(self, rows: slice) -> None:
+        """Of rows that were written; see core/layout.py."""
         columns, stride = self._layout.columns, self._layout.stride
-        spare = self._layout.view(self._flat, stride)[:, :, columns:]
-        spare[:2] = current[:2, :, columns - 1 :]  # ghosts, see core/layout.py
+        spare = self._layout.view(self._flat, stride)[:, rows, columns:]
+        spare[:2] = self.current[:2, rows, columns - 1 :]
         spare[2:] = 0

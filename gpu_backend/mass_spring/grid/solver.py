@@ -22,7 +22,7 @@ from gpu_backend.mass_spring.grid.tile_launch import TileLauncher
 from gpu_backend.mass_spring.passes import SheetPasses
 from model.core.errors import SceneError
 from model.core.options import unknown_kernel
-from model.core.own_forces import EXTERNAL_SEED, own_changes
+from model.core.own_forces import EXTERNAL_SEED, FIRST, in_window, own_changes
 from model.core.plan import Executor
 from model.core.simulation import Options
 from model.mass_spring.plan import mass_spring_plan
@@ -38,7 +38,7 @@ class MassSpring(SheetPasses):
     def __init__(self, scene: Scene, options: Options):
         super().__init__(scene, options)
         self._choose_kernel()
-        self.plan = mass_spring_plan(scene, options.live)
+        self.plan = in_window(mass_spring_plan(scene, options.live), options.first_particle)
         self.threads = self.tile.threads if self.tile else BLOCK[0] * BLOCK[1]
         self._pair = np.complex64 if self.real is np.float32 else np.complex128
         arrays = 14 if self._is_rk4 else 10 if self.kernel == "resident" else 6
@@ -76,8 +76,9 @@ class MassSpring(SheetPasses):
         return self.on_device(np.zeros(self.particle_count, self._pair))
 
     def _allocate(self) -> None:
-        self._integers = np.zeros(2, np.uint64)  # of model/core/own_forces.py
+        self._integers = np.zeros(3, np.uint64)  # of model/core/own_forces.py
         self._integers[EXTERNAL_SEED] = self.scene.external.seed if self.scene.external else 0
+        self._integers[FIRST] = self.options.first_particle or 0
         self._allocate_state()
         pinned = (self.body.inverse_mass == 0).astype(np.uint8)
         if not len(self.body.pinned):

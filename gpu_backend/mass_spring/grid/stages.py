@@ -16,7 +16,7 @@ from gpu_backend.core.compile import kernel_options, make_kernel, make_kernels, 
 from gpu_backend.core.forces import make_own_force
 from gpu_backend.core.world import Cell
 from gpu_backend.mass_spring.grid.point import make_point_functions
-from model.core.own_forces import own_forces
+from model.core.own_forces import WINDOW, own_forces
 from model.core.plan import Moment, StageRun
 
 STAGE_PARTS = frozenset({"springs", "gravity", "damping"})
@@ -76,8 +76,9 @@ def make_force_stages(real: Any, math: str, integrator: str, parts: frozenset[st
 
     kernels = (spring_forces, no_forces, gravity, driven, damping)
     made = make_kernels(kernels, variant_name(real, math, integrator, parts), **kernel_options(math))
+    window = parts & {WINDOW}
     made.own = {
-        force.stage: stage_of(make_own_force(real, math, 2, frozenset({force.part}))) for force in own_forces(parts)
+        force.stage: stage_of(make_own_force(real, math, 2, window | {force.part})) for force in own_forces(parts)
     }
     return made
 

@@ -63,6 +63,7 @@ class Report:
         within = ""
         if abs(self.volume_ratio - 1) > SAME:
             within = f"; what lies within the surface would have {self.density * self.hull_volume:.6g} kg"
+            within += f", as the body has with density = {self.density / self.volume_ratio:.4g}"
         return [
             f"{_many(self.tetrahedra, 'tetrahedron', 'tetrahedra')}, {_many(self.vertices, 'vertex', 'vertices')}{voxels}, "
             f"{_many(self.pieces, 'piece')}",

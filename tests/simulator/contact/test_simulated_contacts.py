@@ -11,8 +11,8 @@ from contact_scenes import crumpled, folded
 from numba import cuda
 
 from app.driver import open_simulation
-from bench.reference import contacts as reference
 from bench.reference import mass_spring
+from bench.reference.contact import self_contacts as reference
 from gpu_backend.contact.self_contact import Contacts
 from gpu_backend.core.scan import CHUNK, Scan
 from model.contact.self_contact_parameters import MAX_CONTACTS

@@ -11,7 +11,7 @@ from bodies_scenes import bodies_scene, end_state, lone_points, opened, same, st
 from meeting_bodies import BRICK, SOFT, meeting, neighbours, smooth
 from numba import cuda
 
-from bench.reference import particle_contacts as reference
+from bench.reference.contact import particle_contacts as reference
 from gpu_backend.contact.particles import ParticleContacts
 from gpu_backend.core.scan import CHUNK, Scan
 from model.contact.particle_parameters import H_INVERSE_CELL, MAX_NEIGHBOURS, particle_contact_record

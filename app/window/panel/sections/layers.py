@@ -1,4 +1,4 @@
-"""What is drawn of a scene: the same as the keys L, P, K, C, I, O and V do."""
+"""What is drawn of a scene: the same as the keys L, P, K, C, I, O, W and V do."""
 
 from __future__ import annotations
 
@@ -8,11 +8,27 @@ from app.window.panel.sections.said import Said
 INSIDE = (("particles", "Particles"), ("skin", "Skins"), ("clusters", "Clusters"), ("links", "Links"))
 
 
+def _fluid(said: Said) -> None:
+    """A surface, in space, or particles; foam."""
+    viewer, rows, looks = said.viewer, said.rows, said.viewer.looks
+    first = viewer.views[0]
+    if viewer.space:
+        pressed = rows.buttons(("Surface", "Particles"), "Particles" if first.lines else "Surface")
+        if pressed and (pressed == "Particles") != first.lines:
+            looks.toggle_lines()
+    else:
+        rows.note("A fluid in a plane is drawn as particles.")
+    if rows.check("Spray, foam, bubbles", first.foam, "points that come where air is trapped, drawn only; W"):
+        looks.toggle_foam()
+
+
 def layers(said: Said) -> None:
     """Boxes for layers, and colours."""
     viewer, rows, looks = said.viewer, said.rows, said.viewer.looks
     first, scene = viewer.views[0], said.demo.world.scene
-    if not viewer.space:
+    if first.subject == "fluid":
+        _fluid(said)
+    elif not viewer.space:
         rows.note("A scene in the plane is drawn in one way: springs coloured by strain.")
     elif viewer.bodies:
         for name, word in INSIDE:
@@ -27,10 +43,6 @@ def layers(said: Said) -> None:
                 looks.toggle_lines()
             if pressed != names[2] and (pressed == names[0]) != first.skin:
                 looks.toggle("skin")
-    elif first.subject == "fluid":
-        pressed = rows.buttons(("Surface", "Particles"), "Particles" if first.lines else "Surface")
-        if pressed and (pressed == "Particles") != first.lines:
-            looks.toggle_lines()
     elif rows.check("Springs", first.lines, "in place of the surface; L"):
         looks.toggle_lines()
     if viewer.space and scene.colliders and rows.check("Colliders", first.colliders):

@@ -1,0 +1,40 @@
+"""Spray and foam of a run whose last state is drawn: they have a history, and are followed as in a clip."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from model.core.simulation import Simulation
+from model.fluid.foam import FoamPoints
+from model.scene.fluid import Foam
+from model.scene.scene import Scene
+
+FRAME = 1 / 60  # s
+
+
+def shows_foam(scene: Scene, look: Sequence[str]) -> bool:
+    """Whether pictures of a scene, in this look, have it."""
+    return bool(scene.fluids) and ("foam" in look or scene.foam is not None)
+
+
+def frame_steps(simulation: Simulation) -> int:
+    """That come nearest to a frame of a clip."""
+    return max(1, round(FRAME / simulation.scene.method.dt))
+
+
+class Foaming:
+    """Follows the `points` of a run, a frame's steps after the other."""
+
+    def __init__(self, simulation: Simulation):
+        self.points = FoamPoints(simulation.scene, simulation.scene.foam or Foam())
+        self.every = frame_steps(simulation)
+        self.keep(simulation, 0)
+
+    def steps_to_next(self, done: int) -> int:
+        """Until the next frame."""
+        return self.every - done % self.every
+
+    def keep(self, simulation: Simulation, done: int) -> None:
+        """The state now, if a frame ends with it."""
+        if done % self.every == 0:
+            self.points.follow(simulation.read("position"), simulation.read("velocity"), simulation.time)

@@ -1,0 +1,20 @@
+"""What each backend makes of a world's step, for `softlab plan`: a pass a stage, those of members and those between them."""
+
+from __future__ import annotations
+
+from app.plan.passes import BackendPlan, cpu_plan, gpu_device, merged_passes, stages_of
+from model.core.plan import Plan
+from model.scene.scene import Scene
+
+
+def world_on_cpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
+    """A call a stage."""
+    passes = merged_passes([[stage] for stage in stages_of(plan)], plan, precision, "a loop over the threads")
+    return cpu_plan("stages", "a call a stage: members' own, and contacts between them", passes)
+
+
+def world_on_gpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
+    """Also where there is no GPU."""
+    passes = merged_passes([[stage] for stage in stages_of(plan)], plan, precision, "a launch")
+    why = "members' own launches on one stream, and those of contacts between them, captured"
+    return BackendPlan("gpu", gpu_device()[0], "graph", None, why, passes)

@@ -1,0 +1,112 @@
+"""Spray, foam and bubbles (model/fluid/foam.py) as points over a fluid: one within it is dimmed by what lies before it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from app.render.camera3d import Camera3D
+from app.render.fluid.surface import FluidSurface
+from app.render.opengl import shader_program
+from app.render.vertex_arrays import delete_all, point_array, static_buffer, uniform_matrix
+from app.render.vertices import HostVertices
+from model.fluid.foam import NAMES, FoamPoints
+from model.scene.fluid import Foam
+from model.scene.scene import Scene
+
+LOOKS = np.array(
+    [[0.62, 0.76, 0.88, 0.85], [0.98, 0.99, 1.0, 0.9], [0.78, 0.90, 0.97, 0.6]], np.float32
+)  # by kind: colour, alpha
+NAMED = tuple((name, tuple(look[:3].tolist())) for name, look in zip(NAMES, LOOKS, strict=True))
+RADIUS = {2: 0.4, 3: 0.15}  # of a point, in rest distances, by dimensions
+LEAST = 1.6  # pixels across
+DIMMED = 8.0  # over the fluids' extent [1/m]: how fast fluid before a point takes its light
+RIM = 0.7  # in a plane, of a large point's colour, where it ends: white is to be seen on white
+
+VERTEX = """#version 330 core
+layout(location = 0) in vec3 position;  // m
+layout(location = 4) in vec4 look;      // colour, alpha
+uniform mat4 transform;
+uniform vec3 eye;
+uniform vec3 ahead;         // unit vector, the way the camera looks; 0 in a plane
+uniform float pixels;       // that a metre has, in space one metre away
+uniform float radius;       // m
+out vec4 seen;
+out float away;             // m
+flat out float size;
+void main() {
+    away = dot(position - eye, ahead);
+    size = max(2.0 * radius * pixels / (ahead == vec3(0.0) ? 1.0 : max(away, 1e-6)), LEAST);
+    seen = look;
+    gl_Position = transform * vec4(position, 1.0);
+    gl_PointSize = size + 1.0;
+}
+""".replace("LEAST", str(LEAST))
+
+FRAGMENT = """#version 330 core
+in vec4 seen;
+in float away;
+flat in float size;
+uniform sampler2D depth;    // of the fluid's surface, m; 0: none
+uniform float dimmed;       // 1/m; 0: no surface is drawn
+uniform float rim;
+out vec4 pixel;
+void main() {
+    float edge = 0.5 * size - length(gl_PointCoord - 0.5) * (size + 1.0);  // pixels
+    float cover = clamp(edge + 0.5, 0.0, 1.0);
+    if (dimmed > 0.0) {
+        float surface = texelFetch(depth, ivec2(gl_FragCoord.xy), 0).r;
+        if (surface > 0.0) cover *= exp(-dimmed * max(away - surface, 0.0));
+    }
+    if (cover <= 0.01) discard;
+    float plain = max(clamp(edge - 0.5, 0.0, 1.0), 1.0 - clamp(0.25 * size - 1.0, 0.0, 1.0));  // small ones have no rim
+    pixel = vec4(seen.rgb * mix(rim, 1.0, plain), seen.a * cover);
+}
+"""
+
+
+class FoamLayer:
+    """The points of a scene, `points`, and how they are drawn. Needs a current OpenGL 3.3 context."""
+
+    def __init__(self, scene: Scene, points: FoamPoints | None = None):
+        self.points = points or FoamPoints(scene, scene.foam or Foam())
+        self._space, found = scene.dimensions == 3, scene.fluid_set
+        self._radius, self._dimmed = RADIUS[scene.dimensions] * found.spacing, DIMMED / found.extent
+        self._buffers = [static_buffer(np.zeros((1, scene.dimensions), np.float32)), static_buffer(LOOKS[:1])]
+        self._array = point_array(self._buffers[0], self._buffers[1], scene.dimensions)
+        self._program = shader_program(VERTEX, FRAGMENT)
+
+    def follow(self, position: np.ndarray, velocity: np.ndarray, time: float) -> None:
+        """See FoamPoints."""
+        self.points.follow(position, velocity, time)
+
+    def draw(self, camera: Any, surface: FluidSurface | None = None) -> None:
+        """Over what is there; `surface`: what was drawn of the fluid by this camera, if it was a surface."""
+        from pyglet import gl
+
+        count = len(self.points)
+        if not count:
+            return
+        HostVertices.send(self._buffers[0], self.points.position)
+        HostVertices.send(self._buffers[1], LOOKS[self.points.kind])
+        program = self._program
+        program.use()
+        program["transform"], program["radius"] = uniform_matrix(camera.matrix()), self._radius
+        if isinstance(camera, Camera3D):
+            program["eye"], program["ahead"] = tuple(camera.eye.tolist()), tuple((-camera.axes[2]).tolist())
+            program["pixels"] = camera.focal
+        else:
+            program["eye"], program["ahead"], program["pixels"] = (0.0,) * 3, (0.0,) * 3, camera.scale
+        program["dimmed"], program["rim"] = 0.0 if surface is None else self._dimmed, 1.0 if self._space else RIM
+        if surface is not None:
+            surface.bind_depth()
+        gl.glEnable(gl.GL_PROGRAM_POINT_SIZE)
+        gl.glBindVertexArray(self._array)
+        gl.glDrawArrays(gl.GL_POINTS, 0, count)
+        gl.glBindVertexArray(0)
+        program.stop()
+
+    def delete(self) -> None:
+        """Free the buffers."""
+        delete_all([self._array], self._buffers)

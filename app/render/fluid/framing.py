@@ -1,0 +1,58 @@
+"""What a picture of a fluid is to hold: the fluid without the few drops that fly far, and the tank that it is to run into."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from app.render.fluid.outlines import outlines
+from model.scene.cloth import Plane
+from model.scene.scene import Scene
+
+FEW = 0.03  # of the particles, at each end of an axis, that may be out of sight
+BESIDE = 0.25  # of the others' extent: what is farther from them than this is
+SAMPLE = 20_000  # particles: of more, some tell where most are
+TANK = 2.0  # times the fluids' first extent: how far a wall may be that belongs to the picture
+CEILING = -0.2  # of a plane's unit normal upward: what hangs over a fluid does not
+
+
+def main_part(scene: Scene, position: np.ndarray) -> np.ndarray:
+    """(n, dimensions) [m]: `position` (particles, dimensions) without what is not finite and the few that are far from all
+    others; of scenes without fluids all of it."""
+    if not scene.fluids:
+        return position
+    known = position[np.isfinite(position).all(axis=1)]
+    if not len(known):
+        return position
+    low, high = np.quantile(known[:: -(-len(known) // SAMPLE)], (FEW, 1 - FEW), axis=0)
+    beside = BESIDE * (high - low) + 2 * scene.fluid_set.spacing
+    return np.asarray(known[((known >= low - beside) & (known <= high + beside)).all(axis=1)])
+
+
+def with_tank(scene: Scene, bounds: Sequence[float], time: float) -> tuple[float, ...]:
+    """`bounds`, the lowest and the highest coordinates [m] of a fluid, widened by the floor and the walls near it at `time`
+    [s], in a plane also by what else stands there; as they are for scenes without fluids."""
+    if not scene.fluids:
+        return tuple(bounds)
+    axes = scene.dimensions
+    low, high = np.array(bounds[:axes], np.float64), np.array(bounds[axes:], np.float64)
+    least, most = low.copy(), high.copy()
+    reach = TANK * scene.fluid_set.extent
+    for _, collider in scene.colliders:
+        if not isinstance(collider, Plane):
+            continue
+        normal = (np.array(collider.normal) / np.linalg.norm(collider.normal))[:axes]
+        if normal[1] < CEILING or not normal.any():
+            continue
+        point = (np.array(collider.point) + time * np.array(collider.velocity))[:axes]
+        nearest = np.where(normal > 0, low, high)
+        away = (nearest - point) @ normal
+        if 0 < away < reach:
+            least, most = np.minimum(least, nearest - away * normal), np.maximum(most, nearest - away * normal)
+    if axes == 2:
+        shapes = outlines(scene, time, planes=False)
+        near = ((shapes > low - reach) & (shapes < high + reach)).all(axis=1)
+        if near.any():
+            least, most = np.minimum(least, shapes[near].min(axis=0)), np.maximum(most, shapes[near].max(axis=0))
+    return (*least.tolist(), *most.tolist())

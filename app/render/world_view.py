@@ -1,0 +1,96 @@
+"""Draws a world into the current OpenGL context: each member by the view of its own kind, among the same colliders, in one
+light and on one ground."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+
+from app.render.camera3d import Camera3D
+from app.render.detail import FINE, Detail
+from app.render.view import View
+from model.core.simulation import Simulation
+from model.scene.scene import Scene
+
+Parts = Callable[[Scene, Detail, int], Any]  # its scene, the detail, the first of its colours
+
+
+class WorldView(View):
+    """See View. `parts`: the members' views by name, each made by `make`; `lines`: of all that know them."""
+
+    subject = "world"
+
+    def __init__(self, scene: Scene, make: Parts, detail: Detail = FINE):
+        super().__init__(scene, detail)
+        self.vertices.shared = False  # each part has vertices of its own
+        self.parts: dict[str, Any] = {}
+        colour = 0
+        for name, member in scene.members.items():
+            self.parts[name] = make(member, detail, colour)
+            colour += len(member.body_set.copies) if member.bodies else len(member.tetrahedra)
+        self._slices = scene.world_set.slices()
+
+    def show_in(self, detail: Detail) -> None:
+        """See View."""
+        super().show_in(detail)
+        for part in self.parts.values():
+            part.show_in(detail)
+
+    def shine(self, light: np.ndarray) -> None:
+        """See View."""
+        super().shine(light)
+        for part in self.parts.values():
+            part.shine(light)
+
+    def show_colliders(self, shown: bool) -> None:
+        """See View."""
+        super().show_colliders(shown)
+        for part in self.parts.values():
+            part.show_colliders(shown)
+
+    def toggle_lines(self) -> bool:
+        """See View."""
+        self.lines = not self.lines
+        for part in self.parts.values():
+            part.toggle_lines()
+        return self.lines
+
+    # ------------------------------------------------------------------ the state
+
+    def upload(self, position: np.ndarray, normal: np.ndarray | None = None) -> None:
+        """See View; each member's normals follow from its positions."""
+        self.vertices.upload_state(position, False)
+        for name, part in self.parts.items():
+            part.upload(np.ascontiguousarray(position[self._slices[name]]))
+
+    def upload_from(self, simulation: Simulation, position: np.ndarray | None = None) -> None:
+        """See View."""
+        members: Mapping[str, Simulation] = simulation.members  # type: ignore[attr-defined]
+        for name, part in self.parts.items():
+            own = None if position is None else np.ascontiguousarray(position[self._slices[name]])
+            part.upload_from(members[name], own)
+
+    # ------------------------------------------------------------------ the frame
+
+    def _draw_solid(self, camera: Any, strain_range: float) -> None:
+        for part in self.parts.values():
+            part._draw_solid(camera, strain_range)
+
+    def _draw_shadows(self, camera: Camera3D, time: float) -> None:
+        for part in self.parts.values():
+            part.lowest = self.lowest
+            part._draw_shadows(camera, time)
+
+    def _draw_over(self, camera: Any, selected: int | None) -> None:
+        for name, part in self.parts.items():
+            place = self._slices[name]
+            here = selected is not None and place.start <= selected < place.stop
+            part._draw_over(camera, selected - place.start if here and selected is not None else None)
+
+    def delete(self) -> None:
+        """Free the buffers."""
+        for part in self.parts.values():
+            part.delete()
+        super().delete()

@@ -1,0 +1,72 @@
+"""A sheet that several GPUs or processes share: how it is opened, and what a run says of it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from model.core.errors import SceneError
+from model.core.family import named
+from model.core.options import Options
+from model.core.simulation import Simulation
+from model.domains.simulation import DecomposedSimulation
+from model.scene.scene import Scene
+
+LINKS = {  # of GPUs: the class that opens a sheet which they share
+    "peer": "gpu_backend.domains.peers:PeerSimulation",
+    "flags": "gpu_backend.domains.flags:FlagSimulation",
+    "nccl": "gpu_backend.domains.nccl:NcclSimulation",
+}
+
+
+def open_shared(
+    scene: Scene,
+    backend: str,
+    options: Options,
+    threads: str | int,
+    gpus: int,
+    ranks: int,
+    exchange_every: int | None,
+    link: str,
+) -> Simulation:
+    """The scene's sheet in windows; see app/driver.py. Raises SceneError, BackendUnavailable."""
+    if gpus < 1 or ranks < 1:
+        name, value = ("--gpus", gpus) if gpus < 1 else ("--ranks", ranks)
+        raise SceneError(name, value, "must be at least 1")
+    if link not in LINKS:
+        raise SceneError("--link", link, f"must be one of {', '.join(LINKS)}")
+    if gpus > 1 and backend != "gpu":
+        raise SceneError("--gpus", gpus, "is for --backend gpu; on CPUs use --ranks")
+    if ranks > 1 and backend != "cpu":
+        raise SceneError("--ranks", ranks, "is for --backend cpu; on GPUs use --gpus, with --link nccl a process each")
+    if backend == "cpu":
+        from cpu_backend.domains.mpi import MpiRanks
+        from cpu_backend.domains.ranks import RankSimulation
+
+        return RankSimulation(scene, options, MpiRanks(ranks), threads, exchange_every)
+    opened: Simulation = named(LINKS[link])(scene, options, gpus, exchange_every)
+    return opened
+
+
+def shares(simulation: Simulation) -> dict[str, Any]:
+    """What a report says of a sheet that several share."""
+    if not isinstance(simulation, DecomposedSimulation):
+        return {}
+    cut = simulation.decomposition
+    name = "ranks" if simulation.backend == "cpu" else "gpus"
+    return {
+        name: cut.count,
+        "exchange_every": cut.steps,
+        "rows_each": cut.least_rows,
+        "repeated_rows": cut.repeated - 1,
+    }
+
+
+def check_shared(ranks: int, link: str, render: Path | None, export: str | None) -> None:
+    """Raise SceneError for what a run of several processes does not write: what goes on stepping while it is drawn."""
+    if ranks == 1 and link != "nccl":
+        return
+    if render and render.suffix.lower() == ".mp4":
+        raise SceneError("--render", str(render), "draws a clip of one process alone; run it with --ranks 1")
+    if export:
+        raise SceneError("--export", export, "writes meshes of one process alone; run it with --ranks 1")

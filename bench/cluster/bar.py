@@ -1,0 +1,43 @@
+"""The bar of a sweep on many machines: how far all is, and below it a line of each worker: who has done how much, and what it
+is at."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Mapping
+from typing import Any
+
+from bench.cluster.folder import Status
+from bench.measure.progress import progress_bar
+
+
+class WorkerBars:
+    """A context manager; shows nothing unless `show`."""
+
+    def __init__(self, show: bool):
+        self.bars = progress_bar(show)
+        self.lines: dict[str, Any] = {}
+
+    def __enter__(self) -> WorkerBars:
+        self.bars.__enter__()
+        self.all = self.bars.add_task("waiting for workers", total=None)
+        return self
+
+    def __exit__(self, *error: Any) -> None:
+        self.bars.__exit__(*error)
+
+    def show(
+        self, plan: Mapping[str, float], done: Collection[str], statuses: Iterable[Status], here: Collection[str]
+    ) -> None:
+        """`plan`: all groups and what each is worth; `statuses` of all workers that there were; `here`: names of those that
+        there are now."""
+        total = sum(plan.values()) or None
+        behind = sum(plan.get(claim, 0.0) for claim in done)
+        if plan:
+            self.bars.update(self.all, description=f"{len(done)} of {len(plan)} groups", total=total, completed=behind)
+        for status in statuses:
+            told = f"worker {status.name} on host {status.host}: {len(status.done)} groups; "
+            told += status.ended or status.doing if status.name in here else "gone"
+            mine = sum(plan.get(claim, 0.0) for claim in status.done)
+            if status.name not in self.lines:
+                self.lines[status.name] = self.bars.add_task(told, total=total)
+            self.bars.update(self.lines[status.name], description=told, total=total, completed=mine)

@@ -1,0 +1,219 @@
+"""The folder beside a store through which a sweep and its workers speak, on a file system that all of them see.
+
+    order.pickle             what is to be measured (written once)
+    seed.sqlite              what the store held when the sweep began
+    status/NAME.json         what a worker says of itself, anew every second or so
+    claims/MACHINE.GROUP     who has that group; made by a link, which one worker alone can make
+    plans/MACHINE.PART.json  the groups that such a machine has to measure, and what each is worth
+    stores/NAME.sqlite       a worker's own store; its finished groups go out as out/NAME.NUMBER.sqlite
+    lost/NAME                made when the store of a worker that is gone has been taken over: others may go on from it
+    alive, stop              the sweep still counts; the sweep tells its workers to end
+
+Nobody but its worker opens a store before the worker is gone: a database that two hosts open is safe on few file systems.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import pickle
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+from model.core.errors import InputError
+from model.core.files import why
+
+ROOMS = ("status", "claims", "plans", "stores", "out", "lost", "logs")
+GIVEN_UP = "given up"  # who has a group that nobody shall take any more
+DONE, STOPPED, REFUSED, BROKEN = "done", "stopped", "refused", "broken"  # how a worker says that it ended
+
+
+@dataclass(frozen=True)
+class Order:
+    """What every worker does: `run(store, command=..., progress=False, **how)`, in which bench/measure/experiment.py's
+    `resume` asks for groups. `backends`: what is timed with the machine to itself (empty: nothing is; None: all that the
+    worker's machine has). `version`: digests of the sources that are to be measured. `beat`: seconds between signs of life;
+    a sweep that gave none for `patience` of them is gone."""
+
+    run: Any
+    how: dict[str, Any]
+    command: str
+    backends: tuple[str, ...] | None
+    version: tuple[str, ...]
+    beat: float = 1.0
+    patience: int = 120
+
+
+@dataclass
+class Status:
+    """What a worker says of itself: `host` (a hash), `machine` (key and `label` of the store), `doing` in words, the claims
+    that it is `holding` and has `done`, `ended` and why; and what it did, as an experiment's summary tells it."""
+
+    name: str
+    pid: int
+    host: str
+    beat: int = 0
+    machine: str = ""
+    label: str = ""
+    doing: str = "starting"
+    holding: list[str] = field(default_factory=list)
+    done: list[str] = field(default_factory=list)
+    ended: str = ""
+    reason: str = ""
+    exit_status: int = 0
+    counts: dict[str, float] = field(default_factory=dict)
+    skipped: list[tuple[str, str]] = field(default_factory=list)
+    wrong: list[tuple[str, str]] = field(default_factory=list)
+
+
+class Folder:
+    """One sweep's folder. `make`: make it. Raises InputError where it cannot be made or written."""
+
+    def __init__(self, path: Path, make: bool = False):
+        self.path = path
+        if make:
+            try:
+                for room in ROOMS:
+                    (path / room).mkdir(parents=True, exist_ok=True)
+                self._write("alive", "0")
+            except OSError as error:
+                raise InputError(
+                    f"{error.filename or path}: workers' stores cannot be kept there ({why(error)}); make the store's folder "
+                    "writable, or give another --store"
+                ) from None
+        elif not (path / "status").is_dir():
+            raise InputError(f"{path}: not seen by this worker; the store must lie where all hosts see it")
+
+    def _write(self, name: str, text: str) -> None:
+        """At once: a reader finds the old text or the new one."""
+        file = self.path / name
+        part = file.with_name(f".{file.name}.{os.getpid()}")
+        part.write_text(text, encoding="utf-8")
+        os.replace(part, file)
+
+    def _names(self, room: str) -> list[str]:
+        return sorted(entry.name for entry in (self.path / room).iterdir() if not entry.name.startswith("."))
+
+    # ------------------------------------------------------------------ the order, and that it holds
+
+    def write_order(self, order: Order) -> None:
+        part = self.path / ".order"
+        part.write_bytes(pickle.dumps(order))
+        os.replace(part, self.path / "order.pickle")
+
+    def order(self) -> Order:
+        return pickle.loads((self.path / "order.pickle").read_bytes())
+
+    @property
+    def seed(self) -> Path:
+        return self.path / "seed.sqlite"
+
+    def stop(self) -> None:
+        self._write("stop", "")
+
+    def stopped(self) -> bool:
+        return (self.path / "stop").exists()
+
+    def live(self, count: int) -> None:
+        """The sweep's sign of life."""
+        self._write("alive", str(count))
+
+    def alive(self) -> str:
+        """What changes while the sweep lives."""
+        try:
+            return (self.path / "alive").read_text(encoding="utf-8")
+        except OSError:
+            return ""
+
+    # ------------------------------------------------------------------ workers
+
+    def write_status(self, status: Status) -> None:
+        self._write(f"status/{status.name}.json", json.dumps(asdict(status)))
+
+    def status(self, name: str) -> Status | None:
+        with suppress(OSError, ValueError, TypeError):
+            return Status(**json.loads((self.path / "status" / f"{name}.json").read_text(encoding="utf-8")))
+        return None
+
+    def workers(self) -> list[str]:
+        """All that ever said something."""
+        return [name.removesuffix(".json") for name in self._names("status")]
+
+    def store_of(self, name: str) -> Path:
+        return self.path / "stores" / f"{name}.sqlite"
+
+    def stores(self) -> list[Path]:
+        return [self.path / "stores" / name for name in self._names("stores") if name.endswith(".sqlite")]
+
+    def out_of(self, name: str, number: int) -> Path:
+        return self.path / "out" / f"{name}.{number:06d}.sqlite"
+
+    def outs(self) -> list[Path]:
+        """What is to be taken over, oldest of each worker first."""
+        return [self.path / "out" / name for name in self._names("out") if name.endswith(".sqlite")]
+
+    def lose(self, name: str) -> None:
+        self._write(f"lost/{name}", "")
+
+    def lost(self) -> list[str]:
+        return self._names("lost")
+
+    # ------------------------------------------------------------------ groups
+
+    def claim(self, claim: str, name: str) -> bool:
+        """Whether the group is this worker's now. At once, and with its name in it: a file of another name, linked."""
+        target = self.path / "claims" / claim
+        part = self.path / "claims" / f".{name}"
+        part.write_text(name, encoding="utf-8")
+        try:
+            os.link(part, target)
+        except FileExistsError:
+            return False
+        except OSError as error:
+            raise InputError(
+                f"{target.parent}: a file system without hard links ({why(error)}); give another --store"
+            ) from None
+        finally:
+            part.unlink(missing_ok=True)
+        return True
+
+    def claimed(self, claim: str) -> bool:
+        """Whether anybody has it."""
+        return (self.path / "claims" / claim).exists()
+
+    def claims(self) -> dict[str, str]:
+        """Who has which group."""
+        found = {}
+        for claim in self._names("claims"):
+            with suppress(OSError):
+                found[claim] = (self.path / "claims" / claim).read_text(encoding="utf-8")
+        return found
+
+    def release(self, claim: str) -> None:
+        (self.path / "claims" / claim).unlink(missing_ok=True)
+
+    def give_up(self, claim: str) -> None:
+        self._write(f"claims/{claim}", GIVEN_UP)
+
+    def write_plan(self, machine: str, part: int, groups: Mapping[str, tuple[float, str]]) -> None:
+        """What is to be measured on such a machine, unless another worker of its kind said so: claim -> worth, words."""
+        if not (self.path / "plans" / f"{machine}.{part}.json").exists():
+            self._write(f"plans/{machine}.{part}.json", json.dumps(dict(groups)))
+
+    def _plans(self) -> dict[str, tuple[float, str]]:
+        found: dict[str, tuple[float, str]] = {}
+        for name in self._names("plans"):
+            with suppress(OSError, ValueError):
+                found |= json.loads((self.path / "plans" / name).read_text(encoding="utf-8"))
+        return found
+
+    def plan(self) -> dict[str, float]:
+        """All claims that there can be, and what each is worth."""
+        return {claim: worth for claim, (worth, _) in self._plans().items()}
+
+    def words(self) -> dict[str, str]:
+        """What each claim is, for a reader."""
+        return {claim: words for claim, (_, words) in self._plans().items()}

@@ -1,0 +1,266 @@
+"""Where workers run: processes of this host or Slurm jobs, both by submitit, or the workers of a Dask cluster.
+
+A pool starts a worker's command in one of its slots and tells whether it still runs; all else goes through the folder.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Protocol
+
+from cpu_backend.core.threads import core_count
+from model.core.digest import ROOT
+from model.core.errors import BackendUnavailable, SceneError, shortened
+
+WEEK_MINUTES = 7 * 24 * 60
+DASK_SECONDS = 5.0  # in which a scheduler has to answer
+SLURM_WORKERS, SLURM_MINUTES = 4, 8 * 60  # unless told
+CODE = (
+    "import sys; sys.path.insert(0, sys.argv[1]); from bench.cluster.worker import main; sys.exit(main(*sys.argv[2:]))"
+)
+EXTRA = 'pip install -e ".[cluster]"'
+
+
+@dataclass(frozen=True)
+class Where:
+    """What `--cluster` asks for. `kind`: local, slurm or dask; `address` of Dask's scheduler; `workers`: how many, None: as
+    the pool likes; `sbatch`: options of Slurm jobs."""
+
+    kind: str
+    address: str = ""
+    workers: int | None = None
+    sbatch: dict[str, str] = field(default_factory=dict)
+
+
+def where_of(cluster: str, workers: int | None, sbatch: Sequence[str] | None) -> Where:
+    """What was typed. Raises SceneError."""
+    if workers is not None and workers < 1:
+        raise SceneError("--workers", workers, "must be at least 1")
+    kind, _, address = cluster.partition("://")
+    if cluster not in ("local", "slurm") and not (kind == "dask" and re.fullmatch(r"\S+:\d+", address)):
+        raise SceneError("--cluster", cluster, "must be local, slurm, or dask://HOST:PORT of a scheduler that runs")
+    options = {}
+    for option in sbatch or ():
+        name, is_, value = option.partition("=")
+        if kind != "slurm" or not (is_ and re.fullmatch(r"[a-z][a-z-]*", name)):
+            raise SceneError("--sbatch", option, "must be NAME=VALUE, as partition=gpu, and goes with --cluster slurm")
+        options[name] = value
+    return Where(kind, address, workers, options)
+
+
+class Job(Protocol):
+    """A worker's command that was started."""
+
+    def ended(self) -> str | None:
+        """None while it runs, else how it ended, in words, as far as the pool knows."""
+        ...
+
+    def kill(self) -> None:
+        """End it by force."""
+        ...
+
+
+class Pool(Protocol):
+    """`slots`: how many workers run at once; `queues`: a worker may have to wait until it can begin."""
+
+    slots: int
+    queues: bool
+
+    def start(self, slot: int, folder: Path, name: str) -> Job: ...
+
+    def close(self) -> None: ...
+
+
+def command(folder: Path, name: str) -> list[str]:
+    """What starts a worker, in whatever folder and environment."""
+    return [sys.executable, "-c", CODE, str(ROOT), str(folder), name]
+
+
+def pool_of(where: Where, folder: Path, backends: Sequence[str] | None) -> Pool:
+    """The pool that was asked for. `backends`: what is timed, as of Order. Raises BackendUnavailable, InputError."""
+    if where.kind == "dask":
+        return DaskPool(where, timed=backends is None or bool(backends))
+    return SubmititPool(where, folder / "logs", backends)
+
+
+def exit_words(status: int) -> str:
+    """How a process ended."""
+    return f"killed by signal {-status}" if status < 0 else f"ended with exit status {status}"
+
+
+# ---------------------------------------------------------------------- submitit
+
+
+@dataclass
+class SubmititJob:
+    job: Any
+
+    def ended(self) -> str | None:
+        if not self.job.done():
+            return None
+        told = f"job {self.job.state}"
+        if self.job.paths.result_pickle.exists():
+            with suppress(Exception):  # of a job that could not even begin: what it printed tells
+                told = exit_words(self.job.result())
+        lines = (self.job.stderr() or "").strip().splitlines()
+        return f"{told}: {shortened(lines[-1], 200)}" if lines else told
+
+    def kill(self) -> None:
+        with suppress(Exception):  # a queue that answers no more
+            self.job.cancel()
+
+
+class SubmititPool:
+    """Processes of this host, or Slurm jobs, each with a node to itself where something is timed."""
+
+    def __init__(self, where: Where, logs: Path, backends: Sequence[str] | None):
+        try:
+            import submitit
+        except ImportError:
+            raise BackendUnavailable("submitit is not installed, which starts workers", EXTRA) from None
+        self.devices: list[str | None] = [None]
+        if where.kind == "local":
+            self.devices = _devices(backends)
+            usual = len(self.devices) if backends is None or backends else core_count()
+            self.executor: Any = submitit.LocalExecutor(logs)
+            self.executor.update_parameters(timeout_min=WEEK_MINUTES)
+        else:
+            if shutil.which("sbatch") is None:
+                raise BackendUnavailable(
+                    "no Slurm here: sbatch is not on the PATH",
+                    "run it where jobs are submitted, or use --cluster local",
+                )
+            usual = SLURM_WORKERS
+            self.executor = submitit.SlurmExecutor(logs)
+            timed = backends is None or bool(backends)
+            options = {name.replace("-", "_"): value for name, value in where.sbatch.items()}
+            self.executor.update_parameters(  # without srun, which would give its step one core
+                job_name="softlab", time=SLURM_MINUTES, use_srun=False, exclusive=timed or None,
+                additional_parameters=options,
+            )  # fmt: skip
+        self.slots = where.workers or usual
+        self.local = where.kind == "local"
+        self.queues = not self.local
+
+    def start(self, slot: int, folder: Path, name: str) -> Job:
+        environment = None
+        if self.local:
+            device = self.devices[slot % len(self.devices)]
+            environment = dict(os.environ) | ({} if device is None else {"CUDA_VISIBLE_DEVICES": device})
+        try:
+            with _no_interrupts():
+                return SubmititJob(self.executor.submit(subprocess.call, command(folder, name), env=environment))
+        except Exception as error:  # of submitit, by what the queue said
+            raise BackendUnavailable(f"the job was refused ({error})", "see --sbatch NAME=VALUE") from None
+
+    def close(self) -> None:
+        """Nothing is kept."""
+
+
+@contextmanager
+def _no_interrupts() -> Iterator[None]:
+    """What is started within it does not hear Ctrl-C, which a terminal sends to all that was started from it: the sweep stops
+    its workers in its own way."""
+    old = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, old)
+
+
+def _devices(backends: Sequence[str] | None) -> list[str | None]:
+    """Of each slot the GPU that alone it sees, where nothing but GPUs is timed; None: all."""
+    if list(backends or ()) != ["gpu"]:
+        return [None]
+    told = os.environ.get("CUDA_VISIBLE_DEVICES")
+    if told:
+        return list(told.split(","))
+    from bench.measure.gpu import gpu_facts
+
+    return [str(k) for k in range(gpu_facts()["gpu_count"] or 1)]
+
+
+# ---------------------------------------------------------------------- Dask
+
+
+@dataclass
+class DaskJob:
+    pool: DaskPool
+    address: str
+    future: Any
+
+    def ended(self) -> str | None:
+        if self.future.status == "finished":
+            return exit_words(self.future.result())
+        if self.future.status in ("error", "lost", "cancelled"):
+            return f"its Dask task ended: {self.future.exception() if self.future.status == 'error' else self.future.status}"
+        return None if self.address in self.pool.addresses() else f"the Dask worker {self.address} is gone"
+
+    def kill(self) -> None:
+        with suppress(Exception):  # a scheduler that is gone
+            self.future.cancel()
+
+
+class DaskPool:
+    """Workers of a Dask cluster: one a host where something is timed, else all."""
+
+    queues = False
+
+    def __init__(self, where: Where, timed: bool):
+        try:
+            from distributed import Client
+        except ImportError:
+            raise BackendUnavailable("dask.distributed is not installed", EXTRA) from None
+        self.where = f"dask://{where.address}"
+        try:
+            self.client: Any = Client(f"tcp://{where.address}", timeout=DASK_SECONDS, set_as_default=False)
+        except (OSError, ValueError) as error:
+            raise BackendUnavailable(
+                f"no Dask scheduler answers at {self.where} within {DASK_SECONDS:g} s ({type(error).__name__})",
+                "start one (dask scheduler) or check the address",
+            ) from None
+        self.jobs: dict[int, DaskJob] = {}
+        addresses = self.addresses()
+        hosts = {address.rpartition(":")[0] for address in addresses}
+        if not addresses:
+            self.close()
+            raise BackendUnavailable(f"{self.where} has no workers", f"start some: dask worker {where.address}")
+        self.slots = min(where.workers or len(addresses), len(hosts) if timed else len(addresses))
+
+    def addresses(self) -> list[str]:
+        """Of the workers that are there now. Raises BackendUnavailable when the scheduler is gone."""
+        try:
+            return sorted(self.client.nthreads())
+        except (OSError, ValueError, RuntimeError) as error:
+            raise BackendUnavailable(
+                f"the Dask scheduler at {self.where} is gone ({type(error).__name__})",
+                "start it, and the same command resumes",
+            ) from None
+
+    def start(self, slot: int, folder: Path, name: str) -> Job:
+        others = {job.address for other, job in self.jobs.items() if other != slot and job.ended() is None}
+        hosts = {address.rpartition(":")[0] for address in others}
+        give_up = time.monotonic() + DASK_SECONDS  # in which Dask starts again what died
+        while not (free := [address for address in self.addresses() if address not in others]):
+            if time.monotonic() > give_up:
+                raise BackendUnavailable(f"{self.where} has no worker left", "start some, and the same command resumes")
+            time.sleep(0.1)
+        free.sort(key=lambda address: address.rpartition(":")[0] in hosts)
+        future = self.client.submit(
+            subprocess.call, command(folder, name), workers=[free[0]], allow_other_workers=False, pure=False, retries=0
+        )
+        self.jobs[slot] = DaskJob(self, free[0], future)
+        return self.jobs[slot]
+
+    def close(self) -> None:
+        self.client.close(timeout=DASK_SECONDS)

@@ -1,0 +1,66 @@
+"""What a sweep on many machines did: counted in the store, told by the workers."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass, field
+
+from rich.console import Console
+
+from bench.cluster.folder import Status
+from bench.measure.cases import SweepSummary
+from bench.store.database import Store
+
+
+@dataclass
+class ClusterSummary(SweepSummary):
+    """What all workers did. `workers`: a line of each that finished something; `machines`: keys of the store; `losses`: who
+    was lost, at what, and why, their groups taken up again; `given_up`: what was not measured, or who is not started any
+    more, and why; `kept`: what could not be merged, and why."""
+
+    workers: list[str] = field(default_factory=list)
+    machines: list[str] = field(default_factory=list)
+    losses: list[str] = field(default_factory=list)
+    given_up: list[str] = field(default_factory=list)
+    kept: list[str] = field(default_factory=list)
+
+
+def count(summary: ClusterSummary, store: Store, before: int, statuses: Collection[Status]) -> None:
+    """Fill in what was done, from the store's runs after number `before` and from what the workers said."""
+    runs = "SELECT key FROM run WHERE rowid > ?"
+    ((summary.samples, suspect),) = store.query(
+        f"SELECT count(*), sum(suspect IS NOT NULL) FROM sample WHERE stage <> 'compile' AND run IN ({runs})", (before,)
+    )
+    summary.suspect = suspect or 0
+    table, wanted = ("sample", "stage <> 'compile'") if summary.samples else ("measure", "name <> 'skipped'")
+    ((summary.measured,),) = store.query(
+        f"SELECT count(*) FROM (SELECT DISTINCT configuration, machine FROM {table} JOIN run ON run.key = run "
+        f"WHERE {wanted} AND run.rowid > ?)",
+        (before,),
+    )
+    held: dict[str, int] = {}  # of what the store had when the sweep began, all workers on machines alike say the same
+    for status in statuses:
+        held[status.machine] = max(held.get(status.machine, 0), int(status.counts.get("held", 0)))
+        summary.compile_seconds += status.counts.get("compile_seconds", 0.0)
+        if status.done:
+            groups = f"{len(status.done)} group" + "s" * (len(status.done) > 1)
+            summary.workers.append(f"worker {status.name} on host {status.host}, {status.label}: {groups}")
+    summary.held = sum(held.values())
+    for name in ("skipped", "wrong"):
+        told = [(str(what), str(why)) for status in statuses for what, why in getattr(status, name)]
+        setattr(summary, name, list(dict.fromkeys(told)))
+    summary.machines = list(dict.fromkeys(status.machine for status in statuses if status.machine))
+    summary.machine = next(iter(summary.machines), "")
+    summary.stop()
+
+
+def print_workers(console: Console, summary: ClusterSummary) -> None:
+    """Who did how much, who was lost, and what was not measured."""
+    lines = [*summary.workers, *(f"lost: {told}" for told in summary.losses)]
+    lines += [f"given up: {told}" for told in summary.given_up] + [f"not merged: {told}" for told in summary.kept]
+    if len(summary.machines) > 1:
+        lines.append(
+            f"{len(summary.machines)} kinds of machine, each with a sweep of its own: their times are never one curve"
+        )
+    for line in lines:
+        console.print(f"  {line}", markup=False, soft_wrap=True)

@@ -1,0 +1,278 @@
+"""An experiment on many machines: workers are started, watched and started again; what they finish is merged as it comes.
+
+The sweep's own process measures nothing. A worker that is gone leaves a store: it is merged, the groups that the worker had
+are free again, and whoever takes one goes on from what is in that store, so that nothing is lost and nothing done twice. A
+group whose workers died `DEATHS` times is given up, and so is a slot whose workers died so often without having a group.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import signal
+import time
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+from bench.cluster.bar import WorkerBars
+from bench.cluster.folder import DONE, GIVEN_UP, REFUSED, Folder, Order, Status
+from bench.cluster.pools import Job, Pool
+from bench.cluster.summary import ClusterSummary, count
+from bench.cluster.turns import host_name
+from bench.store.database import Store
+from bench.store.transfer import export, last_run, merge
+from model.core.errors import BackendUnavailable, InputError
+
+DEATHS = 3  # after which a group, or a slot, is given up
+STILL_BEATS = 3  # without a sign of life, after which a worker whose job has ended is gone
+STOP_SECONDS = 30.0  # in which workers that are told to stop have to
+
+
+@dataclass
+class Slot:
+    """A place for one worker at a time: `name` of the one that is there, its `job` (None: nobody is), when a job that ended
+    left its worker's last sign of life; `deaths` of workers that had no group, or found none; why nobody is started there
+    any more."""
+
+    number: int
+    started: int = 0
+    name: str = ""
+    job: Job | None = None
+    seen: tuple[int, float] | None = None
+    deaths: int = 0
+    given_up: str = ""
+
+
+class Sweep:
+    """One sweep under way, its workers in `pool`, all else in `folder`."""
+
+    def __init__(self, store: Store, folder: Folder, pool: Pool, order: Order, name: str, progress: bool = True):
+        self.store, self.folder, self.pool, self.order = store, folder, pool, order
+        self.summary, self._before = ClusterSummary("", name=name), last_run(store)
+        self.slots = [Slot(number) for number in range(pool.slots)]
+        self.statuses: dict[str, Status] = {}
+        self.done: set[str] = set()
+        self.deaths: dict[str, int] = {}
+        self.refused: Status | None = None
+        self.bars = WorkerBars(progress)
+        self._beats = 0
+
+    def run(self) -> ClusterSummary:
+        """Until nothing is left to measure, or Ctrl-C. Raises SoftlabError where no worker could do anything."""
+        export(self.store, self.folder.seed)
+        self.folder.write_order(self.order)
+        try:
+            with self.bars:
+                for slot in self.slots:
+                    self._start(slot)
+                while self._look():
+                    time.sleep(self.order.beat / 2)
+        except KeyboardInterrupt:
+            self.summary.interrupted = True
+        finally:
+            self._end()
+        count(self.summary, self.store, self._before, self.statuses.values())
+        if self._nobody_worked():
+            self._refuse()
+        return self.summary
+
+    # ------------------------------------------------------------------ watching
+
+    def _look(self) -> bool:
+        """One look at all workers; whether to go on."""
+        self._beats += 1
+        self.folder.live(self._beats)
+        self._take_outs()
+        for slot in self.slots:
+            if slot.job is not None:
+                self._look_at(slot)
+        self.bars.show(self.folder.plan(), self.done, self.statuses.values(), [slot.name for slot in self.slots])
+        if self.pool.queues and self._nothing_left():
+            self._let_go()
+        left = self._orphaned()
+        for slot in [slot for slot in self.slots if slot.job is None and not slot.given_up][: len(left)]:
+            self._start(slot)
+        return any(slot.job is not None for slot in self.slots)
+
+    def _left(self) -> set[str]:
+        """What is to be measured, and is neither done nor anybody's nor given up."""
+        return set(self.folder.plan()) - self.done - set(self.folder.claims())
+
+    def _nothing_left(self) -> bool:
+        """Whether all that anybody planned is done, or given up."""
+        plan = set(self.folder.plan())
+        return bool(plan) and plan <= self.done | {c for c, name in self.folder.claims().items() if name == GIVEN_UP}
+
+    def _let_go(self) -> None:
+        """Jobs that still wait for a place need none any more."""
+        for slot in self.slots:
+            if slot.job is not None and self.folder.status(slot.name) is None:
+                slot.job.kill()
+                slot.job = None
+
+    def _orphaned(self) -> set[str]:
+        """What is left for a kind of machine on which nobody is, as far as those who are there have said."""
+        running = [self.statuses.get(slot.name) for slot in self.slots if slot.job is not None]
+        if not all(status and status.machine for status in running):
+            return set()
+        here = {status.machine for status in running if status}
+        return {claim for claim in self._left() if claim.partition(".")[0] not in here}
+
+    def _look_at(self, slot: Slot) -> None:
+        assert slot.job is not None
+        how = slot.job.ended()  # before the status, which its last words may still enter
+        status = self.folder.status(slot.name)
+        if status is not None:
+            self._hear(slot, status)
+        if status is not None and status.ended:
+            self._ended(slot, status)
+        elif how is not None:
+            beat, now = status.beat if status else 0, time.monotonic()
+            if slot.seen is None or slot.seen[0] != beat:
+                slot.seen = beat, now
+            elif now - slot.seen[1] > STILL_BEATS * self.order.beat:
+                self._lost(slot, how, status)
+
+    def _hear(self, slot: Slot, status: Status) -> None:
+        self.statuses[slot.name] = status
+        if new := set(status.done) - self.done:
+            self.done |= new
+            slot.deaths = 0
+
+    def _ended(self, slot: Slot, status: Status) -> None:
+        """A worker that says itself how it ended."""
+        if status.ended == REFUSED:  # which the next one would do, too
+            self.refused = status
+            slot.given_up, slot.job = status.reason, None
+            self.summary.given_up.append(f"worker {slot.name} on host {status.host}: {status.reason}")
+            self._merge(self.folder.store_of(slot.name))
+        elif status.ended == DONE:
+            self._merge(self.folder.store_of(slot.name))
+            slot.job = None
+            if self._orphaned() and not status.done:  # else workers that find nothing would be started for ever
+                self._count_death(
+                    slot, "no worker takes what is left: is there no such machine any more?", "came to nothing"
+                )
+        else:
+            self._lost(slot, status.reason, status)
+
+    def _lost(self, slot: Slot, why: str, status: Status | None) -> None:
+        """Take over what a worker left, free its groups, and start another in its place."""
+        self._merge(self.folder.store_of(slot.name))
+        mine = [claim for claim, name in self.folder.claims().items() if name == slot.name and claim not in self.done]
+        at = f" at {status.doing}" if status and mine else ""
+        self.summary.losses.append(f"worker {slot.name}{f' on host {status.host}' if status else ''}{at}: {why}")
+        if self.folder.store_of(slot.name).exists():
+            self.folder.lose(slot.name)
+        for claim in mine:
+            self.deaths[claim] = self.deaths.get(claim, 0) + 1
+            if self.deaths[claim] >= DEATHS:
+                self.folder.give_up(claim)
+                what = self.folder.words().get(claim, claim)
+                self.summary.given_up.append(f"{what}: its workers died {DEATHS} times, at last: {why}")
+            else:
+                self.folder.release(claim)
+        slot.job = None
+        if not mine:
+            self._count_death(slot, why)
+        if not slot.given_up:
+            self._start(slot)
+
+    def _count_death(self, slot: Slot, why: str, what: str = "died") -> None:
+        slot.deaths += 1
+        if slot.deaths >= DEATHS:
+            slot.given_up = why
+            self.summary.given_up.append(f"worker {slot.number + 1}: {what} {DEATHS} times, at last: {why}")
+
+    def _start(self, slot: Slot) -> None:
+        if slot.given_up:
+            return
+        slot.started += 1
+        slot.name, slot.seen = f"{slot.number + 1}.{slot.started}", None
+        try:
+            slot.job = self.pool.start(slot.number, self.folder.path, slot.name)
+        except BackendUnavailable as error:
+            if not any(other.job for other in self.slots):
+                raise
+            slot.given_up, slot.job = str(error), None
+            self.summary.given_up.append(f"worker {slot.name}: {error}")
+
+    # ------------------------------------------------------------------ what comes in
+
+    def _take_outs(self) -> None:
+        for file in self.folder.outs():
+            if self._merge(file):
+                file.unlink(missing_ok=True)
+
+    def _merge(self, file: Path) -> bool:
+        """Whether a worker's results are in the store now."""
+        if not file.exists():
+            return True
+        try:
+            merge(self.store, file)
+        except InputError as error:
+            if str(error) not in self.summary.kept:
+                self.summary.kept.append(str(error))
+            return False
+        return True
+
+    def _end(self) -> None:
+        """Stop who still runs, take over what all left, and clear the folder away if that is all in the store."""
+        with suppress(KeyboardInterrupt):  # a second one: by force then
+            self._stop_workers()
+        if not self.summary.interrupted and (left := self._left()):
+            self.summary.given_up.append(f"{len(left)} groups, which no worker took: the same command resumes")
+        for slot in self.slots:
+            if slot.job is not None:
+                _kill(self.folder.status(slot.name))
+                slot.job.kill()
+        self._take_outs()
+        merged = [self._merge(file) for file in self.folder.stores()]
+        told = self.refused is not None or self.summary.interrupted or not any(slot.deaths for slot in self.slots)
+        if all(merged) and not self.folder.outs() and (told or not self._nobody_worked()):
+            shutil.rmtree(self.folder.path, ignore_errors=True)
+
+    def _stop_workers(self) -> None:
+        if not any(slot.job for slot in self.slots):
+            return
+        self.folder.stop()
+        give_up = time.monotonic() + STOP_SECONDS
+        while any(slot.job for slot in self.slots) and time.monotonic() < give_up:
+            for slot in self.slots:
+                if slot.job is not None and self._gone(slot):
+                    slot.job = None
+            time.sleep(self.order.beat / 4)
+
+    def _gone(self, slot: Slot) -> bool:
+        """Whether the worker there has stopped."""
+        status = self.folder.status(slot.name)
+        if status is not None:
+            self._hear(slot, status)
+            if status.ended:
+                return True
+        with suppress(BackendUnavailable):  # a pool that answers no more says nothing of its workers
+            return slot.job is None or slot.job.ended() is not None
+        return False
+
+    def _nobody_worked(self) -> bool:
+        """Whether no worker got as far as saying which machine it is on: what it printed may tell why."""
+        return not self.summary.interrupted and not any(status.machine for status in self.statuses.values())
+
+    def _refuse(self) -> None:
+        """Nothing came of it. Raises what the workers said, else what became of them."""
+        if self.refused is not None:
+            told = InputError(self.refused.reason)
+            told.exit_status = self.refused.exit_status
+            raise told
+        why = next((slot.given_up for slot in self.slots if slot.given_up), "no reason is known")
+        raise BackendUnavailable(
+            f"no worker can be kept running: {why}", f"what they printed is in {self.folder.path / 'logs'}"
+        )
+
+
+def _kill(status: Status | None) -> None:
+    """A worker of this host that does not stop."""
+    if status is not None and not status.ended and status.host == host_name():
+        with suppress(OSError):
+            os.kill(status.pid, getattr(signal, "SIGKILL", signal.SIGTERM))

@@ -1,0 +1,98 @@
+"""Turns: while a worker times, it has its machine, or its GPU, to itself among the lab's workers of this user.
+
+A turn is a lock of the operating system on a small SQLite file in the user's cache, so that it ends with its process, however
+that ends, and needs nothing that only some systems have. CPU threads are timed with the whole host locked; a GPU alone with
+the GPU locked and the host shared, so that several GPUs of a host are timed at once, but never beside CPU threads.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import platform
+import sqlite3
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+
+from model.core.disk_cache import user_cache
+from model.core.errors import InputError
+
+LOOK_SECONDS = 0.5  # after which a wait looks up, for Ctrl-C
+
+
+def host_name() -> str:
+    """6 hexadecimal digits that tell this host from others, and not its name."""
+    return hashlib.sha256(platform.node().encode()).hexdigest()[:6]
+
+
+def turns_folder() -> Path:
+    """Where this user's locks lie. Raises InputError where they cannot be made."""
+    folder = user_cache("turns")
+    if folder is None:
+        raise InputError(
+            "no lock can be made, under which a worker has its machine to itself: ~/.cache cannot be written; name another "
+            "folder: export XDG_CACHE_HOME=FOLDER"
+        )
+    return folder
+
+
+def try_lock(file: Path, shared: bool = False, seconds: float = 0.0) -> sqlite3.Connection | None:
+    """A lock on a file, held until the connection is closed or the process is gone; None where another process has it still
+    after `seconds`. `shared`: others may have it too, if all of them share it. Raises InputError where nothing can be locked.
+    """
+    connection = None
+    try:
+        connection = sqlite3.connect(file, timeout=seconds, isolation_level=None)
+        if shared:
+            connection.execute("BEGIN")
+            connection.execute("SELECT count(*) FROM sqlite_master").fetchone()  # which takes the lock, and keeps it
+        else:
+            connection.execute("BEGIN EXCLUSIVE")
+    except sqlite3.Error as error:
+        if connection is not None:
+            connection.close()
+        if "locked" in str(error):
+            return None
+        raise InputError(f"{file} cannot be locked ({error}); delete it, or free its folder for writing") from None
+    return connection
+
+
+@contextmanager
+def locked(file: Path, shared: bool = False, waiting: Callable[[], None] = lambda: None) -> Iterator[None]:
+    """Within it this process has the lock; `waiting` is called again and again until it has."""
+    while (connection := try_lock(file, shared, LOOK_SECONDS)) is None:
+        waiting()
+    try:
+        yield
+    finally:
+        connection.close()
+
+
+class Turn:
+    """A worker's turns on its machine. `backends`: what is timed, none where nothing is; `device`: the GPU's own name.
+
+    Who has the turn may begin it again inside, which changes nothing.
+    """
+
+    def __init__(self, backends: Sequence[str], device: str | None = None, waiting: Callable[[], None] = lambda: None):
+        self.device, self.waiting = device, waiting
+        self.whole_host = "cpu" in backends
+        self.timed = bool(backends)
+        self.held: ExitStack | None = None
+
+    def begin(self) -> None:
+        """Wait for the turn."""
+        if self.held is not None or not self.timed:
+            return
+        with ExitStack() as stack:
+            folder, host = turns_folder(), host_name()
+            stack.enter_context(locked(folder / f"host-{host}.lock", not self.whole_host, self.waiting))
+            if not self.whole_host and self.device:
+                stack.enter_context(locked(folder / f"gpu-{self.device}.lock", False, self.waiting))
+            self.held = stack.pop_all()
+
+    def end(self) -> None:
+        """Let others have it."""
+        if self.held is not None:
+            self.held.close()
+            self.held = None

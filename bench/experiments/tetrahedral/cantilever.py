@@ -1,0 +1,130 @@
+"""The bar of `softlab tetrahedra`: its scene, and what is known of it without a solver of the lab: its rest and its first
+half vibration on the same mesh. Gravity grows with Young's modulus, so that its rest is the same for all of them, and its
+frequencies grow with the root of it: both are made once a mesh, and kept among the references of the user's cache."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Mapping
+from functools import cache
+from math import pi, sqrt
+from typing import Any
+
+import numpy as np
+
+from bench.reference.cache import kept_arrays, sources
+from bench.reference.finite_elements import mode_shapes
+from bench.reference.finite_elements_newton import nonlinear_static
+from model.core.disk_cache import cache_folder
+from model.scene.scene import Scene
+
+LENGTH, SIDE, DENSITY, POISSON = 1.0, 0.1, 1000.0, 0.3  # m, m, kg/m^3
+WEIGHT = 0.1 / 1e6  # m/s^2 of gravity per Pa of Young's modulus
+SHEAR = 0.849673  # of a square section's area that resists shear, at this Poisson's ratio
+FRAME = 1 / 60  # s
+MODES = 16  # of the lowest ones, which the tip follows
+BLOCKS = "xpbd blocks"  # a name of SETTINGS: position-based, the shape as one block
+REFERENCE = 1e6  # Pa: of the bars that references are made of
+
+_MASSES: dict[int, float] = {}  # kg, of a particle, by voxels across: known without cutting each bar anew
+
+
+def cantilever(across: int, young: float, solver: str, substeps: int, iterations: int) -> Scene:
+    """The bar, held at its left end, braked critically for its first bending vibration."""
+    beam = {
+        "kind": "tetrahedral_body", "shape": {"name": "box", "sides": [LENGTH, SIDE, SIDE]}, "edge": SIDE / across,
+        "young_modulus": young, "poisson_ratio": POISSON, "density": DENSITY, "pinned": ["left"],
+    }  # fmt: skip
+    method: dict[str, Any] = {"solver": solver.split()[0], "dt": FRAME, "substeps": substeps, "iterations": iterations}
+    if solver == BLOCKS:
+        method["rows"] = "blocks"
+    tables = {"beam": beam, "gravity": {"acceleration": WEIGHT * young}, "method": method}
+    if across not in _MASSES:
+        _MASSES[across] = Scene(tables, "cantilever").grid.mass
+    braking = 2 * 2 * pi * bending_frequency(young) * _MASSES[across]
+    return Scene(tables | {"damping": {"coefficient": braking}}, "cantilever")
+
+
+def bending_frequency(young: float) -> float:
+    """The first one of the clamped bar [Hz], by Euler and Bernoulli: 1.8751^2 / (2 pi L^2) sqrt(E I / (rho A))."""
+    return float(1.8751040687**2 / (2 * pi * LENGTH**2) * sqrt(young * SIDE**2 / (12 * DENSITY)))
+
+
+def continuum_sag(young: float, poisson: float = POISSON) -> float:
+    """Of the tip [m]: q L^4 / (8 E I) + q L^2 / (2 kappa G A), q the weight of a metre."""
+    area, second = SIDE**2, SIDE**4 / 12
+    load, shear = DENSITY * area * WEIGHT * young, young / (2 * (1 + poisson))
+    return load * LENGTH**4 / (8 * young * second) + load * LENGTH**2 / (2 * SHEAR * shear * area)
+
+
+def sag(scene: Scene, position: np.ndarray) -> float:
+    """How far the end that is not held is below where it was cut [m]: the mean of its vertices."""
+    rest = scene.tetrahedra_set.position
+    end = rest[:, 0] > rest[:, 0].max() - 1e-6 * LENGTH
+    return float((rest[end, 1] - position[end, 1]).mean())
+
+
+def _bar(across: int) -> tuple[Scene, np.ndarray]:
+    """The bar that references are made of, and which of its particles are held."""
+    scene = cantilever(across, REFERENCE, "xpbd", 1, 1)
+    fixed = np.zeros(scene.tetrahedra_set.particle_count, bool)
+    fixed[scene.tetrahedra_set.pinned_vertices] = True
+    return scene, fixed
+
+
+def _kept(
+    what: str, across: int, shapes: dict[str, tuple[int, ...]], make: Callable[[], dict[str, np.ndarray]]
+) -> Mapping[str, np.ndarray]:
+    """What is known of a mesh, from the user's cache or made now."""
+    found = _bar(across)[0].tetrahedra_set
+    mesh = found.position.tobytes() + found.tetrahedra.tobytes() + found.masses.tobytes()
+    told = f"{what} {across} {WEIGHT} {POISSON} {DENSITY} {REFERENCE} {MODES} ".encode()
+    key = hashlib.sha256(told + mesh + sources()).hexdigest()[:16]
+    return kept_arrays(cache_folder("references") / f"cantilever-{key}.npz", shapes, make)
+
+
+@cache
+def exact_rest(across: int) -> np.ndarray:
+    """(particles, 3) [m]: where the bar is at rest on its own mesh, whatever solves it and whatever its Young's modulus."""
+    scene, fixed = _bar(across)
+    found = scene.tetrahedra_set
+
+    def make() -> dict[str, np.ndarray]:
+        gravity = 0.0, -WEIGHT * REFERENCE, 0.0
+        return {
+            "position": nonlinear_static(
+                found.position, found.tetrahedra, REFERENCE, POISSON, fixed, "fixed-corotated", gravity=gravity,
+                density=DENSITY,
+            )
+        }  # fmt: skip
+
+    return _kept("rest", across, {"position": found.position.shape}, make)["position"]
+
+
+@cache
+def _modes(across: int) -> tuple[np.ndarray, np.ndarray]:
+    """(frequency (m,) [Hz], shapes (m, particles, 3)) of the MODES lowest ones."""
+    scene, fixed = _bar(across)
+    found = scene.tetrahedra_set
+
+    def make() -> dict[str, np.ndarray]:
+        modes = mode_shapes(found.position, found.tetrahedra, REFERENCE, POISSON, DENSITY, fixed, MODES)
+        return dict(zip(("frequency", "shapes"), modes, strict=True))
+
+    kept = _kept("modes", across, {"frequency": (MODES,), "shapes": (MODES, *found.position.shape)}, make)
+    return kept["frequency"], kept["shapes"]
+
+
+@cache
+def exact_drop(across: int, young: float) -> tuple[int, float]:
+    """(frames to half of the first period, how far down the tip then is [m]) of the bar let go from its unloaded shape: the
+    sum over the modes of phi (phi' M g) / (phi' M phi w^2) (1 - cos w t)."""
+    scene, _ = _bar(across)
+    found = scene.tetrahedra_set
+    frequency, shapes = _modes(across)
+    frequency = frequency * sqrt(young / REFERENCE)
+    frames = max(1, round(0.5 / frequency[0] / FRAME))
+    mass, w = found.masses, 2 * pi * frequency
+    push = -WEIGHT * young * (shapes[:, :, 1] @ mass) / (np.einsum("mpk,p->m", shapes**2, mass) * w**2)
+    moved = np.einsum("m,mpk->pk", push * (1 - np.cos(w * frames * FRAME)), shapes)
+    return frames, sag(scene, found.position + moved)

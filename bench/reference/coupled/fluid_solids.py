@@ -1,0 +1,121 @@
+"""A fluid that meets solids, in slow, plain NumPy float64: the judge of both backends' coupling.
+
+From the papers, without model/formulas or a backend: samples of volume psi count in the density constraint (N. Akinci et al.,
+"Versatile Rigid-Fluid Coupling for Incompressible SPH", SIGGRAPH 2012), and their
+corrections go to the particles that carry them by inverse masses (M. Macklin et al., "Unified Particle Physics for
+Real-Time Applications", SIGGRAPH 2014). The order of a substep is in model/fluid/plan.py. What a fluid does by itself is
+bench/reference/fluid.py's."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from bench.reference.fluid import _Pairs, _smooth, _World
+from model.fluid.samples import Samples
+from model.scene.scene import Scene
+
+
+class FluidAmongSolids:
+    """The fluids of a scene among `samples`, substep by substep: `begin`, `correct` in each iteration, `end`."""
+
+    def __init__(self, scene: Scene, samples: Samples):
+        self.world, self.samples = _World(scene), samples
+        self.count = len(self.world.weight)
+        volume = samples.volume
+        one = np.ones(self.count)
+        self.volume = np.append(one, volume)
+        self.solid = np.append(0 * one, volume)
+        self.weight = np.append(self.world.weight, samples.own_lightness)
+        nu = self.world.of("viscosity") / self.world.of("density") * self.world.h / self.world.kernels.spread
+        self.viscosity = np.append(np.minimum(nu, 1), 0 * volume)
+
+    def begin(self, number: int, x: np.ndarray, v: np.ndarray, before: np.ndarray, position: np.ndarray) -> None:
+        """A substep from (x, v) of the fluid, where the solids' particles come from `before` and are predicted at
+        `position`."""
+        world = self.world
+        gravity = world.scene.gravity.acceleration if world.scene.gravity and world.scene.gravity.enabled else 0.0
+        self.fastest = np.minimum(world.of("maximum_speed"), world.kernels.h / 2 / world.h)
+        u = v.copy()
+        u[:, 1] -= world.h * gravity * world.of("buoyancy")
+        self.number, self.x, self.u = number, x, self._limited(u)
+        self.p = x + world.h * self.u
+        self.start = np.concatenate([x, self.samples.points(before)])
+        joined = np.concatenate([self.p, self.samples.points(position)])
+        self.pairs = _Pairs(world, joined)
+        self.multiplier, self.c = np.zeros(self.count), np.zeros(self.count)
+        self._factors(joined)
+
+    def _limited(self, velocity: np.ndarray) -> np.ndarray:
+        speed = np.linalg.norm(velocity, axis=1)
+        return velocity * np.where(speed > self.fastest, self.fastest / np.where(speed > 0, speed, 1), 1)[:, None]
+
+    def _among_itself(self) -> _Pairs:
+        """Of the pairs that were neighbours as the substep began, those of two particles of the fluid."""
+        found = _Pairs(self.world, self.p)
+        found.pairs = self.pairs.pairs[(self.pairs.pairs < self.count).all(axis=1)]
+        found.i, found.j = found.pairs.T
+        return found
+
+    @property
+    def _end(self) -> float:
+        return (self.number + 1) * self.world.h
+
+    def _factors(self, joined: np.ndarray) -> None:
+        world, pairs, i, j = self.world, self.pairs, self.pairs.i, self.pairs.j
+        method, weight = world.scene.method, self.weight
+        pairs.at(joined, np.arange(len(joined)))
+        g = -pairs.s[:, None] * pairs.d
+        square = (g**2).sum(axis=1)
+        gives = weight * self.volume**2
+        own = pairs.sum(gives[j] * square, gives[i] * square)[: self.count]
+        across = pairs.sum(self.volume[j, None] * g, -self.volume[i, None] * g)[: self.count]
+        _, wall = world.walls(joined[: self.count], self._end)
+        weight = weight[: self.count]
+        below = weight * ((across + wall) ** 2).sum(axis=1) + own + 2 * weight * (wall**2).sum(axis=1)
+        self.factor = method.part_of_the_way / (below + method.softness / world.kernels.h**2)
+
+    def correct(self, position: np.ndarray) -> np.ndarray:
+        """An iteration, with the solids' particles at `position`; where they are then."""
+        world, pairs, i, j = self.world, self.pairs, self.pairs.i, self.pairs.j
+        method, count = world.scene.method, self.count
+        joined = np.concatenate([self.p, self.samples.points(position)])
+        pairs.at(joined, np.arange(len(joined)))
+        kernel = world.kernels.kernel(pairs.bare)
+        share, wall = world.walls(self.p, self._end)
+        total = pairs.sum(self.volume[j] * kernel, self.volume[i] * kernel)[:count]
+        self.c = total + world.kernels.kernel(np.zeros(1)) + share - 1
+        delta = np.minimum(self.multiplier - self.factor * self.c, 0) - self.multiplier
+        self.multiplier = self.multiplier + delta
+        changes = np.append(delta, np.zeros(self.samples.count))
+        both = changes[i] * self.volume[j] + changes[j] * self.volume[i]
+        if method.tensile_correction:
+            h, at = world.kernels.h, method.tensile_distance
+            ratio = np.maximum(1 - (pairs.r / h) ** 2, 0) ** 3 / (1 - at**2) ** 3
+            both = both - method.tensile_correction * h**2 * ratio**4 * ((self.solid[i] == 0) & (self.solid[j] == 0))
+        way = -(both * pairs.s)[:, None] * pairs.d
+        moved = joined - self.start
+        rub = (self.viscosity[i] + self.viscosity[j]) * 2 / np.maximum(self.weight[i] + self.weight[j], 1e-6)
+        rub = rub * (self.solid[i] + self.solid[j]) * ((self.solid[i] > 0) != (self.solid[j] > 0)) / method.iterations
+        way = way + (rub * world.kernels.kernel(pairs.r))[:, None] * (moved[j] - moved[i])
+        total = pairs.sum(way, -way)
+        total[:count] += 2 * delta[:, None] * wall
+        pushed = self.p + world.weight[:, None] * total[:count]
+        self.p, _ = world.collide(self.number, self.x, pushed, np.zeros_like(self.p))
+        found = position.copy()
+        for corner in range(self.samples.corners.shape[1]):
+            carrier, share = self.samples.corners[:, corner], self.samples.shares[:, corner]
+            weighed = (share * self.samples.lightness[carrier])[:, None]
+            np.add.at(found, carrier, weighed * total[count:])
+        return found
+
+    def end(self) -> tuple[np.ndarray, np.ndarray]:
+        """(position, velocity) of the fluid after the substep."""
+        world = self.world
+        v = (self.p - self.x) / world.h
+        change = world.of("maximum_acceleration") * world.h
+        far = np.linalg.norm(v - self.u, axis=1)
+        v = self.u + (v - self.u) * np.where(far > change, change / np.where(far > 0, far, 1), 1)[:, None]
+        p, v = world.collide(self.number, self.x, self.p, v)
+        v = _smooth(world, p, v, self._among_itself())
+        rate = world.of("drag") + world.of("free_surface_drag") * np.clip(-self.c, 0, 1)
+        return p, self._limited(v / (1 + world.h * rate)[:, None])

@@ -1,0 +1,99 @@
+"""Ranks that are threads of one process: for tests, and to see what a decomposition does without MPI."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Sequence
+from queue import Empty, Queue
+from typing import Any
+
+import numpy as np
+
+from cpu_backend.core.simulation import RowsSimulation
+from cpu_backend.domains.ranks import RankExchange, Ranks
+from model.core.errors import BackendUnavailable
+from model.domains.decomposition import Decomposition
+from model.domains.exchange import PATIENCE
+from model.domains.processes import lost
+
+
+class Meeting:
+    """Where the threads of `count` ranks meet: a queue for each pair of neighbours, a table for what all are told. `patience`
+    [s]: how long one waits for another."""
+
+    def __init__(self, count: int, patience: float = PATIENCE):
+        self.count, self.patience = count, patience
+        self.queues: dict[tuple[int, int], Queue[np.ndarray]] = {
+            (source, target): Queue() for source in range(count) for target in range(count)
+        }
+        self.told: list[Any] = [None] * count
+        self.barrier = threading.Barrier(count)
+
+    def all_of(self, rank: int, what: Any) -> Sequence[Any]:
+        """What all ranks told."""
+        self.told[rank] = what
+        try:
+            self.barrier.wait(self.patience)
+            found = list(self.told)
+            self.barrier.wait(self.patience)  # before anyone tells anything else
+        except threading.BrokenBarrierError:
+            raise lost("another rank", self.patience) from None
+        return found
+
+
+class ThreadExchange(RankExchange):
+    """Through queues; see Exchange."""
+
+    def __init__(self, window: RowsSimulation, decomposition: Decomposition, rank: int, meeting: Meeting):
+        super().__init__(window, decomposition, rank)
+        self._meeting = meeting
+
+    def _send(self, rank: int, message: np.ndarray) -> None:
+        self._meeting.queues[self.rank, rank].put(message.copy())
+
+    def _receive(self, rank: int, message: np.ndarray) -> None:
+        try:
+            message[...] = self._meeting.queues[rank, self.rank].get(timeout=self._meeting.patience)
+        except Empty:
+            raise lost(f"rank {rank}", self._meeting.patience) from None
+
+    def gather(self, owned: np.ndarray) -> np.ndarray:
+        return np.concatenate(self._meeting.all_of(self.rank, owned))
+
+    def largest(self, number: float) -> float:
+        return max(self._meeting.all_of(self.rank, number))
+
+
+class ThreadRanks(Ranks):
+    """One of the threads that meet."""
+
+    def __init__(self, meeting: Meeting, rank: int):
+        self.meeting, self.rank, self.count = meeting, rank, meeting.count
+
+    def exchange(self, window: RowsSimulation, decomposition: Decomposition) -> RankExchange:
+        return ThreadExchange(window, decomposition, self.rank, self.meeting)
+
+
+def run_in_threads(count: int, program: Callable[[Ranks], Any], patience: float = PATIENCE) -> list[Any]:
+    """What `program(ranks)` returns on each of `count` ranks. Raises what the first of them raised by itself."""
+    meeting = Meeting(count, patience)
+    results: list[Any] = [None] * count
+    errors: list[BaseException | None] = [None] * count
+
+    def run(rank: int) -> None:
+        try:
+            results[rank] = program(ThreadRanks(meeting, rank))
+        except BaseException as error:
+            errors[rank] = error
+            meeting.barrier.abort()
+
+    threads = [threading.Thread(target=run, args=(rank,), daemon=True) for rank in range(count)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    raised = [error for error in errors if error is not None]
+    own = [error for error in raised if not isinstance(error, BackendUnavailable)]
+    for error in own or raised:
+        raise error
+    return results

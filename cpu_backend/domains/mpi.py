@@ -1,0 +1,59 @@
+"""Ranks that are processes of MPI, on one machine or several: started by `mpiexec`, one window each."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from cpu_backend.core.simulation import RowsSimulation
+from cpu_backend.domains.ranks import RankExchange, Ranks
+from model.core.errors import SceneError
+from model.domains.decomposition import Decomposition
+from model.domains.processes import await_request, gather_rows, largest_of, mpi
+
+
+class MpiExchange(RankExchange):
+    """By messages that are sent and received without waiting, looked at until they are there; see Exchange."""
+
+    def __init__(self, window: RowsSimulation, decomposition: Decomposition, rank: int, world: Any):
+        super().__init__(window, decomposition, rank)
+        self._world: Any = world
+        self._pending: list[tuple[int, Any]] = []
+        self._coming: dict[int, Any] = {}
+
+    def post(self) -> None:
+        for border in self._in:  # first, so that what arrives has a place to go to
+            self._coming[border.source] = self._world.Irecv(self._received[border.source], border.source)
+        super().post()
+
+    def _send(self, rank: int, message: np.ndarray) -> None:
+        self._pending.append((rank, self._world.Isend(message, rank)))
+
+    def _receive(self, rank: int, message: np.ndarray) -> None:
+        await_request(self._coming.pop(rank), f"rank {rank}")
+
+    def _finish(self) -> None:
+        while self._pending:
+            rank, request = self._pending.pop()
+            await_request(request, f"rank {rank}")
+
+    def gather(self, owned: np.ndarray) -> np.ndarray:
+        return gather_rows(self._world, owned, self.decomposition)
+
+    def largest(self, number: float) -> float:
+        return largest_of(self._world, number)
+
+
+class MpiRanks(Ranks):
+    """All processes that MPI knows of. Raises BackendUnavailable without MPI, SceneError for another number of them than
+    `count`."""
+
+    def __init__(self, count: int):
+        self._world = mpi().COMM_WORLD
+        self.rank, self.count = self._world.Get_rank(), self._world.Get_size()
+        if self.count != count:
+            raise SceneError("--ranks", count, f"MPI has {self.count}; start the run with mpiexec -n {count}")
+
+    def exchange(self, window: RowsSimulation, decomposition: Decomposition) -> RankExchange:
+        return MpiExchange(window, decomposition, self.rank, self._world)

@@ -1,0 +1,129 @@
+"""A fluid that meets solids, on CPU threads, stage by stage: model/fluid/plan.py, Solids, says what it does.
+
+The solids are someone else's, who brings their particles and takes them back (`SolidPlaces`).
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from types import SimpleNamespace
+from typing import Any, Protocol
+
+import numpy as np
+
+from cpu_backend.core.compile import Compiler
+from cpu_backend.core.layout import aligned_zeros
+from cpu_backend.fluid.lists import LANES
+from cpu_backend.fluid.solid_phases import SUMS, make_sampling, make_solid_constraint
+from cpu_backend.fluid.solver import Fluid
+from model.core.plan import Moment, StageRun
+from model.core.simulation import Options
+from model.fluid.among_solids import KINDS, kinds_of
+from model.fluid.samples import Samples
+from model.scene.scene import Scene
+
+
+@cache
+def make_solid_stages(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
+    """The phases that know of solids, each a parallel loop (bands, ...)."""
+    compiler = Compiler(f"fluid_solids_{np.dtype(real).name}_{math}_{'_'.join(sorted(parts))}", math)
+    phases = vars(make_sampling(compiler, real)) | vars(make_solid_constraint(compiler, real, parts))
+    return SimpleNamespace(**{name: compiler.banded(phase) for name, phase in phases.items()})
+
+
+class SolidPlaces(Protocol):
+    """Where the solids' particles are: `before` as a substep began, `position` now, (n, 3) in the precision [m]."""
+
+    before: np.ndarray
+    position: np.ndarray
+
+    def take(self, fresh: bool) -> None:
+        """Bring `position` up to date, with `fresh` also `before`."""
+
+    def give(self) -> None:
+        """The solids are at `position` from now on."""
+
+
+class FluidAmongSolids(Fluid):
+    """Fluids and `samples` of solids, whose particles lie at `places`. Kernel `stages` alone; the rest is the contract of
+    Fluid."""
+
+    def __init__(
+        self, scene: Scene, options: Options, threads: str | int, samples: Samples, places: SolidPlaces
+    ):  # fmt: skip
+        self.samples, self._places_of_solids = samples, places
+        super().__init__(scene, options, threads)
+
+    def _allocate(self) -> None:
+        super()._allocate()
+        real, samples, fluids = self.real, self.samples, len(self.body.position)
+        assert samples is not None
+        offsets, carried, shares = samples.carriers
+        places = self._places_of_solids
+        self._number_of_fluids = fluids
+        carriers = samples.lightness.astype(real), offsets, carried, shares.astype(real)
+        self._met = (
+            fluids, kinds_of(self.scene, samples).astype(real).reshape(-1), aligned_zeros(KINDS * self._room, real),
+            np.zeros(samples.count, np.int32), (samples.corners.reshape(-1), samples.shares.reshape(-1).astype(real)),
+            (places.before.reshape(-1), places.position.reshape(-1)), carriers, np.zeros(3 * samples.count, real),
+        )  # fmt: skip
+        self._sums = aligned_zeros(SUMS * LANES * self._bands, real)
+
+    def _stages(self) -> dict[str, StageRun]:
+        found = super()._stages()
+        stage = make_solid_stages(self.real, self.options.math, self.plan.parts)
+        bands, world, met, sums = self._bands, self._world, self._met, self._sums
+        rest, fluids = (self.parameters, self.bodies, self.kinds), self._fluids
+        places, buffers, search = self._places_of_solids, (world[3][1], world[4][0]), found["find neighbours"]
+
+        def find(moment: Moment) -> None:
+            search(moment)
+            stage.gather(bands, world, met)
+            stage.factors(bands, moment.number, world, met, sums, rest[0], fluids, *rest[1:])
+
+        def sample(moment: Moment) -> None:
+            places.take(fresh=True)
+            stage.sample(bands, world, met)
+
+        def follow(moment: Moment) -> None:
+            places.take(fresh=False)
+            stage.follow(bands, buffers[moment.iteration % 2], world, met)
+
+        def density(moment: Moment) -> None:
+            stage.constrain(bands, moment.number, buffers[moment.iteration % 2], world, met, sums, *rest)
+
+        def correct(moment: Moment) -> None:
+            here = moment.iteration % 2
+            given = buffers[here], buffers[1 - here], world, met, sums, rest[0], fluids, *rest[1:]
+            stage.correct(bands, moment.number, *given)
+
+        def push(moment: Moment) -> None:
+            stage.push(bands, met)
+            places.give()
+
+        return found | {
+            "sample solids": sample,
+            "find neighbours": find,
+            "follow solids": follow,
+            "density": density,
+            "correct": correct,
+            "push solids": push,
+        }
+
+    # ------------------------------------------------------------------ the contract, of the fluid's own particles
+
+    def _by_number(self, array: np.ndarray) -> np.ndarray:
+        return super()._by_number(array)[: self._number_of_fluids]
+
+    def _download(self) -> tuple[np.ndarray, np.ndarray]:
+        position, velocity = super()._download()
+        return position[: self._number_of_fluids].copy(), velocity[: self._number_of_fluids].copy()
+
+    def _upload(self, position: np.ndarray, velocity: np.ndarray) -> None:
+        room, count, fluids = self._room, self._particles, self._number_of_fluids
+        for array, values in zip(self._state[:2], (position, velocity), strict=True):
+            planes = array[: 3 * room].reshape(3, room)
+            planes[:, :fluids], planes[:, fluids:count] = values.T, 0
+        self._state[2][:count] = np.arange(count)
+        self._state[3][:fluids] = self.scene.fluid_set.fluid
+        self._state[3][fluids:count] = len(self.scene.fluid_set.parts)

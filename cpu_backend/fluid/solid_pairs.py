@@ -1,0 +1,98 @@
+"""The sums over neighbours of a fluid's density constraint where samples of solids are among them, LANES particles at a time,
+for CPU threads (model/fluid/plan.py, Solids). Arguments as in cpu_backend/fluid/pairs.py; `volume`, `grip`,
+`lightness`: of all, in the order of cells."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+from cpu_backend.core.compile import Compiler
+from cpu_backend.fluid.cells import make_row_of
+from cpu_backend.fluid.lists import LANES
+from model.fluid.parameters import F_VISCOSITY
+from model.formulas.fluid import density, solids
+
+
+def make_solid_pairs(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
+    """`densities`, `gradients`, `corrections`; their sums are added to, and begin at 0."""
+    f, m = density.make(real, compiler.compiled), solids.make(real, compiler.compiled)
+    squared, near, apart, slope = f.squared, f.near, f.apart, f.slope
+    gradient_added, own_added, crowded, correction_added = f.gradient_added, f.own_added, f.crowded, f.correction_added
+    counted, counted_slope, carried = m.counted, m.counted_slope, m.carried
+    both_of, rub, rub_added = m.both, m.rub, m.rub_added
+    has_tensile, rubs, zero = "tensile" in parts, "viscosity" in parts, real(0)
+    row_of = compiler.compiled(make_row_of(parts))
+
+    @compiler.row
+    def densities(many, entries, x, y, z, own_x, own_y, own_z, inverse, volume, total):
+        for k in range(many):
+            for lane in range(LANES):
+                j = entries[k * LANES + lane]
+                t = near(squared(own_x[lane] - x[j], own_y[lane] - y[j], own_z[lane] - z[j]), inverse)
+                total[lane] = counted(total[lane], volume[j], t)
+
+    @compiler.row
+    def gradients(
+        many, first, entries, x, y, z, own_x, own_y, own_z, support, inverse, scale, volume, lightness, gx, gy, gz, own
+    ):  # fmt: skip
+        for k in range(many):
+            for lane in range(LANES):
+                j = entries[k * LANES + lane]
+                dx, dy, dz = own_x[lane] - x[j], own_y[lane] - y[j], own_z[lane] - z[j]
+                dy = apart(dy, squared(dx, dy, dz), support, first + lane < j)
+                square = squared(dx, dy, dz)
+                bare = slope(square, inverse, scale)
+                s = counted_slope(volume[j], bare)
+                gx[lane] = gradient_added(gx[lane], s, dx)
+                gy[lane] = gradient_added(gy[lane], s, dy)
+                gz[lane] = gradient_added(gz[lane], s, dz)
+                own[lane] = own_added(own[lane], carried(lightness[j], volume[j]), bare, square)
+
+    @compiler.row
+    def corrections(
+        many, first, entries, x, y, z, delta, volume, grip, own_x, own_y, own_z, own_delta, own_volume, own_grip, support,
+        inverse, scale, tensile, inverse_tensile, ax, ay, az,
+    ):  # fmt: skip
+        for k in range(many):
+            for lane in range(LANES):
+                j = entries[k * LANES + lane]
+                dx, dy, dz = own_x[lane] - x[j], own_y[lane] - y[j], own_z[lane] - z[j]
+                dy = apart(dy, squared(dx, dy, dz), support, first + lane < j)
+                square = squared(dx, dy, dz)
+                s = slope(square, inverse, scale)
+                both = both_of(own_delta[lane], delta[j], own_volume[lane], volume[j])
+                if has_tensile:
+                    alone = grip[j] + own_grip[lane] == zero
+                    both = both - (crowded(near(square, inverse), inverse_tensile, tensile) if alone else zero)
+                ax[lane] = correction_added(ax[lane], both, s, dx)
+                ay[lane] = correction_added(ay[lane], both, s, dy)
+                az[lane] = correction_added(az[lane], both, s, dz)
+
+    @compiler.compiled
+    def frictions(i, many, entries, room, place, before, inverse, grip, lightness, fluid, fluids, x, y, z):
+        """Of particle i: the sums x, y, z with what it and those samples that it touches take from each other."""
+        if not rubs:
+            return x, y, z
+        mine = fluids[row_of(fluid, i) + F_VISCOSITY]
+        wx, wy, wz = (
+            place[i] - before[i],
+            place[room + i] - before[room + i],
+            place[2 * room + i] - before[2 * room + i],
+        )
+        for k in range(many):
+            j = entries[k * LANES]
+            if (grip[i] > zero) != (grip[j] > zero):
+                dx, dy, dz = (
+                    place[i] - place[j],
+                    place[room + i] - place[room + j],
+                    place[2 * room + i] - place[2 * room + j],
+                )
+                t, its = near(squared(dx, dy, dz), inverse), fluids[row_of(fluid, j) + F_VISCOSITY]
+                share = rub(t, mine, its, lightness[i], lightness[j], grip[i], grip[j])
+                x = rub_added(x, share, wx, place[j] - before[j])
+                y = rub_added(y, share, wy, place[room + j] - before[room + j])
+                z = rub_added(z, share, wz, place[2 * room + j] - before[2 * room + j])
+        return x, y, z
+
+    return SimpleNamespace(densities=densities, gradients=gradients, corrections=corrections, frictions=frictions)

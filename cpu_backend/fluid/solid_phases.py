@@ -1,0 +1,234 @@
+"""The phases of a fluid's substep that know of solids, on CPU threads: model/fluid/plan.py, Solids, says what they do.
+
+`solids`: (how many particles the fluid has, its neighbours' kinds by number, the same in the order of cells, where each
+sample lies in it, (corners, shares) of samples, (before, position) of the solids' particles in rows, (lightness, offsets,
+samples, shares) of what each of them carries, what samples are pushed by, in planes).
+"""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from cpu_backend.contact.colliders import make_collide_mass, make_instants
+from cpu_backend.core.compile import Compiler
+from cpu_backend.core.layout import row_at
+from cpu_backend.fluid.cells import AXES, BOX, LARGEST, make_row_of
+from cpu_backend.fluid.lists import LANES
+from cpu_backend.fluid.solid_pairs import make_solid_pairs
+from cpu_backend.fluid.walls import make_walls
+from model.fluid.among_solids import K_GRIP, K_LIGHTNESS, KINDS
+from model.fluid.parameters import F_WEIGHT, MAX_NEIGHBOURS
+from model.fluid.samples import CORNERS
+from model.formulas.fluid import density, solids
+from model.scene.cloth import COLLIDER_KINDS
+
+SUMS = 4  # rows of LANES for each part
+
+
+def make_sampling(compiler: Compiler, real: Any) -> SimpleNamespace:
+    """`sample`, `gather`, `follow`, `push`: phases that carry solids to their samples and back, (part, parts, ...)."""
+    compiled, formulas = compiler.compiled, solids.make(real, compiler.compiled)
+    middle, carried_on = formulas.middle, formulas.carried_on
+    moved = density.make(real, compiler.compiled).moved
+    zero, largest = real(0), real(LARGEST)
+
+    @compiled
+    def point(s, corners, shares, rows):
+        """Where sample s is, of particles in rows of three."""
+        at = CORNERS * s
+        i, j, k = AXES * np.int64(corners[at]), AXES * np.int64(corners[at + 1]), AXES * np.int64(corners[at + 2])
+        a, b, c = shares[at], shares[at + 1], shares[at + 2]
+        return (
+            middle(rows[i], rows[j], rows[k], a, b, c), middle(rows[i + 1], rows[j + 1], rows[k + 1], a, b, c),
+            middle(rows[i + 2], rows[j + 2], rows[k + 2], a, b, c),
+        )  # fmt: skip
+
+    @compiled
+    def sample(part, shared, world, met):
+        """Samples where solids are predicted, among particles in no order yet; and the box of a part's."""
+        (count, room, _), state, (before, place, meant), _, _, table, _, _ = world
+        fluids, _, _, _, (corners, shares), (began, position), _, _ = met
+        number, boxes = state[2], table[0]
+        lx, ly, lz, hx, hy, hz = largest, largest, largest, -largest, -largest, -largest
+        for k in range(count * part // shared, count * (part + 1) // shared):
+            s = np.int64(number[k]) - fluids
+            if s >= 0:
+                before[k], before[room + k], before[2 * room + k] = point(s, corners, shares, began)
+                place[k], place[room + k], place[2 * room + k] = point(s, corners, shares, position)
+                meant[k], meant[room + k], meant[2 * room + k] = zero, zero, zero
+            x, y, z = place[k], place[room + k], place[2 * room + k]
+            if abs(x) < largest and abs(y) < largest and abs(z) < largest:
+                lx, ly, lz, hx, hy, hz = min(lx, x), min(ly, y), min(lz, z), max(hx, x), max(hy, y), max(hz, z)
+        box = BOX * np.int64(part)
+        boxes[box], boxes[box + 1], boxes[box + 2] = lx, ly, lz
+        boxes[box + 3], boxes[box + 4], boxes[box + 5] = hx, hy, hz
+
+    @compiled
+    def gather(part, shared, world, met):
+        """What each in the order of cells counts for, and where samples lie in it."""
+        (count, room, _), _, _, in_order, _, _, _, _ = world
+        fluids, by_number, kinds, slots, _, _, _, _ = met
+        number = in_order[3]
+        for i in range(count * part // shared, count * (part + 1) // shared):
+            n = np.int64(number[i])
+            for kind in range(KINDS):
+                kinds[kind * room + i] = by_number[kind * count + n]
+            if n >= fluids:
+                slots[n - fluids] = np.int32(i)
+
+    @compiled
+    def follow(part, shared, place, world, met):
+        """Samples where solids are now."""
+        (_, room, _), _, _, _, _, _, _, _ = world
+        _, _, _, slots, (corners, shares), (_, position), _, _ = met
+        many = slots.size
+        for s in range(many * part // shared, many * (part + 1) // shared):
+            i = np.int64(slots[s])
+            place[i], place[room + i], place[2 * room + i] = point(s, corners, shares, position)
+
+    @compiled
+    def push(part, shared, met):
+        """The solids' particles, by what their samples are pushed by, in the samples' order."""
+        _, _, _, slots, _, (_, position), (lightness, offsets, samples, shares), shift = met
+        many, room = lightness.size, slots.size
+        for k in range(many * part // shared, many * (part + 1) // shared):
+            x, y, z = zero, zero, zero
+            for e in range(offsets[k], offsets[k + 1]):
+                s = np.int64(samples[e])
+                x, y = carried_on(x, shares[e], shift[s]), carried_on(y, shares[e], shift[room + s])
+                z = carried_on(z, shares[e], shift[2 * room + s])
+            at = AXES * np.int64(k)
+            position[at], position[at + 1] = (
+                moved(position[at], lightness[k], x),
+                moved(position[at + 1], lightness[k], y),
+            )
+            position[at + 2] = moved(position[at + 2], lightness[k], z)
+
+    return SimpleNamespace(sample=sample, gather=gather, follow=follow, push=push)
+
+
+def make_solid_constraint(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
+    """`factors`, `constrain`, `correct`: the density constraint's phases among solids, over slices of LANES."""
+    compiled, f = compiler.compiled, density.make(real, compiler.compiled)
+    constraint, change, wall_added, moved = f.constraint, f.change, f.wall_added, f.moved
+    factor_of, most = f.factor, MAX_NEIGHBOURS[AXES]
+    pairs, walls = make_solid_pairs(compiler, real, parts), make_walls(compiler, real, parts)
+    densities, gradients, corrections = pairs.densities, pairs.gradients, pairs.corrections
+    frictions = pairs.frictions
+    touch, instants = make_collide_mass(compiler, real, parts), make_instants(compiler, real, parts)
+    has_walls, has_bodies = "walls" in parts, bool(parts & set(COLLIDER_KINDS))
+    row_of, zero = compiled(make_row_of(parts)), real(0)
+
+    @compiled
+    def factors(part, shared, number, world, met, scratch, parameters, fluids, bodies, kinds_of):
+        """The factors that an iteration multiplies by; of samples 0."""
+        (count, room, _), _, _, in_order, (_, factor, multiplier, _, _, _), _, (_, longest, entries, _), _ = world
+        first, kinds = met[0], met[2]
+        place, numbers, fluid = in_order[1], in_order[3], in_order[4]
+        _, end, _ = instants(number, parameters)
+        at, slices = np.int64(part) * (SUMS * LANES), (count + LANES - 1) // LANES
+        gx, gy, gz = row_at(scratch, at), row_at(scratch, at + LANES), row_at(scratch, at + 2 * LANES)
+        own = row_at(scratch, at + 3 * LANES)
+        for s in range(slices * part // shared, slices * (part + 1) // shared):
+            base = np.int64(s) * LANES
+            for lane in range(LANES):
+                gx[lane], gy[lane], gz[lane], own[lane] = zero, zero, zero, zero
+            gradients(
+                longest[s], base, row_at(entries, base * most), place, row_at(place, room), row_at(place, 2 * room),
+                row_at(place, base), row_at(place, room + base), row_at(place, 2 * room + base), parameters.support,
+                parameters.inverse_support, parameters.gradient_scale, kinds, row_at(kinds, K_LIGHTNESS * room), gx, gy, gz,
+                own,
+            )  # fmt: skip
+            for lane in range(min(LANES, count - base)):
+                i = base + lane
+                wx, wy, wz = zero, zero, zero
+                if has_walls:
+                    _, wx, wy, wz = walls(
+                        bodies, kinds_of, end, parameters, place[i], place[room + i], place[2 * room + i]
+                    )  # fmt: skip
+                factor[i], multiplier[i] = zero, zero
+                if numbers[i] < first:
+                    factor[i] = factor_of(
+                        parameters.relaxation, fluids[row_of(fluid, i) + F_WEIGHT], gx[lane], gy[lane], gz[lane], own[lane],
+                        wx, wy, wz, parameters.softness,
+                    )  # fmt: skip
+
+    @compiled
+    def constrain(part, shared, number, place, world, met, scratch, parameters, bodies, kinds_of):
+        """The constraints where particles are at `place`, and the changes of their multipliers."""
+        (count, room, _), _, _, in_order, (_, factor, multiplier, delta, error, wall), _, lists, _ = world
+        first, kinds, numbers = met[0], met[2], in_order[3]
+        longest, entries, slices = lists[1], lists[2], (count + LANES - 1) // LANES
+        _, end, _ = instants(number, parameters)
+        total = row_at(scratch, np.int64(part) * (SUMS * LANES))
+        for s in range(slices * part // shared, slices * (part + 1) // shared):
+            base = np.int64(s) * LANES
+            for lane in range(LANES):
+                total[lane] = zero
+            densities(
+                longest[s], row_at(entries, base * most), place, row_at(place, room), row_at(place, 2 * room),
+                row_at(place, base), row_at(place, room + base), row_at(place, 2 * room + base), parameters.inverse_support,
+                kinds, total,
+            )  # fmt: skip
+            for lane in range(min(LANES, count - base)):
+                i, share, wx, wy, wz = base + lane, zero, zero, zero, zero
+                error[i], delta[i] = zero, zero
+                if numbers[i] >= first:
+                    continue
+                if has_walls:
+                    share, wx, wy, wz = walls(
+                        bodies, kinds_of, end, parameters, place[i], place[room + i], place[2 * room + i]
+                    )  # fmt: skip
+                    wall[i], wall[room + i], wall[2 * room + i] = wx, wy, wz
+                c = constraint(total[lane], parameters.density_scale, share)
+                error[i], delta[i] = c, change(multiplier[i], factor[i], c)
+                multiplier[i] = multiplier[i] + delta[i]
+
+    @compiled
+    def correct(part, shared, number, place, there, world, met, scratch, parameters, fluids, bodies, kinds_of):
+        """Particles at `place` moved, into `there`; and what samples are pushed by."""
+        (count, room, _), _, _, in_order, (_, _, _, delta, _, wall), _, lists, _ = world
+        first, kinds, slots, shift = met[0], met[2], met[3], met[7]
+        before, numbers, fluid = in_order[0], in_order[3], in_order[4]
+        neighbours, longest, entries, slices = lists[0], lists[1], lists[2], (count + LANES - 1) // LANES
+        at, many = np.int64(part) * (SUMS * LANES), slots.size
+        ax, ay, az = row_at(scratch, at), row_at(scratch, at + LANES), row_at(scratch, at + 2 * LANES)
+        grip, lightness = row_at(kinds, K_GRIP * room), row_at(kinds, K_LIGHTNESS * room)
+        for s in range(slices * part // shared, slices * (part + 1) // shared):
+            base = np.int64(s) * LANES
+            for lane in range(LANES):
+                ax[lane], ay[lane], az[lane] = zero, zero, zero
+            corrections(
+                longest[s], base, row_at(entries, base * most), place, row_at(place, room), row_at(place, 2 * room), delta,
+                kinds, grip, row_at(place, base), row_at(place, room + base), row_at(place, 2 * room + base),
+                row_at(delta, base), row_at(kinds, base), row_at(grip, base), parameters.support,
+                parameters.inverse_support, parameters.gradient_scale, parameters.tensile, parameters.inverse_tensile,
+                ax, ay, az,
+            )  # fmt: skip
+            for lane in range(min(LANES, count - base)):
+                i = base + lane
+                cx, cy, cz = frictions(
+                    i, neighbours[i], row_at(entries, base * most + lane), room, place, before, parameters.inverse_support,
+                    grip, lightness, fluid, fluids, ax[lane], ay[lane], az[lane],
+                )  # fmt: skip
+                px, py, pz = place[i], place[room + i], place[2 * room + i]
+                sample = np.int64(numbers[i]) - first
+                if sample >= 0:
+                    shift[sample], shift[many + sample], shift[2 * many + sample] = cx, cy, cz
+                else:
+                    weight = fluids[row_of(fluid, i) + F_WEIGHT]
+                    if has_walls:
+                        cx, cy = wall_added(cx, delta[i], wall[i]), wall_added(cy, delta[i], wall[room + i])
+                        cz = wall_added(cz, delta[i], wall[2 * room + i])
+                    px, py, pz = moved(px, weight, cx), moved(py, weight, cy), moved(pz, weight, cz)
+                    if has_bodies:
+                        px, py, pz, _, _, _ = touch(
+                            bodies, kinds_of, number, parameters, before[i], before[room + i], before[2 * room + i], px, py,
+                            pz, zero, zero, zero,
+                        )  # fmt: skip
+                there[i], there[room + i], there[2 * room + i] = px, py, pz
+
+    return SimpleNamespace(factors=factors, constrain=constrain, correct=correct)

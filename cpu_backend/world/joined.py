@@ -1,0 +1,71 @@
+"""Particles of several members in one row, on CPU threads: copies of those that meet, and the ways from and to members."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cache
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from cpu_backend.core.compile import Compiler
+from cpu_backend.core.simulation import ParticlesSimulation
+
+AXES = 3
+
+
+@cache
+def make_ways(real: Any) -> SimpleNamespace:
+    """`take(bands, flat, slots, stride, first, rows)`: coordinate `axis` of the row first + k is flat[slots[k] + axis *
+    stride]; `give(bands, rows, weights, slots, stride, first, flat)`: likewise back, of those that weigh anything."""
+    compiler, zero = Compiler(f"joined_{np.dtype(real).name}", "exact"), real(0)
+
+    def take(band, bands, flat, slots, stride, first, rows):
+        count = slots.size
+        for k in range(count * band // bands, count * (band + 1) // bands):
+            for axis in range(AXES):
+                rows[first + k, axis] = flat[slots[k] + axis * stride]
+
+    def give(band, bands, rows, weights, slots, stride, first, flat):
+        count = slots.size
+        for k in range(count * band // bands, count * (band + 1) // bands):
+            if weights[first + k] > zero:
+                for axis in range(AXES):
+                    flat[slots[k] + axis * stride] = rows[first + k, axis]
+
+    return SimpleNamespace(take=compiler.banded(take), give=compiler.banded(give))
+
+
+class Joined:
+    """Of the `particles` (n,) of a world, ascending, whose members' particles lie in `slices`: `before`, `position` (n, 3)
+    [m], where a substep begins and where they are now; `weights` (n,): inverse masses of one unit for all."""
+
+    def __init__(
+        self, particles: np.ndarray, members: Mapping[str, ParticlesSimulation], slices: Mapping[str, slice],
+        weights: np.ndarray, bands: int,
+    ):  # fmt: skip
+        real = next(iter(members.values())).real
+        self.before, self.position = (np.zeros((len(particles), AXES), real) for _ in range(2))
+        self.weights = np.ascontiguousarray(weights[particles], real)
+        self._bands, self._ways = bands, make_ways(real)
+        self._members: list[tuple[np.ndarray, np.ndarray, np.ndarray, int, int]] = []
+        for name, member in members.items():
+            place = slices[name]
+            first, stop = np.searchsorted(particles, [place.start, place.stop])
+            if stop > first:
+                position, _, slots, stride = member._places()
+                own = np.ascontiguousarray(slots[particles[first:stop] - place.start])
+                self._members.append((position, member.substep_start, own, stride, int(first)))
+
+    def take(self, fresh: bool) -> None:
+        """Where members' particles are; `fresh`: and where the substep began."""
+        for position, before, slots, stride, first in self._members:
+            self._ways.take(self._bands, position, slots, stride, first, self.position)
+            if fresh:
+                self._ways.take(self._bands, before, slots, stride, first, self.before)
+
+    def give(self) -> None:
+        """Members' particles are where these are."""
+        for position, _, slots, stride, first in self._members:
+            self._ways.give(self._bands, self.position, self.weights, slots, stride, first, position)

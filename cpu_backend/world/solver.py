@@ -1,0 +1,80 @@
+"""A world on CPU threads: members of several families, stage by stage, and contacts between them."""
+
+from __future__ import annotations
+
+import numba
+
+from cpu_backend.contact.surfaces import SurfaceContacts
+from cpu_backend.core.processor import processor_name
+from cpu_backend.core.simulation import ParticlesSimulation, chosen_kernel
+from cpu_backend.core.threads import thread_count
+from cpu_backend.fluid.among_solids import FluidAmongSolids
+from cpu_backend.world.joined import Joined
+from model.core.families import family_of, scene_plan
+from model.core.family import named
+from model.core.plan import Executor, StageRun
+from model.core.simulation import Options, Simulation
+from model.scene.scene import Scene
+from model.world.meeting import MEMBERS_MEET, cross_surface
+from model.world.plan import BEGIN, FIND, GIVE, PROJECT, TAKE, coupled
+from model.world.simulation import STAGES, WorldSimulation
+from model.world.solids import solids_of
+
+
+class World(WorldSimulation):
+    """See model/world/simulation.py. `threads`: `1x`, `2x`, `4x` or a number."""
+
+    backend = "cpu"
+    contacts: SurfaceContacts | None = None
+
+    def __init__(self, scene: Scene, options: Options, threads: str | int = "1x"):
+        super().__init__(scene, options)
+        self.threads, self.device = thread_count(threads), processor_name()
+        self.plan, self.kernel = scene_plan(scene, options.live), chosen_kernel(options.kernel, "a world", (STAGES,))
+        try:
+            self._open_members(STAGES)
+            self._executor = Executor(self.plan, self._all_stages())
+            self.reset()
+        except BaseException:
+            self.close()
+            raise
+
+    def _open(self, scene: Scene, options: Options) -> Simulation:
+        if scene.fluids:  # the last of all
+            return self._open_fluid(scene, options)
+        return named(family_of(scene).solvers[self.backend])(scene, options, self.threads)
+
+    def _open_fluid(self, scene: Scene, options: Options) -> Simulation:
+        """Among the solids of the members that are open, whose particles it fetches and takes back itself."""
+        solids, weights = solids_of(self.scene), self.body.inverse_mass * self.scene.grid.mass
+        members: dict[str, ParticlesSimulation] = self.members  # type: ignore[assignment]
+        bands = max(member._bands for member in members.values())
+        places = Joined(solids.particles, members, self.slices, weights, bands)
+        return FluidAmongSolids(scene, options, self.threads, solids.samples, places)
+
+    def _cross_stages(self) -> dict[str, StageRun]:
+        if not coupled(self.scene):
+            return {}
+        members: dict[str, ParticlesSimulation] = self.members  # type: ignore[assignment]
+        bands = max(member._bands for member in members.values())
+        weights, meeting = self.body.inverse_mass * self.scene.grid.mass, cross_surface(self.scene)
+        joined = self.joined = Joined(meeting.particles, members, self.slices, weights, bands)
+        contacts = self.contacts = SurfaceContacts(
+            self.scene, self.real, self.options.math, bands, joined.weights, MEMBERS_MEET
+        )
+        return {
+            BEGIN: lambda moment: joined.take(fresh=True),
+            FIND: lambda moment: contacts.find(joined.before, joined.position),
+            TAKE: lambda moment: joined.take(fresh=False),
+            PROJECT: lambda moment: contacts.project(joined.before, joined.position),
+            GIVE: lambda moment: joined.give(),
+        }
+
+    def _run(self, steps: int) -> None:
+        numba.set_num_threads(self.threads)
+        super()._run(steps)
+
+    def _parameters_changed(self) -> None:
+        super()._parameters_changed()
+        if self.contacts:
+            self.contacts.change(self.scene)

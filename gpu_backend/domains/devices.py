@@ -1,0 +1,85 @@
+"""Which GPUs have the windows of a sheet, and whether each reaches into its neighbours' memory."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from contextlib import AbstractContextManager
+from itertools import pairwise
+from typing import Any
+
+from numba import cuda
+
+from gpu_backend.core.device import require_gpu, simulated
+from model.core.errors import BackendUnavailable
+
+SHARE = "SOFTLAB_SHARE_GPU"  # set to 1: more windows than GPUs take turns on those that there are
+ALREADY_ENABLED = 704  # CUDA_ERROR_PEER_ACCESS_ALREADY_ENABLED
+
+
+def gpu_count() -> int:
+    """GPUs of this machine; 1 under the simulator. Raises BackendUnavailable where there is none."""
+    require_gpu()
+    return len(cuda.gpus)
+
+
+def sharing() -> bool:
+    """Whether windows may take turns on a GPU: to try a decomposition where there are fewer GPUs than windows."""
+    return simulated() or os.environ.get(SHARE, "0") not in ("0", "")
+
+
+def devices_for(count: int) -> list[int]:
+    """The number of the GPU of each of `count` windows. Raises BackendUnavailable where there are not so many."""
+    here = gpu_count()
+    if count > here and not sharing():
+        raise BackendUnavailable(
+            f"{count} GPUs were asked for, and {here} {'is' if here == 1 else 'are'} here",
+            f"use --gpus {here}, or {SHARE}=1, with which windows take turns on one GPU, to try it",
+        )
+    return [k % here for k in range(count)]
+
+
+def at(device: int) -> AbstractContextManager[Any]:
+    """Everything within is asked of that GPU."""
+    found: AbstractContextManager[Any] = cuda.gpus[device]
+    return found
+
+
+def new_event() -> Any:
+    """An event of the GPU that is spoken to, without a time; None under the simulator, whose streams are always done."""
+    api: Any = cuda
+    return None if simulated() else api.event(timing=False)
+
+
+def connect(devices: Sequence[int]) -> None:
+    """Let neighbours read and write each other's memory. Raises BackendUnavailable where the hardware does not."""
+    if simulated():
+        return
+    for one, other in pairwise(devices):
+        for here, there in ((one, other), (other, one)):
+            if here != there:
+                _enable(here, there)
+
+
+def can_reach(here: int, there: int) -> bool:
+    """Whether GPU `here` can read and write the memory of GPU `there`."""
+    with at(here):
+        return bool(cuda.current_context().can_access_peer(there))
+
+
+def _enable(here: int, there: int) -> None:
+    from numba.cuda.cudadrv.driver import CudaAPIError
+
+    if not can_reach(here, there):
+        raise BackendUnavailable(
+            f"GPU {here} has no access to the memory of GPU {there}",
+            "use --link nccl, which goes another way, or --gpus 1; softlab doctor shows how they are linked",
+        )
+    with at(there):
+        other = cuda.current_context().handle
+    with at(here):
+        try:
+            cuda.current_context().enable_peer_access(other)
+        except CudaAPIError as error:
+            if int(error.code) != ALREADY_ENABLED:
+                raise

@@ -1,0 +1,104 @@
+"""A sheet on several GPUs of one host, in one process: each window on a GPU, borders read from the neighbour's memory.
+
+Everything is asked of streams in turn, nothing waits on the host: a window steps, and says so by an event; its neighbours'
+streams wait for that, read their halos, and say so by another, before which the window does not step on. Windows may share
+a GPU, then they take turns on it: no kernel waits for another, so that nothing can hang.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import AbstractContextManager
+from typing import Any
+
+import numpy as np
+
+from gpu_backend.core.device import require_gpu
+from gpu_backend.core.simulation import CudaSimulation
+from gpu_backend.domains.devices import at, connect, devices_for, new_event
+from gpu_backend.domains.kernels import make_border_kernels
+from model.core.families import family_of
+from model.core.family import named
+from model.core.options import Options
+from model.core.simulation import Simulation
+from model.domains.decomposition import Decomposition
+from model.domains.exchange import Exchange
+from model.domains.simulation import DecomposedSimulation, cut
+from model.scene.scene import Scene
+
+
+class PeerExchange(Exchange):
+    """See Exchange. `windows`: simulations of complex (masses,) arrays, window k on GPU `devices[k]`."""
+
+    def __init__(self, windows: Sequence[Any], decomposition: Decomposition, devices: Sequence[int]):
+        self.windows, self.decomposition, self.devices = windows, decomposition, devices
+        self._into = [[b for b in decomposition.borders if b.target == k] for k in range(len(windows))]
+        self._kernels = make_border_kernels(windows[0].real)
+        self._stepped = [self._event(k) for k in range(len(windows))]
+        self._pulled = [self._event(k) for k in range(len(windows))]
+
+    def _event(self, place: int) -> Any:
+        with at(self.devices[place]):
+            return new_event()
+
+    def post(self) -> None:
+        self._record(self._stepped)
+
+    def wait(self) -> None:
+        for place, window in enumerate(self.windows):
+            with at(self.devices[place]):
+                for border in self._into[place]:
+                    self._await(self._stepped[border.source], window)
+                    self._pull(self.windows[border.source], window, border)
+        self._record(self._pulled)
+        for place, window in enumerate(self.windows):
+            with at(self.devices[place]):
+                for border in self._into[place]:  # whom it reads from reads from it
+                    self._await(self._pulled[border.source], window)
+
+    def _pull(self, source: Any, window: Any, border: Any) -> None:
+        columns = self.decomposition.columns
+        count = border.rows * columns
+        now, mine = source._current, window._current
+        self._kernels.pull[window._over(count, 256)](
+            source.position[now], source.velocity[now], np.int32(border.from_row * columns),
+            window.position[mine], window.velocity[mine], np.int32(border.to_row * columns), np.int32(count),
+        )  # fmt: skip
+
+    def _record(self, events: Sequence[Any]) -> None:
+        for place, window in enumerate(self.windows):
+            if events[place] is not None:
+                with at(self.devices[place]):
+                    events[place].record(window.stream)
+
+    @staticmethod
+    def _await(event: Any, window: Any) -> None:
+        if event is not None:
+            event.wait(window.stream)
+
+
+class PeerSimulation(DecomposedSimulation):
+    """Windows on the GPUs of this machine, `count` of them; see model/domains/simulation.py."""
+
+    backend = "gpu"
+    windows: list[Any]
+
+    def __init__(self, scene: Scene, options: Options, count: int, steps: int | None = None):
+        require_gpu()
+        found = cut(scene, count, steps, "--gpus")
+        self.devices = devices_for(count)
+        connect(self.devices)
+        super().__init__(scene, options, found, range(count))
+        here = len(set(self.devices))
+        if here < count:
+            self.device = f"{count} windows on {here} x {self.windows[0].device}"
+
+    def _at(self, place: int) -> AbstractContextManager[Any]:
+        return at(self.devices[place])
+
+    def _open(self, place: int, scene: Scene, options: Options) -> Simulation:
+        window: CudaSimulation = named(family_of(scene).solvers["gpu"])(scene, options)
+        return window
+
+    def _connect(self) -> Exchange:
+        return PeerExchange(self.windows, self.decomposition, self.devices)

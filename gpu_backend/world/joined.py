@@ -1,0 +1,78 @@
+"""Particles of several members in one row, on CUDA: copies of those that meet, and the ways from and to members."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cache
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+from numba import cuda
+
+from gpu_backend.core.compile import make_kernels, variant_name
+from gpu_backend.core.quads import SIZE, load_quad, store_quad
+from gpu_backend.core.substeps import SubstepSimulation
+
+THREADS = 128
+
+
+@cache
+def make_ways(real: Any) -> SimpleNamespace:
+    """`take(quads, particles, first, rows)`: quad first + k is that of particles[k]; `give(rows, weights, particles, first,
+    quads)`: likewise back, of those that weigh anything; a quad keeps its fourth number."""
+    zero = real(0)
+
+    def take(quads, particles, first, rows):
+        k = np.int64(cuda.grid(1))  # type: ignore[call-arg]
+        if k < particles.size:
+            p = load_quad(quads, particles[k])
+            store_quad(rows, first + k, p[0], p[1], p[2], p[3])
+
+    def give(rows, weights, particles, first, quads):
+        k = np.int64(cuda.grid(1))  # type: ignore[call-arg]
+        if k < particles.size and weights[first + k] > zero:
+            p = load_quad(rows, first + k)
+            store_quad(quads, particles[k], p[0], p[1], p[2], load_quad(quads, particles[k])[3])
+
+    return make_kernels((take, give), f"joined_{variant_name(real)}")
+
+
+class Joined:
+    """See cpu_backend/world/joined.py. `before`, `position`: quads of the particles, on the device."""
+
+    def __init__(
+        self, particles: np.ndarray, members: Mapping[str, SubstepSimulation], slices: Mapping[str, slice],
+        weights: np.ndarray, stream: Any,
+    ):  # fmt: skip
+        real = next(iter(members.values())).real
+        self.weights = np.ascontiguousarray(weights[particles], real)
+        self.before, self.position = (
+            cuda.to_device(np.zeros(SIZE * len(particles), real), stream=stream) for _ in range(2)
+        )
+        self._weights, self._ways = cuda.to_device(self.weights, stream=stream), make_ways(real)
+        self._members: list[tuple[SubstepSimulation, Any, np.int64, tuple[Any, ...]]] = []
+        for name, member in members.items():
+            place = slices[name]
+            first, stop = np.searchsorted(particles, [place.start, place.stop])
+            if stop > first:
+                own = cuda.to_device((particles[first:stop] - place.start).astype(np.int32), stream=stream)
+                launch = (-(-(stop - first) // THREADS), THREADS, stream)
+                self._members.append((member, own, np.int64(first), launch))
+
+    @property
+    def launches(self) -> int:
+        """Of `take` of positions alone, and of `give`."""
+        return len(self._members)
+
+    def take(self, fresh: bool) -> None:
+        """Where members' particles are; `fresh`: and where the substep began."""
+        for member, own, first, launch in self._members:
+            self._ways.take[launch](member.position[member._current], own, first, self.position)
+            if fresh:
+                self._ways.take[launch](member.substep_start, own, first, self.before)
+
+    def give(self) -> None:
+        """Members' particles are where these are."""
+        for member, own, first, launch in self._members:
+            self._ways.give[launch](self.position, self._weights, own, first, member.position[member._current])

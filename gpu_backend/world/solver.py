@@ -1,0 +1,173 @@
+"""A world on CUDA: members of several families on one stream, and contacts between them. Kernels: `launch`, members' own
+launches with contacts between them; `graph`, the same captured as a CUDA graph; `stages`, stage by stage. In `exact` math all
+give the same bits, and the CPU's."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numba import cuda
+
+from gpu_backend.contact.surfaces import SurfaceContacts, surface_contact_bytes
+from gpu_backend.core.device import memory_info, require_gpu, simulated
+from gpu_backend.core.launch import Graphs, can_capture, new_stream
+from gpu_backend.core.substeps import Launched, SubstepSimulation, launched_kernel
+from gpu_backend.fluid.among_solids import FluidAmongSolids
+from gpu_backend.world.joined import THREADS, Joined
+from model.core.families import family_of, scene_plan
+from model.core.family import named
+from model.core.memory import require
+from model.core.plan import Executor, StageRun
+from model.core.simulation import Options, Simulation
+from model.scene.scene import Scene
+from model.world.meeting import MEMBERS_MEET, cross_surface
+from model.world.plan import BEGIN, FIND, GIVE, PROJECT, TAKE, coupled
+from model.world.simulation import STAGES, WorldSimulation
+from model.world.solids import solids_of
+
+
+class World(WorldSimulation, Launched):
+    """See model/world/simulation.py."""
+
+    backend = "gpu"
+    threads = THREADS
+    members: dict[str, SubstepSimulation]  # type: ignore[assignment]
+    joined: Joined | None = None
+    contacts: SurfaceContacts | None = None
+    _graphs: Graphs | None = None
+
+    def __init__(self, scene: Scene, options: Options):
+        self.device = require_gpu()
+        super().__init__(scene, options)
+        self.plan, self.kernel = scene_plan(scene, options.live), launched_kernel(options.kernel, "a world")
+        if {"bodies", "fluid"} <= set(scene.members) and not scene.contact:
+            self.kernel = STAGES  # launches of bodies that meet nobody come to their goals too late for a fluid
+        self.stream = new_stream()
+        try:
+            self._open_members(STAGES if self.kernel == STAGES else "launch")
+            self._build()
+            self.reset()
+        except BaseException:
+            self.close()
+            raise
+
+    def _open(self, scene: Scene, options: Options) -> Simulation:
+        if scene.fluids:  # the last of all, among the solids of those that are open
+            solids, weights = solids_of(self.scene), self.body.inverse_mass * self.scene.grid.mass
+            places = Joined(solids.particles, self.members, self.slices, weights, self.stream)
+            return FluidAmongSolids(scene, options, solids.samples, places, self.stream)
+        return named(family_of(scene).solvers[self.backend])(scene, options, self.stream)
+
+    def _build(self) -> None:
+        """What runs a step; every kernel compiled, by running it once on arrays that `reset` then overwrites."""
+        if coupled(self.scene):
+            self._join()
+        if self.kernel == STAGES:
+            self._executor = Executor(self.plan, self._all_stages())
+            return
+        self._executor = Executor(self.plan, {}, self._advance_steps)
+        if can_capture():
+            self._advance_steps(0, 1)
+            self.synchronize()
+        if self.kernel == "graph" and can_capture():
+            self._graphs = Graphs(self.stream, self._launch, self._count_on)
+
+    def _join(self) -> None:
+        """Particles that meet."""
+        if not simulated():
+            needed = surface_contact_bytes(self.scene, np.dtype(self.real).itemsize, MEMBERS_MEET)
+            count = self.scene.world_set.particle_count
+            require(needed, memory_info()[0], "contact", f"{count} particles", "GPU memory")
+        weights, meeting = self.body.inverse_mass * self.scene.grid.mass, cross_surface(self.scene)
+        self.joined = Joined(meeting.particles, self.members, self.slices, weights, self.stream)
+        variant = self.real, self.options.math
+        self.contacts = SurfaceContacts(self.scene, *variant, self.joined.weights, self.stream, MEMBERS_MEET)
+
+    # ------------------------------------------------------------------ a step
+
+    @property
+    def _current(self) -> int:
+        """Which buffers of the members hold the state: the same of all."""
+        return next(iter(self.members.values()))._current
+
+    @_current.setter
+    def _current(self, parity: int) -> None:
+        for member in self.members.values():
+            member._current = parity
+
+    def _count_on(self, passes: int) -> None:
+        for member in self.members.values():
+            member._count_on(passes)
+
+    def _set_counter(self, step: int) -> None:
+        for member in self.members.values():
+            member._set_counter(step)
+
+    def _substep(self, place: int, substep: int) -> None:
+        members = self.members.values()
+        for member in members:
+            member.begin_substep(place, substep)
+        self._find()
+        for iteration in range(self.scene.method.iterations):
+            for member in members:
+                member.iterate(iteration)
+            self._project()
+        for member in members:
+            member.end_substep(place, substep)
+
+    def _find(self) -> None:
+        if self.joined and self.contacts:
+            self.joined.take(True)
+            self.contacts.find(self.joined.before, self.joined.position)
+
+    def _project(self) -> None:
+        if self.joined and self.contacts:
+            self.joined.take(False)
+            self.contacts.project(self.joined.before, self.joined.position)
+            self.joined.give()
+
+    @property
+    def _launches(self) -> int:
+        """Of a step."""
+        own = sum(member._launches for member in self.members.values())
+        if not self.joined or not self.contacts:
+            return own
+        each, method = self.joined.launches, self.scene.method
+        cross = 2 * each + self.contacts.finding + method.iterations * (2 * each + self.contacts.projecting)
+        return own + method.substeps * cross
+
+    def _cross_stages(self) -> dict[str, StageRun]:
+        joined, contacts = self.joined, self.contacts
+        if joined is None or contacts is None:
+            return {}
+        return {
+            BEGIN: lambda moment: joined.take(True),
+            FIND: lambda moment: contacts.find(joined.before, joined.position),
+            TAKE: lambda moment: joined.take(False),
+            PROJECT: lambda moment: contacts.project(joined.before, joined.position),
+            GIVE: lambda moment: joined.give(),
+        }
+
+    # ------------------------------------------------------------------ the contract
+
+    def _parameters_changed(self) -> None:
+        super()._parameters_changed()
+        if self.contacts:
+            self.contacts.change(self.scene)
+
+    def _read_position(self, into: Any) -> Any:
+        if into is None or not hasattr(into, "__cuda_array_interface__"):
+            return super()._read_position(into)
+        whole = cuda.as_cuda_array(into)
+        for name, member in self.members.items():
+            member._read_position(whole[self.slices[name]])
+        return into
+
+    def close(self) -> None:
+        """And all members."""
+        if self._graphs is not None:
+            self.synchronize()
+            self._graphs.close()
+            self._graphs = None
+        super().close()

@@ -1,0 +1,89 @@
+"""Processes of MPI, whatever they compute on: how they are started, what they tell each other, and how long they wait."""
+
+from __future__ import annotations
+
+import shutil
+import sys
+import time
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from model.core.errors import BackendUnavailable
+from model.domains.decomposition import Decomposition
+from model.domains.exchange import PATIENCE
+
+INSTALL = "pip install -e \".[mpi]\" in the lab's folder, or the system's MPI and mpi4py"
+LOOKS = 1000  # at a message before a process that waits lets others have its core
+NAP = 5e-5  # s
+
+
+def mpi() -> Any:
+    """mpi4py's MPI. Raises BackendUnavailable."""
+    try:
+        from mpi4py import MPI
+    except (ImportError, RuntimeError) as error:  # the second where there is mpi4py without a library of MPI
+        raise BackendUnavailable(f"MPI is not installed ({error})", INSTALL) from None
+    return MPI
+
+
+def mpi_installed() -> None:
+    """Raises BackendUnavailable without mpi4py. Does not start MPI in this process, which is to start others."""
+    if find_spec("mpi4py") is None:
+        raise BackendUnavailable("mpi4py is not installed", INSTALL)
+
+
+def mpiexec() -> str:
+    """The launcher of the MPI that mpi4py speaks to: beside this Python, or on the path. Raises BackendUnavailable."""
+    mpi_beside = Path(sys.executable).with_name("mpiexec")
+    found = str(mpi_beside) if mpi_beside.exists() else shutil.which("mpiexec")
+    if not found:
+        raise BackendUnavailable("mpiexec, which starts ranks, was not found", INSTALL)
+    return found
+
+
+def abort(status: int) -> None:
+    """End all processes, of which one does not answer."""
+    mpi().COMM_WORLD.Abort(status)
+
+
+def lost(who: str, patience: float) -> BackendUnavailable:
+    """The error of one that waited in vain."""
+    return BackendUnavailable(f"{who} does not answer for {patience:g} s", "see what ended it, and start the run again")
+
+
+def await_request(request: Any, who: str) -> None:
+    """Return when a request is done. Raises BackendUnavailable after PATIENCE."""
+    looks, end = 0, None
+    while not request.Test():
+        looks += 1
+        if looks % LOOKS == 0:
+            now = time.monotonic()
+            end = end or now + PATIENCE
+            if now > end:
+                raise lost(who, PATIENCE)
+            time.sleep(NAP)
+
+
+def gather_rows(world: Any, owned: np.ndarray, decomposition: Decomposition) -> np.ndarray:
+    """Of the masses (masses, axes) that each process owns, those of all, in order."""
+    axes = owned.shape[1]
+    counts = np.array([domain.end - domain.first for domain in decomposition.domains]) * decomposition.columns
+    whole = np.empty((int(counts.sum()), axes), owned.dtype)
+    kind = mpi().FLOAT if owned.dtype == np.float32 else mpi().DOUBLE
+    mass = kind.Create_contiguous(axes).Commit()  # counts of MPI are 32-bit: of masses, not of numbers
+    try:
+        request = world.Iallgatherv([owned, len(owned), mass], [whole, counts, None, mass])
+        await_request(request, "another process")
+    finally:
+        mass.Free()
+    return whole
+
+
+def largest_of(world: Any, number: float) -> float:
+    """The largest of what the processes say."""
+    found = np.zeros(1)
+    await_request(world.Iallreduce(np.array([number], np.float64), found, mpi().MAX), "another process")
+    return float(found[0])

@@ -1,0 +1,22 @@
+"""What a fluid's solvers know of the solids that it meets, beside their samples."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from model.fluid.samples import Samples
+from model.scene.scene import Scene
+
+KINDS = 3
+K_VOLUME, K_GRIP, K_LIGHTNESS = range(KINDS)  # rows of `kinds_of`
+
+
+def kinds_of(scene: Scene, samples: Samples) -> np.ndarray:
+    """(KINDS, particles and samples) float64: what each counts for, by number (model/formulas/fluid/solids.py); `scene`: of
+    the fluids alone."""
+    found = scene.fluid_set
+    kinds = np.zeros((KINDS, found.particle_count + samples.count))
+    kinds[K_VOLUME] = np.append(np.ones(found.particle_count), samples.volume)
+    kinds[K_GRIP] = np.append(np.zeros(found.particle_count), samples.volume / scene.method.iterations)
+    kinds[K_LIGHTNESS] = np.append(np.array(found.lightness)[found.fluid], samples.own_lightness)
+    return kinds

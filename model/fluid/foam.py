@@ -1,0 +1,182 @@
+"""Spray, foam and bubbles: points without mass that a fluid carries, to be drawn. Nothing of them acts on the fluid.
+
+M. Ihmsen, N. Akinci, G. Akinci, M. Teschner, "Unified spray, foam and bubbles for particle-based fluids", The Visual Computer
+28 (2012): points are made where air is trapped (model/fluid/foam_sources.py) in a cylinder that a particle sweeps (section
+3.2); with few of the fluid's particles around them they are spray and fly, with many bubbles that rise and are dragged along,
+else foam that goes with the fluid and alone grows old (3.3, 3.4). Velocities of the fluid are means over neighbours by poly6.
+Random numbers are counted (model/formulas/random.py), so that the same states give the same points.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from model.fluid.foam_sources import foaming_speed, full_count, sources
+from model.fluid.foam_walls import kept_out
+from model.formulas.random import make_philox
+from model.scene.fluid import Foam
+from model.scene.scene import Scene
+
+SPRAY, FOAM, BUBBLE = range(3)
+NAMES = ("spray", "foam", "bubbles")
+FEW, MANY = (
+    0.12,
+    0.75,
+)  # of a full neighbourhood: below spray, above bubbles (6 and 20 of 33 there; a surface has up to 0.65)
+LONGEST = 0.05  # s between two states; what happened in more is not known
+YOUNGEST = 0.25  # of the lifetime, of what the weakest source makes
+RISING = 1 / 7  # of the scene's speed: that of bubbles in still fluid, where drag is not told
+FAR = 3.0  # times the fluids' first extent: spray that is so far from them is out of sight
+SPREAD = 0.1  # of a particle's speed: how fast a point at the edge of its ball moves outward
+WORD = 2.0**-32
+
+
+class FoamPoints:
+    """`position`, `velocity` (n, dimensions) [m], [m/s], `left` (n,) [s] until a point of foam is gone, `kind` (n,) of SPRAY,
+    FOAM and BUBBLE; `follow` takes them from one state of the fluid to the next."""
+
+    def __init__(self, scene: Scene, foam: Foam):
+        self.scene, self.foam = scene, foam
+        self._full, self._philox = full_count(scene), make_philox()
+        gravity = scene.gravity.acceleration if scene.gravity and scene.gravity.enabled else 0.0
+        self._drag = foam.drag or foam.buoyancy * gravity / (RISING * foaming_speed(scene, foam))
+        self._gravity = np.array([0.0, -gravity, 0.0])[: scene.dimensions]
+        self.forget()
+
+    def forget(self) -> None:
+        """There are none, and no time is known."""
+        self._hold(np.zeros((0, self.scene.dimensions)), np.zeros((0, self.scene.dimensions)), np.zeros(0))
+        self.kind = np.zeros(0, np.int8)
+        self._time, self._frame = -1.0, 0
+
+    def _hold(self, position: np.ndarray, velocity: np.ndarray, left: np.ndarray) -> None:
+        self.position, self.velocity, self.left = position, velocity, left
+
+    def __len__(self) -> int:
+        return len(self.position)
+
+    def follow(self, position: np.ndarray, velocity: np.ndarray, time: float) -> None:
+        """The fluid is in this state (particles, dimensions) [m], [m/s] at `time` [s]; of an earlier time, or the first one,
+        points begin anew. What is not finite changes nothing."""
+        if time < self._time or self._time < 0:
+            self.forget()
+            self._time = time
+            return
+        passed, self._time = min(time - self._time, LONGEST), time
+        if passed <= 0 or not (np.isfinite(position).all() and np.isfinite(velocity).all()):
+            return
+        position, velocity = np.asarray(position, np.float64), np.asarray(velocity, np.float64)
+        self._frame += 1
+        self._carry(position, velocity, passed)
+        self._make(position, velocity, passed)
+
+    # ------------------------------------------------------------------ those that there are
+
+    def _carry(self, position: np.ndarray, velocity: np.ndarray, passed: float) -> None:
+        """Each by its kind, out of colliders, and away with what is old or far."""
+        if not len(self):
+            return
+        count, mean = self._around(position, velocity)
+        share = count / self._full
+        self.kind = np.where(share < FEW, SPRAY, np.where(share > MANY, BUBBLE, FOAM)).astype(np.int8)
+        moving = self.velocity + passed * self._gravity  # spray
+        risen = self.velocity - self.foam.buoyancy * passed * self._gravity
+        dragged = risen + (1 - np.exp(-self._drag * passed)) * (mean - risen)
+        kind = self.kind[:, None]
+        moving = np.where(kind == FOAM, mean, np.where(kind == BUBBLE, dragged, moving))
+        place = self._wrapped(self.position + passed * moving)
+        place, moving, met = kept_out(self.scene, place, moving, self._time)
+        left = self.left - passed * ((self.kind == FOAM) | met)
+        middle, reach = position.mean(axis=0), FAR * self.scene.fluid_set.extent + np.ptp(position, axis=0).max()
+        stays = (left > 0) & (np.abs(place - middle) < reach).all(axis=1)
+        self._hold(place[stays], moving[stays], left[stays])
+        self.kind = self.kind[stays]
+
+    def _around(self, position: np.ndarray, velocity: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(how many of the fluid's particles are within a support (n,), the mean of their velocities (n, dimensions))."""
+        support, total = self.scene.fluid_set.support, len(self)
+        place, fluid, box = self._boxed(position)
+        pairs = cKDTree(place, boxsize=box).sparse_distance_matrix(
+            cKDTree(fluid, boxsize=box), support, output_type="ndarray"
+        )
+        point, particle = pairs["i"], pairs["j"]
+        weight = (1 - (pairs["v"] / support) ** 2) ** 3
+        sums = np.bincount(point, weight, total)
+        mean = [np.bincount(point, weight * velocity[particle, k], total) for k in range(velocity.shape[1])]
+        return np.bincount(point, minlength=total), np.stack(mean, axis=1) / np.maximum(sums, 1e-30)[:, None]
+
+    def _sides(self) -> tuple[np.ndarray, np.ndarray]:
+        """(origin, side) [m] of the box along each axis; side 0 where it does not repeat."""
+        axes, domain = self.scene.dimensions, self.scene.domain
+        origin, side = np.zeros((2, axes))
+        for axis in range(axes) if domain is not None else ():
+            if "xyz"[axis] in domain.repeats:  # type: ignore[union-attr]
+                origin[axis], side[axis] = domain.origin[axis], domain.size[axis]  # type: ignore[union-attr]
+        return origin, side
+
+    def _wrapped(self, place: np.ndarray) -> np.ndarray:
+        origin, side = self._sides()
+        return np.where(side > 0, origin + (place - origin) % np.where(side > 0, side, 1), place)
+
+    def _boxed(self, position: np.ndarray) -> tuple[np.ndarray, np.ndarray, Any]:
+        """Points and particles in a box from 0 on, and its sides for a search; None where none repeats."""
+        origin, side = self._sides()
+        if not side.any():
+            return self.position, position, None
+        place, fluid = self.position, self._wrapped(position)
+        low = np.where(side > 0, origin, np.minimum(place.min(axis=0), fluid.min(axis=0)))
+        high = np.maximum(place.max(axis=0), fluid.max(axis=0)) - low
+        box = np.where(side > 0, side, high + 4 * self.scene.fluid_set.support)
+        most = np.nextafter(box, 0)
+        return np.clip(place - low, 0, most), np.clip(fluid - low, 0, most), box
+
+    # ------------------------------------------------------------------ new ones
+
+    def _make(self, position: np.ndarray, velocity: np.ndarray, passed: float) -> None:
+        """Of each particle as many as its source says, a fraction by chance; beyond the most that there may be the oldest
+        go."""
+        share = sources(self.scene, self.foam, position, velocity)
+        particle = np.flatnonzero(share)
+        wanted = self.foam.rate * passed * share[particle]
+        number = np.floor(wanted + self._random(particle, 0)[0]).astype(np.int64)
+        each = np.repeat(particle, number)
+        if not len(each):
+            return
+        turn = np.arange(len(each)) - np.repeat(np.cumsum(number) - number, number) + 1  # 1, 2 ... of each particle
+        place, moving = self._cylinder(position[each], velocity[each], passed, self._random(each, turn))
+        place, moving, _ = kept_out(self.scene, self._wrapped(place), moving, self._time)
+        left = self.foam.lifetime * (YOUNGEST + (1 - YOUNGEST) * share[each])
+        most = self.foam.most
+        old = self.position, self.velocity, self.left
+        self._hold(*(np.concatenate(pair)[-most:] for pair in zip(old, (place, moving, left), strict=True)))
+        self.kind = np.concatenate([self.kind, np.full(len(each), FOAM, np.int8)])[-most:]
+
+    def _random(self, particle: np.ndarray, turn: Any) -> list[np.ndarray]:
+        """Four numbers in [0, 1) of each particle (n,), in this frame and this turn of it."""
+        step = np.uint64(self._frame) | (np.asarray(turn, np.uint64) << np.uint64(32))
+        step = np.broadcast_to(step, particle.shape)
+        words = self._philox(np.uint64(self.foam.seed), step, particle.astype(np.uint64))
+        return [word * WORD for word in words]
+
+    def _cylinder(
+        self, position: np.ndarray, velocity: np.ndarray, passed: float, random: list[np.ndarray]
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Section 3.2: evenly within the cylinder, in a plane the strip, that a particle's ball sweeps; what lies off its
+        axis moves outward."""
+        radius, axes = self.scene.fluid_set.spacing / 2, position.shape[1]
+        speed = np.sqrt((velocity**2).sum(axis=1))
+        along = velocity / np.maximum(speed, 1e-30)[:, None]
+        if axes == 2:
+            aside = (2 * random[0] - 1)[:, None] * radius * np.stack([-along[:, 1], along[:, 0]], axis=1)
+        else:
+            least = np.abs(along).argmin(axis=1)
+            one = np.cross(along, np.eye(3)[least])
+            one /= np.sqrt((one**2).sum(axis=1))[:, None]
+            other, angle = np.cross(along, one), 2 * np.pi * random[1]
+            aside = np.cos(angle)[:, None] * one + np.sin(angle)[:, None] * other
+            aside *= (radius * np.sqrt(random[0]))[:, None]
+        place = position + aside + (random[2] * passed * speed)[:, None] * along
+        return place, velocity + SPREAD * speed[:, None] * aside / radius

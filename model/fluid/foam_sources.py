@@ -1,0 +1,80 @@
+"""Where a fluid traps air: how many points of spray, foam and bubbles each of its particles makes a second.
+
+M. Ihmsen, N. Akinci, G. Akinci, M. Teschner, "Unified spray, foam and bubbles for particle-based fluids", The Visual Computer
+28 (2012), section 3.1: trapped air (equations 2 and 3), wave crests (4 to 7) and kinetic energy (8), each clamped (1).
+Their bounds, which are numbers of one resolution there, are told here of means over a full neighbourhood and of the scene's
+own speed, so that neither the resolution nor the size of a scene changes what foams.
+"""
+
+from __future__ import annotations
+
+from math import pi
+
+import numpy as np
+
+from model.fluid.measure import differences
+from model.scene.fluid import Foam
+from model.scene.scene import Scene
+
+GRAVITY = 9.81  # m/s^2, of a scene without: what speeds are told by
+TRAPPED = 0.10, 0.40  # of the scene's speed: neighbours that come together so fast trap air
+CREST = 0.05, 0.20  # 1 less the cosine between the normals of neighbours, on average; a block's edge has about 0.1
+FAST = 0.30, 1.0  # of the scene's speed, whose squares stand for kinetic energies
+SURFACE = (
+    0.12  # of a full neighbourhood: where weights are so uneven there is a surface; of a flat one a quarter is over
+)
+AHEAD = 0.6  # cosine between velocity and normal from which on a crest moves outward (equation 7)
+WEIGHT = {2: 1 / 3, 3: 1 / 4}  # mean of 1 - r/h over a disc and a ball
+
+
+def clamped(value: np.ndarray, low: float, high: float) -> np.ndarray:
+    """Equation 1: 0 up to `low`, 1 from `high` on."""
+    return np.clip((value - low) / (high - low), 0, 1)
+
+
+def full_count(scene: Scene) -> float:
+    """How many particles lie within a support, where there is fluid all around."""
+    axes, across = scene.dimensions, scene.fluid_set.support / scene.fluid_set.spacing
+    return {2: pi, 3: 4 * pi / 3}[axes] * across**axes
+
+
+def foaming_speed(scene: Scene, foam: Foam) -> float:
+    """[m/s], as the scene says, or that of a wave as deep as the fluids are long at first."""
+    gravity = scene.gravity.acceleration if scene.gravity and scene.gravity.enabled else GRAVITY
+    return foam.speed or float(np.sqrt((gravity or GRAVITY) * scene.fluid_set.extent))
+
+
+def sources(scene: Scene, foam: Foam, position: np.ndarray, velocity: np.ndarray) -> np.ndarray:
+    """(particles,) 0 to 1: the clamped potentials of all, that of the energy times the mean of the other two (equation 9), of
+    places (particles, dimensions) [m] and velocities [m/s]."""
+    speed = foaming_speed(scene, foam)
+    energy = clamped((velocity**2).sum(axis=1), (FAST[0] * speed) ** 2, (FAST[1] * speed) ** 2)
+    if not energy.any():
+        return energy
+    (first, second), apart = (found := differences(scene, position))[0].T, found[1]
+    r = np.maximum(np.sqrt((apart**2).sum(axis=1)), 1e-12)
+    weight, along = 1 - r / scene.fluid_set.support, apart / r[:, None]
+    relative, count = velocity[first] - velocity[second], len(position)
+    meeting = (np.sqrt((relative**2).sum(axis=1)) - (relative * along).sum(axis=1)) * weight
+    full = full_count(scene) * WEIGHT[scene.dimensions]
+    trapped = (np.bincount(first, meeting, count) + np.bincount(second, meeting, count)) / full
+    crest = _crests(velocity, first, second, along, weight, full)
+    return energy * (clamped(trapped, TRAPPED[0] * speed, TRAPPED[1] * speed) + clamped(crest, *CREST)) / 2
+
+
+def _crests(
+    velocity: np.ndarray, first: np.ndarray, second: np.ndarray, along: np.ndarray, weight: np.ndarray, full: float
+) -> np.ndarray:
+    """(particles,): equations 4 to 7, over a full neighbourhood; 0 of particles inside, which have no normal."""
+    count, axes = velocity.shape
+    pulls = [weight * along[:, k] for k in range(axes)]
+    normal = np.stack([np.bincount(first, pull, count) - np.bincount(second, pull, count) for pull in pulls], axis=1)
+    length = np.sqrt((normal**2).sum(axis=1))
+    outside = length > SURFACE * full
+    normal = np.where(outside[:, None], normal / np.maximum(length, 1e-12)[:, None], 0)
+    bent = (1 - (normal[first] * normal[second]).sum(axis=1)) * weight * outside[first] * outside[second]
+    below_first = (along * normal[first]).sum(axis=1) > 0  # the second lies below the first one's tangent plane
+    below_second = (along * normal[second]).sum(axis=1) < 0
+    crest = np.bincount(first, bent * below_first, count) + np.bincount(second, bent * below_second, count)
+    going = (velocity * normal).sum(axis=1) >= AHEAD * np.sqrt((velocity**2).sum(axis=1))
+    return np.asarray(np.where(going, crest / full, 0))

@@ -1,0 +1,135 @@
+"""Solids as a fluid sees them: samples of their bodies and surfaces, each with a volume and the particles that carry it.
+
+N. Akinci et al., "Versatile Rigid-Fluid Coupling for Incompressible SPH", SIGGRAPH 2012: a sample's volume is what its
+neighbours among the samples leave it. See model/formulas/fluid/solids.py for what samples do.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from model.fluid.lattice import Lattice, poly6
+from model.geometry.lists import grouped, offsets_of
+
+CORNERS = 3  # particles that carry a sample, at most
+CLOSE = 0.75  # rest distances that samples of a face are apart, at most
+LEAST = 0.55  # and those of one solid at least: or lists of neighbours could not hold them
+
+
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """`corners` (samples, 3) int32: the solids' particles that carry each, `shares` (samples, 3) float64, whose sum is 1;
+    `volume` (samples,) float64: in volumes of a fluid's particle; `lightness` (particles,) float64: of each of the solids'
+    particles, the mass of a particle of the first fluid over its own, 0 where nothing moves it."""
+
+    corners: np.ndarray
+    shares: np.ndarray
+    volume: np.ndarray
+    lightness: np.ndarray
+
+    @property
+    def count(self) -> int:
+        """How many samples."""
+        return len(self.volume)
+
+    @property
+    def own_lightness(self) -> np.ndarray:
+        """(samples,) float64: how much a sample gives way, its particles' shares squared times their lightness."""
+        return np.asarray((self.shares**2 * self.lightness[self.corners]).sum(axis=1))
+
+    @cached_property
+    def carriers(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """(offsets (particles + 1,) int32, samples (n,) int32, shares (n,) float64): what each particle carries, in the order
+        of the samples."""
+        there = self.shares != 0
+        sample, corner = np.nonzero(there)
+        particle = self.corners[sample, corner]
+        order = np.lexsort((corner, sample, particle))
+        counts = np.bincount(particle, minlength=len(self.lightness))
+        return (
+            offsets_of(counts).astype(np.int32),
+            sample[order].astype(np.int32),
+            self.shares[sample, corner][order],
+        )
+
+    def points(self, position: np.ndarray) -> np.ndarray:
+        """(samples, 3) [m]: where samples are when the solids' particles are at `position` (particles, 3)."""
+        return np.asarray((self.shares[:, :, None] * position[self.corners]).sum(axis=1))
+
+
+def particle_samples(particles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(corners, shares) of samples that are the particles themselves; `particles` (n,): their places."""
+    corners, shares = (
+        np.repeat(particles[:, None], CORNERS, axis=1).astype(np.int32),
+        np.zeros((len(particles), CORNERS)),
+    )
+    shares[:, 0] = 1
+    return corners, shares
+
+
+def triangle_samples(position: np.ndarray, triangles: np.ndarray, apart: float) -> tuple[np.ndarray, np.ndarray]:
+    """(corners, shares) of samples of triangles (n, 3) int: their vertices, and points along their sides and inside, no
+    farther than `apart` [m] from each other along a side. What triangles share, they have once."""
+    found: dict[tuple[tuple[int, ...], tuple[int, ...]], tuple[tuple[int, ...], tuple[float, ...]]] = {}
+    sides = np.linalg.norm(position[triangles] - position[np.roll(triangles, 1, axis=1)], axis=2).max(axis=1)
+    for corners, longest in zip(np.sort(triangles, axis=1), sides, strict=True):
+        steps = max(1, int(np.ceil(longest / apart)))
+        for i in range(steps + 1):
+            for j in range(steps + 1 - i):
+                counts = i, j, steps - i - j
+                has = [(int(corner), count) for corner, count in zip(corners, counts, strict=True) if count]
+                last = has[-1][0]
+                carried = tuple(corner for corner, _ in has) + (last,) * (CORNERS - len(has))
+                shares = tuple(count / steps for _, count in has) + (0.0,) * (CORNERS - len(has))
+                found.setdefault((carried, tuple(round(share * 1e6) for share in shares)), (carried, shares))
+    kept = list(found.values())
+    return (
+        np.array([one for one, _ in kept], np.int32).reshape(-1, CORNERS),
+        np.array([one for _, one in kept], np.float64).reshape(-1, CORNERS),
+    )
+
+
+def thinned(points: np.ndarray, least: float) -> np.ndarray:
+    """(kept,) int64, ascending: of `points` (n, 3) those that are `least` [m] or more from every one kept before them."""
+    pairs = cKDTree(points).query_pairs(least * (1 - 1e-9), output_type="ndarray")
+    later = grouped(pairs.min(axis=1), pairs.max(axis=1), len(points))
+    kept = np.ones(len(points), bool)
+    for k in range(len(points)):
+        if kept[k]:
+            kept[later[k]] = False
+    return np.flatnonzero(kept)
+
+
+def sample_volumes(points: np.ndarray, lattice: Lattice, support: float, solid: bool) -> np.ndarray:
+    """(samples,) float64, in volumes of a fluid's particle: 1 / sum of the kernel over the samples of one solid at `points`
+    (samples, 3) [m]. Of a `solid` body, filled with samples, that of its surface is what its inside has: the least among
+    those within the support."""
+    pairs = cKDTree(points).query_pairs(support, output_type="ndarray")
+    kernel = poly6(np.linalg.norm(points[pairs[:, 0]] - points[pairs[:, 1]], axis=1), support, points.shape[1])
+    total = np.full(len(points), float(poly6(np.zeros(1), support, points.shape[1])[0]))
+    for end in (0, 1):
+        total += np.bincount(pairs[:, end], kernel, len(points))
+    volume = 1 / total / lattice.volume
+    if not solid:
+        return np.asarray(volume)
+    least = volume.copy()
+    for one, other in ((0, 1), (1, 0)):
+        np.minimum.at(least, pairs[:, one], volume[pairs[:, other]])
+    return least
+
+
+def joined_samples(
+    solids: Sequence[tuple[np.ndarray, np.ndarray]], volumes: Sequence[np.ndarray], lightness: np.ndarray
+) -> Samples:
+    """The samples of several solids, one after the other: (corners, shares) and volume of each."""
+    return Samples(
+        np.concatenate([corners for corners, _ in solids]),
+        np.concatenate([shares for _, shares in solids]),
+        np.concatenate(volumes),
+        np.asarray(lightness, np.float64),
+    )

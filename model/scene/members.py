@@ -1,0 +1,91 @@
+"""Who solves what of a scene whose parts belong to several families of particles: a world, each member of which is a scene of
+its own."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from model.core.errors import SceneError
+from model.scene.bodies import BODY_KINDS
+from model.scene.cloth import COLLIDER_KINDS, CONSTRAINT_KINDS
+from model.scene.method import FIELDS_OF_SOLVER, OF_FLUIDS, OF_WORLDS, Method
+from model.scene.tetrahedra import TETRAHEDRAL_KINDS
+
+OF_CLOTHS = ("mesh", "wind", *(kind for kind in CONSTRAINT_KINDS if kind != "shear"))
+SHARED = ("contact", "damping", "external", "gravity", "method", *COLLIDER_KINDS)
+OF_PARTICLES = ("restitution", "adhesion_reach", "maximum_speed", "sleeping_speed")  # surfaces know nothing of these
+SUBSTEPS = 20  # of tetrahedra, unless told: a beam of 1e6 Pa then sags as its mesh says, to a fifth
+
+
+@dataclass(frozen=True)
+class Member:
+    """Particles of one family: `kinds` of parts, one of which makes it a member; `takes`: what belongs to these as well;
+    `solver`: of its method; `contact`: the fields of a [contact] that it does not know, None where it knows no contacts;
+    `lacks`: what of SHARED it does not know."""
+
+    kinds: tuple[str, ...]
+    takes: tuple[str, ...]
+    solver: str
+    contact: tuple[str, ...] | None
+    lacks: tuple[str, ...] = ()
+
+
+BODIES = Member(tuple(BODY_KINDS), (), "shape-matching", ("distance",))
+TETRAHEDRA = Member(
+    tuple(TETRAHEDRAL_KINDS), ("region", "attachment", "material", "motion", *OF_CLOTHS), "xpbd", OF_PARTICLES
+)
+CLOTH = Member(("mesh",), ("attachments", *OF_CLOTHS), "xpbd", None)
+FLUID = Member(("fluid",), ("domain",), OF_FLUIDS, None, ("damping",))
+MEMBERS = {
+    "bodies": BODIES,
+    "tetrahedra": TETRAHEDRA,
+    "cloth": CLOTH,
+    "fluid": FLUID,
+}  # in the order of a world's particles
+
+
+def members_of(kinds: Mapping[str, str]) -> tuple[str, ...]:
+    """Of parts with such kinds, by name: the members of a world, at least two; none, where one family solves the scene."""
+    there = set(kinds.values())
+    found = [name for name, member in MEMBERS.items() if there & set(member.kinds)]
+    if "tetrahedra" in found and "cloth" in found:  # which they take with them
+        found.remove("cloth")
+    return tuple(found) if len(found) > 1 else ()
+
+
+def member_tables(kinds: Mapping[str, str], tables: Mapping[str, Any], method: Method) -> dict[str, dict[str, Any]]:
+    """The tables of each member's scene; `tables`: those of the world, with their kinds, defaults filled in. Raises
+    SceneError for one that belongs to no member."""
+    names = members_of(kinds)
+    for name, kind in kinds.items():
+        owners = [one for one in names if kind in (*MEMBERS[one].kinds, *MEMBERS[one].takes)]
+        if kind not in SHARED and not owners:
+            told = f"does not go with a world of {' and '.join(names)}; leave it out"
+            raise SceneError(f"{name}.kind", kind, told)
+    return {name: _tables_of(MEMBERS[name], kinds, tables, method) for name in names}
+
+
+def _tables_of(member: Member, kinds: Mapping[str, str], tables: Mapping[str, Any], method: Method) -> dict[str, Any]:
+    found: dict[str, Any] = {}
+    for name, kind in kinds.items():
+        if kind == "method":
+            known = set(FIELDS_OF_SOLVER[OF_WORLDS]) & set(FIELDS_OF_SOLVER[member.solver]) - {"solver"}
+            told = {field: getattr(method, field) for field in sorted(known)}
+            found[name] = dict(tables[name]) | {"solver": member.solver} | told
+            found[name] = {field: value for field, value in found[name].items() if field in (*told, "kind", "solver")}
+        elif kind == "contact" and member.contact is not None and _meets(member, kinds, tables):
+            found[name] = {field: value for field, value in tables[name].items() if field not in member.contact}
+        elif kind in {*member.kinds, *member.takes, *SHARED} - {"contact", *member.lacks}:
+            found[name] = tables[name]
+    return found
+
+
+def _meets(member: Member, kinds: Mapping[str, str], tables: Mapping[str, Any]) -> bool:
+    """Whether anything of a member may meet anything else of it: of tetrahedra several bodies, a cloth, one that meets
+    itself."""
+    if member is not TETRAHEDRA:
+        return True
+    own = [name for name, kind in kinds.items() if kind in (*member.kinds, "mesh")]
+    return len(own) > 1 or any(tables[name].get("self_collision") for name in own)

@@ -1,0 +1,90 @@
+"""Worlds: particles of several families in one scene, each solved by its own family, and met by the others."""
+
+from __future__ import annotations
+
+from math import inf
+from typing import Any
+
+import numpy as np
+
+from model.core.clock import START, Clock
+from model.core.family import SolverFamily
+from model.core.parameters import rounded_record
+from model.core.plan import Plan
+from model.fluid.family import FLUID, fluid_note
+from model.fluid.plan import fluid_plan
+from model.scene.scene import Scene
+from model.scene.scene_parts import KINDS
+from model.shape_matching.family import BODIES
+from model.tetrahedra.family import TETRAHEDRA
+from model.world.plan import coupled, world_plan
+from model.xpbd.family import MESH
+
+OF_MEMBERS = {"bodies": BODIES, "tetrahedra": TETRAHEDRA, "cloth": MESH, "fluid": FLUID}
+
+
+def _plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
+    plans = {name: OF_MEMBERS[name].plan(own, live) for name, own in scene.members.items()}
+    if "fluid" in plans:
+        plans["fluid"] = fluid_plan(scene.members["fluid"], live, solids=True)
+    return world_plan(scene, plans)
+
+
+def _record(scene: Scene, real: Any, poke: tuple[float, ...] = (0.0, 0.0, 0.0), clock: Clock = START) -> np.ndarray:
+    """(1,): the length of a substep [s]. What members read is in their own records."""
+    return rounded_record(scene, {"dt": scene.method.dt / scene.method.substeps}, {"dt": "method.dt"}, real)
+
+
+def _limit(scene: Scene, frequency: float | None = None) -> float:
+    return min((OF_MEMBERS[name].limit(own, None) for name, own in scene.members.items()), default=inf)
+
+
+def _note(scene: Scene) -> str:
+    told = "each member by its own method, in common substeps"
+    if "fluid" in scene.members:
+        told += "; " + fluid_note(scene.members["fluid"])
+    return (
+        told
+        if coupled(scene) or len(scene.members.keys() - {"fluid"}) < 2
+        else told + "; members pass through each other, since it has no [contact]"
+    )
+
+
+def _stored(scene: Scene, position: np.ndarray, plastic: np.ndarray | None) -> tuple[float, dict[str, float]]:
+    """And that of a cloth's constraints by kind."""
+    total: float = 0.0
+    by_kind: dict[str, float] = {}
+    for name, place in scene.world_set.slices().items():
+        own, kinds = OF_MEMBERS[name].stored(
+            scene.members[name], position[place], plastic if name == "bodies" else None
+        )
+        total, by_kind = total + own, by_kind | kinds
+    return total, by_kind
+
+
+def _strain(scene: Scene, position: np.ndarray, kind: str, plastic: np.ndarray | None) -> np.ndarray:
+    """Of one member after the other."""
+    found = [
+        OF_MEMBERS[name].strain(scene.members[name], position[place], kind, plastic if name == "bodies" else None)
+        for name, place in scene.world_set.slices().items()
+    ]
+    return np.concatenate(found)
+
+
+WORLD = SolverFamily(
+    name="world",
+    knows=frozenset(KINDS),  # members refuse what they do not know (model/scene/checks.py)
+    accepts=lambda scene: scene.is_world,
+    plan=_plan,
+    record=_record,
+    limit=_limit,
+    limited_by_net=False,
+    note=_note,
+    stored=_stored,
+    strain=_strain,
+    spring_count=lambda scene: sum(OF_MEMBERS[name].spring_count(own) for name, own in scene.members.items()),
+    solvers={"cpu": "cpu_backend.world.solver:World", "gpu": "gpu_backend.world.solver:World"},
+    passes={"cpu": "app.plan.world:world_on_cpu", "gpu": "app.plan.world:world_on_gpu"},
+    reference="bench.reference.world",
+    unknown="no converged motion of a world is known: its members' materials differ",
+)

@@ -1,0 +1,168 @@
+"""Which particles of a world's members meet, and as what: surfaces of tetrahedral bodies and of a cloth, made of triangles,
+and particles of bodies, each a ball, which keeps its radius from them. What meets within a member is its own affair.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+from weakref import WeakKeyDictionary
+
+import numpy as np
+
+from model.contact.particle_parameters import G_DISTANCE, G_REACH, PAIR_FIELDS, kinds_of_particles
+from model.contact.surface_parameters import (
+    APPROACH,
+    MARGIN,
+    SHARE,
+    STRETCH,
+    ContactSurface,
+    Meeting,
+    contact_surface,
+    surface_of,
+)
+from model.core.build import rest_positions
+from model.geometry.lists import Lists
+from model.scene.scene import Scene
+from model.scene.sheets import triangles_of
+from model.world.world_set import WorldSet
+
+
+@dataclass(frozen=True, eq=False)
+class CrossSurface:
+    """`particles` (n,) int64, ascending: those of the world that meet others; `surface`: their triangles, numbered as they
+    stand here, its bodies being groups; `member` (groups,) int: whose each group is; `radius` (groups,) [m] of balls, NaN of
+    surfaces."""
+
+    particles: np.ndarray
+    surface: ContactSurface
+    member: np.ndarray
+    radius: np.ndarray
+
+
+_known: WeakKeyDictionary[WorldSet, CrossSurface] = WeakKeyDictionary()
+
+
+def cross_surface(scene: Scene) -> CrossSurface:
+    """Of a world. Kept with its particles."""
+    found = scene.world_set
+    if found not in _known:
+        first = dict(zip(found.names, found.first.tolist(), strict=False))
+        _known[found] = _joined(
+            [
+                _moved(one, first[name], number)
+                for number, (name, member) in enumerate(scene.members.items())
+                if (one := _of_member(name, member)) is not None
+            ]
+        )
+    return _known[found]
+
+
+def _of_member(name: str, scene: Scene) -> CrossSurface | None:
+    """Of a member by itself; None: it meets nobody."""
+    if name == "bodies":
+        return _balls(scene)
+    if name == "tetrahedra":
+        surface = contact_surface(scene.tetrahedra_set)
+    elif name == "cloth":
+        count = scene.grid.particle_count
+        position, none = rest_positions(scene.grid), np.zeros(count, bool)
+        body = np.zeros(count, np.int32)
+        surface = surface_of(triangles_of(scene).astype(np.int32), position, body, np.ones(1, bool), none)
+    else:
+        return None
+    return _compact(surface)
+
+
+def _balls(scene: Scene) -> CrossSurface:
+    """Every particle of bodies; a group is a part of the scene, with all its copies."""
+    count, parts = scene.body_set.particle_count, scene.bodies.values()
+    radius = np.array([part.contact_radius for part in parts])
+    none, position = np.zeros(len(radius)), scene.body_set.position
+    every = np.arange(count, dtype=np.int32)
+    lists = Lists(np.zeros(count + 1, np.int32), np.zeros(0, np.int32))
+    surface = ContactSurface(
+        every, np.zeros((0, 3), np.int32), np.zeros(0, np.int32), lists, kinds_of_particles(scene), position, none, none
+    )
+    return CrossSurface(every.astype(np.int64), surface, np.zeros(len(radius), np.int64), radius)
+
+
+def _compact(surface: ContactSurface) -> CrossSurface:
+    """Only what a surface has vertices of."""
+    own = surface.vertices
+    place = np.full(len(surface.rest), -1, np.int32)
+    place[own] = np.arange(len(own))
+    groups = len(surface.edge)
+    found = ContactSurface(
+        np.arange(len(own), dtype=np.int32), place[surface.triangles], surface.owned, surface.at_vertex,
+        surface.body[own], surface.rest[own], surface.edge, surface.corner,
+    )  # fmt: skip
+    return CrossSurface(own.astype(np.int64), found, np.zeros(groups, np.int64), np.full(groups, np.nan))
+
+
+def _moved(one: CrossSurface, first: int, member: int) -> CrossSurface:
+    return CrossSurface(one.particles + first, one.surface, np.full_like(one.member, member), one.radius)
+
+
+def _joined(found: list[CrossSurface]) -> CrossSurface:
+    """One after the other, numbered in one row."""
+    surfaces = [one.surface for one in found]
+    vertex, triangle, group = (
+        np.append(0, np.cumsum([len(array(one)) for one in surfaces]))
+        for array in (lambda s: s.vertices, lambda s: s.triangles, lambda s: s.edge)
+    )
+
+    def joined(*arrays: np.ndarray) -> np.ndarray:
+        return np.concatenate(arrays)
+
+    def shifted(name: str, by: np.ndarray) -> np.ndarray:
+        return joined(*(getattr(one, name) + np.int32(start) for one, start in zip(surfaces, by, strict=False)))
+
+    def whole(name: str) -> np.ndarray:
+        return joined(*(getattr(one, name) for one in surfaces))
+
+    ends = [one.at_vertex.offsets for one in surfaces]
+    entries = np.append(0, np.cumsum([offsets[-1] for offsets in ends]))
+    offsets = joined(*(own[:-1] + start for own, start in zip(ends, entries, strict=False)), entries[-1:])
+    at_vertex = joined(
+        *(one.at_vertex.indices + np.int32(start) for one, start in zip(surfaces, triangle, strict=False))
+    )
+    surface = ContactSurface(
+        shifted("vertices", vertex), shifted("triangles", vertex), whole("owned"),
+        Lists(offsets.astype(np.int32), at_vertex.astype(np.int32)), shifted("body", group), whole("rest"), whole("edge"),
+        whole("corner"),
+    )  # fmt: skip
+    parts: list[Any] = [(one.particles, one.member, one.radius) for one in found]
+    particles, member, radius = (joined(*arrays) for arrays in zip(*parts, strict=True))
+    return CrossSurface(particles, surface, member, radius)
+
+
+def cross_distance(scene: Scene) -> float:
+    """What surfaces keep from each other [m]; half of it is a triangle's own."""
+    assert scene.contact is not None
+    edge = cross_surface(scene).surface.edge
+    return scene.contact.distance or SHARE * float(edge[edge > 0].min())
+
+
+def distances_of_groups(scene: Scene) -> np.ndarray:
+    """(groups,) [m]: what a vertex of each keeps from triangles: a ball its radius, and half of what surfaces keep."""
+    distance, radius = cross_distance(scene), cross_surface(scene).radius
+    return np.where(np.isnan(radius), distance, radius + distance / 2)
+
+
+def _pairs(scene: Scene) -> np.ndarray:
+    """As `surface_pairs` of model/contact/surface_parameters.py, of groups of different members."""
+    found, kept = cross_surface(scene), distances_of_groups(scene)
+    meets = (found.member[:, None] != found.member) & (found.surface.edge > 0)
+    rows = np.zeros((*meets.shape, PAIR_FIELDS))
+    rows[:, :, G_DISTANCE] = kept[:, None] * meets
+    rows[:, :, G_REACH] = np.hypot(kept[:, None] * (1 + MARGIN + APPROACH), STRETCH * found.surface.corner) * meets
+    return rows
+
+
+def _ratio(scene: Scene) -> np.ndarray:
+    """(n,), see Meeting."""
+    return (distances_of_groups(scene) / cross_distance(scene))[cross_surface(scene).surface.body]
+
+
+MEMBERS_MEET = Meeting(lambda scene: cross_surface(scene).surface, cross_distance, _pairs, _ratio)

@@ -1,0 +1,85 @@
+"""The plan of a world's step: the stages of its members, each member's own, and between them those of what couples them.
+
+A substep: all members predict; who may meet is found; in every iteration each member projects what it holds, one after the
+other, then contacts between members move particles of both; all members end their substeps, which makes velocities of where
+particles have come to. Where nothing couples members, their stages are all there is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+from model.core.plan import Node, Plan, Stage
+from model.formulas import contact
+from model.scene.scene import Scene
+from model.xpbd.plan import LOOKED_AT
+
+BEGIN, TAKE, GIVE = (
+    "take predictions",
+    "take positions",
+    "give positions",
+)  # of particles that meet, from and to members
+FIND, PROJECT = "find cross contacts", "project cross contacts"
+
+
+def name_of_stage(member: str, stage: str) -> str:
+    """In the world's plan, of a stage of a member's."""
+    return f"{member}: {stage}"
+
+
+def coupled(scene: Scene) -> bool:
+    """Whether particles of several members meet, as surfaces or balls: a fluid's do not."""
+    return scene.contact is not None and len(scene.members.keys() - {"fluid"}) > 1
+
+
+def world_plan(scene: Scene, plans: Mapping[str, Plan]) -> Plan:
+    """Of the members' own `plans`, by name. Numbers are per particle of the world."""
+    method, count = scene.method, scene.world_set.particle_count
+    shares = {name: len(range(*own.indices(count))) / count for name, own in scene.world_set.slices().items()}
+    three = {name: _parts_of_substep(plan.root) for name, plan in plans.items()}
+
+    def nodes(place: int) -> list[Node | Stage]:
+        return [_named(name, three[name][place], shares[name]) for name in plans if three[name][place]]
+
+    find, project = _contact_stages(scene)
+    stages = [*nodes(0), *find, Node("iteration", (*nodes(1), *project), method.iterations), *nodes(2)]
+    root = Node("step", (Node("substep", tuple(stages), method.substeps),))
+    parts: frozenset[str] = frozenset().union(*(plan.parts for plan in plans.values()))
+    fused = sum(plan.fused_scalars * shares[name] for name, plan in plans.items())
+    return Plan(root, round(fused), parts, dimensions=3)
+
+
+Children = Sequence[Node | Stage]
+
+
+def _parts_of_substep(root: Node) -> tuple[Children, Children, Children]:
+    """A member's stages before, in and after its iterations."""
+    (substep,) = root.children
+    assert isinstance(substep, Node) and substep.name == "substep"
+    (place,) = (n for n, child in enumerate(substep.children) if isinstance(child, Node) and child.name == "iteration")
+    iteration = substep.children[place]
+    assert isinstance(iteration, Node)
+    return substep.children[:place], iteration.children, substep.children[place + 1 :]
+
+
+def _named(member: str, children: Children, share: float) -> Node:
+    """Of a member that has a `share` of the world's particles."""
+    made: list[Node | Stage] = []
+    for child in children:
+        if isinstance(child, Stage):
+            reads, writes, operations = (round(n * share) for n in (child.reads, child.writes, child.operations))
+            made.append(Stage(name_of_stage(member, child.name), reads, writes, operations, child.argument))
+        else:
+            made.append(replace(_named(member, child.children, share), name=child.name, times=child.times))
+    return Node(member, tuple(made))
+
+
+def _contact_stages(scene: Scene) -> tuple[list[Stage], list[Stage]]:
+    """Those of contacts between members, before and in the iterations."""
+    if not coupled(scene):
+        return [], []
+    assert scene.contact is not None
+    find = Stage(FIND, 3, 2, LOOKED_AT * contact.OPERATIONS_NEAREST)
+    project = Stage(PROJECT, 2, 1, scene.contact.sweeps * contact.OPERATIONS_CONTACT)
+    return [Stage(BEGIN, 2, 2, 0), find], [Stage(TAKE, 1, 1, 0), project, Stage(GIVE, 1, 1, 0)]

@@ -1,0 +1,174 @@
+"""What starts workers: submitit, Slurm by what it is handed, Dask; and what is told where one of them is not there."""
+
+from __future__ import annotations
+
+import os
+import stat
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+from fake_cluster import REPEATS, run_fake, sampled
+from typer.testing import CliRunner
+
+import softlab
+from app.command.command_line import exit_status
+from bench.cluster import pools
+from bench.cluster.pools import Where, pool_of, where_of
+from bench.cluster.start import FOLDER, on_cluster
+from bench.store.database import Store
+from model.core.errors import BackendUnavailable, SceneError
+
+ROOT = Path(__file__).parents[2]
+GROUPS = [[2], [3], [4]]
+
+
+def measured(tmp_path: Path, where: Where, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Workers of a real pool measure all."""
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(ROOT), str(ROOT / "tests" / "cluster")]))
+    (tmp_path / "log").mkdir()
+    how: dict[str, Any] = {"groups": GROUPS, "log": str(tmp_path / "log")}
+    with Store(tmp_path / "results.sqlite") as store:
+        summary = on_cluster(store, run_fake, where, timed=False, command="fake", progress=False, beat=0.1, **how)
+        assert summary.measured == len(GROUPS) and not summary.losses, summary
+        assert len(sampled(store)) == REPEATS * len(GROUPS)
+    assert not (tmp_path / f"results{FOLDER}").exists()
+
+
+def test_workers_by_submitit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("submitit", reason='pip install -e ".[cluster]"')
+    measured(tmp_path, Where("local", workers=2), monkeypatch)
+
+
+def test_workers_by_dask(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    distributed = pytest.importorskip("distributed", reason='pip install -e ".[cluster]"')
+    with distributed.LocalCluster(
+        n_workers=2, processes=False, threads_per_worker=1, dashboard_address=None, host="127.0.0.1", protocol="tcp"
+    ) as cluster:
+        measured(tmp_path, Where("dask", cluster.scheduler_address.removeprefix("tcp://")), monkeypatch)
+
+
+SBATCH = """#!/bin/sh
+for file; do :; done  # the last one
+cp "$file" {folder}/handed.sh
+sh "$file" > {folder}/out 2>&1 &
+echo Submitted batch job 17
+"""
+SACCT = """#!/bin/sh
+echo 'JobID|State|NodeList'
+[ -e {folder}/log/ended ] && echo '17|COMPLETED|here' || echo '17|RUNNING|here'
+"""
+
+
+def test_slurm_is_handed_jobs_with_a_node_each_where_something_is_timed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """By commands of Slurm's names, which keep what they are handed."""
+    pytest.importorskip("submitit", reason='pip install -e ".[cluster]"')
+    here = tmp_path / "bin"
+    here.mkdir()
+    for name, text in {"sbatch": SBATCH, "srun": "#!/bin/sh", "sacct": SACCT, "scancel": "#!/bin/sh"}.items():
+        (here / name).write_text(text.format(folder=tmp_path))
+        (here / name).chmod(stat.S_IRWXU)
+    monkeypatch.setenv("PATH", f"{here}{os.pathsep}{os.environ['PATH']}")
+    for timed, backends in ((True, None), (True, ("gpu",)), (False, ())):
+        pool = pool_of(where_of("slurm", 2, ["partition=fast", "time=30"]), tmp_path / "folder", backends)
+        pool.start(0, tmp_path / "folder", "1.1")
+        handed = (tmp_path / "handed.sh").read_text().splitlines()
+        assert ("#SBATCH --exclusive" in handed) == timed
+        assert {"#SBATCH --partition=fast", "#SBATCH --time=30", "#SBATCH --nodes=1"} <= set(handed)
+        assert not any("srun" in line for line in handed), "a step of srun's would have one core"
+        assert pool.slots == 2
+
+
+@pytest.mark.parametrize(
+    ("typed", "status", "said"),
+    [
+        ("--cluster cloud", 2, "must be local, slurm, or dask://"),
+        ("--cluster dask://nowhere", 2, "must be local, slurm, or dask://"),
+        ("--cluster local --workers 0", 2, "--workers = 0: must be at least 1"),
+        ("--workers 3", 2, "goes with --cluster"),
+        ("--sbatch partition=x", 2, "goes with --cluster"),
+        ("--cluster local --sbatch partition=x", 2, "goes with --cluster slurm"),
+        ("--cluster slurm --sbatch partition", 2, "must be NAME=VALUE"),
+        ("--cluster local --peers", 2, "does not go with --peers"),
+        ("--cluster slurm", 3, "sbatch is not on the PATH"),
+        ("--cluster dask://127.0.0.1:9", 3, "no Dask scheduler answers"),
+    ],
+)
+def test_bad_input_is_one_line_and_its_exit_status(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
+    typed: str,
+    status: int,
+    said: str,
+) -> None:
+    monkeypatch.setattr(pools, "DASK_SECONDS", 0.3)
+    if "127" in typed:
+        pytest.importorskip("distributed", reason='pip install -e ".[cluster]"')
+    if status == 3:
+        pytest.importorskip("submitit", reason='pip install -e ".[cluster]"')
+    store = tmp_path / "results.sqlite"
+    words = ["sweep", "--quick", *typed.split(), "--store", str(store)]
+    assert exit_status(lambda: softlab.app(words, standalone_mode=False)) == status
+    (line,) = capfd.readouterr().err.strip().splitlines()
+    assert said in line
+    assert not store.exists() and not store.with_suffix(FOLDER).exists()
+
+
+@pytest.mark.parametrize(("cluster", "missing"), [("local", "submitit"), ("dask://localhost:1", "distributed")])
+def test_what_is_not_installed_is_named_with_the_way_to_get_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, cluster: str, missing: str
+) -> None:
+    monkeypatch.setitem(sys.modules, missing, None)
+    with Store(tmp_path / "results.sqlite") as store, pytest.raises(BackendUnavailable, match=r"\[cluster\]") as told:
+        on_cluster(store, run_fake, where_of(cluster, None, None), command="fake", progress=False)
+    assert told.value.exit_status == 3 and not list(tmp_path.iterdir())
+
+
+def test_a_folder_that_cannot_be_made_is_told(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / f"results{FOLDER}").write_text("a file is there")
+    words = ["sweep", "--quick", "--cluster", "local", "--store", str(tmp_path / "results.sqlite")]
+    assert exit_status(lambda: softlab.app(words, standalone_mode=False)) == 2
+    assert "make its folder writable" in capfd.readouterr().err
+
+
+def test_the_help_has_an_example(monkeypatch: pytest.MonkeyPatch) -> None:
+    said = CliRunner().invoke(softlab.app, ["sweep", "--help"]).output
+    assert "--cluster" in said and "softlab sweep --cluster slurm" in " ".join(said.split())
+
+
+def test_options_of_jobs_are_read() -> None:
+    assert where_of("slurm", 3, ["gres=gpu:1", "mail-user=a=b"]) == Where(
+        "slurm", workers=3, sbatch={"gres": "gpu:1", "mail-user": "a=b"}
+    )
+    assert where_of("dask://host:8786", None, None) == Where("dask", "host:8786")
+    with pytest.raises(SceneError):
+        where_of("dask://host", None, None)
+
+
+def test_two_real_workers_time_what_one_process_would(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The whole way: the command, its workers, the store; each size once, by machines alike."""
+    import subprocess
+
+    from bench.store.results import timings
+
+    pytest.importorskip("submitit", reason='pip install -e ".[cluster]"')
+    store = tmp_path / "results.sqlite"
+    sizes = [word for size in (8, 9, 10) for word in ("--size", str(size))]
+    words = ["sweep", *sizes, "--backend", "cpu", "--threads", "1", "--precision", "float32", "--no-graphics"]
+    words += ["--repeats", "2", "--min-ms", "1", "--no-again", "--store", str(store)]
+    done = [
+        subprocess.run(
+            [sys.executable, str(ROOT / "softlab.py"), *words, *extra], capture_output=True, text=True, cwd=tmp_path,
+            env=os.environ | {"SOFTLAB_PLAIN_PYTHON": "0"},
+        )
+        for extra in (["--cluster", "local", "--workers", "2"], [])
+    ]  # fmt: skip
+    assert [one.returncode for one in done] == [0, 0], [one.stderr for one in done]
+    assert "3 configurations measured (6 samples" in done[0].stdout
+    assert "0 configurations measured" in done[1].stdout and "3 already in the store" in done[1].stdout
+    with Store(store, readonly=True) as opened:
+        assert [(t.rows, t.count, t.error is not None) for t in timings(opened)] == [(n, 2, True) for n in (8, 9, 10)]

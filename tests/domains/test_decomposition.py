@@ -1,0 +1,128 @@
+"""Who owns what: each row has one owner, a halo holds what its neighbour owns, and lasts as long as it is told to."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from model.core.errors import SceneError
+from model.domains.decomposition import Reach, decompose
+
+REACHES = [
+    Reach(),
+    Reach(forces=4),
+    Reach(closing=True),
+    Reach(rows=2),
+    Reach(even=True),
+    Reach(closing=True, even=True),
+]
+
+SIZES, COUNTS, STEPS = st.integers(1, 400), st.integers(1, 40), st.none() | st.integers(1, 20)
+
+
+def cut(rows, count, reach, steps=None):
+    """The decomposition, or None where it is refused."""
+    try:
+        return decompose(rows, 5, count, reach, steps)
+    except SceneError:
+        return None
+
+
+@given(
+    rows=st.integers(1, 400),
+    count=st.integers(1, 40),
+    steps=st.none() | st.integers(1, 20),
+    reach=st.sampled_from(REACHES),
+)
+def test_every_row_has_one_owner(rows, count, steps, reach):
+    found = cut(rows, count, reach, steps)
+    if found is None:
+        return
+    owned = [row for domain in found.domains for row in range(domain.first, domain.end)]
+    assert owned == list(range(rows))
+    sizes = [domain.end - domain.first for domain in found.domains]
+    assert max(sizes) - min(sizes) <= (3 if reach.even else 1)  # an odd last row besides a pair
+
+
+@given(
+    rows=st.integers(2, 400),
+    count=st.integers(2, 40),
+    steps=st.none() | st.integers(1, 20),
+    reach=st.sampled_from(REACHES),
+)
+def test_an_exchange_fills_every_halo_with_what_its_neighbour_owns(rows, count, steps, reach):
+    found = cut(rows, count, reach, steps)
+    if found is None:
+        return
+    whole = np.arange(rows)
+    held = []
+    for domain in found.domains:
+        window = np.full(domain.window_rows, -1)
+        window[domain.owned] = whole[domain.first : domain.end]
+        held.append(window)
+    sent = [held[border.source][border.from_row : border.from_row + border.rows].copy() for border in found.borders]
+    for border, rows_sent in zip(found.borders, sent, strict=True):
+        assert (rows_sent >= 0).all(), "a sender owns what it sends"
+        held[border.target][border.to_row : border.to_row + border.rows] = rows_sent
+    for domain, window in zip(found.domains, held, strict=True):
+        assert (window == whole[domain.window_first : domain.window_end]).all()
+        if reach.even:
+            assert domain.window_first % 2 == 0
+
+
+@given(
+    rows=st.integers(2, 400),
+    count=st.integers(2, 40),
+    steps=st.none() | st.integers(1, 20),
+    reach=st.sampled_from(REACHES),
+)
+def test_the_halo_lasts_until_the_next_exchange(rows, count, steps, reach):
+    """What is bad spreads by `reach.rows` rows an evaluation of the forces, from each cut edge."""
+    found = cut(rows, count, reach, steps)
+    if found is None:
+        return
+    evaluations = reach.forces * found.steps + reach.closing
+    for domain in found.domains:
+        good = np.ones(domain.window_rows, bool)
+        for _ in range(evaluations):
+            edges = good.copy()
+            if domain.window_first > 0:
+                edges[: reach.rows] = False
+            if domain.window_end < rows:
+                edges[-reach.rows :] = False
+            for far in range(1, reach.rows + 1):
+                edges[far:] &= good[:-far]
+                edges[:-far] &= good[far:]
+            good = edges
+        assert good[domain.owned].all()
+
+
+@pytest.mark.parametrize("rows, count", [(3, 4), (1, 2), (16, 17)])
+def test_more_domains_than_rows_are_refused(rows, count):
+    with pytest.raises(SceneError, match=f"at most {rows}"):
+        decompose(rows, 5, count, Reach())
+
+
+def test_a_share_must_hold_a_halo():
+    """Runge-Kutta's step evaluates forces four times, one after another: it reads four rows beyond."""
+    assert decompose(16, 5, 4, Reach(forces=4)).halo == 4
+    with pytest.raises(SceneError, match="use at most 4"):
+        decompose(16, 5, 5, Reach(forces=4))
+    with pytest.raises(SceneError, match="use at most 1"):
+        decompose(16, 5, 4, Reach(forces=4), steps=2)
+
+
+@pytest.mark.parametrize("count, steps", [(0, None), (-1, None), (2, 0), (2, -3)])
+def test_what_is_no_number_of_them_is_refused(count, steps):
+    with pytest.raises(SceneError, match="at least 1"):
+        decompose(16, 5, count, Reach(), steps)
+
+
+def test_one_owns_all_and_sends_nothing():
+    alone = decompose(16, 5, 1, Reach())
+    assert not alone.borders and alone.repeated == 1 and alone.bytes_sent(16) == 0
+
+
+def test_the_bytes_of_a_message():
+    """A halo of 8 rows of 100 masses of 16 bytes."""
+    assert decompose(1024, 100, 2, Reach(), steps=8).bytes_sent(16) == 8 * 100 * 16

@@ -1,0 +1,86 @@
+"""A grid in windows on real GPUs: the bits of one. Where there is one GPU, its windows take turns on it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from app.driver import open_simulation
+from model.core.integrators import INTEGRATORS
+from model.core.simulation import State
+from model.scene.scene import Scene, load_scene
+
+pytestmark = pytest.mark.gpu
+LINKS = ("peer", "flags")
+
+
+@pytest.fixture(autouse=True)
+def share(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("SOFTLAB_SHARE_GPU", "1")
+
+
+def scene_of(rows: int = 200, columns: int = 61, **more: Any) -> Scene:
+    settings = {"grid.rows": rows, "grid.columns": columns, "grid.pinned": "every:7", "perturbation.amplitude": 0.05}
+    return load_scene("lab-grid").replace(settings | more)
+
+
+def end(scene: Scene, steps: int, **options: Any) -> State:
+    with open_simulation(scene, math="exact", allow_unstable=True, **options) as simulation:
+        simulation.advance(steps // 3)
+        simulation.advance(steps - steps // 3)
+        return simulation.state()
+
+
+def same(found: State, wanted: State) -> None:
+    assert np.array_equal(found.position, wanted.position)
+    assert np.array_equal(found.velocity, wanted.velocity)
+
+
+@pytest.mark.parametrize("link", LINKS)
+@pytest.mark.parametrize("count", [2, 3, 4])
+def test_windows_have_the_bits_of_one_gpu_after_10_000_steps(count: int, link: str) -> None:
+    scene = scene_of()
+    same(end(scene, 10_000, backend="gpu", gpus=count, link=link), end(scene, 10_000, backend="gpu"))
+
+
+@pytest.mark.parametrize("link", LINKS)
+@pytest.mark.parametrize("integrator", [name for name in INTEGRATORS if name not in ("explicit-euler", "taylor")])
+def test_every_part_and_integrator_has_the_bits_of_the_cpu(integrator: str, link: str) -> None:
+    """Random forces are told by a mass's number in the whole grid."""
+    scene = scene_of(**{"method.integrator": integrator, "external.magnitude": 0.05})
+    same(end(scene, 500, backend="gpu", gpus=2, link=link), end(scene, 500, threads=2))
+
+
+@pytest.mark.parametrize("link", LINKS)
+@pytest.mark.parametrize("kernel", ["tiles", "graph", "launch", "resident", "stages"])
+def test_every_kernel_steps_a_window(kernel: str, link: str) -> None:
+    scene = scene_of(rows=300, columns=130)
+    wanted = end(scene, 200, backend="gpu")
+    for every in (1, 4, 5, 8):
+        same(end(scene, 200, backend="gpu", gpus=3, link=link, kernel=kernel, exchange_every=every), wanted)
+
+
+@pytest.mark.parametrize("link", LINKS)
+def test_a_large_grid_in_both_precisions(link: str) -> None:
+    """More masses than the chip holds: tiles, 16 steps between exchanges."""
+    for precision in ("float32", "float64"):
+        scene = scene_of(rows=2048, columns=1500)
+        how: dict[str, Any] = {"backend": "gpu", "precision": precision}
+        same(end(scene, 100, gpus=2, link=link, **how), end(scene, 100, **how))
+
+
+@pytest.mark.parametrize("link", LINKS)
+def test_a_forced_mass_and_a_switched_field(link: str) -> None:
+    scene = scene_of()
+    found = []
+    for gpus in (1, 3):
+        with open_simulation(scene, "gpu", math="exact", live=("poke", "gravity"), gpus=gpus, link=link) as simulation:
+            simulation.poke(150 * 61 + 30, (0.5, -0.25))
+            simulation.advance(50)
+            simulation.set("gravity.enabled", False)
+            simulation.poke(None)
+            simulation.advance(50)
+            found.append(simulation.state())
+    same(*found)

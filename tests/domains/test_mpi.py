@@ -1,0 +1,96 @@
+"""Ranks of MPI: processes on this machine, started as a user starts them. Without mpi4py these are skipped."""
+
+import os
+import subprocess
+import sys
+from importlib.util import find_spec
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+COMMAND = ["softlab.py", "run", "lab-grid", "--math", "exact", "--no-judge", "--threads", "1"]
+needs_mpi = pytest.mark.skipif(find_spec("mpi4py") is None, reason='mpi4py is not installed: pip install -e ".[mpi]"')
+
+
+def softlab(*arguments, launcher=(), **environment):
+    done = subprocess.run(
+        [*launcher, sys.executable, *COMMAND, *map(str, arguments)],
+        cwd=ROOT, capture_output=True, text=True, timeout=500, env={**os.environ, **environment},
+    )  # fmt: skip
+    return done.returncode, done.stdout, done.stderr
+
+
+def states(folder, arguments, *, ranks):
+    """The files of positions and velocities that one process and `ranks` leave."""
+    found = []
+    for count in (1, ranks):
+        out = folder / f"{count}.npz"
+        status, _, told = softlab(*arguments, "--ranks", count, "--out", out)
+        assert status == 0, told
+        with np.load(out) as state:
+            found.append((state["position"], state["velocity"], int(state["step"])))
+    return found
+
+
+def assert_same(found):
+    (position, velocity, step), (other_position, other_velocity, other_step) = found
+    assert np.array_equal(position, other_position) and np.array_equal(velocity, other_velocity)
+    assert step == other_step
+
+
+@needs_mpi
+@pytest.mark.parametrize("ranks", [2, 4])
+def test_processes_have_the_bits_of_one_after_10_000_steps(tmp_path, ranks):
+    """The gate: exact math, whatever the number of processes."""
+    assert_same(states(tmp_path, ["--steps", 10_000, "--set", "grid.rows=40"], ranks=ranks))
+
+
+@needs_mpi
+def test_two_processes_write_one_file_and_print_one_report(tmp_path):
+    out = tmp_path / "end.npz"
+    arguments = ["--steps", 20, "--out", out, "--json", "--set", "grid.rows=16", "--set", "grid.columns=16"]
+    status, printed, told = softlab(*arguments, "--ranks", 2, SOFTLAB_PLAIN_PYTHON="1")
+    assert (status, told) == (0, "")
+    assert printed.count('"ranks": 2') == 1 and printed.count("\n") == 1
+    assert out.exists()
+
+
+@needs_mpi
+def test_a_divergence_is_told_once_and_is_exit_status_1():
+    arguments = ["--steps", 4000, "--set", "grid.rows=8", "--set", "grid.columns=8", "--set", "method.dt=0.07"]
+    status, _, told = softlab(*arguments, "--allow-unstable", "--ranks", 2, SOFTLAB_PLAIN_PYTHON="1")
+    assert status == 1
+    assert told.count("diverged at step") == 1
+
+
+@pytest.mark.parametrize(
+    "arguments, said",
+    [
+        (["--ranks", "33"], "at most 32"),
+        (["--ranks", "0"], "at least 1"),
+        (["--ranks", "2", "--backend", "gpu"], "--gpus"),
+        (["--gpus", "2"], "--backend gpu"),
+        (["--ranks", "2", "--exchange-every", "17"], "at most 16"),
+        (["--ranks", "2", "--render", "clip.mp4"], "--ranks 1"),
+        (["--gpus", "2", "--backend", "gpu", "--link", "string"], "peer, nccl"),
+    ],
+)
+def test_bad_input_is_one_line_and_exit_status_2(arguments, said):
+    status, printed, told = softlab(*arguments, NUMBA_ENABLE_CUDASIM="1")
+    assert status == 2 and not printed
+    assert told.count("\n") == 1 and said in told
+
+
+def test_without_mpiexec_one_line_says_how_to_get_it(tmp_path):
+    """A Python that has no mpiexec beside it, and a path without one."""
+    python = tmp_path / "python"
+    python.symlink_to(sys.executable)
+    code = "import sys; sys.executable = sys.argv.pop(1)\nimport softlab; sys.argv[0] = 'softlab'; softlab.main()"
+    done = subprocess.run(
+        [sys.executable, "-c", code, str(python), *COMMAND[1:], "--ranks", "2"],
+        cwd=ROOT, capture_output=True, text=True, timeout=100, env={**os.environ, "PATH": str(tmp_path)},
+    )  # fmt: skip
+    assert done.returncode == 3
+    assert "mpiexec" in done.stderr and "pip install" in done.stderr and done.stderr.count("\n") == 1

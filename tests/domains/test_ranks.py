@@ -1,0 +1,169 @@
+"""A grid on several CPU ranks has the bits of one, whatever it is made of and however many they are; threads stand in for
+processes here, which test_mpi.py runs."""
+
+import numpy as np
+import pytest
+
+from app.driver import open_simulation
+from cpu_backend.domains.in_threads import Meeting, ThreadRanks, run_in_threads
+from cpu_backend.domains.ranks import RankSimulation, shared_threads
+from model.core.errors import BackendUnavailable, Diverged, SceneError
+from model.core.options import Options
+from model.core.simulation import State
+from model.scene.scene import load_scene
+
+SCENES = {
+    "lab": {},
+    "verlet": {"method.integrator": "velocity-verlet"},
+    "rk4": {"method.integrator": "rk4"},
+    "random": {"external.magnitude": 0.3, "method.integrator": "velocity-verlet"},
+    "uneven": {"springs.stiffness_ratio": 3.0, "method.dt": 0.002},
+    "edges": {"grid.pinned": "edges", "perturbation.amplitude": 0.1, "method.integrator": "semi-implicit-euler"},
+}
+
+
+def scene_of(name, rows=16, columns=5):
+    settings = {"grid.rows": rows, "grid.columns": columns, "method.dt": 0.005, **SCENES[name]}
+    return load_scene("lab-grid").replace(settings)
+
+
+def alone(scene, steps, **options):
+    with open_simulation(scene, threads=1, math="exact", **options) as simulation:
+        simulation.advance(steps)
+        return simulation.state()
+
+
+def shared(scene, count, steps, every=None, advances=1, **options):
+    """The states that each rank gathered."""
+
+    def program(ranks):
+        with RankSimulation(scene, Options(math="exact", **options), ranks, 1, every) as simulation:
+            for _ in range(advances):
+                simulation.advance(steps // advances)
+            return simulation.state()
+
+    return run_in_threads(count, program, patience=60)
+
+
+def same(found, wanted):
+    assert np.array_equal(found.position, wanted.position)
+    assert np.array_equal(found.velocity, wanted.velocity)
+    assert (found.step, found.time) == (wanted.step, wanted.time)
+
+
+@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("count", [2, 3])
+def test_ranks_have_the_bits_of_one(name, count):
+    scene = scene_of(name)
+    wanted = alone(scene, 24)
+    for found in shared(scene, count, 24):
+        same(found, wanted)
+
+
+@pytest.mark.parametrize("every", [1, 2, 5])
+def test_how_often_they_exchange_is_of_no_matter(every):
+    """7 steps are no multiple of it, and end with an exchange all the same."""
+    scene = scene_of("verlet", rows=26)
+    wanted = alone(scene, 14)
+    for found in shared(scene, 3, 14, every, advances=2):
+        same(found, wanted)
+
+
+def test_a_row_each_is_the_smallest_share():
+    scene = scene_of("lab", rows=4)
+    for found in shared(scene, 4, 10):
+        same(found, alone(scene, 10))
+    with pytest.raises(SceneError, match="at most 4"):
+        shared(scene, 5, 1)
+
+
+def test_float64_and_the_kernel_by_stages():
+    scene = scene_of("random")
+    wanted = alone(scene, 6, precision="float64")
+    for found in shared(scene, 2, 6, precision="float64", kernel="stages"):
+        same(found, wanted)
+
+
+def test_a_force_held_on_one_mass_reaches_its_window():
+    scene = scene_of("lab")
+
+    def program(ranks):
+        with RankSimulation(scene, Options(math="exact", live=frozenset({"poke", "gravity"})), ranks, 1) as simulation:
+            simulation.poke(60, (0.5, -0.25))  # row 12: of the second rank, in no other's window
+            simulation.advance(5)
+            simulation.set("gravity.enabled", False)
+            simulation.poke(None)
+            simulation.advance(5)
+            return simulation.state()
+
+    with open_simulation(scene, threads=1, math="exact", live=("poke", "gravity")) as one:
+        one.poke(60, (0.5, -0.25))
+        one.advance(5)
+        one.set("gravity.enabled", False)
+        one.poke(None)
+        one.advance(5)
+        wanted = one.state()
+    for found in run_in_threads(2, program, patience=60):
+        same(found, wanted)
+
+
+def test_they_diverge_where_one_does():
+    """Twice the limit of the step size: the same first bad step and particle are named."""
+    scene = scene_of("lab").replace({"method.dt": 0.07})
+    with pytest.raises(Diverged) as of_one:
+        alone(scene, 4000, allow_unstable=True)
+    with pytest.raises(Diverged) as of_two:
+        shared(scene, 2, 4000)
+    assert (of_two.value.step, of_two.value.particle) == (of_one.value.step, of_one.value.particle)
+
+
+def test_a_state_is_loaded_and_goes_on():
+    scene = scene_of("verlet")
+    first, wanted = alone(scene, 8), alone(scene, 16)
+
+    def program(ranks):
+        with RankSimulation(scene, Options(math="exact"), ranks, 1) as simulation:
+            simulation.load(first)
+            simulation.advance(8)
+            return simulation.state()
+
+    for found in run_in_threads(2, program, patience=60):
+        same(found, wanted)
+
+
+def test_a_lost_rank_is_an_error_and_no_hang():
+    """Rank 1 never comes: rank 0's first wait for it ends, and says so."""
+    scene, meeting = scene_of("lab"), Meeting(2, patience=0.2)
+    with (
+        pytest.raises(BackendUnavailable, match="does not answer"),
+        RankSimulation(scene, Options(math="exact"), ThreadRanks(meeting, 0), 1) as simulation,
+    ):
+        simulation.advance(1)
+
+
+@pytest.mark.parametrize("name", ["cloth-hanging", "jelly-block"])
+def test_what_cannot_be_shared_says_so(name):
+    with pytest.raises(SceneError, match="not shared"):
+        run_in_threads(2, lambda ranks: RankSimulation(load_scene(name), Options(), ranks), patience=5)
+
+
+def test_a_manufactured_force_asks_where_a_mass_is():
+    scene = load_scene("lab-grid").replace({"manufactured.amplitude": 0.01})
+    with pytest.raises(SceneError, match="manufactured"):
+        run_in_threads(2, lambda ranks: RankSimulation(scene, Options(), ranks), patience=5)
+
+
+def test_threads_of_ranks_share_the_cores(monkeypatch):
+    monkeypatch.setattr("cpu_backend.domains.ranks.core_count", lambda: 8)
+    assert [shared_threads(word, 4) for word in ("1x", "2x", "4x", 3, "5")] == [2, 4, 8, 3, "5"]
+    assert shared_threads("1x", 16) == 1
+
+
+def test_the_state_of_a_rank_is_that_of_all():
+    def program(ranks):
+        with RankSimulation(scene_of("lab"), Options(math="exact"), ranks, 1) as simulation:
+            return simulation.state(), simulation.rank, simulation.slowest(float(ranks.rank))
+
+    found = run_in_threads(3, program, patience=60)
+    assert all(isinstance(state, State) and len(state.position) == 80 for state, _, _ in found)
+    assert [(rank, slowest) for _, rank, slowest in found] == [(0, 2.0), (1, 2.0), (2, 2.0)]
