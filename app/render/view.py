@@ -29,6 +29,7 @@ from app.render.vertex_arrays import uniform_matrix
 from model.core.build import rest_positions
 from model.core.simulation import Simulation
 from model.scene.scene import Scene
+from model.shape_matching.spare import present
 
 RING = 22.0  # pixels
 
@@ -55,7 +56,7 @@ class View(ABC):
         self._point_program = shader_program(shaders.VERTEX, shaders.POINT_FRAGMENT)
         if self.space:
             self.lowest = float(
-                rest_positions(scene.grid)[:, 1].min()
+                present(scene, rest_positions(scene.grid))[:, 1].min()
             )  # of all that was shown: the ground lies below it
             self._target = SmoothTarget(detail)
             self._scenery = Scenery(scene)

@@ -3,15 +3,17 @@
 A pool of water a rest distance of 1 cm apart, at rest between walls and 20 particles deep, a thousand to ten million of them;
 a frame is a step of 1/60 s in two substeps of three iterations, each with its own search. Beside whole frames every stage is
 timed by itself (app/plan/measure.py): what sorting, listing, densities and corrections each take, of a particle, against what
-memory and arithmetic allow. On a GPU the frame's kernel fuses the first density with the lists, and the last correction with
-the velocities, so that it takes less than the sum. The scheme `divergence-free` is timed in turn with `macklin`; it has two
-solves a substep, and an iteration of either counts.
+memory and arithmetic allow. A cup that pours is timed, too, and where its water is every half second. On a GPU the frame's
+kernel fuses the first density with the lists, and the last correction with the velocities, so that it takes less than the
+sum. The scheme `divergence-free` is timed in turn with `macklin`; it has two solves a substep, and an iteration of either
+counts.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 from rich.console import Console
 
@@ -22,8 +24,9 @@ from bench.measure.costs_timing import Measures
 from bench.store.database import Store
 from bench.store.results import Measure, measures
 from bench.store.tables import columns, print_table
+from bench.stress.vessels import basin_area, in_basin, pouring
 from model.fluid.plan import fluid_plan, neighbours_at_rest
-from model.scene.scene import Scene
+from model.scene.scene import Scene, load_scene
 
 STAGE = "fluids"  # of the samples in the store
 STEP = "fluid_step"  # s: the median of a frame
@@ -43,6 +46,8 @@ POOLS = {
 }  # particles along x, y, z
 LARGE = {10025280: (708, 20, 708)}  # on a GPU
 QUICK = (1000, 8000)
+POUR = "pour"  # the scene of a cup that pours
+IN_CUP, IN_BASIN, LEVEL = "fluid_share_in_the_cup_at", "fluid_share_in_the_basin_at", "fluid_level_over_the_volumes"
 DISTANCE = 0.01  # m
 FRAME = 1 / 60  # s
 SUBSTEPS, ITERATIONS = 2, 3
@@ -105,18 +110,35 @@ def operations(scene: Scene, phase: str) -> int:
 
 
 def groups(backends: Sequence[str], quick: bool, precisions: Sequence[str]) -> list[list[Case]]:
-    """What is timed in turn: schemes and precisions of a pool on a backend. `quick`: the two smallest pools."""
+    """What is timed in turn: schemes and precisions of a pool on a backend, and of a cup that pours. `quick`: two small
+    pools alone."""
     found = []
     for backend in backends:
         for count in QUICK if quick else (*POOLS, *(LARGE if backend == "gpu" else ())):
             ways = [(scheme, precision) for scheme in SCHEMES for precision in precisions]
             found.append([make_case(pool(count, one), backend, p, f"{count} particles, {one}") for one, p in ways])
+        if not quick:
+            found.append([make_case(load_scene(POUR), backend, p, "a cup that pours") for p in precisions])
     return found
 
 
 def phase_name(phase: str) -> str:
     """The measure of a stage's time [s]."""
     return f"fluid_stage_{phase.replace(' ', '_')}"
+
+
+def poured(case: Case) -> Measures:
+    """Of a cup that pours: the shares of its water in it and in the basin against time, and how high the water stands in the
+    end over what its volume and the basin's area give."""
+    found: dict[str, Any] = {}
+    scene, left = case.scene, case.scene.parts["left"]
+    for time, cup, basin, places in pouring(scene, backend=case.backend, precision=case.precision):
+        position = places
+        at = f"{time:.1f}_s"
+        found |= {f"{IN_CUP}_{at}": (cup, "", "in the cup"), f"{IN_BASIN}_{at}": (basin, "", "in the basin")}
+    lying = position[in_basin(scene, position)]
+    level = len(lying) * scene.fluid_set.lattice.volume / basin_area(scene, left.thickness)  # type: ignore[attr-defined]
+    return found | {LEVEL: (2 * float(lying[:, 1].mean()) / level, "", "twice the mean height")}
 
 
 def phase_times(case: Case) -> Measures:
@@ -135,7 +157,8 @@ class FluidRates(Rates):
 
     def _time(self, store: Store, summary: Summary, group: Sequence[Case], repeats: int) -> None:
         for case in group:
-            experiment.keep(store, summary.run, case.description, case.sources, phase_times(case))
+            found = poured(case) if case.scene.all_of("mesh_collider") else phase_times(case)
+            experiment.keep(store, summary.run, case.description, case.sources, found)
         super()._time(store, summary, group, repeats)
 
 
@@ -147,25 +170,29 @@ RATES = run_fluids = FluidRates("fluids", STAGE, STEP, RATE, KERNEL, particle_it
 
 @dataclass(frozen=True)
 class FluidPoint(RatePoint):
-    """One pool. `phases` [s]: stages alone, by name."""
+    """One pool, or a cup that pours. `phases` [s]: stages alone, by name; `shares`: what is told of the cup, by name."""
 
     particles: int
     scheme: str
     phases: dict[str, float]
+    shares: dict[str, float]
 
 
 def points(held: Iterable[Measure]) -> list[FluidPoint]:
     """What the measures tell of the cases, smallest first."""
     kept = list(held)
     alone: dict[str, dict[str, float]] = {}
+    shares: dict[str, dict[str, float]] = {}
     for measure in kept:
         for phase in dict.fromkeys((*PHASES, *FREE_PHASES)):
             if measure.name == phase_name(phase):
                 alone.setdefault(_key(measure), {})[phase] = measure.value or 0.0
+        if measure.name.startswith((IN_CUP, IN_BASIN, LEVEL)):
+            shares.setdefault(_key(measure), {})[measure.name] = measure.value or 0.0
     found = []
     for told, scene, point in RATES.told(kept):
-        about = count_of(scene), scene.method.scheme, alone.get(_key(told[RATE]), {})
-        found.append(FluidPoint(**vars(point), particles=about[0], scheme=about[1], phases=about[2]))
+        key, about = _key(told[RATE]), {"particles": count_of(scene), "scheme": scene.method.scheme}
+        found.append(FluidPoint(**vars(point), **about, phases=alone.get(key, {}), shares=shares.get(key, {})))
     return sorted(found, key=lambda p: (p.backend, p.precision, p.scheme != SCHEMES[0], p.particles))
 
 
@@ -174,7 +201,7 @@ def _key(measure: Measure) -> str:
 
 
 def print_fluids(console: Console, store: Store, machine: str) -> None:
-    """Two tables of what was timed on a machine: frames, and stages alone."""
+    """Tables of what was timed on a machine: frames, and stages alone; and of a cup that poured."""
     held = points(measures(store, machine=machine))
     rows = [
         (
@@ -201,3 +228,19 @@ def print_fluids(console: Console, store: Store, machine: str) -> None:
     heads = columns(("particles", "scheme", "backend", "stage alone"), numbers)
     limits = "least: by 4.0 TB/s measured of memory or 31 TFLOP/s, half of its arithmetic, neighbours' positions cached"
     print_table(console, heads, stages, limits)
+    _print_poured(console, held)
+
+
+def _print_poured(console: Console, held: Sequence[FluidPoint]) -> None:
+    rows: list[tuple[str, ...]] = []
+    for p in held:
+        for name, value in p.shares.items():
+            if name.startswith(IN_BASIN):
+                at = name.removeprefix(f"{IN_BASIN}_").removesuffix("_s")
+                cup = p.shares[f"{IN_CUP}_{at}_s"]
+                rows.append((p.backend, p.precision, at, f"{cup:.4f}", f"{value:.4f}", f"{1 - cup - value:.4f}"))
+        if p.shares:
+            rows.append((p.backend, p.precision, "level over the volume's", "", f"{p.shares[LEVEL]:.4f}", ""))
+    if rows:
+        heads = columns(("a cup that pours", "precision", "s"), ("in the cup", "in the basin", "elsewhere"))
+        print_table(console, heads, rows, "shares of its particles: elsewhere is what falls, or left over a rim")

@@ -48,7 +48,7 @@ def test_rows_are_of_fluids_and_say_where_their_bounds_come_from() -> None:
     for case in CASES:
         assert case.of_fluids == (case in FLUID_CASES)
         assert not case.of_fluids or (case.base().fluids and case.basis)
-    assert {case.row for case in FLUID_CASES} == {f"F{k}" for k in range(1, 10)}
+    assert {case.row for case in FLUID_CASES} == {f"F{k}" for k in range(1, 11)}
 
 
 @pytest.mark.parametrize("method", FLUIDS)
