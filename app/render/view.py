@@ -61,6 +61,8 @@ class View(ABC):
             self._scenery = Scenery(scene)
             self._lit = Lit()
 
+    onto: SmoothTarget | None = None  # of a view that this is a part of: what that draws into
+
     def show_in(self, detail: Detail) -> None:
         """Draw in this detail from now on; in space."""
         self._target.delete()

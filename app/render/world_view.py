@@ -1,5 +1,5 @@
 """Draws a world into the current OpenGL context: each member by the view of its own kind, among the same colliders, in one
-light and on one ground."""
+light and on one ground; a fluid, through which the others are seen, last."""
 
 from __future__ import annotations
 
@@ -106,6 +106,7 @@ class WorldView(View):
     def _draw_over(self, camera: Any, selected: int | None) -> None:
         for name, part in self.parts.items():
             place = self._slices[name]
+            part.onto = self._target
             here = selected is not None and place.start <= selected < place.stop
             part._draw_over(camera, selected - place.start if here and selected is not None else None)
 

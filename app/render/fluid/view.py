@@ -225,10 +225,8 @@ class FluidView(View):
         from pyglet import gl
 
         if self.space and not self.lines:
-            bound = gl.GLint()  # in a world that of another view
-            gl.glGetIntegerv(gl.GL_DRAW_FRAMEBUFFER_BINDING, bound)
             self._surface.passes(camera)
-            self._surface.shade(camera, int(bound.value))
+            self._surface.shade(camera, (self.onto or self._target).frame)
             gl.glEnable(gl.GL_BLEND)
             gl.glEnable(gl.GL_DEPTH_TEST)
         if self.space and self.foam:
