@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import json
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -31,6 +32,7 @@ from app.command.command_line import (
 from app.command.file_commands import filing
 from bench.advice_commands import advising
 from bench.commands import measuring
+from bench.scale_commands import scaling
 from bench.store.commands import keeping
 from model.domains.launched import launched_ranks
 
@@ -249,22 +251,27 @@ def scenes(
         print_scenes(out)
 
 
-@app.command(epilog="Example: softlab plan lab-grid --measure")
+@app.command(epilog="Example: softlab plan lab-grid --measure   (softlab plan lab-grid --gpus 4 --set grid.rows=8192)")
 def plan(
     scene: SceneName,
     backend: Annotated[str | None, typer.Option(help="Only this backend: cpu or gpu.")] = None,
     precision: Precision = "float32",
     measure: Annotated[bool, typer.Option("--measure", help="Time every stage, about a second a backend.")] = False,
+    gpus: Annotated[int, typer.Option(help="Also who owns what on so many GPUs, and what their link allows.")] = 1,
+    exchange_every: Annotated[int | None, typer.Option(help="With --gpus: steps between two exchanges.")] = None,
     settings: Settings = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
 ) -> None:
     """Print the stages of a step, their bytes and operations, each backend's kernel, and the stability limit."""
     from app.driver import BACKENDS
     from app.plan.report import plan_report
+    from app.plan.shared import shared_plan
 
     wanted = BACKENDS if backend is None else (backend,)
     with compilations_told():
         report = plan_report(scene_of(scene, settings), precision, wanted, measure)
+    if gpus != 1:
+        report = replace(report, shared=shared_plan(report.scene, gpus, exchange_every, report.item))
     if as_json:
         print(json.dumps(report.as_dict()))
     else:
@@ -282,7 +289,7 @@ def doctor() -> None:
     print_findings(out, examine())
 
 
-app.registered_commands += filing.registered_commands + keeping.registered_commands
+app.registered_commands += scaling.registered_commands + filing.registered_commands + keeping.registered_commands
 
 
 if __name__ == "__main__":

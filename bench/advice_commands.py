@@ -17,7 +17,9 @@ advising = typer.Typer()
 @advising.command(cls=Timed, epilog="Example: softlab advise lab-curtain --error 1e-3 --write fast.toml")
 def advise(
     scene: SceneName,
-    error: Annotated[float, typer.Option("--error", help="In spacings; of tetrahedral bodies relative.")],
+    error: Annotated[
+        float, typer.Option("--error", help="In spacings; of tetrahedral bodies and a fluid's density relative.")
+    ],
     time: Time = None,
     backend: Backends = None,
     precision: Precisions = None,
@@ -65,4 +67,10 @@ def ablate(
     from bench.experiments.advise.ablate import ablate as find
     from bench.experiments.advise.ablation_results import print_ablation
 
-    measure(store, find, tell=print_ablation, scene=scene_of(scene, settings), backends=backend, time=time)
+    asked = scene_of(scene, settings)
+    if asked.fluids:
+        from bench.experiments.advise.fluids_ablation import ablate_fluids, print_fluid_ablation
+
+        measure(store, ablate_fluids, tell=print_fluid_ablation, scene=asked, backends=backend, time=time)
+        return
+    measure(store, find, tell=print_ablation, scene=asked, backends=backend, time=time)

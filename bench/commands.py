@@ -61,6 +61,11 @@ def sweep(
             help="With --peers: only grid, cloth, xpbd, implicit (-16, -4, -1), tetrahedra (-1e5 ...) or rigid. Repeatable."
         ),
     ] = None,
+    gpus: Annotated[
+        list[int] | None, typer.Option(help="A grid on so many GPUs, beside one, instead. Repeatable; see also --link.")
+    ] = None,
+    link: Annotated[str, typer.Option(help="With --gpus: peer or flags.")] = "peer",
+    exchange_every: Annotated[int | None, typer.Option(help="With --gpus: steps between two exchanges.")] = None,
     cluster: Cluster = None,
     workers: Workers = None,
     sbatch: Sbatch = None,
@@ -83,6 +88,19 @@ def sweep(
             "--cluster", cluster, "does not go with --peers, which are built on the machine that times them"
         )
     check_positive("--min-ms", min_ms)
+    if gpus:
+        from bench.experiments.scaling.experiment import print_scaling, run_scaling
+
+        if peers or kernels or threads or cluster:
+            raise SceneError(
+                "--gpus", gpus, "is a sweep of its own; leave out --peers, --kernels, --threads and --cluster"
+            )
+        shared: dict[str, Any] = {"gpus": gpus, "sizes": size, "link": link, "exchange_every": exchange_every}
+        chosen = precisions_of(precision, "float32")
+        measure(
+            store, run_scaling, print_scaling, quick=quick, backends=backend or ["gpu"], precisions=chosen, **shared
+        )
+        return
     where = where_asked(cluster, workers, sbatch)
     how: dict[str, Any] = {
         "quick": quick, "backends": backend, "sizes": size, "max_seconds": max_seconds, "total_seconds": total_seconds,
@@ -241,16 +259,27 @@ def throughput(
     measure(store, run_throughput, print_throughput, quick=quick, backends=backend, kinds=kind, precisions=chosen)
 
 
-@measuring.command(cls=Timed, epilog="Example: softlab fluids --quick   (softlab fluids --backend gpu)")
+@measuring.command(cls=Timed, epilog="Example: softlab fluids --quick   (softlab fluids --truth --peers)")
 def fluids(
     quick: Annotated[
         bool, typer.Option("--quick", help="Pools of a thousand and of eight thousand particles, fewer repeats.")
     ] = False,
+    truth: Annotated[
+        bool,
+        typer.Option("--truth", help="Instead: how far schemes are off what is known, and what their frames take."),
+    ] = False,
+    peers: Annotated[bool, typer.Option("--peers", help="With --truth: beside other programs (SPlisHSPlasH).")] = False,
     backend: Backends = None,
     precision: RatePrecisions = None,
     store: StorePath = DEFAULT_STORE,
 ) -> None:
-    """Time fluids: how many particles a second, and what sorting, lists, densities and corrections each take of it."""
+    """Time fluids: how many particles a second, what sorting, lists, densities, corrections take; or judge them (--truth)."""
+    if truth or peers:
+        from bench.experiments.fluid_truth.experiment import run_truth
+        from bench.experiments.fluid_truth.rows import print_truth
+
+        measure(store, run_truth, print_truth, quick=quick, backends=backend, peers=peers)
+        return
     from bench.experiments.fluids import print_fluids, run_fluids
 
     chosen = precisions_of(precision, "float32")

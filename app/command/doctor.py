@@ -5,18 +5,10 @@ from __future__ import annotations
 import os
 import platform
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 
-
-@dataclass(frozen=True)
-class Finding:
-    """One line of the doctor's: what was looked at, whether it works, what was found, how to get it if it does not."""
-
-    name: str
-    works: bool
-    found: str
-    remedy: str = ""
+from app.command.doctor_shared import gpus_by_nccl, gpus_together, ranks_of_mpi
+from app.command.findings import Finding
 
 
 def _missing(name: str, text: str) -> Finding:
@@ -162,7 +154,8 @@ def _typst() -> Finding:
 
 
 CHECKS: tuple[Callable[[], Finding], ...] = (
-    _versions, _cpu, _cache, _gpu, _opengl, _display, _panel, _fonts, _ffmpeg, _voice, _typst,
+    _versions, _cpu, _cache, _gpu, gpus_together, ranks_of_mpi, gpus_by_nccl, _opengl, _display, _panel,
+    _fonts, _ffmpeg, _voice, _typst,
 )  # fmt: skip
 
 

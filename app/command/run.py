@@ -270,7 +270,7 @@ def _report(
         "potential_energy": energy["potential"],
         "conserved": energy["conserved"],
         "max_speed": float(speed.max() ** 0.5),
-        "max_strain": float(np.abs(strain).max()) if len(strain) else 0.0,
+        "max_strain": None if scene.fluids else float(np.abs(strain).max()) if len(strain) else 0.0,
         "error": None,
         "error_reason": "not judged",
         "outcome": "ok" if diverged is None else "diverged",

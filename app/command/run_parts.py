@@ -91,7 +91,7 @@ def caught_lines(report: dict[str, Any]) -> list[str]:
 
 def fluid_report(simulation: Simulation, state: State) -> dict[str, Any]:
     """Of fluids, by how much densities exceed that at rest, the `height` of the highest hundredth of particles over where the
-    lowest one's floor was, and neighbours that lists had no room for."""
+    lowest one's floor was, neighbours that lists had no room for, and particles that no capacity was left for."""
     scene = simulation.scene
     if not scene.fluids or not np.isfinite(state.position).all():
         return {}
@@ -101,27 +101,39 @@ def fluid_report(simulation: Simulation, state: State) -> dict[str, Any]:
         "largest_compression": largest,
         "height": height(scene, state.position),
         "neighbours_lost": simulation.contacts_lost,  # type: ignore[attr-defined]
+        **({"not_emitted": simulation.not_emitted} if scene.emitters else {}),  # type: ignore[attr-defined]
     }
 
 
 def fluid_notes(report: dict[str, Any]) -> list[str]:
-    """What to do where lists were too short."""
+    """What to do where lists were too short, or a fluid's capacity."""
+    notes = []
+    if report.get("not_emitted"):
+        notes.append(
+            f"capacity reached: {report['not_emitted']} particles were due at a nozzle while none waited; a larger capacity "
+            "of the fluid, a sink, or a lower speed helps"
+        )
     if not report.get("neighbours_lost"):
-        return []
+        return notes
     return [
+        *notes,
         f"{report['neighbours_lost']} neighbours did not fit into the lists of their particles: the fluid is pressed too "
-        "much; more substeps or iterations, or a smaller support, help"
+        "much; more substeps or iterations, or a smaller support, help",
     ]
 
 
 def contact_report(simulation: Simulation, state: State) -> dict[str, Any]:
     """Of a cloth that meets itself: the least gaps [m] between layers and between edges (None: more than the thickness), what
     contacts of masses with triangles do not see (pairs of edges that are too near, edges through triangles), and contacts
-    that there was no room for. Seconds on large sheets. Of tetrahedral bodies the last alone."""
+    that there was no room for. Seconds on large sheets. Of tetrahedral bodies, and of a world, the last alone."""
     scene = simulation.scene
-    if scene.tetrahedra and scene.contact is not None:
-        surfaces: Any = simulation.contacts  # type: ignore[attr-defined]
-        return {"contacts_lost": surfaces.lost + surfaces.neighbours_lost}
+    if (scene.tetrahedra or scene.is_world) and scene.contact is not None:
+        worlds = [simulation, *getattr(simulation, "members", {}).values()]
+        surfaces: list[Any] = [
+            own for one in worlds if hasattr(own := getattr(one, "contacts", None), "neighbours_lost")
+        ]
+        of_particles = sum(getattr(one, "contacts_lost", 0) for one in worlds[1:])
+        return {"contacts_lost": of_particles + sum(one.lost + one.neighbours_lost for one in surfaces)}
     if scene.self_collision is None:
         return {}
     from model.contact.penetration import measure

@@ -9,7 +9,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Column, Table
 
-from app.command.doctor import Finding
+from app.command.findings import Finding
 from model.scene.fields import about, rows_of
 from model.scene.reader import catalogue
 from model.scene.scene import load_scene
@@ -29,7 +29,8 @@ UNITS = {
     "largest_compression": "of the density at rest",
     "height": "m",
 }
-ABSENT = ("error", "threads_reason")  # no line where there is none
+LABELS = {"mean_compression": "density error, mean", "largest_compression": "density error, largest"}
+ABSENT = ("error", "threads_reason", "max_strain")  # no line where there is none
 
 
 def number(value: Any) -> str:
@@ -52,7 +53,7 @@ def print_report(console: Console, report: dict[str, Any], written: list[Path]) 
             continue
         unit = "of the spacing, from its goal" if key == "max_strain" and "bodies" in report else UNITS.get(key, "")
         more = f"+ {number(waiting[key])} waiting" if waiting.get(key) else ""
-        table.add_row(key.replace("_", " "), f"{number(value)} {unit}{more}".rstrip())
+        table.add_row(LABELS.get(key, key.replace("_", " ")), f"{number(value)} {unit}{more}".rstrip())
     if report["error_reason"]:
         label = "error" if report["error"] is None else ""
         table.add_row(label, ("not known: " if report["error"] is None else "") + escape(report["error_reason"]))
@@ -74,7 +75,7 @@ def print_scenes(console: Console) -> None:
         grid, method = scene.grid, scene.method
         size = (
             str(counts(scene).particles)
-            if scene.mesh or scene.bodies or scene.tetrahedra or scene.fluids
+            if scene.mesh or scene.bodies or scene.tetrahedra or scene.fluids or scene.is_world
             else f"{grid.rows} x {grid.columns}"
         )
         table.add_row(name, escape(scene.title), size, method.name)

@@ -16,6 +16,7 @@ import numpy as np
 
 from app.driver import BACKENDS
 from app.plan.passes import BackendPlan
+from app.plan.shared import SharedPlan
 from model.core.errors import SceneError
 from model.core.families import family_of, stability_limit
 from model.core.family import named
@@ -59,7 +60,8 @@ def counts_of(scene: Scene) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class PlanReport:
-    """All that `softlab plan` tells of a scene. `unknown`: backends whose choice cannot be had here, and why."""
+    """All that `softlab plan` tells of a scene. `unknown`: backends whose choice cannot be had here, and why; `shared`: by
+    several GPUs, where that was asked for."""
 
     scene: Scene
     precision: str
@@ -68,6 +70,7 @@ class PlanReport:
     rows: tuple[Row, ...]
     backends: tuple[BackendPlan, ...]
     unknown: dict[str, str]
+    shared: SharedPlan | None = None
 
     @property
     def item(self) -> int:
@@ -107,6 +110,7 @@ class PlanReport:
             "stages": [self._row_as_dict(row) for row in self.rows],
             "backends": {one.name: self._backend_as_dict(one) for one in self.backends},
             "unknown": self.unknown,
+            **({"shared": self.shared.as_dict()} if self.shared else {}),
         }  # fmt: skip
 
     def _row_as_dict(self, row: Row) -> dict[str, Any]:

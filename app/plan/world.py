@@ -1,4 +1,4 @@
-"""What each backend makes of a world's step, for `softlab plan`: stages as passes, of members and between them."""
+"""What each backend makes of a world's step, for `softlab plan`: a pass a stage, those of members and those between them."""
 
 from __future__ import annotations
 

@@ -129,8 +129,8 @@ class Legends:
         )
 
     def needed(self, view: Any) -> bool:
-        """Whether one goes with what a view shows."""
-        return self._chosen(view) is not None or bool(view.name_legend())
+        """Whether one goes with what a view shows, or will, once a state is there."""
+        return view.shows_levels or self._chosen(view) is not None or bool(view.name_legend())
 
     def _chosen(self, view: Any) -> Legend | None:
         if self._levels is not None and view.level_legend() is not None:

@@ -64,6 +64,12 @@ TETRAHEDRA_KEYS = (
     ("O", "colour by body, stress, strain"),
     *SPACE_KEYS[9:],
 )
+WORLD_KEYS = (
+    *SPACE_KEYS[:2],
+    *SPACE_KEYS[3:8],
+    ("L", "skins, or particles and edges"),
+    *SPACE_KEYS[9:],
+)
 FLUID_KEYS = (
     *KEYS[:2],
     *KEYS[3:8],
@@ -99,10 +105,15 @@ FLUID_HINT = (
     "H: keys    L: surface, particles    O: colours    drag beside the fluid: turn    F: frame    space: pause    "
     "R: restart    Escape: close"
 )
+WORLD_HINT = (
+    "H: keys    L: skins, particles and edges    drag beside the bodies: turn    drag a particle to pull it    F: frame    "
+    "space: pause    R: restart    Escape: close"
+)
 OWN = {  # of what a view shows (View.subject), or of sheets in space and in a plane: keys, and those needed first
     "bodies": (BODY_KEYS, BODY_HINT),
     "tetrahedra": (TETRAHEDRA_KEYS, TETRAHEDRA_HINT),
     "fluid": (FLUID_KEYS, FLUID_HINT),
+    "world": (WORLD_KEYS, WORLD_HINT),
     "space": (SPACE_KEYS, SPACE_HINT),
     "plane": (KEYS, HINT),
 }

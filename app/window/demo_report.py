@@ -69,8 +69,11 @@ def title_text(demo: Demo, number: int) -> str:
 
 
 def strain_text(demo: Demo) -> str:
-    """The worst strain, or how far a particle of bodies is from its goal."""
+    """The worst strain, how far a particle of bodies is from its goal, or how much a fluid is pressed and how fast it is."""
     worst = demo.statistics.worst_strain
+    if demo.world.scene.fluids:
+        fastest = f"fastest {demo.statistics.fastest:.3g} m/s"
+        return fastest if math.isnan(worst) else f"largest density error {worst:+.2%}, {fastest}"
     if demo.world.scene.bodies:
         return f"farthest from its goal {worst:.3g} spacings"
     return f"worst strain {worst:+.4g}"
@@ -152,7 +155,7 @@ def demo_state(demo: Demo, camera: Camera, pane: Pane, height: int) -> dict[str,
         "selected": demo.hand.selected,
         "poke": {"particle": held.particle, "force": list(demo.force())} if held else None,
         "energy": demo.statistics.energy,
-        "worst_strain": demo.statistics.worst_strain,
+        "worst_strain": None if math.isnan(demo.statistics.worst_strain) else demo.statistics.worst_strain,
         "mean": some.mean(axis=0).tolist(),
         "low": some.min(axis=0).tolist(),
         "high": some.max(axis=0).tolist(),

@@ -10,21 +10,24 @@ import numpy as np
 from app.render.camera import finite_bounds, joined_bounds
 from app.render.colours import strain_range
 from app.render.drawn_springs import drawn_strain
-from app.render.fluid.framing import main_part
+from app.render.fluid.framing import main_part, with_fluids
 from model.core.build import masses
 from model.core.energy import energies
 from model.core.simulation import Simulation
+from model.fluid.measure import compression
 from model.scene.scene import Scene
 from model.shape_matching.spare import absent, present
 
+ASKED = 30_000  # particles of a fluid whose densities are asked for in passing: a tenth of a second
 KEEP_RANGE = 2.6  # times the wanted range of colours: a legend that flickers between two ranges cannot be read
 
 
 @dataclass(frozen=True)
 class Statistics:
-    """What is shown about a world: energy [J], the strain of largest size (relative to the rest length), the `momentum`
-    [kg m/s] along each axis, where it is asked for; of all worlds the range of colours and the `bounds` [m], as
-    `finite_bounds` gives them."""
+    """What is shown about a world: energy [J], the strain of largest size (relative to the rest length; of fluids the largest
+    density over that at rest, less 1, NaN where there are more than ASKED particles), the `momentum` [kg m/s] along each
+    axis, where it is asked for; of all worlds the range of colours and the `bounds` [m], as `finite_bounds` gives them;
+    `fastest` [m/s]: of a fluid's particles."""
 
     energy: float = 0.0
     kinetic: float = 0.0
@@ -32,6 +35,7 @@ class Statistics:
     strain_range: float = 0.1
     bounds: tuple[float, ...] = (0.0, 0.0, 1.0, 1.0)
     momentum: tuple[float, ...] = ()
+    fastest: float = 0.0
 
 
 def measure(
@@ -52,13 +56,17 @@ def measure(
     if wanted < before.strain_range <= KEEP_RANGE * wanted:
         wanted = before.strain_range
     there = [
-        main_part(w.scene, present(w.scene, p, w.body.inverse_mass)) for w, p in zip(worlds, positions, strict=True)
+        main_part(w.scene, p) if with_fluids(w.scene) else present(w.scene, p, w.body.inverse_mass)
+        for w, p in zip(worlds, positions, strict=True)
     ]
     pushed: tuple[float, ...] = ()
     if momentum:
         mass = masses(world.scene, absent(world.scene, state.inverse_mass))
         pushed = tuple(np.atleast_1d(np.sum(mass * state.velocity, axis=0, dtype=np.float64)).tolist())
-    return Statistics(energy["total"], energy["kinetic"], _worst(strain), wanted, _bounds(there, before), pushed)
+    fastest = float(np.sqrt((state.velocity**2).sum(axis=1).max())) if world.scene.fluids else 0.0
+    worst = _worst(world.scene, state.position, strain)
+    bounds = _bounds(there, before)
+    return Statistics(energy["total"], energy["kinetic"], worst, wanted, bounds, pushed, fastest)
 
 
 def measure_picture(
@@ -68,10 +76,14 @@ def measure_picture(
     strains = [drawn_strain(scene, position) for scene, position in zip(scenes, positions, strict=True)]
     there = [main_part(scene, position) for scene, position in zip(scenes, positions, strict=True)]
     wanted, bounds = max(map(strain_range, strains)), _bounds(there, before)
-    return replace(before, worst_strain=_worst(strains[current]), strain_range=wanted, bounds=bounds)
+    worst = _worst(scenes[current], positions[current], strains[current])
+    return replace(before, worst_strain=worst, strain_range=wanted, bounds=bounds)
 
 
-def _worst(strain: np.ndarray) -> float:
+def _worst(scene: Scene, position: np.ndarray, strain: np.ndarray) -> float:
+    if scene.fluids:
+        told = len(position) <= ASKED and bool(np.isfinite(position).all())
+        return compression(scene, position)[1] if told else np.nan
     return float(strain[np.argmax(np.abs(strain))]) if len(strain) else 0.0
 
 

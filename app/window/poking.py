@@ -16,7 +16,10 @@ class Poking(Worlds):
     """See `Worlds`. Never raises for what a user does."""
 
     def name(self, particle: int) -> str:
-        """`row, column` of a mass; of bodies the particle's number, and whose it is."""
+        """`row, column` of a mass; of bodies the particle's number, and whose it is; of a world the same of its member."""
+        if self.world.scene.is_world:
+            places = self.world.scene.world_set.slices().items()
+            return next(f"{particle - own.start} of {name}" for name, own in places if particle < own.stop)
         if self.world.scene.bodies:
             body_set = self.world.scene.body_set
             copy = body_set.copies[body_set.body[particle]]
@@ -29,7 +32,7 @@ class Poking(Worlds):
 
     def _tell_selection(self, particle: int) -> None:
         pinned = self.world.body.inverse_mass[particle] == 0
-        what = "particle" if self.world.scene.bodies else "mass"
+        what = "particle" if self.world.scene.bodies or self.world.scene.is_world else "mass"
         self.say(f"{what} {self.name(particle)} selected" + ("; it is pinned" if pinned else ""))
 
     def move_selection(self, columns: int, rows: int, direction: Sequence[float] | None = None) -> None:

@@ -34,7 +34,7 @@ OpenWorld = Callable[..., Simulation]
 
 def first_steps(scene: Scene) -> int:
     """Steps per frame at first: 10, but of bodies of any kind those that come nearest to a frame's time."""
-    if not (scene.bodies or scene.tetrahedra or scene.fluids):
+    if not (scene.bodies or scene.tetrahedra or scene.fluids or scene.is_world):
         return 10
     return min(STEPS_PER_FRAME, key=lambda steps: abs(log(steps * scene.method.dt / FRAME)))
 

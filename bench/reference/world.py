@@ -3,6 +3,7 @@
 Each member moves as its own reference has it (shape_matching.py, tetrahedra_cloth.py, xpbd_mesh.py), stopped when it has
 predicted and after every iteration; then what members meet is projected as contact/self_contacts.py projects contacts:
 particles of bodies, as balls, against every triangle of the others. A ball keeps its radius and half of what surfaces keep.
+A fluid moves as bench/reference/coupled/fluid_solids.py has it, after the solids and before their contacts.
 """
 
 from __future__ import annotations
@@ -16,10 +17,13 @@ from bench.reference import shape_matching, tetrahedra_cloth, xpbd_mesh
 from bench.reference.contact import self_contacts as projected
 from bench.reference.contact import surface_contacts
 from bench.reference.contact.self_contacts import Found
+from bench.reference.coupled.fluid_solids import FluidAmongSolids
 from bench.reference.steps import Motion
 from model.scene.scene import Scene
 from model.scene.sheets import triangles_of
 from model.tetrahedra.attachments import attachment_sets
+from model.world.plan import coupled
+from model.world.solids import solids_of
 
 
 @dataclass
@@ -35,7 +39,8 @@ class Surfaces:
 
 
 def _surfaces(scene: Scene, distance: float) -> Surfaces:
-    slices, count = scene.world_set.slices(), scene.world_set.particle_count
+    slices = scene.world_set.slices()
+    count = slices["fluid"].start if "fluid" in slices else scene.world_set.particle_count  # which comes last
     body, kept, triangles = np.full(count, -1), np.full(count, distance), [np.zeros((0, 3), int)]
     closed: list[bool] = []
     for name, own in scene.members.items():
@@ -44,6 +49,8 @@ def _surfaces(scene: Scene, distance: float) -> Surfaces:
             found = own.body_set
             radii = np.array([own.bodies[copy.name].contact_radius for copy in found.copies])
             kept[slices[name]] = radii[found.body] + distance / 2
+        elif name == "fluid":
+            continue
         elif name == "cloth":
             body[slices[name]] = len(closed)
             triangles.append(triangles_of(own).astype(int) + first)
@@ -83,7 +90,7 @@ def _motions(
             made.append(shape_matching.motion(own, *begin))
         elif name == "cloth":
             made.append(xpbd_mesh.motion(own, *begin, scene.world_set.masses[place]))
-        else:
+        elif name == "tetrahedra":
             made.append(tetrahedra_cloth.motion(own, *begin, most, distance))
     return made
 
@@ -93,20 +100,26 @@ def simulate(
 ) -> tuple[np.ndarray, np.ndarray]:
     """(position [m], velocity [m/s]), (particles, 3) float64, after `steps` steps from such ones. `most`: how many contacts a
     vertex has; `distance` [m]: what surfaces keep. Raises SceneError for what a member's reference does not know."""
-    assert scene.contact is not None
     weight = 1 / scene.world_set.masses
     weight[scene.world_set.pinned_vertices] = 0
-    motions, surfaces = _motions(scene, steps, position, velocity, most, distance), _surfaces(scene, distance)
-    slices = list(scene.world_set.slices().values())
+    motions = _motions(scene, steps, position, velocity, most, distance)
+    surfaces = _surfaces(scene, distance) if coupled(scene) else None
+    slices = [place for name, place in scene.world_set.slices().items() if name != "fluid"]
+    weight = weight[: slices[-1].stop]
+    fluid = _Fluid(scene, position, velocity) if "fluid" in scene.members else None
     places = [next(motion) for motion in motions]
     ended: list[tuple[np.ndarray, np.ndarray]] = []
-    for _ in range(steps * scene.method.substeps):
+    for number in range(steps * scene.method.substeps):
         before, now = (np.concatenate(arrays) for arrays in zip(*places, strict=True))
-        touching = find(scene, surfaces, before, now).kept(most)
+        touching = find(scene, surfaces, before, now).kept(most) if surfaces else None
+        if fluid:
+            fluid.begin(number, before, now)
         for _ in range(scene.method.iterations):
             moved = [motion.send(now[place]) for motion, place in zip(motions, slices, strict=True)]
             now = np.concatenate([place for _, place in moved])
-            for _ in range(scene.contact.sweeps):
+            if fluid:
+                now = fluid.correct(now)
+            for _ in range(scene.contact.sweeps if surfaces else 0):  # type: ignore[union-attr]
                 now = projected.project(scene.contact, touching, before, now, weight)  # type: ignore[arg-type]
         places = []
         for motion, place in zip(motions, slices, strict=True):
@@ -114,5 +127,30 @@ def simulate(
                 places.append(motion.send(now[place]))
             except StopIteration as end:
                 ended.append(end.value)
+        if fluid:
+            fluid.end()
+    if fluid:
+        ended.append((fluid.position, fluid.velocity))
     found, speed = (np.concatenate(arrays) for arrays in zip(*ended, strict=True))
     return found, speed
+
+
+class _Fluid:
+    """A world's fluid among its solids, whose particles come first."""
+
+    def __init__(self, scene: Scene, position: np.ndarray, velocity: np.ndarray):
+        solids, own = solids_of(scene), scene.world_set.slices()["fluid"]
+        self.solids, self.among = solids.particles, FluidAmongSolids(scene.members["fluid"], solids.samples)
+        self.position, self.velocity = position[own], velocity[own]
+
+    def begin(self, number: int, before: np.ndarray, now: np.ndarray) -> None:
+        self.among.begin(number, self.position, self.velocity, before[self.solids], now[self.solids])
+
+    def correct(self, now: np.ndarray) -> np.ndarray:
+        """Where solids are after an iteration of the fluid."""
+        found = now.copy()
+        found[self.solids] = self.among.correct(now[self.solids])
+        return found
+
+    def end(self) -> None:
+        self.position, self.velocity = self.among.end()

@@ -133,6 +133,9 @@ def _arrays(arguments: Any) -> Iterator[np.ndarray]:
 def _call(dispatcher: Any, *arguments: Any) -> Any:
     global _left, _end
     if _left < math.inf and _is_made(dispatcher):
+        numba.set_num_threads(
+            numba.get_num_threads()
+        )  # starts them: kept code of a team may be called before any solver did
         return _machine_code(dispatcher, *arguments)
     begin = time.process_time()
     before = [(array, array.copy()) for array in _arrays(arguments)] if _left < math.inf else []

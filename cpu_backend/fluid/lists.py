@@ -101,13 +101,13 @@ def make_wrap(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
 
 
 def make_find(compiler: Compiler, real: Any, parts: frozenset[str], most: int) -> Any:
-    """find(first, last, count, room, nobody, place, cell, order, starts, counts, sides, parameters, lists, around) ->
-    neighbours that no list holds: of the slices `first` to before `last`. `counts`: of cells along x, y, z; `most`:
+    """find(first, last, count, room, nobody, place, cell, order, starts, counts, sides, parameters, lists, around, fluid)
+    -> neighbours that no list holds: of the slices `first` to before `last`. `counts`: of cells along x, y, z; `most`:
     neighbours of a particle; `around`: room for those that lie in a cell's 27, whom its particles are all held against:
     their places (three planes), which they are, and the runs that they come in."""
     formulas, wrap = density.make(real, compiler.compiled), make_wrap(compiler, real, parts)
     squared = formulas.squared
-    repeats, flat = "repeats" in parts, "flat" in parts
+    repeats, flat, has_solids = "repeats" in parts, "flat" in parts, "solids" in parts
     zero, beyond = real(0), real(FAR)
 
     @compiler.row
@@ -118,7 +118,9 @@ def make_find(compiler: Compiler, real: Any, parts: frozenset[str], most: int) -
             squares[k] = squared(dx, dy, dz)
 
     @compiler.compiled
-    def picked(i, lane, found, x, y, z, many, near_x, near_y, near_z, squares, who, sides, limit, entries):
+    def picked(
+        i, lane, found, x, y, z, many, near_x, near_y, near_z, squares, who, sides, limit, entries, fluid, sampled
+    ):
         """Appends those of the `many` that were gathered that are near to i; returned: how many there are with them."""
         distances(many, x, y, z, sides, near_x, near_y, near_z, squares)
         for k in range(many, (many + WORD - 1) // WORD * WORD):
@@ -128,6 +130,8 @@ def make_find(compiler: Compiler, real: Any, parts: frozenset[str], most: int) -
             while near != 0:
                 j = who[first + lowest_bit(near)]
                 near = without_lowest(near)
+                if has_solids and fluid[i] == sampled and fluid[j] == sampled:
+                    continue  # two samples of solids
                 if j != i:
                     if found < most:
                         entries[found * LANES + lane] = j
@@ -171,11 +175,14 @@ def make_find(compiler: Compiler, real: Any, parts: frozenset[str], most: int) -
         return k
 
     @compiler.compiled
-    def find(first, last, count, room, nobody, place, cell, order, starts, counts, sides, parameters, lists, around):
+    def find(
+        first, last, count, room, nobody, place, cell, order, starts, counts, sides, parameters, lists, around, fluid
+    ):
         neighbours, longest, entries = lists
         near_x, near_y, near_z, squares, who, runs = around
         limit, missed = squared(parameters.support, zero, zero), 0
         nx, ny, nz = counts
+        sampled = np.int32(parameters.sampled)
         known, ends, many, holds = np.int64(-1), 0, np.int64(0), True
         for s in range(first, last):
             own = row_at(entries, np.int64(s) * (LANES * most))
@@ -197,15 +204,17 @@ def make_find(compiler: Compiler, real: Any, parts: frozenset[str], most: int) -
                 x, y, z = place[i], place[room + i], place[2 * room + i]
                 if holds:
                     found = picked(
-                        i, lane, found, x, y, z, many, near_x, near_y, near_z, squares, who, sides, limit, own
-                    )
+                        i, lane, found, x, y, z, many, near_x, near_y, near_z, squares, who, sides, limit, own, fluid,
+                        sampled,
+                    )  # fmt: skip
                 else:  # as many at a time as there is room for
                     for n in range(0, ends, 2):
                         for begin in range(runs[n], runs[n + 1], AROUND):
                             end = min(begin + AROUND, runs[n + 1])
                             many = gathered(np.int64(0), begin, end, room, place, near_x, near_y, near_z, who)
                             found = picked(
-                                i, lane, found, x, y, z, many, near_x, near_y, near_z, squares, who, sides, limit, own
+                                i, lane, found, x, y, z, many, near_x, near_y, near_z, squares, who, sides, limit, own,
+                                fluid, sampled,
                             )  # fmt: skip
                 missed += max(found - most, 0)
                 neighbours[i] = np.int32(min(found, most))

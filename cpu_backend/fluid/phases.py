@@ -114,7 +114,7 @@ def make_constraint(compiler: Compiler, real: Any, parts: frozenset[str], cells_
             (neighbours, longest, entries), (
                 row_at(near, here), row_at(near, here + AROUND), row_at(near, here + 2 * AROUND),
                 row_at(near, here + 3 * AROUND), row_at(who, np.int64(part) * AROUND), row_at(runs, np.int64(part) * RUNS),
-            ),
+            ), fluid,
         )  # fmt: skip
         _, end, _ = instants(number, parameters)
         at = np.int64(part) * (SCRATCH * LANES)

@@ -8,6 +8,7 @@ from cpu_backend.contact.surfaces import SurfaceContacts
 from cpu_backend.core.processor import processor_name
 from cpu_backend.core.simulation import ParticlesSimulation, chosen_kernel
 from cpu_backend.core.threads import thread_count
+from cpu_backend.fluid.among_solids import FluidAmongSolids
 from cpu_backend.world.joined import Joined
 from model.core.families import family_of, scene_plan
 from model.core.family import named
@@ -17,6 +18,7 @@ from model.scene.scene import Scene
 from model.world.meeting import MEMBERS_MEET, cross_surface
 from model.world.plan import BEGIN, FIND, GIVE, PROJECT, TAKE, coupled
 from model.world.simulation import STAGES, WorldSimulation
+from model.world.solids import solids_of
 
 
 class World(WorldSimulation):
@@ -38,7 +40,17 @@ class World(WorldSimulation):
             raise
 
     def _open(self, scene: Scene, options: Options) -> Simulation:
+        if scene.fluids:  # the last of all
+            return self._open_fluid(scene, options)
         return named(family_of(scene).solvers[self.backend])(scene, options, self.threads)
+
+    def _open_fluid(self, scene: Scene, options: Options) -> Simulation:
+        """Among the solids of the members that are open, whose particles it fetches and takes back itself."""
+        solids, weights = solids_of(self.scene), self.body.inverse_mass * self.scene.grid.mass
+        members: dict[str, ParticlesSimulation] = self.members  # type: ignore[assignment]
+        bands = max(member._bands for member in members.values())
+        places = Joined(solids.particles, members, self.slices, weights, bands)
+        return FluidAmongSolids(scene, options, self.threads, solids.samples, places)
 
     def _cross_stages(self) -> dict[str, StageRun]:
         if not coupled(self.scene):

@@ -1,4 +1,4 @@
-"""A fluid that meets solids, on CUDA, stage by stage: model/fluid/plan.py, Solids, says what it does.
+"""A fluid that meets solids, on CUDA, by launches or stage by stage: model/fluid/plan.py, Solids, says what it does.
 
 The solids are someone else's, who brings their particles and takes them back (`SolidPlaces`).
 """
@@ -8,13 +8,15 @@ from __future__ import annotations
 from typing import Any, Protocol
 
 import numpy as np
+from numba import cuda
 
 from gpu_backend.fluid.solids import make_sampling, make_solid_kernels
 from gpu_backend.fluid.solver import Fluid
 from gpu_backend.fluid.stages import bind_fluid_stages
-from model.core.plan import Moment, StageRun
+from model.core.plan import Executor, Moment, StageRun
 from model.core.simulation import Options
 from model.fluid.among_solids import kinds_of
+from model.fluid.plan import SHAPES, SMOOTHING
 from model.fluid.samples import Samples
 from model.scene.scene import Scene
 
@@ -27,6 +29,10 @@ class SolidPlaces(Protocol):
     before: Any
     position: Any
 
+    @property
+    def launches(self) -> int:
+        """How many launches `give` is."""
+
     def take(self, fresh: bool) -> None:
         """Bring `position` up to date, with `fresh` also `before`."""
 
@@ -35,12 +41,14 @@ class SolidPlaces(Protocol):
 
 
 class FluidAmongSolids(Fluid):
-    """Fluids and `samples` of solids, whose particles lie at `places`. Kernel `stages` alone; the rest is the contract of
-    Fluid."""
+    """Fluids and `samples` of solids, whose particles lie at `places`; of a world, which steps it. The rest is the contract
+    of Fluid."""
 
-    def __init__(self, scene: Scene, options: Options, samples: Samples, places: SolidPlaces):
-        self.samples, self._places_of_solids = samples, places
-        super().__init__(scene, options)
+    _whole: Any = None  # positions of all, to read from
+
+    def __init__(self, scene: Scene, options: Options, samples: Samples, places: SolidPlaces, stream: Any = None):
+        self.samples, self.places = samples, places
+        super().__init__(scene, options, stream)
 
     def _allocate(self) -> None:
         super()._allocate()
@@ -51,6 +59,7 @@ class FluidAmongSolids(Fluid):
         self._slots, self._shift = new(np.zeros(samples.count, np.int32)), new(np.zeros(3 * samples.count, real))
         self._points = new(samples.corners), new(samples.shares.astype(real))
         self._carriers = new(samples.lightness.astype(real)), new(offsets), new(carried), new(shares.astype(real))
+        self._met = self.new_array()  # velocities before neighbours have a say
         self._over_samples = self._over(samples.count, COUNTED)
         self._over_solids = self._over(len(samples.lightness), COUNTED)
 
@@ -64,8 +73,102 @@ class FluidAmongSolids(Fluid):
         sampled = np.full(self.particle_count - self._own, len(self.scene.fluid_set.parts), np.int32)
         return np.append(self.scene.fluid_set.fluid, sampled)
 
-    def _bind_stages(self) -> dict[str, StageRun]:
-        return bind_solid_stages(self)
+    def _build(self) -> None:
+        """Kernels are compiled as they are first run: by the world's first step."""
+        self._make_kernels()
+        variant = self.real, self.options.math
+        self.sampling, self.solving = make_sampling(*variant), make_solid_kernels(*variant, self.plan.parts)
+        if self.kernel == "stages":
+            self._executor = Executor(self.plan, bind_solid_stages(self))
+        else:
+            self._executor = Executor(self.plan, {}, self._advance_steps)
+
+    # ------------------------------------------------------------------ what knows of solids
+
+    def known(self, particle: Any) -> tuple[Any, ...]:
+        """What kernels are given of particles, whose numbers are `particle`."""
+        return self.record, *self.lists, particle, np.int32(self._own), self._kinds
+
+    def sample(self, given: tuple[Any, ...]) -> None:
+        """Samples where solids are predicted, among what was `given` by the prediction."""
+        predicted, before, meant, number = given
+        self.places.take(fresh=True)
+        points = *self._points, self.places.before, self.places.position
+        self.sampling.sample[self._flat](number, np.int32(self._own), *points, predicted, before, meant)
+        self.cells.bound(predicted)
+
+    def meet(self, position: Any, particle: Any, world: tuple[Any, ...]) -> None:
+        """Where samples lie, and the factors of particles among them."""
+        self.sampling.gather[self._flat](particle, np.int32(self._own), self._slots)
+        self.solving.factors[self._flat](position, *self.known(particle), *self.relaxed, self.fluids, *world)
+
+    def follow_solids(self, position: Any) -> None:
+        """Samples where solids are now."""
+        self.places.take(fresh=False)
+        self.sampling.follow[self._over_samples](self._slots, *self._points, self.places.position, position)
+
+    def constrain(self, position: Any, particle: Any, world: tuple[Any, ...]) -> None:
+        """The changes of multipliers."""
+        self.solving.density[self._flat](position, *self.known(particle), *self.relaxed, *world)
+
+    def correct(self, position: Any, particle: Any, world: tuple[Any, ...], into: Any) -> None:
+        """Particles from `position` moved, `into` other quads; and what samples are pushed by."""
+        given = self.before, position, *self.known(particle), self.gradients, self.fluids, *world
+        self.solving.correct[self._flat](*given, self._shift, into)
+
+    def push(self) -> None:
+        """The solids, by what their samples are pushed by."""
+        self.sampling.push[self._over_solids](*self._carriers, self._shift, self.places.position)
+        self.places.give()
+
+    # ------------------------------------------------------------------ a substep by launches
+
+    def _substep(self, place: int, substep: int) -> None:
+        self.begin_substep(place, substep)
+        for iteration in range(self.scene.method.iterations):
+            self.iterate(iteration)
+        self.end_substep(place, substep)
+
+    def begin_substep(self, place: int, substep: int) -> None:
+        """See SubstepSimulation."""
+        time = self._counter, np.int64(place), np.int64(self.scene.method.substeps), np.int64(substep)
+        given = self.predict(self._current, time)
+        self._current = now = 1 - self._current
+        self.sample(given)
+        self.cells.sort(self.record, given, (self.sorted, self.before, self.meant, self.particle[now]))
+        self._moment, self._here, self._there = (self.bodies, self.integers, *time), self.sorted, self.corrected
+        self.relaxing.find[self._flat](
+            self._here, self.record, self.cells.sorted_keys, self.cells.numbers, self.cells.begins, *self.lists,
+            self.cells.beyond,
+        )  # fmt: skip
+        self.meet(self._here, self.particle[now], self._moment)
+
+    def iterate(self, iteration: int) -> None:
+        """See SubstepSimulation."""
+        particle = self.particle[self._current]
+        self.follow_solids(self._here)
+        self.constrain(self._here, particle, self._moment)
+        self.correct(self._here, particle, self._moment, self._there)
+        self.push()
+        self._here, self._there = self._there, self._here
+
+    def end_substep(self, place: int, substep: int) -> None:
+        """See SubstepSimulation."""
+        position, velocity = self.position[self._current], self.velocity[self._current]
+        arguments = self.before, self.meant, self._here, self.record, self.fluids, *self._moment
+        if not self.smoothing:
+            self.settling.update[self._flat](*arguments, position, velocity)
+            self.settling.limit[self._flat](position, velocity, self.constraints, self.record, self.fluids)
+            return
+        self.settling.update[self._flat](*arguments, position, self._met)
+        self.smooth(position, self._met, velocity)
+
+    @property
+    def _launches(self) -> int:
+        """Of a step."""
+        method, ends = self.scene.method, bool(self.plan.parts & SMOOTHING) + bool(self.plan.parts & SHAPES)
+        ways = 2 + self.places.launches * (method.iterations * 2 + 2)  # fetching solids, and taking them back
+        return method.substeps * (6 + self.cells.launches + 4 * method.iterations + ways + ends)
 
     # ------------------------------------------------------------------ the contract, of the fluid's own particles
 
@@ -84,61 +187,39 @@ class FluidAmongSolids(Fluid):
         return bad if bad < self._own else -1
 
     def _read_position(self, into: Any) -> Any:
-        position, _ = self._download()
-        if into is None:
-            return position
-        into[...] = position
-        return into
+        if into is not None and hasattr(into, "__cuda_array_interface__"):
+            if self._whole is None:
+                self._whole = cuda.device_array((self.particle_count, 3), np.float32, stream=self.stream)
+            state = self.position[self._current], self.particle[self._current]
+            self._tools.write_position[self._flat](*state, self._whole)
+            cuda.as_cuda_array(into).copy_to_device(self._whole[: self._own], stream=self.stream)
+            self.synchronize()
+            return into
+        return super()._read_position(into)
 
 
 def bind_solid_stages(sim: FluidAmongSolids) -> dict[str, StageRun]:
     """What runs each stage of the plan of `sim`."""
     found = bind_fluid_stages(sim)
-    variant = sim.real, sim.options.math
-    sampling, solving = make_sampling(*variant), make_solid_kernels(*variant, sim.plan.parts)
-    fluids, flat, places, now = np.int32(sim._own), sim._flat, sim._places_of_solids, found.now
-    start = sim.on_device(np.zeros(1, np.int64))
+    now, start, particle = found.now, sim.on_device(np.zeros(1, np.int64)), sim.particle[1]
 
     def world(moment: Moment) -> tuple[Any, ...]:
         time = start, np.int64(moment.step), np.int64(moment.substeps), np.int64(moment.substep)
         return sim.bodies, sim.integers, *time
 
-    def known() -> tuple[Any, ...]:
-        return sim.record, *sim.lists, sim.particle[1], fluids, sim._kinds
-
-    def sample(moment: Moment) -> None:
-        places.take(fresh=True)
-        predicted, before, meant, number = now["given"]
-        points = *sim._points, places.before, places.position
-        sampling.sample[flat](number, fluids, *points, predicted, before, meant)
-        sim.cells.bound(predicted)
-
     def find(moment: Moment) -> None:
         found.stages["find neighbours"](moment)
-        sampling.gather[flat](sim.particle[1], fluids, sim._slots)
-        solving.factors[flat](now["position"], *known(), *sim.relaxed, sim.fluids, *world(moment))
-
-    def follow(moment: Moment) -> None:
-        places.take(fresh=False)
-        sampling.follow[sim._over_samples](sim._slots, *sim._points, places.position, now["position"])
-
-    def density(moment: Moment) -> None:
-        solving.density[flat](now["position"], *known(), *sim.relaxed, *world(moment))
+        sim.meet(now["position"], particle, world(moment))
 
     def correct(moment: Moment) -> None:
-        given = sim.before, now["position"], *known(), sim.gradients, sim.fluids, *world(moment)
-        solving.correct[flat](*given, sim._shift, now["other"])
+        sim.correct(now["position"], particle, world(moment), now["other"])
         now["position"], now["other"] = now["other"], now["position"]
 
-    def push(moment: Moment) -> None:
-        sampling.push[sim._over_solids](*sim._carriers, sim._shift, places.position)
-        places.give()
-
     return found.stages | {
-        "sample solids": sample,
+        "sample solids": lambda moment: sim.sample(now["given"]),
         "find neighbours": find,
-        "follow solids": follow,
-        "density": density,
+        "follow solids": lambda moment: sim.follow_solids(now["position"]),
+        "density": lambda moment: sim.constrain(now["position"], particle, world(moment)),
         "correct": correct,
-        "push solids": push,
+        "push solids": lambda moment: sim.push(),
     }

@@ -75,9 +75,10 @@ def _make_steps() -> SimpleNamespace:
 
 
 @cache
-def make_search(real: Any, axes: int, neighbours: int, repeats: frozenset[str]) -> Any:
+def make_search(real: Any, axes: int, neighbours: int, repeats: frozenset[str], solids: bool = False) -> Any:
     """search(k, p, position, parameters, key, numbers, begins, table, lost) -> how many neighbours particle k at p has in its
-    list now, `neighbours` at most; the others are counted in `lost`. In exact math, so that lists are the CPU's."""
+    list now, `neighbours` at most; the others are counted in `lost`; with `solids`, two
+    samples of solids are none. In exact math, so that lists are the CPU's."""
     whole, way = _make_steps(), make_ways(real, "exact", repeats)
     beside, first_piece, second_piece = whole.beside, whole.first_piece, whole.second_piece
     formulas = device_formulas(density.make, real, "exact")
@@ -89,6 +90,8 @@ def make_search(real: Any, axes: int, neighbours: int, repeats: frozenset[str]) 
         """The list with particle e at q, if that is a neighbour and before the run's end: how many there are, and where the
         next one belongs."""
         dx, dy, dz = way(p, q, parameters)
+        if solids and p[3] == parameters.sampled and q[3] == parameters.sampled:
+            return count, at
         if within(squared(dx, dy, dz), parameters.support) and e != k and e < end:
             if count < most:
                 table[at] = e

@@ -13,6 +13,7 @@ from gpu_backend.contact.surfaces import SurfaceContacts, surface_contact_bytes
 from gpu_backend.core.device import memory_info, require_gpu, simulated
 from gpu_backend.core.launch import Graphs, can_capture, new_stream
 from gpu_backend.core.substeps import Launched, SubstepSimulation, launched_kernel
+from gpu_backend.fluid.among_solids import FluidAmongSolids
 from gpu_backend.world.joined import THREADS, Joined
 from model.core.families import family_of, scene_plan
 from model.core.family import named
@@ -23,6 +24,7 @@ from model.scene.scene import Scene
 from model.world.meeting import MEMBERS_MEET, cross_surface
 from model.world.plan import BEGIN, FIND, GIVE, PROJECT, TAKE, coupled
 from model.world.simulation import STAGES, WorldSimulation
+from model.world.solids import solids_of
 
 
 class World(WorldSimulation, Launched):
@@ -39,6 +41,8 @@ class World(WorldSimulation, Launched):
         self.device = require_gpu()
         super().__init__(scene, options)
         self.plan, self.kernel = scene_plan(scene, options.live), launched_kernel(options.kernel, "a world")
+        if {"bodies", "fluid"} <= set(scene.members) and not scene.contact:
+            self.kernel = STAGES  # launches of bodies that meet nobody come to their goals too late for a fluid
         self.stream = new_stream()
         try:
             self._open_members(STAGES if self.kernel == STAGES else "launch")
@@ -49,6 +53,10 @@ class World(WorldSimulation, Launched):
             raise
 
     def _open(self, scene: Scene, options: Options) -> Simulation:
+        if scene.fluids:  # the last of all, among the solids of those that are open
+            solids, weights = solids_of(self.scene), self.body.inverse_mass * self.scene.grid.mass
+            places = Joined(solids.particles, self.members, self.slices, weights, self.stream)
+            return FluidAmongSolids(scene, options, solids.samples, places, self.stream)
         return named(family_of(scene).solvers[self.backend])(scene, options, self.stream)
 
     def _build(self) -> None:

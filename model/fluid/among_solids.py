@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from model.core.errors import SceneError
 from model.fluid.samples import Samples
 from model.scene.scene import Scene
 
@@ -21,15 +20,3 @@ def kinds_of(scene: Scene, samples: Samples) -> np.ndarray:
     kinds[K_GRIP] = np.append(np.zeros(found.particle_count), samples.volume / scene.method.iterations)
     kinds[K_LIGHTNESS] = np.append(np.array(found.lightness)[found.fluid], samples.own_lightness)
     return kinds
-
-
-def check_among_solids(scene: Scene) -> None:
-    """Raise SceneError for a fluid that cannot meet solids."""
-    name = scene.fluid_set.names[0]
-    if scene.dimensions == 2:
-        raise SceneError(f"{name}.dimensions", 2, "must be 3 where a fluid meets solids, which lie in space")
-    if scene.domain is not None:
-        told = "does not go with solids, which know no sides that repeat; leave it out"
-        raise SceneError(f"{scene.name_of('domain')}.kind", "domain", told)
-    if scene.method.scheme == "averaged":
-        raise SceneError("method.scheme", "averaged", "must be macklin where a fluid meets solids")

@@ -15,7 +15,12 @@ from model.scene.scene import Scene
 def fluid_note(scene: Scene) -> str:
     """A line on what the method does to a motion, and what it holds back."""
     slowest = min(speed_limit(scene, part) for part in scene.fluids.values())
-    told = f"density is kept by positions, at any step size; nothing is faster than {slowest:.3g} m/s"
+    kept = "positions"
+    if scene.method.scheme == "divergence-free":
+        kept = (
+            f"velocities, {scene.method.iterations} iterations for their divergence and as many for the density to come"
+        )
+    told = f"density is kept by {kept}, at any step size; nothing is faster than {slowest:.3g} m/s"
     for name, part in scene.fluids.items():
         most = highest_viscosity(scene, part)
         if part.viscosity > most:
@@ -30,7 +35,7 @@ def fluid_note(scene: Scene) -> str:
 
 FLUID = SolverFamily(
     name="fluid",
-    knows=frozenset({"fluid", "domain", "foam", "gravity", "external", "method", *COLLIDER_KINDS}),
+    knows=frozenset({"fluid", "emitter", "sink", "domain", "foam", "gravity", "external", "method", *COLLIDER_KINDS}),
     accepts=lambda scene: bool(scene.fluids),
     plan=fluid_plan,
     record=fluid_record,

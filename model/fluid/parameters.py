@@ -19,7 +19,6 @@ MAX_NEIGHBOURS = {2: 24, 3: 64}  # of a particle, by dimensions
 CELLS_EACH = 8  # cells of a table for each particle, at most; cells are larger where more would be needed
 FEWEST_CELLS = 4096  # of that limit
 MOST_SMOOTHED = 1.0  # of XSPH: beyond it velocities overshoot
-SPEED_SHARE = 0.5  # supports that a particle moves in a substep at most
 
 FLUID_PARAMETERS = (
     "dt",  # of a substep, s
@@ -55,14 +54,13 @@ FLUID_FIELDS = 10
     F_DRAG,  # 1/s
     F_SURFACE_DRAG,  # 1/s
     F_SPEED,  # m/s
-    F_CHANGE,  # m/s: of a velocity by neighbours and walls in a substep, at most
+    F_CHANGE,  # m/s: of a velocity by neighbours and walls in a substep, at most; of two solves half of it each
 ) = range(FLUID_FIELDS)
 
 
 def speed_limit(scene: Scene, part: Fluid) -> float:
     """[m/s]: what no particle of a fluid exceeds: half a support a substep, or less if it is told so."""
-    own = SPEED_SHARE * part.support_radius * scene.method.substeps / scene.method.dt
-    return own if part.maximum_speed is None else min(own, part.maximum_speed)
+    return part.speed_limit(scene.method.dt / scene.method.substeps)
 
 
 def smoothing(scene: Scene, part: Fluid) -> float:
@@ -133,7 +131,7 @@ def fluid_rows(scene: Scene, real: type, solids: bool = False) -> np.ndarray:
     samples, which do nothing by themselves."""
     found: FluidSet = scene.fluid_set
     h, rows = scene.method.dt / scene.method.substeps, np.zeros((len(found.parts) + solids, FLUID_FIELDS))
-    free = np.finfo(real).max / 4
+    free, solves = np.finfo(real).max / 4, 2 if scene.method.scheme == "divergence-free" else 1
     rows[:, F_SPEED], rows[:, F_CHANGE] = free, free
     for row, part, weight in zip(rows, found.parts, found.lightness, strict=False):
         row[F_WEIGHT], row[F_BUOYANCY] = weight, part.buoyancy
@@ -143,7 +141,7 @@ def fluid_rows(scene: Scene, real: type, solids: bool = False) -> np.ndarray:
         row[F_CONFINEMENT] = h * part.vorticity_confinement
         row[F_DRAG], row[F_SURFACE_DRAG] = part.drag, part.free_surface_drag
         row[F_SPEED] = speed_limit(scene, part)
-        row[F_CHANGE] = h * part.maximum_acceleration if part.maximum_acceleration else free
+        row[F_CHANGE] = h * part.maximum_acceleration / solves if part.maximum_acceleration else free
     return rows.astype(real)
 
 

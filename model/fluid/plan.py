@@ -1,4 +1,5 @@
-"""A substep of a fluid: its stages, and the order of every sum in it, which both backends keep.
+"""A substep of a fluid: its stages, and the order of every sum in it, which both backends keep; of the scheme
+`divergence-free` see model/fluid/divergence_plan.py.
 
 Arrays are planes (x, y, z; in 2 dimensions z is 0 throughout, and the rest is the same). `number` of a particle is its place
 in the scene's set. The state between substeps is position and velocity, no more.
@@ -6,6 +7,10 @@ in the scene's set. The state between substeps is position and velocity, no more
 Whatever is computed is a formula of model/formulas/fluid (density.py, motion.py, cells.py), but comparisons, and sums of
 whole numbers.
 
+0. `emit`, where there are emitters: particles that leave nozzles (model/formulas/fluid/flow.py). Of each, in the order of the
+   file: layer k begins in the substep from t to t + h where passed(t) <= k < passed(t + h), by `begun`; its particles, in the
+   order of the nozzle's points, are `emitted` at the layers passed by t + h. Each is the waiting particle of its fluid with
+   the lowest number; where none waits it is counted as missing. Those that wait take part in nothing.
 1. `predict`. a = (0, buoyant(gravity, buoyancy), 0), then own forces (model/core/own_forces.py, by the particle's
    number), gravity only where the plan has it. u = accelerated(v, dt, a) axis by axis; speed_of(u), `slowed` to F_SPEED;
    p = drifted(x, u, dt). Of an axis that repeats: shift = turned_round(p, low, high, side), added to p and to x.
@@ -15,7 +20,8 @@ whole numbers.
    ny, nz, most_cells): of the axes that do not repeat the one with the largest count (the first of equals) gets
    halved(inverse), and its count anew; if that is 1, nothing more is to be had. Cell along an axis: cell_of(p, low,
    inverse, count); cell = (z * ny + y) * nx + x. Particles go in ascending (cell, number): so their order is a function
-   of positions alone, whatever it was before. With each go x, p, u, number and fluid.
+   of positions alone, whatever it was before. Who is predicted within a sink goes nowhere, and waits from then on. With
+   each go x, p, u, number and fluid.
 3. `find neighbours`. Of each particle, those within the support of p, itself not among them: cells z - 1, z, z + 1, in
    each y - 1, y, y + 1, in each x - 1, x, x + 1 (a run: places that follow each other), in a cell ascending places.
    Beyond the table there are none, but on an axis that repeats they wrap around (x: cell -1 is the last one, looked at
@@ -54,6 +60,7 @@ multiplier_j) / 2 * density / dt^2 of the last substep (`pressures` of model/flu
 Solids (part `solids`, of a fluid that is opened with Samples, model/fluid/samples.py). Samples are particles behind all
 others by number, of one more fluid, whose row is the last. `sample solids`, between 1 and 2: of each, p = middle(corners at
 their predicted places, shares), x the same of where they were as the substep began; the least and largest p of 2 are of all.
+Two samples are no neighbours (3).
 4: C, g and `own` take neighbours by their volumes (model/formulas/fluid/solids.py): s' = counted_slope(volume, s), g =
 gradient_added(g, s', d), own = own_added(own, carried(lightness, volume), s, r^2); of samples the factor, the multiplier and
 its change are 0. An iteration: `follow solids` puts samples between their corners; `density` counts by `counted`; `correct`:
@@ -72,9 +79,11 @@ from math import pi
 
 from model.core.own_forces import own_forces, own_parts
 from model.core.plan import Node, Plan, Stage
+from model.fluid.divergence_plan import divergence_stages
 from model.formulas import colliders
 from model.formulas.fluid import density, motion
-from model.scene.cloth import COLLIDER_KINDS
+from model.formulas.fluid.flow import OPERATIONS_SINK
+from model.scene.cloth import COLLIDER_KINDS, Collider
 from model.scene.scene import Scene
 
 WALLS = COLLIDER_KINDS  # all add to a fluid's density
@@ -92,8 +101,8 @@ OF_FLUIDS = {  # part of the plan -> field of a fluid that asks for it
 
 def fluid_parts(scene: Scene, live: frozenset[str] = frozenset(), solids: bool = False) -> frozenset[str]:
     """The parts that need code: `flat` (2 dimensions), `fluids` (several), `solids` (and so several), `repeats`, `averaged`,
-    `tensile`, `walls`, `swept`, kinds of colliders with `friction` and `restitution`, `gravity`, `drag`, `held-back`, those
-    of OF_FLUIDS, own forces."""
+    `divergence-free` (with `moving` walls), `tensile`, `walls`, `emitter`, `sink`, `swept`, kinds of colliders with
+    `friction` and `restitution`, `gravity`, `drag`, `held-back`, those of OF_FLUIDS, own forces."""
     parts, fluids = own_parts(scene, live), scene.fluids.values()
     parts |= {kind for kind, _ in scene.colliders}
     wanted = {
@@ -102,6 +111,8 @@ def fluid_parts(scene: Scene, live: frozenset[str] = frozenset(), solids: bool =
         "solids": solids,
         "repeats": scene.domain is not None,
         "averaged": scene.method.scheme == "averaged",
+        "divergence-free": scene.method.scheme == "divergence-free",
+        "moving": scene.method.scheme == "divergence-free" and any(_moves(part) for _, part in scene.colliders),
         "tensile": scene.method.tensile_correction > 0,
         "walls": bool(parts & set(WALLS)),
         "swept": bool(parts & {"capsule", "box"}),
@@ -109,10 +120,16 @@ def fluid_parts(scene: Scene, live: frozenset[str] = frozenset(), solids: bool =
         "restitution": any(collider.restitution > 0 for _, collider in scene.colliders),
         "gravity": scene.gravity is not None and (scene.gravity.enabled or "gravity" in live),
         "drag": any(part.drag > 0 or part.free_surface_drag > 0 for part in fluids),
+        "emitter": bool(scene.emitters),
+        "sink": bool(scene.sinks),
         "held-back": any(part.maximum_acceleration is not None for part in fluids),
     }
     wanted |= {name: any(getattr(part, field) > 0 for part in fluids) for name, field in OF_FLUIDS.items()}
     return frozenset(parts | {name for name, there in wanted.items() if there})
+
+
+def _moves(collider: Collider) -> bool:
+    return any(collider.velocity) or any(getattr(collider, "spin", ()))
 
 
 def neighbours_at_rest(scene: Scene) -> float:
@@ -132,10 +149,15 @@ def fluid_plan(scene: Scene, live: frozenset[str] = frozenset(), solids: bool = 
     touch = sum(colliders.OPERATIONS[kind] for kind, _ in scene.colliders)
     forces = sum(force.operations for force in own_forces(parts))
     factors = round(met * density.OPERATIONS_FACTORS)
+    if scene.method.scheme == "divergence-free":
+        find = round(looked_at * density.OPERATIONS_FIND) + factors
+        asked = bool(parts & SMOOTHING), bool(parts & SHAPES), {"find": find, "forces": forces, "touch": touch}
+        return _plan_of(scene, parts, divergence_stages(*asked, met, axes, scene.method.iterations))
     stages: list[Stage | Node] = [
+        *([Stage("emit", 0, 0, 0)] if "emitter" in parts else []),
         Stage("predict", 2, 2, motion.OPERATIONS_VELOCITY + forces),
         *((Stage("sample solids", 2, 2, OPERATIONS_SAMPLE),) if solids else ()),
-        Stage("sort into cells", 4, 4, 4 * axes),
+        Stage("sort into cells", 4, 4, 4 * axes + OPERATIONS_SINK * len(scene.sinks)),
         Stage("find neighbours", 1 + gathered, 1 + listed, round(looked_at * density.OPERATIONS_FIND) + factors),
     ]
     iteration: tuple[Stage, ...] = (
@@ -155,6 +177,10 @@ def fluid_plan(scene: Scene, live: frozenset[str] = frozenset(), solids: bool = 
             "limit velocities", 2 + 2 * gathered + listed, 2, last.operations + round(met * motion.OPERATIONS_SMOOTH)
         )
     stages.append(last)
-    root = Node("step", (Node("substep", tuple(stages), scene.method.substeps),))
+    return _plan_of(scene, parts, tuple(stages))
+
+
+def _plan_of(scene: Scene, parts: frozenset[str], stages: tuple[Stage | Node, ...]) -> Plan:
+    root = Node("step", (Node("substep", stages, scene.method.substeps),))
     scalars = sum(stage.reads + stage.writes for stage in root.stages())
-    return Plan(root, scalars, parts, dimensions=axes)
+    return Plan(root, scalars, parts, dimensions=scene.dimensions)

@@ -14,10 +14,11 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from model.fluid.lattice import Lattice, poly6
-from model.geometry.lists import offsets_of
+from model.geometry.lists import grouped, offsets_of
 
 CORNERS = 3  # particles that carry a sample, at most
 CLOSE = 0.75  # rest distances that samples of a face are apart, at most
+LEAST = 0.55  # and those of one solid at least: or lists of neighbours could not hold them
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,6 +92,17 @@ def triangle_samples(position: np.ndarray, triangles: np.ndarray, apart: float) 
         np.array([one for one, _ in kept], np.int32).reshape(-1, CORNERS),
         np.array([one for _, one in kept], np.float64).reshape(-1, CORNERS),
     )
+
+
+def thinned(points: np.ndarray, least: float) -> np.ndarray:
+    """(kept,) int64, ascending: of `points` (n, 3) those that are `least` [m] or more from every one kept before them."""
+    pairs = cKDTree(points).query_pairs(least * (1 - 1e-9), output_type="ndarray")
+    later = grouped(pairs.min(axis=1), pairs.max(axis=1), len(points))
+    kept = np.ones(len(points), bool)
+    for k in range(len(points)):
+        if kept[k]:
+            kept[later[k]] = False
+    return np.flatnonzero(kept)
 
 
 def sample_volumes(points: np.ndarray, lattice: Lattice, support: float, solid: bool) -> np.ndarray:

@@ -10,7 +10,7 @@ from typing import Any
 from model.core.errors import SceneError
 from model.scene.bodies import BODY_KINDS
 from model.scene.cloth import COLLIDER_KINDS, CONSTRAINT_KINDS
-from model.scene.method import FIELDS_OF_SOLVER, OF_WORLDS, Method
+from model.scene.method import FIELDS_OF_SOLVER, OF_FLUIDS, OF_WORLDS, Method
 from model.scene.tetrahedra import TETRAHEDRAL_KINDS
 
 OF_CLOTHS = ("mesh", "wind", *(kind for kind in CONSTRAINT_KINDS if kind != "shear"))
@@ -22,12 +22,14 @@ SUBSTEPS = 20  # of tetrahedra, unless told: a beam of 1e6 Pa then sags as its m
 @dataclass(frozen=True)
 class Member:
     """Particles of one family: `kinds` of parts, one of which makes it a member; `takes`: what belongs to these as well;
-    `solver`: of its method; `contact`: the fields of a [contact] that it does not know, None where it knows no contacts."""
+    `solver`: of its method; `contact`: the fields of a [contact] that it does not know, None where it knows no contacts;
+    `lacks`: what of SHARED it does not know."""
 
     kinds: tuple[str, ...]
     takes: tuple[str, ...]
     solver: str
     contact: tuple[str, ...] | None
+    lacks: tuple[str, ...] = ()
 
 
 BODIES = Member(tuple(BODY_KINDS), (), "shape-matching", ("distance",))
@@ -35,7 +37,13 @@ TETRAHEDRA = Member(
     tuple(TETRAHEDRAL_KINDS), ("region", "attachment", "material", "motion", *OF_CLOTHS), "xpbd", OF_PARTICLES
 )
 CLOTH = Member(("mesh",), ("attachments", *OF_CLOTHS), "xpbd", None)
-MEMBERS = {"bodies": BODIES, "tetrahedra": TETRAHEDRA, "cloth": CLOTH}  # in the order of a world's particles
+FLUID = Member(("fluid",), ("domain",), OF_FLUIDS, None, ("damping",))
+MEMBERS = {
+    "bodies": BODIES,
+    "tetrahedra": TETRAHEDRA,
+    "cloth": CLOTH,
+    "fluid": FLUID,
+}  # in the order of a world's particles
 
 
 def members_of(kinds: Mapping[str, str]) -> tuple[str, ...]:
@@ -69,7 +77,7 @@ def _tables_of(member: Member, kinds: Mapping[str, str], tables: Mapping[str, An
             found[name] = {field: value for field, value in found[name].items() if field in (*told, "kind", "solver")}
         elif kind == "contact" and member.contact is not None and _meets(member, kinds, tables):
             found[name] = {field: value for field, value in tables[name].items() if field not in member.contact}
-        elif kind in (*member.kinds, *member.takes, *SHARED) and kind != "contact":
+        elif kind in {*member.kinds, *member.takes, *SHARED} - {"contact", *member.lacks}:
             found[name] = tables[name]
     return found
 

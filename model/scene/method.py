@@ -13,7 +13,7 @@ IntegratorName = Literal[
     "implicit-euler-linear",
 ]  # fmt: skip
 SolverName = Literal["mass-spring", "xpbd", "pbd", "shape-matching", "vbd", "newton", "pbf", "world"]
-SchemeName = Literal["macklin", "averaged"]
+SchemeName = Literal["macklin", "averaged", "divergence-free"]
 RowsName = Literal["scalar", "blocks"]
 OrderingName = Literal["gauss-seidel", "jacobi", "averaged-jacobi"]
 POSITION_BASED = ("xpbd", "pbd", "shape-matching")
@@ -34,9 +34,10 @@ class Method(Part):
     accelerated by Chebyshev's weights where `chebyshev`, what a sweep leaves of the slowest error, is over 0, and `newton`
     solves implicit Euler to the end, in at most `iterations` Newton steps. `pbf` keeps the density of fluids: by the `scheme`
     macklin a substep's pressure grows over its iterations, each going the part `relaxation` of its way; averaged is that of
-    the particle libraries, which shares corrections among neighbours and lets a fluid sink together. Of fluids `dt` is 1/60 s
-    unless given, with 4 `substeps` of 10 `iterations`. `world`: parts of several families, each by its own solver (bodies
-    shape-matching; tetrahedra and a mesh xpbd) in common substeps and iterations.
+    the particle libraries, which shares corrections among neighbours and lets a fluid sink together; divergence-free
+    (DFSPH) keeps it by velocities, `iterations` times for their divergence and as often for the density that they lead to. Of
+    fluids `dt` is 1/60 s unless given, with 4 `substeps` of 10 `iterations`. `world`: parts of several families, each by its
+    own solver (bodies shape-matching; tetrahedra and a mesh xpbd; fluids pbf) in common substeps and iterations.
     """
 
     solver: SolverName = "mass-spring"
@@ -49,7 +50,7 @@ class Method(Part):
     region: Annotated[int, Field(ge=1, le=MAX_REGION, strict=True)] = 1  # masses to either side
     rows: RowsName = "scalar"
     scheme: SchemeName = "macklin"  # of a fluid
-    relaxation: Annotated[float, Field(gt=0, le=1, strict=True)] | None = None  # 0.5 of macklin, 1 of averaged
+    relaxation: Annotated[float, Field(gt=0, le=1, strict=True)] | None = None  # 1 of averaged, else 0.5
     softness: Annotated[float, Field(gt=0, allow_inf_nan=False, strict=True)] = 1e-3  # of a fluid's constraint
     tensile_correction: Annotated[float, Field(ge=0, le=1, strict=True)] = 0.0  # keeps a fluid's particles apart
     tensile_distance: Annotated[float, Field(gt=0, lt=1, strict=True)] = 0.2  # of the support, where it is that strong
@@ -64,6 +65,10 @@ class Method(Part):
         if self.substeps * self.iterations > MAX_ROUNDS:
             raise ValueError(
                 f"iterations: times {self.substeps} substeps they are more than {MAX_ROUNDS} a step; use fewer"
+            )
+        if self.scheme == "divergence-free" and self.tensile_correction:
+            raise ValueError(
+                "tensile_correction: is for the schemes macklin and averaged; leave it out, or take one of them"
             )
         return self
 
@@ -103,10 +108,14 @@ class Method(Part):
         if self.solver == OF_FLUIDS and self.relaxation is None:
             return set(type(self).model_fields) - (set(FIELDS_OF_SOLVER[self.solver]) - {"relaxation"})
         told = set(FIELDS_OF_SOLVER[self.solver]) - ({"rows"} if self.rows == "scalar" else set())
+        if self.solver == OF_WORLDS:  # whose fluid, if it has one, is as all are unless told otherwise
+            fields = type(self).model_fields
+            told -= {name for name in ABOUT_FLUIDS if getattr(self, name) == fields[name].default}
         told -= {name for name in ("chebyshev", "sleeping_speed") if getattr(self, name) == 0}
         return set(type(self).model_fields) - told
 
 
+ABOUT_FLUIDS = ("scheme", "relaxation", "softness", "tensile_correction", "tensile_distance")
 FIELDS_OF_SOLVER = {
     "mass-spring": ("solver", "integrator", "dt"),
     "xpbd": ("solver", "dt", "substeps", "iterations", "ordering", "rows", "sleeping_speed"),
@@ -114,18 +123,8 @@ FIELDS_OF_SOLVER = {
     "shape-matching": ("solver", "dt", "substeps", "iterations", "region"),
     "vbd": ("solver", "dt", "substeps", "iterations", "chebyshev"),
     "newton": ("solver", "dt", "substeps", "iterations"),
-    "world": ("solver", "dt", "substeps", "iterations"),
-    "pbf": (
-        "solver",
-        "dt",
-        "substeps",
-        "iterations",
-        "scheme",
-        "relaxation",
-        "softness",
-        "tensile_correction",
-        "tensile_distance",
-    ),
+    "world": ("solver", "dt", "substeps", "iterations", *ABOUT_FLUIDS),
+    "pbf": ("solver", "dt", "substeps", "iterations", *ABOUT_FLUIDS),
 }
 OF_TETRAHEDRA = ("vbd", "newton")  # solvers of tetrahedral bodies alone
 OF_FLUIDS: SolverName = "pbf"

@@ -11,6 +11,8 @@ from model.core.clock import START, Clock
 from model.core.family import SolverFamily
 from model.core.parameters import rounded_record
 from model.core.plan import Plan
+from model.fluid.family import FLUID, fluid_note
+from model.fluid.plan import fluid_plan
 from model.scene.scene import Scene
 from model.scene.scene_parts import KINDS
 from model.shape_matching.family import BODIES
@@ -18,11 +20,14 @@ from model.tetrahedra.family import TETRAHEDRA
 from model.world.plan import coupled, world_plan
 from model.xpbd.family import MESH
 
-OF_MEMBERS = {"bodies": BODIES, "tetrahedra": TETRAHEDRA, "cloth": MESH}
+OF_MEMBERS = {"bodies": BODIES, "tetrahedra": TETRAHEDRA, "cloth": MESH, "fluid": FLUID}
 
 
 def _plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
-    return world_plan(scene, {name: OF_MEMBERS[name].plan(own, live) for name, own in scene.members.items()})
+    plans = {name: OF_MEMBERS[name].plan(own, live) for name, own in scene.members.items()}
+    if "fluid" in plans:
+        plans["fluid"] = fluid_plan(scene.members["fluid"], live, solids=True)
+    return world_plan(scene, plans)
 
 
 def _record(scene: Scene, real: Any, poke: tuple[float, ...] = (0.0, 0.0, 0.0), clock: Clock = START) -> np.ndarray:
@@ -36,7 +41,13 @@ def _limit(scene: Scene, frequency: float | None = None) -> float:
 
 def _note(scene: Scene) -> str:
     told = "each member by its own method, in common substeps"
-    return told if coupled(scene) else told + "; members pass through each other, since it has no [contact]"
+    if "fluid" in scene.members:
+        told += "; " + fluid_note(scene.members["fluid"])
+    return (
+        told
+        if coupled(scene) or len(scene.members.keys() - {"fluid"}) < 2
+        else told + "; members pass through each other, since it has no [contact]"
+    )
 
 
 def _stored(scene: Scene, position: np.ndarray, plastic: np.ndarray | None) -> tuple[float, dict[str, float]]:

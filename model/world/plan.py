@@ -29,8 +29,8 @@ def name_of_stage(member: str, stage: str) -> str:
 
 
 def coupled(scene: Scene) -> bool:
-    """Whether particles of several members meet."""
-    return scene.contact is not None
+    """Whether particles of several members meet, as surfaces or balls: a fluid's do not."""
+    return scene.contact is not None and len(scene.members.keys() - {"fluid"}) > 1
 
 
 def world_plan(scene: Scene, plans: Mapping[str, Plan]) -> Plan:

@@ -77,8 +77,11 @@ class Source:
 
     @property
     def code(self) -> str:
-        """Of which versions its runs were, each once, in order of time: `commit 9613136a2b1c, commit 555bb0d37fcd`."""
-        return ", ".join(dict.fromkeys(map(str, self.versions))) or str(Version(None))
+        """Of which versions its runs were, each once, in order of time: `commits 9613136a2b1c, 555bb0d37fcd`."""
+        commits = list(dict.fromkeys(version.commit for version in self.versions if version.commit))
+        others = dict.fromkeys(str(version) for version in self.versions if not version.commit)
+        told = [f"commit{'s' * (len(commits) > 1)} {', '.join(commits)}"] if commits else []
+        return ", ".join([*told, *others]) or str(Version(None))
 
     @property
     def date(self) -> str:

@@ -120,6 +120,34 @@ def test_pictures_are_the_same_pixel_by_pixel(renderer: OffscreenRenderer, preci
                 np.testing.assert_array_equal(image, images[0])
 
 
+@pytest.mark.parametrize("name", ["dam-break", "two-fluids"])
+@pytest.mark.parametrize("precision", ["float32", "float64"])
+def test_a_fluid_is_drawn_straight_and_the_same(renderer: OffscreenRenderer, precision: str, name: str) -> None:
+    """Its particles change places in every substep, and are written in the scene's order; colours go with them."""
+    scene = load_scene(name)
+    renderer.close()  # two off-screen contexts do not live together
+    with (
+        OffscreenRenderer(scene, 320, 240, legend=False, look=("particles",)) as shown,
+        opened(scene, precision=precision) as simulation,
+    ):
+        view, vertices = shown._view, shown._view.vertices
+        for _ in range(2):
+            simulation.advance(20)
+            shown.fit(simulation.read("position"))
+            images = []
+            for shared in (True, False, True):
+                vertices.shared = shared
+                view.upload_from(simulation)
+                assert vertices.way == (STRAIGHT if shared else HostVertices.way)
+                if shared:
+                    check_buffers(vertices, simulation, normals=False)
+                view.draw(shown.camera, shown.strain_range, time=simulation.time)
+                images.append(shown.image())
+            assert len(np.unique(images[0].reshape(-1, 4), axis=0)) > 20
+            for image in images[1:]:
+                np.testing.assert_array_equal(image, images[0])
+
+
 def test_drawing_and_stepping_wait_for_each_other(renderer: OffscreenRenderer) -> None:
     """Frames without a pause, of a cloth large enough that drawing it overlaps what comes next: every picture is that of its
     own state, drawn alone afterwards."""

@@ -82,6 +82,11 @@ def averaged() -> Scene:
     )  # fmt: skip
 
 
+def free(scene: Scene) -> Scene:
+    """The same by velocities that keep density and have no divergence."""
+    return scene.replace({"method.scheme": "divergence-free"})
+
+
 def in_a_cup() -> Scene:
     """In a cup, a mesh that tips and moves, above a field and a ball that come on."""
     return Scene(
@@ -101,7 +106,17 @@ def in_a_cup() -> Scene:
     )  # fmt: skip
 
 
-SCENES = {"column": column_scene, "two fluids": two_fluids, "flat": flat, "averaged": averaged, "cup": in_a_cup}
+SCENES = {
+    "column": column_scene,
+    "two fluids": two_fluids,
+    "flat": flat,
+    "averaged": averaged,
+    "free column": lambda: free(column_scene()),
+    "free two fluids": lambda: free(two_fluids()),
+    "free flat": lambda: free(flat()),
+    "cup": in_a_cup,
+    "free cup": lambda: free(in_a_cup()),
+}
 
 
 def shaken(scene: Scene, seed: int = 1) -> State:

@@ -67,6 +67,11 @@ def flat(**method: Any) -> Scene:
     return Scene({"water": water, "domain": domain, "gravity": {}, "floor": FLOOR, "method": METHOD | method}, "flat")
 
 
+def free(scene: Scene) -> Scene:
+    """The same by velocities that keep density and have no divergence."""
+    return scene.replace({"method.scheme": "divergence-free", "method.tensile_correction": 0.0})
+
+
 def stirred(scene: Scene, seed: int = 1) -> State:
     """Its start, particles moved by a tenth of their distance, and in places swapped, as nothing is when it has run; two of
     them in one place."""

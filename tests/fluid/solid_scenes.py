@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from bench.reference.fluid_solids import FluidAmongSolids
+from bench.reference.coupled.fluid_solids import FluidAmongSolids
 from model.core.simulation import Options
 from model.core.state import State
 from model.fluid.samples import Samples, joined_samples, particle_samples, sample_volumes, triangle_samples

@@ -4,13 +4,16 @@ The stores are made up (tests/tools/synthetic_store.py). Claims about the commit
 labbook/data/ at the end.
 """
 
+import json
 import re
 from dataclasses import replace
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
 import pytest
 from hand_written import HAND_WRITTEN, failures
+from matplotlib.image import imread
 from synthetic_store import CPU_RECORD, GPU_RECORD, SIZES, Maker, cpu_store, gpu_store
 
 from bench.store.database import Store
@@ -339,3 +342,31 @@ def test_hand_written_claims_hold_for_the_committed_measurements() -> None:
     if not paths:
         pytest.skip("labbook/data holds no measurements yet")
     assert failures(paths) == []
+
+
+def test_a_tall_picture_leaves_room_for_a_long_caption(tmp_path: Path) -> None:
+    """Nothing is in the lower margin of a page, and the picture is there; a flat one stays as wide as it is told."""
+    (tmp_path / "template.typ").write_text((FOLDER / "template.typ").read_text(encoding="utf-8"), encoding="utf-8")
+    shapes, figures = {"tall": (100, 150), "flat": (100, 20)}, {}
+    (tmp_path / "figures").mkdir()
+    for name, (wide, high) in shapes.items():
+        drawn = f'<rect width="{wide}" height="{high}" fill="red"/>'
+        text = f'<svg xmlns="http://www.w3.org/2000/svg" width="{wide}" height="{high}">{drawn}</svg>'
+        (tmp_path / "figures" / f"{name}.svg").write_text(text)
+        figures[name] = {"file": f"{name}.svg", "title": "", "caption": "What a reader measured. " * 24, "reason": ""}
+    (tmp_path / "data.json").write_text(json.dumps({"figures": figures, "facts": {}, "claims": {}, "tables": {}}))
+    (tmp_path / "page.typ").write_text(
+        '#import "template.typ": caption-leading, caption-size, fig\n#set page(width: 10cm, height: 16cm, margin: 2cm)\n'
+        "#show figure.caption: set text(size: caption-size)\n#show figure.caption: set par(leading: caption-leading)\n"
+        '#fig("tall")\n#fig("flat")'
+    )
+    typst = pytest.importorskip("typst")
+    pages = typst.compile(str(tmp_path / "page.typ"), format="png", ppi=72.0)
+    for page, (wide, high) in zip(pages, shapes.values(), strict=True):
+        pixels = imread(BytesIO(page))[..., :3]
+        margin = round(2 / 2.54 * 72)
+        assert (pixels[-margin + 2 :] == 1).all(), "the caption ends within the page"
+        red = (pixels == (1, 0, 0)).all(axis=-1)
+        rows, columns = red.any(axis=1).sum(), red.any(axis=0).sum()
+        assert columns / rows == pytest.approx(wide / high, rel=0.1)
+        assert (columns == pytest.approx(6 / 2.54 * 72, abs=2)) == (wide > high)

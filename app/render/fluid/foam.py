@@ -19,10 +19,10 @@ LOOKS = np.array(
     [[0.62, 0.76, 0.88, 0.85], [0.98, 0.99, 1.0, 0.9], [0.78, 0.90, 0.97, 0.6]], np.float32
 )  # by kind: colour, alpha
 NAMED = tuple((name, tuple(look[:3].tolist())) for name, look in zip(NAMES, LOOKS, strict=True))
-RADIUS = {2: 0.26, 3: 0.15}  # of a point, in rest distances, by dimensions
+RADIUS = {2: 0.4, 3: 0.15}  # of a point, in rest distances, by dimensions
 LEAST = 1.6  # pixels across
 DIMMED = 8.0  # over the fluids' extent [1/m]: how fast fluid before a point takes its light
-RIM = 0.55  # in a plane, of a point's colour, where it ends: white is to be seen on white
+RIM = 0.7  # in a plane, of a large point's colour, where it ends: white is to be seen on white
 
 VERTEX = """#version 330 core
 layout(location = 0) in vec3 position;  // m
@@ -60,7 +60,8 @@ void main() {
         if (surface > 0.0) cover *= exp(-dimmed * max(away - surface, 0.0));
     }
     if (cover <= 0.01) discard;
-    pixel = vec4(seen.rgb * mix(rim, 1.0, clamp(edge - 0.5, 0.0, 1.0)), seen.a * cover);
+    float plain = max(clamp(edge - 0.5, 0.0, 1.0), 1.0 - clamp(0.25 * size - 1.0, 0.0, 1.0));  // small ones have no rim
+    pixel = vec4(seen.rgb * mix(rim, 1.0, plain), seen.a * cover);
 }
 """
 

@@ -8,23 +8,18 @@ from typing import Any
 
 import numpy as np
 
-from app.render import colours, shaders
+from app.render import colours
 from app.render.camera3d import Camera3D
 from app.render.detail import FINE, Detail
 from app.render.fluid.foam import NAMED, FoamLayer
-from app.render.fluid.outlines import outlines
-from app.render.fluid.shaders import DISC_FRAGMENT, DISC_VERTEX
+from app.render.fluid.plane import PlaneFluid
 from app.render.fluid.surface import FluidSurface
-from app.render.opengl import shader_program
 from app.render.particle_colours import of_numbers
 from app.render.spheres import Spheres
 from app.render.vertex_arrays import (
     delete_all,
-    draw_elements,
-    draw_squares,
     square_array,
     static_buffer,
-    uniform_matrix,
     vertex_array,
 )
 from app.render.view import View
@@ -82,12 +77,7 @@ class FluidView(View):
         self._buffers = [static_buffer(self._look(self._own)), static_buffer(np.zeros(1, np.uint32))]
         self._points = vertex_array(self.vertices.position_buffer, self._buffers[1], dimensions=scene.dimensions)
         if not self.space:
-            self._discs = square_array(self.vertices.position_buffer, self._buffers[0], 2)
-            self._disc_program = shader_program(DISC_VERTEX, DISC_FRAGMENT)
-            self._line_program = shader_program(shaders.VERTEX, shaders.LINE_FRAGMENT)
-            lines = outlines(scene, 0.0)
-            self._buffers += [static_buffer(lines), static_buffer(np.arange(len(lines), dtype=np.uint32))]
-            self._outlines = vertex_array(self._buffers[-2], self._buffers[-1], dimensions=2)
+            self._plane = PlaneFluid(scene, self.vertices.position_buffer, self._buffers[0])
         else:
             self._discs = square_array(self.vertices.position_buffer, self._buffers[0])
             self._balls = Spheres(self._scenery)
@@ -149,9 +139,14 @@ class FluidView(View):
         self.colouring, self._most = name, 0.0
         self.vertices.send(self._buffers[0], self._look(self._own))
 
+    @property
+    def shows_levels(self) -> bool:  # type: ignore[override]
+        """See View."""
+        return self.lines and self.colouring in TITLES
+
     def level_legend(self) -> tuple[str, float] | None:
         """See View."""
-        if not self.lines or self.colouring not in TITLES or not self._most:
+        if not self.shows_levels or not self._most:
             return None
         return TITLES[self.colouring], self._most * (100 if self.colouring == "density" else 1)
 
@@ -199,7 +194,10 @@ class FluidView(View):
             self.vertices.send(self._buffers[0], self._look(colours.level_colours(level, self._most)))
         if self.space and self.shaped and not self.lines and position is not None and np.isfinite(position).all():
             found = self.scene.fluid_set
-            middle, axes = ellipsoids(position, WETTED * found.spacing, 2 * found.spacing)
+            there = found.there(position)  # those that wait are in one place, out of sight
+            middle, axes = np.array(position, np.float64), np.tile(np.eye(3) * self._radius, (len(position), 1, 1))
+            if there.any():
+                middle[there], axes[there] = ellipsoids(position[there], WETTED * found.spacing, 2 * found.spacing)
             self.vertices.send(self._buffers[2], middle)
             self._surface.set_look(WETTED * found.spacing, self._taken, axes)
 
@@ -209,35 +207,16 @@ class FluidView(View):
         if self.lines and self.space:
             self._balls.draw(camera, self._target.samples > 1, [(self._discs, self.scene.grid.particle_count, 1.0)])
         elif self.lines:
-            self._draw_discs(camera)
+            self._plane.draw_particles(camera)
             if self.foam:
                 self._foam.draw(camera)
-            self._draw_outlines(camera)
+            self._plane.draw_colliders(camera, self._time)
 
     def draw(self, camera: Any, strain_range: float, selected: int | None = None, time: float = 0.0) -> None:
         """See View."""
         if not self.space:
             self._time = time
         super().draw(camera, strain_range, selected, time)
-
-    def _draw_outlines(self, camera: Any) -> None:
-        """The colliders of a plane."""
-        from pyglet import gl
-
-        lines = outlines(self.scene, self._time)
-        self.vertices.send(self._buffers[2], lines)
-        program = self._line_program
-        program.use()
-        program["transform"], program["toward"], program["colour"] = uniform_matrix(camera.matrix()), 0.0, colours.FAINT
-        draw_elements(self._outlines, gl.GL_LINES, len(lines))
-        program.stop()
-
-    def _draw_discs(self, camera: Any) -> None:
-        program = self._disc_program
-        program.use()
-        program["transform"], program["pixels"] = uniform_matrix(camera.matrix()), camera.scale
-        draw_squares(self._discs, self.scene.grid.particle_count)
-        program.stop()
 
     def _draw_shadows(self, camera: Camera3D, time: float) -> None:
         def shade(camera: Camera3D, flatten: np.ndarray, centre: np.ndarray) -> None:
@@ -250,7 +229,7 @@ class FluidView(View):
 
         if self.space and not self.lines:
             self._surface.passes(camera)
-            self._surface.shade(camera, self._target.frame)
+            self._surface.shade(camera, (self.onto or self._target).frame)
             gl.glEnable(gl.GL_BLEND)
             gl.glEnable(gl.GL_DEPTH_TEST)
         if self.space and self.foam:
@@ -264,6 +243,8 @@ class FluidView(View):
         """Free the buffers."""
         if self.space:
             self._surface.delete()
+        else:
+            self._plane.delete()
         self._foam.delete()
-        delete_all([self._discs, self._points, *([] if self.space else [self._outlines])], self._buffers)
+        delete_all([self._points, *([self._discs] if self.space else [])], self._buffers)
         super().delete()

@@ -1,9 +1,10 @@
 """Contacts of surfaces of tetrahedral bodies, and of a cloth beside them, in slow, plain NumPy float64, every vertex against
 every triangle: the judge of both backends.
 
-As self_contacts.py, which projects them, with two things that a closed surface has and a sheet has not. The side: the nearest triangle of another body tells whether a vertex lies inside, by the way from its nearest point, which is along
-the triangle's normal or against it (J. A. Baerentzen, H. Aanaes, IEEE TVCG 11 (2005), without their weighted normals: behind
-is what is more than BEHIND of the way against it). And what follows: inside a body its nearest triangle alone leads out,
+As self_contacts.py, which projects them, with two things that a closed surface has and a sheet has not. The side: the
+nearest triangle of another body tells whether a vertex lies inside, by the way from its nearest point, which is along the
+triangle's normal or against it (J. A. Baerentzen, H. Aanaes, IEEE TVCG 11 (2005), without their weighted normals: behind is
+what is more than BEHIND of the way against it). And what follows: inside a body its nearest triangle alone leads out,
 outside of it what is seen from behind is none. A cloth has neither: a vertex is held on the side where it is.
 """
 

@@ -109,6 +109,11 @@ def default_kernel(scene: Scene, real: Any, limits: tuple[int, int] | None = Non
     return *first, why
 
 
+def step_seconds(rows: int, columns: int, real: Any, limits: tuple[int, int]) -> float:
+    """What a step of the quickest kernel should take [s]; `limits`: see `_times`."""
+    return 1e-6 * min(_times(rows, columns, real, limits).values())
+
+
 def best_tile(kernel: str, rows: int, columns: int, real: Any) -> Tile | None:
     """The tile for a kernel on tiles, or None where none fits."""
     if kernel == "tiles":

@@ -26,7 +26,7 @@ def measured(said: Said) -> None:
     speed = 1 / max(said.viewer.frame_seconds, 1e-6)
     going = not (demo.paused or demo.frozen)
     rows.value("Frames", f"{speed:.0f} a second, {speed * demo.steps_of(demo.world) * going:.0f} steps a second")
-    rows.value("Strain", strain_text(demo))
+    rows.value("Fluid" if demo.world.scene.fluids else "Strain", strain_text(demo))
     counts = said.state.kept("counts", (demo.world, demo.world.body), lambda: counts_of(demo.world))
     for name, number in counts.items():
         rows.value(name, f"{number:,}".replace(",", " "))

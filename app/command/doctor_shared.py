@@ -1,0 +1,50 @@
+"""The doctor's findings on grids that several GPUs or processes share: what each way of sending needs."""
+
+from __future__ import annotations
+
+from importlib.util import find_spec
+
+from app.command.findings import Finding
+from model.core.errors import BackendUnavailable
+from model.domains.processes import INSTALL, mpi_installed, mpiexec
+
+
+def gpus_together() -> Finding:
+    """How GPUs are linked: of `--gpus N`."""
+    from gpu_backend.core.device import gpu_available, simulated
+
+    name, share = "several gpus", "SOFTLAB_SHARE_GPU=1 lets windows take turns on one, to try --gpus 2"
+    works, _ = gpu_available()
+    if not works:
+        return Finding(name, False, "no GPU was found, see gpu", "on CPUs a grid is shared by softlab run --ranks N")
+    if simulated():
+        return Finding(name, True, "the simulator lets windows take turns on its one device")
+    try:
+        from gpu_backend.domains.links import find_links
+
+        found = find_links()
+    except ImportError:
+        return Finding(name, False, "not known how they are linked: NVML is not installed", "pip install nvidia-ml-py")
+    if found.count < 2:
+        return Finding(name, False, str(found), share)
+    if found.apart:
+        return Finding(name, False, str(found), "softlab run --link nccl goes another way between those")
+    return Finding(name, True, str(found))
+
+
+def ranks_of_mpi() -> Finding:
+    """Of `--ranks N`, and of `--link nccl`."""
+    try:
+        launcher = mpiexec()
+        mpi_installed()
+    except BackendUnavailable as error:
+        return Finding("processes (mpi)", False, error.missing, error.remedy)
+    return Finding("processes (mpi)", True, f"softlab run --ranks N, by {launcher}")
+
+
+def gpus_by_nccl() -> Finding:
+    """Of `--link nccl`."""
+    name = "gpus of several processes (nccl)"
+    if find_spec("nccl") is None:
+        return Finding(name, False, "nccl4py is not installed", f'pip install "nccl4py[cu13]"; and {INSTALL}')
+    return Finding(name, True, "nccl4py is installed; softlab run --gpus N --link nccl")

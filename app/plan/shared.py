@@ -1,0 +1,91 @@
+"""What `softlab plan --gpus N` says: who owns which rows, what is sent, and what the link allows."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from app.command.tables import number
+from model.core.memory import readable
+from model.domains.decomposition import Decomposition
+from model.domains.link import NVLINK, Link
+from model.domains.simulation import cut
+from model.scene.scene import Scene
+
+LINES = 16  # of domains that are listed
+
+
+@dataclass(frozen=True)
+class SharedPlan:
+    """Of a sheet that several GPUs share. `mass_bytes`: of a mass's state, its position and velocity."""
+
+    decomposition: Decomposition
+    mass_bytes: int
+    link: Link = NVLINK
+
+    @property
+    def message(self) -> int:
+        """Bytes of an exchange, from a window to a neighbour, each way."""
+        return self.decomposition.bytes_sent(self.mass_bytes)
+
+    @property
+    def bytes_per_step(self) -> float:
+        """The same of a step."""
+        return self.message / self.decomposition.steps
+
+    @property
+    def exchange_seconds(self) -> float:
+        """By the link: both neighbours at once, both ways at once."""
+        return self.link.seconds(self.message) if self.message else 0.0
+
+    @property
+    def step_seconds(self) -> float:
+        """What it adds to a step."""
+        return self.exchange_seconds / self.decomposition.steps
+
+    @property
+    def most_masses(self) -> float:
+        """Masses a second at which sending takes as long as a step: a bound that no number of GPUs goes beyond."""
+        found = self.decomposition
+        return found.rows * found.columns / self.step_seconds if self.step_seconds else float("inf")
+
+    def as_dict(self) -> dict[str, Any]:
+        """For `--json`."""
+        found = self.decomposition
+        return {
+            "gpus": found.count, "exchange_every": found.steps, "halo_rows": found.halo,
+            "repeated_rows": found.repeated - 1,
+            "domains": [{"first_row": d.first, "end_row": d.end, "window_rows": d.window_rows} for d in found.domains],
+            "bytes_per_exchange": self.message, "bytes_per_step": self.bytes_per_step,
+            "link": {"latency": self.link.latency, "bandwidth": self.link.bandwidth, "source": self.link.source},
+            "exchange_seconds": self.exchange_seconds, "step_seconds": self.step_seconds,
+            "most_masses_per_second": self.most_masses if self.message else None,
+        }  # fmt: skip
+
+
+def shared_plan(scene: Scene, gpus: int, exchange_every: int | None, item: int) -> SharedPlan:
+    """The plan of a scene's sheet on so many GPUs; `item`: bytes of a scalar. Raises SceneError."""
+    numbers = 2 if scene.dimensions == 2 else 4  # of a position: pairs in a plane, quads in space
+    return SharedPlan(cut(scene, gpus, exchange_every, "--gpus"), 2 * numbers * item)
+
+
+def shared_lines(plan: SharedPlan) -> list[str]:
+    """For a person."""
+    found = plan.decomposition
+    lines = [f"shared by {found.count} GPUs, by rows; halos of {found.halo} rows, exchanged every {found.steps} steps"]
+    for domain in found.domains[:LINES]:
+        state = readable(domain.window_rows * found.columns * plan.mass_bytes)
+        held = f"holds {domain.window_first} to {domain.window_end - 1} ({state} a state)"
+        lines.append(f"  GPU {domain.number}: owns rows {domain.first} to {domain.end - 1}, {held}")
+    if found.count > LINES:
+        lines.append(f"  and {found.count - LINES} more")
+    lines.append(f"  {100 * (found.repeated - 1):.2g} % of the rows are computed twice")
+    lines.append(
+        f"  {readable(plan.message)} to each neighbour an exchange, {readable(plan.bytes_per_step)} a step, each way"
+    )
+    link = plan.link
+    lines.append(
+        f"  {link.name} ({1e6 * link.latency:g} us, {link.bandwidth / 1e9:g} GB/s; {link.source}) adds "
+        f"{1e6 * plan.step_seconds:.2g} us a step: at most {number(plan.most_masses / 1e9)} G masses a second"
+    )
+    return lines

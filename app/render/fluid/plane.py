@@ -1,0 +1,61 @@
+"""A fluid of a plane: its particles as discs, and the outlines of its colliders."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from app.render import colours, shaders
+from app.render.fluid.outlines import outlines
+from app.render.fluid.shaders import DISC_FRAGMENT, DISC_VERTEX
+from app.render.opengl import shader_program
+from app.render.vertex_arrays import (
+    delete_all,
+    draw_elements,
+    draw_squares,
+    square_array,
+    static_buffer,
+    uniform_matrix,
+    vertex_array,
+)
+from app.render.vertices import HostVertices
+from model.scene.scene import Scene
+
+
+class PlaneFluid:
+    """Of positions (particles, 2) float32 [m] and looks (particles, 4), colour and radius [m], in two OpenGL buffers. Needs a
+    current OpenGL 3.3 context."""
+
+    def __init__(self, scene: Scene, position: int, look: int):
+        self.scene, self._count = scene, scene.grid.particle_count
+        self._discs = square_array(position, look, 2)
+        self._disc_program = shader_program(DISC_VERTEX, DISC_FRAGMENT)
+        self._line_program = shader_program(shaders.VERTEX, shaders.LINE_FRAGMENT)
+        lines = outlines(scene, 0.0)
+        self._buffers = [static_buffer(lines), static_buffer(np.arange(len(lines), dtype=np.uint32))]
+        self._outlines = vertex_array(self._buffers[0], self._buffers[1], dimensions=2)
+
+    def draw_particles(self, camera: Any) -> None:
+        """The discs."""
+        program = self._disc_program
+        program.use()
+        program["transform"], program["pixels"] = uniform_matrix(camera.matrix()), camera.scale
+        draw_squares(self._discs, self._count)
+        program.stop()
+
+    def draw_colliders(self, camera: Any, time: float) -> None:
+        """The outlines, where they are at `time` [s]."""
+        from pyglet import gl
+
+        lines = outlines(self.scene, time)
+        HostVertices.send(self._buffers[0], lines)
+        program = self._line_program
+        program.use()
+        program["transform"], program["toward"], program["colour"] = uniform_matrix(camera.matrix()), 0.0, colours.FAINT
+        draw_elements(self._outlines, gl.GL_LINES, len(lines))
+        program.stop()
+
+    def delete(self) -> None:
+        """Free the buffers."""
+        delete_all([self._discs, self._outlines], self._buffers)

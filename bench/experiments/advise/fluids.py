@@ -1,0 +1,191 @@
+"""`softlab advise` of fluids: which scheme, how many substeps and iterations keep the density of a scene soonest.
+
+A fluid's motion has no converged reference; what is asked for is its density: the mean of what densities exceed that at rest
+by, over it, of the last LOOKS steps until a time. Every scheme goes up a ladder of efforts on the scene itself until it is
+reached, or until a step takes several times as long as the best so far. What reached it is then timed side by side. What
+else the store knows of fluids (`softlab fluids --truth`: fronts, spacings) is told beside it.
+"""
+
+from __future__ import annotations
+
+import time as clock
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
+from math import inf, isfinite
+from pathlib import Path
+
+import numpy as np
+
+from app.driver import open_simulation
+from bench.experiments.advise.fluids_advice import FluidAdvice, FluidBudget
+from bench.experiments.fluid_truth import laws
+from bench.experiments.fluid_truth.rows import Judged, rows
+from bench.experiments.fluid_truth.scenes import DAM, SCHEMES, WIDTH
+from bench.measure.costs_timing import QUICK, SECONDS, Record, in_turn
+from bench.measure.experiment import backends_here, cost_sources, described, keep
+from bench.measure.machine import enter_machine
+from bench.measure.progress import progress_bar
+from bench.measure.timing import Subject, prepare
+from bench.store.database import Store
+from bench.store.results import measures
+from bench.store.versions import code_version
+from model.core.errors import Diverged, SceneError, SoftlabError
+from model.core.simulation import PRECISIONS
+from model.fluid.measure import compression
+from model.scene.scene import Scene
+
+FINDING, DENSITY = "advise fluids", "advise_density"  # value of `finding`; the measure
+LADDER = ((1, 2), (1, 4), (2, 3), (2, 6), (4, 5), (4, 10), (8, 5), (8, 10), (16, 10), (32, 10))  # substeps, iterations
+UNTIL = 1.0  # s, unless told
+LOOKS = 10
+LEAST, LARGEST = 1e-5, 0.2  # errors that can be asked for
+SLOWER = 4.0  # times the best: a scheme that takes longer is not followed further
+FRONT = 0.05  # of the front of a dam, what is told of the store
+
+
+@dataclass
+class _Search:
+    """`end` [s], `error`: as asked for; `deadline`: of time.perf_counter."""
+
+    scene: Scene
+    error: float
+    end: float
+    deadline: float
+
+    def climb(self, budget: FluidBudget, best: float) -> Iterator[FluidBudget]:
+        """What was run of a scheme, up to the first that reaches the error."""
+        for substeps, iterations in LADDER:
+            one = self.run(replace(budget, substeps=substeps, iterations=iterations))
+            yield one
+            if one.density <= self.error or one.seconds > SLOWER * best or clock.perf_counter() > self.deadline:
+                return
+
+    def run(self, budget: FluidBudget) -> FluidBudget:
+        """The same with its density error and the time of a step, until `end`."""
+        scene = self.scene.replace(budget.changes)
+        steps = max(LOOKS, round(self.end / scene.method.dt))
+        with open_simulation(scene, budget.backend, precision=budget.precision) as simulation:
+            simulation.advance(1)  # compiles
+            simulation.reset()
+            simulation.synchronize()
+            begin = clock.perf_counter()
+            try:
+                simulation.advance(steps - LOOKS)
+                simulation.check()
+                simulation.synchronize()
+                seconds = (clock.perf_counter() - begin) / max(1, steps - LOOKS)
+                found = []
+                for _ in range(LOOKS):
+                    simulation.advance(1)
+                    found.append(compression(scene, simulation.read("position"))[0])
+            except Diverged:
+                return budget.with_(inf, inf)
+        return budget.with_(float(np.mean(found)), seconds)
+
+
+def advise_fluids(
+    store: Store,
+    scene: Scene,
+    error: float,
+    *,
+    time: float | None = None,
+    total_seconds: float = 180.0,
+    backends: Sequence[str] | None = None,
+    precisions: Sequence[str] = tuple(PRECISIONS),
+    progress: bool = True,
+    command: str = "softlab advise",
+) -> FluidAdvice:
+    """The soonest way to a mean density error of at most `error` at `time` [s] (None: 1), a step of the scene's dt. Raises
+    SceneError (an error or a time that cannot be), BackendUnavailable, InputError (the store)."""
+    end = UNTIL if time is None else time
+    if not LEAST <= error <= LARGEST:
+        raise SceneError("--error", error, f"of a fluid's density it is relative, {LEAST:g} to {LARGEST:g}")
+    if not (isfinite(end) and end >= scene.method.dt):
+        raise SceneError("--time", end, f"must be a step of {scene.method.dt:g} s at least, and finite")
+    begin, chosen = clock.perf_counter(), backends_here(backends)
+    precision = "float32" if "float32" in precisions else "float64"
+    search = _Search(scene, error, end, begin + total_seconds)
+    tried: list[FluidBudget] = []
+    revision, machine = code_version(), enter_machine(store)
+    with progress_bar(progress) as bar:
+        row = bar.add_task("schemes", total=len(chosen) * len(SCHEMES) * len(LADDER))
+        for number, (backend, scheme) in enumerate((b, s) for b in chosen for s in SCHEMES):
+            best = min((one.seconds for one in tried if one.density <= error), default=inf)
+            for one in search.climb(FluidBudget(scheme, 1, 1, backend, precision), best):
+                tried.append(one)
+                bar.update(row, description=str(one), advance=1)
+            bar.update(row, completed=(number + 1) * len(LADDER))
+    able = [one for one in tried if one.density <= error]
+    run = store.start_run(machine, command, revision)
+    _kept(store, run, scene, tried)
+    timed = sorted(_timed(store, run, scene, able), key=lambda one: one.seconds)
+    beaten = [_nearest(tried, backend, scheme, error) for backend in chosen for scheme in SCHEMES]
+    return FluidAdvice(
+        scene, error, end, tuple(timed), tuple(filter(None, beaten)), tuple(_beside(store, machine, scene)),
+        clock.perf_counter() - begin,
+    )  # fmt: skip
+
+
+def _kept(store: Store, run: str, scene: Scene, tried: Sequence[FluidBudget]) -> None:
+    """What was found, in the store."""
+    for one in tried:
+        told = described(scene.replace(one.changes), one.backend, FINDING, precision=one.precision)
+        value = one.density if isfinite(one.density) else None
+        keep(store, run, told, _sources(one.backend), {DENSITY: (value, "", None if value is not None else "diverged")})
+
+
+def _sources(backend: str) -> str:
+    return cost_sources(backend, __file__)
+
+
+def _nearest(tried: Sequence[FluidBudget], backend: str, scheme: str, error: float) -> tuple[str, str] | None:
+    """(words, why not) of a scheme that did not reach the error."""
+    mine = [one for one in tried if (one.backend, one.scheme) == (backend, scheme)]
+    if not mine or min(one.density for one in mine) <= error:
+        return None
+    nearest = min(mine, key=lambda one: one.density)
+    told = f"comes to {nearest.density:.2g} with {nearest.effort}" if isfinite(nearest.density) else "diverges"
+    return f"{scheme}, {backend}", f"{told}; more was not tried: it takes too long"
+
+
+def _timed(store: Store, run: str, scene: Scene, able: Sequence[FluidBudget]) -> Iterator[FluidBudget]:
+    """Those that reach it, with the time of a step from the scene's start, sampled in turn."""
+    with ExitStack() as stack:
+        subjects = []
+        for one in able:
+            asked = scene.replace(one.changes)
+            told = described(asked, one.backend, FINDING, precision=one.precision)
+            try:
+                simulation = stack.enter_context(open_simulation(asked, one.backend, precision=one.precision))
+                subjects.append((one, prepare(Subject(simulation, told), QUICK.seconds, QUICK.most)))
+            except SoftlabError:  # it ran a moment ago; what it took then stands
+                yield one
+        if subjects:
+            record = Record(store, run, cost_sources(subjects[0][0].backend, str(Path(__file__))))
+            numbers = in_turn(record, [subject for _, subject in subjects], QUICK.repeats)
+            for (one, _), found in zip(subjects, numbers, strict=True):
+                yield one.with_(one.density, found[SECONDS][0] or one.seconds)
+
+
+def _beside(store: Store, machine: str, scene: Scene) -> Iterator[str]:
+    """What the store's dams say of spacing and fronts."""
+    dams = [row for row in rows(measures(store, machine=machine)) if row.kind == DAM and row.frame and not row.peer]
+    if not dams:
+        yield "no dam was measured on this machine to tell of fronts; softlab fluids --truth does"
+        return
+    for name, what in ((laws.FRONT, "all points"), (laws.FRONT_LATER, "all but the first")):
+        able = [row for row in dams if name in row.numbers and row.numbers[name] <= FRONT]
+        if able:
+            best = min(able, key=lambda row: row.frame or inf)
+            yield f"a dam's front within {FRONT:.0%} at {what}, soonest here: {_dam_words(best, name)}"
+        else:
+            nearest = min((row for row in dams if name in row.numbers), key=lambda row: row.numbers[name])
+            yield f"no dam measured here keeps its front within {FRONT:.0%} at {what}; nearest: {_dam_words(nearest, name)}"
+
+
+def _dam_words(row: Judged, name: str) -> str:
+    return (
+        f"{row.who}, {row.effort} a step of 2 ms, {WIDTH / row.spacing:.0f} particles along its width, "
+        f"{row.numbers[name]:.1%}, {1e3 * (row.frame or 0):.3g} ms a sixtieth of a second"
+    )

@@ -1,0 +1,214 @@
+"""`softlab ablate` of fluids: one thing less at a time, and what it does to density and motion.
+
+Particles of a fluid part from each other in any motion, so that no distance of states says anything. What is compared is what
+a fluid is judged by: the mean density error, the centre of mass, the height, at one time. A twin whose particles start
+DISTURBED spacings off tells how far two runs of the same scene lie apart by then: what changes less than CLEAR times that,
+and less than what would be seen, is not needed. All are timed side by side, from the scene's start.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, field, replace
+from math import isfinite
+from typing import Any
+
+import numpy as np
+from rich.console import Console
+
+from app.driver import open_simulation
+from bench.experiments.advise.ablation import ARITHMETIC, FINER, FULL, PART, Ablation, ablations
+from bench.experiments.advise.fluids import UNTIL
+from bench.measure.costs_timing import QUICK, SECONDS, Measures, Record, in_turn
+from bench.measure.experiment import Summary, backends_here, cost_sources, described, ending_cleanly, keep
+from bench.measure.progress import progress_bar
+from bench.measure.timing import Subject, prepare
+from bench.store.database import Store
+from bench.store.tables import columns, print_table
+from model.core.errors import Diverged, SceneError
+from model.core.simulation import Simulation
+from model.fluid.measure import compression, height
+from model.scene.scene import Scene
+
+FINDING = "ablate fluids"  # value of `finding`
+OPTIONS = ("viscosity", "cohesion", "surface_tension", "vorticity_confinement", "drag", "free_surface_drag")
+DISTURBED, SEED = 1e-6, 1  # spacings, of the twin's start
+CLEAR = 3.0  # times what two runs of one scene differ by
+SEEN_PRESSED, SEEN_MOVED = 1.25, 0.25  # times the density error; spacings: less would not be seen
+PRESSES, RELIEVES, MOVES = "presses the fluid", "relieves the fluid", "changes the motion"  # verdicts
+NOT_NEEDED, BREAKS = "not needed", "diverges"
+DENSITY, CENTRE, HEIGHT = "ablation_density", "ablation_centre", "ablation_height"
+
+
+@dataclass(frozen=True)
+class Left:
+    """One thing less. `density`: the mean density error; `centre` [spacings]: how far the centre of mass is off that of the
+    full scene; `height` [m]; `seconds` of wall time a simulated one, None where it diverged."""
+
+    name: str
+    kind: str
+    backend: str
+    density: float
+    centre: float
+    height: float
+    seconds: float | None = None
+
+    def verdict(self, full: Left, twin: Left, spacing: float) -> str:
+        """What it does to the full scene, by more than a disturbed twin of that does."""
+        if not isfinite(self.density):
+            return BREAKS
+        higher, noisy = (abs(one.height - full.height) / spacing for one in (self, twin))
+        if self.centre > max(CLEAR * twin.centre, SEEN_MOVED) or higher > max(CLEAR * noisy, SEEN_MOVED):
+            return MOVES
+        noise = CLEAR * abs(twin.density - full.density)
+        if self.density > max(SEEN_PRESSED * full.density, full.density + noise):
+            return PRESSES
+        return RELIEVES if self.density < min(full.density / SEEN_PRESSED, full.density - noise) else NOT_NEEDED
+
+
+@dataclass
+class FluidAblation(Summary):
+    """What was done. `tables`: of each backend the full scene, its twin, and what has one thing less."""
+
+    title: str = ""
+    spacing: float = 1.0  # m
+    end: float = 0.0
+    tables: list[tuple[Left, Left, list[Left]]] = field(default_factory=list)
+
+
+def left_out(scene: Scene) -> Iterator[Ablation]:
+    """What any scene can do without or more cheaply, and each of what its fluids do beside keeping their density."""
+    yield from (one for one in ablations(scene) if one.kind != FINER)
+    for name, part in scene.fluids.items():
+        for option in OPTIONS:
+            if getattr(part, option):
+                path = f"{name}.{option}"
+                yield Ablation(f"without {path}", "no stage of it", PART, path, changes={path: 0.0})
+
+
+def ablate_fluids(
+    store: Store,
+    scene: Scene,
+    *,
+    backends: Sequence[str] | None = None,
+    time: float | None = None,
+    progress: bool = True,
+    command: str = "softlab ablate",
+) -> FluidAblation:
+    """What each thing of a scene of fluids is good for, judged at `time` [s] (None: 1). In float32 and fast math, as fluids
+    are run; `float64` and `exact math` are rows. Ctrl-C ends cleanly. Raises SceneError (a time that cannot be),
+    BackendUnavailable, InputError (the store), Diverged (the full scene)."""
+    end = UNTIL if time is None else time
+    if not (isfinite(end) and end >= scene.method.dt):
+        raise SceneError("--time", end, f"must be a step of {scene.method.dt:g} s at least, and finite")
+    chosen = backends_here(backends)
+    summary = FluidAblation.begun(store, "ablate")
+    summary.title, summary.end, summary.spacing = scene.title, end, scene.fluid_set.spacing
+    summary.run = store.start_run(summary.machine, command, summary.version)
+    usual = [_usual(one) for one in left_out(scene)]
+    with ending_cleanly(summary), progress_bar(progress) as bar:
+        row = bar.add_task("full scene", total=len(chosen) * (2 + len(usual)))
+        for backend in chosen:
+            work = _Work(store, summary, scene, backend, lambda text: bar.update(row, description=text, advance=1))
+            summary.tables.append(work.measured(usual))
+            summary.measured += 1 + len(usual)
+    return summary
+
+
+def _usual(one: Ablation) -> Ablation:
+    """In float32 and fast math; what is cheaper in arithmetic becomes what is dearer."""
+    if one.kind != ARITHMETIC:
+        return replace(one, precision="float32", math="fast")
+    if one.precision == "float32":
+        return replace(one, name="float64", why="twice the bytes a number", precision="float64", math="fast")
+    return replace(one, name="exact math", why="rounds every operation", precision="float32", math="exact")
+
+
+@dataclass
+class _Work:
+    store: Store
+    summary: FluidAblation
+    scene: Scene
+    backend: str
+    tell: Any
+
+    def measured(self, usual: Sequence[Ablation]) -> tuple[Left, Left, list[Left]]:
+        """(full, twin, one thing less each). Raises Diverged where the full scene does."""
+        found: list[Left] = []
+        with ExitStack() as stack:
+            subjects: list[tuple[int, Subject]] = []
+            centre = None
+            for number, one in enumerate((replace(FULL, precision="float32", math="fast"), *usual)):
+                scene = one.of(self.scene)
+                how: dict[str, Any] = {"precision": one.precision, "math": one.math}
+                simulation = stack.enter_context(open_simulation(scene, self.backend, **how))
+                self.tell(one.name)
+                left, place = self._run(simulation, one, centre)
+                if number == 0:
+                    if place is None:
+                        simulation.check()
+                    centre = place
+                    twin, _ = self._run(simulation, replace(one, name="a disturbed twin"), centre, DISTURBED)
+                    self.tell("a disturbed twin")
+                    simulation.reset()
+                if place is not None:
+                    told = described(scene, self.backend, FINDING, **how, spares=one.spares)
+                    subjects.append((len(found), prepare(Subject(simulation, told), QUICK.seconds, QUICK.most)))
+                found.append(left)
+            record = Record(self.store, self.summary.run, cost_sources(self.backend, __file__))
+            timed = in_turn(record, [subject for _, subject in subjects], QUICK.repeats)
+        for (number, subject), numbers in zip(subjects, timed, strict=True):
+            seconds = numbers[SECONDS][0]
+            dt = subject.simulation.scene.method.dt
+            found[number] = left = replace(found[number], seconds=None if seconds is None else seconds / dt)
+            said: Measures = {
+                DENSITY: (left.density, "", left.name), CENTRE: (left.centre, "spacing", left.name),
+                HEIGHT: (left.height, "m", left.name),
+            }  # fmt: skip
+            keep(self.store, self.summary.run, subject.name, record.sources, said | numbers)
+        return found[0], twin, found[1:]
+
+    def _run(
+        self, simulation: Simulation, one: Ablation, centre: np.ndarray | None, disturbed: float = 0.0
+    ) -> tuple[Left, np.ndarray | None]:
+        """To the end: (what is told, the centre of mass, None where it diverged); the simulation is then at its start."""
+        scene = simulation.scene
+        simulation.reset()
+        if disturbed:
+            start = simulation.state()
+            off = np.random.default_rng(SEED).uniform(-disturbed, disturbed, start.position.shape) * scene.grid.spacing
+            simulation.load(replace(start, position=(start.position + off).astype(start.position.dtype)))
+        try:
+            simulation.advance(max(1, round(self.summary.end / scene.method.dt)))
+            simulation.check()
+            place = np.asarray(simulation.read("position"), np.float64)
+        except Diverged:
+            simulation.reset()
+            return Left(one.name, one.kind, self.backend, np.inf, np.inf, np.inf), None
+        simulation.reset()
+        middle = place.mean(axis=0)
+        away = 0.0 if centre is None else float(np.linalg.norm(middle - centre) / scene.grid.spacing)
+        told = compression(scene, place)[0], away, height(scene, place)
+        return Left(one.name, one.kind, self.backend, *told), middle
+
+
+def print_fluid_ablation(console: Console, summary: FluidAblation) -> None:
+    """A table for each backend, and a sentence."""
+    for full, twin, some in summary.tables:
+        lines = []
+        for one in (full, twin, *some):
+            verdict = "" if one in (full, twin) else one.verdict(full, twin, summary.spacing)
+            times = f"{full.seconds / one.seconds:.2f}" if full.seconds and one.seconds else "-"
+            numbers = (f"{100 * one.density:.2g}", f"{one.centre:.2g}", f"{one.height:.3g}")
+            lines.append((one.name, verdict, times, *(numbers if isfinite(one.density) else "---")))
+        heads = columns(("", "verdict"), ("times as fast", "density error, %", "centre moved, spacings", "height, m"))
+        title = f"{summary.title}, on the {full.backend}, at {summary.end:g} s"
+        print_table(
+            console, heads, lines, "centre: off the full scene's; verdicts: beyond what a disturbed twin does", title
+        )
+        spare = [
+            one.name.removeprefix("without ") for one in some if one.verdict(full, twin, summary.spacing) == NOT_NEEDED
+        ]
+        console.print(f"not needed: {', '.join(spare) or 'nothing of it'}", markup=False, soft_wrap=True)
+    console.print(summary.counts() + summary.ending())

@@ -1,0 +1,124 @@
+"""Every setting of scenes.py judged by laws.py, and what a frame of it takes, sampled in turn from the state that was judged:
+`softlab fluids --truth`, with `--peers` other programs on the same scenes.
+
+A group is a kind of scene on a backend. Peers are in the group of the lab's, as ways of their own; one that is not here, or
+that cannot run the scene, leaves its reason.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from app.driver import open_simulation
+from bench.experiments.fluid_truth.laws import judged
+from bench.experiments.fluid_truth.scenes import DAM, TANK, Setting, settings
+from bench.measure.costs_timing import FULL, QUICK, RATIO, SECONDS, Effort, Measures, Record, in_turn
+from bench.measure.experiment import Group, Items, cost_sources, host_of
+from bench.measure.timing import Subject, prepare
+from bench.peers.base import Peer, PeerError
+from bench.peers.cases import Beside
+from bench.peers.fluids.splishsplash import PROCESS, SplishSplash
+from bench.store.database import Store
+from bench.store.results import configuration
+from model.core.build import build
+from model.core.errors import SoftlabError
+from model.core.simulation import State
+from model.scene.scene import Scene
+
+FINDING = "fluid: "  # how `finding` begins; then the kind
+PEERS: dict[str, tuple[Peer, ...]] = {  # by kind; its PBF takes seconds a frame in the tank
+    TANK: (SplishSplash("DFSPH"),),
+    DAM: (SplishSplash("DFSPH"), SplishSplash("PBF")),
+}
+
+
+@dataclass(frozen=True)
+class Way:
+    """A setting by the lab (`peer` None) or by another program."""
+
+    setting: Setting
+    backend: str
+    peer: Peer | None = None
+
+    @property
+    def description(self) -> dict[str, Any]:
+        name = None if self.peer is None else self.peer.name
+        told = configuration(self.setting.scene, backend=self.backend, peer=name, **host_of(self.backend))
+        return told | {"finding": FINDING + self.setting.kind}
+
+
+def groups(store: Store, backends: Sequence[str], quick: bool, peers: bool = False) -> list[Group]:
+    """What is judged, and then sampled in turn: a kind of scene on a backend."""
+    found = []
+    some = list(settings(quick))
+    for backend in backends:
+        for kind in dict.fromkeys(one.kind for one in some):
+            mine = [one for one in some if one.kind == kind]
+            ways = [Way(one, backend) for one in mine]
+            beside = [one for one in mine if one.beside]
+            if peers and beside:
+                ways += [Way(beside[0], backend, peer) for peer in PEERS.get(kind, ()) if peer.backend == backend]
+            sources = cost_sources(backend, *map(str, sorted(Path(__file__).parent.glob("*.py"))), str(PROCESS))
+            told = tuple(way.description for way in ways)
+            measure = partial(_measured, ways, told, QUICK if quick else FULL)
+            found.append(Group(f"{kind}, {backend}", told, sources, measure, len(ways)))
+    return found
+
+
+run_truth = Items("fluids: truth", groups, "softlab fluids --truth", "judging and timing: ")
+
+
+def _measured(ways: Sequence[Way], told: Sequence[dict[str, Any]], effort: Effort, record: Record) -> list[Measures]:
+    found: list[Measures] = [{} for _ in ways]
+    with ExitStack() as stack:
+        ready: list[tuple[int, Subject]] = []
+        for number, (way, one) in enumerate(zip(ways, told, strict=True)):
+            scene = way.setting.scene
+            try:
+                simulation = stack.enter_context(_opened(way, stack))
+                found[number] |= judged(simulation, scene, way.setting.kind)
+                subject = Subject(simulation, one, start=_state(simulation, scene))
+                ready.append((number, prepare(subject, effort.seconds, effort.most)))
+            except (SoftlabError, PeerError) as reason:  # diverged; not here; refused
+                found[number] |= {name: (None, "", str(reason)) for name in (SECONDS, RATIO)}
+        timed = in_turn(record, [subject for _, subject in ready], effort.repeats) if ready else []
+    for (number, _), numbers in zip(ready, timed, strict=True):
+        found[number] |= numbers
+    return found
+
+
+def _opened(way: Way, stack: ExitStack) -> Any:
+    """A context manager. Raises SoftlabError, PeerError."""
+    scene = way.setting.scene
+    if way.peer is None:
+        return open_simulation(scene, way.backend)
+    here, reason = way.peer.available()
+    refusal = way.peer.refusal(scene) if here else reason
+    if refusal:
+        raise PeerError(f"{way.peer.label}: {refusal}")
+    threads = host_of("cpu")["threads"]
+    opened = stack.enter_context(way.peer.open(scene, "float32", threads))
+    return _Entered(way.peer, opened, build(scene))
+
+
+class _Entered(Beside):
+    """A peer's simulation that the stack closes by itself."""
+
+    def __enter__(self) -> _Entered:
+        return self
+
+    def __exit__(self, *_: object) -> None: ...
+
+
+def _state(simulation: Any, scene: Scene) -> State:
+    """The state to sample from."""
+    if hasattr(simulation, "state"):
+        found: State = simulation.state()
+        return found
+    body = build(scene)
+    return State(simulation.read("position"), simulation.read("velocity"), body.inverse_mass, 0.0, 0)

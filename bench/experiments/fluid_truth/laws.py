@@ -1,0 +1,195 @@
+"""What is known of the scenes of scenes.py, and how far a motion is off it. Independent of the solver: positions and
+velocities alone, in float64, but for pressures, which a solver tells.
+
+- A column (tank) at rest: its height, the density at rest anywhere, no motion, the pressure rho g z. All at once: a fluid
+  that boils has the right height, one that has sunk is still.
+- A dam: the front of J. C. Martin and W. J. Moyce, Phil. Trans. R. Soc. A 244 (1952), table 2, n^2 = 2. Their gate opens
+  slowly, so that one shift of time is chosen, the one whose worst point is best. The first point is told apart: it lies as
+  far above the parabola that the next two make from rest (`start_off`), so that no flow that begins at rest meets all three.
+- Vortices (G. I. Taylor and A. E. Green, 1937): their energy goes as exp(-16 pi^2 nu t / L^2): the viscosity that there is.
+- A drop: its centre rests, its momentum stays 0, it becomes a ball. Laplace's pressure of a drop of radius R is 2 sigma / R.
+- Two fluids: the light one ends above the heavy one, each in its own depth.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from bench.experiments.fluid_truth.scenes import COLUMN, DAM, DROP, TANK, TWO, VORTICES, WIDTH
+from bench.measure.costs_timing import Measures
+from model.core.errors import SoftlabError
+from model.fluid.fluid_set import vortices
+from model.fluid.measure import compression, height
+from model.scene.scene import Scene
+
+HEIGHT, MEAN, LARGEST = "fluid_height_off", "fluid_density_mean", "fluid_density_largest"
+SPEED, PRESSURE = "fluid_speed", "fluid_pressure_off"
+FRONT, FRONT_LATER, FRONT_MEAN, SHIFT = "fluid_front", "fluid_front_later", "fluid_front_mean", "fluid_front_shift"
+VISCOSITY = "fluid_numerical_viscosity"
+ASPECT, DRIFT, MOMENTUM, INSIDE = "fluid_drop_aspect", "fluid_drop_drift", "fluid_momentum", "fluid_drop_pressure"
+LEVEL, MIXED = "fluid_level_off", "fluid_mixed"
+REST, LOOKS = 3.0, 30  # s until something is at rest; steps over which it is looked at
+DAM_SECONDS, VORTEX_SECONDS, DROP_SECONDS, TWO_SECONDS = 0.21, 0.5, 4.0, 6.0
+SETTLED = 0.05  # s: after which the vortices' lattice is no more
+MOYCE = np.array(
+    [
+        (0.41, 1.11), (0.84, 1.22), (1.19, 1.44), (1.43, 1.67), (1.63, 1.89), (1.83, 2.11), (1.98, 2.33), (2.20, 2.56),
+        (2.32, 2.78), (2.51, 3.00), (2.65, 3.22), (2.83, 3.44), (2.98, 3.67), (3.11, 3.89), (3.33, 4.11),
+    ]
+)  # fmt: skip  # t sqrt(2 g / a), front / a
+Tell = Callable[[float], None]  # the part of a run that is done
+
+
+def judged(simulation: Any, scene: Scene, kind: str, tell: Tell = lambda part: None) -> Measures:
+    """How far a simulation of a scene, at its start, is off the law of its `kind`; it is left at the end. `simulation`:
+    advance(steps) and read(name), the lab's or a peer's."""
+    return {COLUMN: _at_rest, TANK: _at_rest, DAM: _front, VORTICES: _slowed, DROP: _drop, TWO: _levels}[kind](
+        simulation, scene, tell
+    )
+
+
+def _steps(scene: Scene, seconds: float) -> int:
+    return round(seconds / scene.method.dt)
+
+
+def _on(simulation: Any, steps: int, tell: Tell, total: int, done: int = 0) -> None:
+    """So many steps, a sixteenth of all at a time."""
+    part = max(1, total // 16)
+    for begin in range(0, steps, part):
+        simulation.advance(min(part, steps - begin))
+        tell((done + min(begin + part, steps)) / total)
+
+
+def _places(simulation: Any) -> np.ndarray:
+    return np.asarray(simulation.read("position"), np.float64)
+
+
+def _at_rest(simulation: Any, scene: Scene, tell: Tell) -> Measures:
+    assert scene.gravity is not None
+    found, steps = scene.fluid_set, _steps(scene, REST)
+    depth, g = float(np.ptp(found.position[:, 1])) + found.spacing, scene.gravity.acceleration
+    rho, pressures = found.parts[0].density, []
+    _on(simulation, steps - LOOKS, tell, steps)
+    heights, means, most, speeds = [], [], [], []
+    for look in range(LOOKS):
+        simulation.advance(1)
+        place = _places(simulation)
+        mean, largest = compression(scene, place)
+        heights.append(height(scene, place))
+        means.append(mean)
+        most.append(largest)
+        speeds.append(np.linalg.norm(np.asarray(simulation.read("velocity"), np.float64), axis=1).max())
+        told = _pressure(simulation)
+        if told is not None:
+            pressures.append(
+                _pressure_off(place[:, 1] - found.position[:, 1].min() + found.spacing / 2, told, depth, rho * g)
+            )
+        tell((steps - LOOKS + look + 1) / steps)
+    return {
+        HEIGHT: (float(np.mean(heights)) / depth - 1, "", None),
+        MEAN: (float(np.mean(means)), "", None),
+        LARGEST: (float(np.max(most)), "", None),
+        SPEED: (float(np.mean(speeds) / np.sqrt(g * depth)), "", None),
+        PRESSURE: (float(np.abs(np.mean(pressures, axis=0)).max()), "", None) if pressures else (None, "", "not told"),
+    }
+
+
+def _pressure(simulation: Any) -> np.ndarray | None:
+    try:
+        return np.asarray(simulation.read("pressure"), np.float64)
+    except (SoftlabError, ValueError):  # a peer, or a scheme that tells none
+        return None
+
+
+def _pressure_off(above: np.ndarray, pressure: np.ndarray, depth: float, weight: float) -> np.ndarray:
+    """(layers,): means of what it is off rho g z by, over that at the floor, in nine layers, the free surface's left out."""
+    layer = np.clip((10 * above / depth).astype(int), 0, 9)
+    off = pressure - weight * (depth - above)
+    count = np.maximum(np.bincount(layer, minlength=10), 1)
+    return (np.bincount(layer, off, 10) / count / (weight * depth))[:9]
+
+
+def start_off() -> float:
+    """By how much Martin and Moyce's first front lies over x = a + c (t - t0)^2 through their second and third."""
+    (t1, x1), (t2, x2), (t3, x3) = MOYCE[:3]
+    root = (np.sqrt(x3 - 1) - np.sqrt(x2 - 1)) / (t3 - t2)
+    return float(x1 / (1 + (np.sqrt(x2 - 1) - root * (t2 - t1)) ** 2) - 1)
+
+
+def _front(simulation: Any, scene: Scene, tell: Tell) -> Measures:
+    assert scene.gravity is not None
+    steps, spacing = _steps(scene, DAM_SECONDS), scene.fluid_set.spacing
+    time, front = [0.0], [1.0]
+    for step in range(1, steps + 1):
+        simulation.advance(1)
+        time.append(step * scene.method.dt * float(np.sqrt(2 * scene.gravity.acceleration / WIDTH)))
+        front.append((float(_places(simulation)[:, 0].max()) + spacing / 2) / WIDTH)
+        tell(step / steps)
+    shifts = np.linspace(-0.3, 0.3, 121)
+    errors = np.array([np.abs(np.interp(MOYCE[:, 0] - shift, time, front) / MOYCE[:, 1] - 1) for shift in shifts])
+    best, later = int(np.argmin(errors.max(axis=1))), float(errors[:, 1:].max(axis=1).min())
+    return {
+        FRONT: (float(errors[best].max()), "", "of all points"),
+        FRONT_LATER: (later, "", "without the first"),
+        FRONT_MEAN: (float(errors[best].mean()), "", None),
+        SHIFT: (float(shifts[best]), "", "of t sqrt(2 g / a)"),
+    }
+
+
+def _slowed(simulation: Any, scene: Scene, tell: Tell) -> Measures:
+    assert scene.domain is not None
+    steps, times, energy = _steps(scene, VORTEX_SECONDS), [], []
+    for step in range(steps):
+        wave = vortices(_places(simulation), scene.domain)
+        energy.append(float((np.asarray(simulation.read("velocity")) * wave).sum() / (wave * wave).sum()) ** 2)
+        times.append(step * scene.method.dt)
+        simulation.advance(1)
+        tell((step + 1) / steps)
+    begin, side = sum(time < SETTLED for time in times), scene.domain.size[0]
+    slope = np.polyfit(times[begin:], np.log(energy[begin:]), 1)[0]
+    return {VISCOSITY: (float(-slope * side**2 / (16 * np.pi**2)), "m^2/s", None)}
+
+
+def _drop(simulation: Any, scene: Scene, tell: Tell) -> Measures:
+    found, steps = scene.fluid_set, _steps(scene, DROP_SECONDS)
+    start = found.position.mean(axis=0)
+    radius = float(np.cbrt(3 * found.particle_count / (4 * np.pi))) * found.spacing
+    _on(simulation, steps - LOOKS, tell, steps)
+    inside, fastest = [], 0.0
+    for _ in range(LOOKS):
+        simulation.advance(1)
+        place, told = _places(simulation), _pressure(simulation)
+        fastest = max(fastest, float(np.linalg.norm(simulation.read("velocity"), axis=1).max()))
+        if told is not None:
+            inside.append(told[np.linalg.norm(place - place.mean(axis=0), axis=1) < radius / 2].mean())
+    sizes = np.linalg.eigvalsh(np.cov((place - place.mean(axis=0)).T))
+    momentum = np.linalg.norm(np.asarray(simulation.read("velocity"), np.float64).mean(axis=0))
+    return {
+        ASPECT: (float(np.sqrt(sizes[-1] / sizes[0])), "", None),
+        DRIFT: (float(np.linalg.norm(place.mean(axis=0) - start) / found.spacing), "", "of a rest distance"),
+        MOMENTUM: (float(momentum / fastest) if fastest > 0 else 0.0, "", "of all at the largest speed"),
+        INSIDE: (float(np.mean(inside)), "Pa", f"of a radius of {radius:.4g} m")
+        if inside
+        else (None, "Pa", "not told"),
+        MEAN: (compression(scene, place)[0], "", None),
+    }
+
+
+def _levels(simulation: Any, scene: Scene, tell: Tell) -> Measures:
+    found, steps = scene.fluid_set, _steps(scene, TWO_SECONDS)
+    _on(simulation, steps, tell, steps)
+    place = _places(simulation)
+    above = place[:, 1] - found.position[:, 1].min() + found.spacing / 2
+    depth = float(np.ptp(found.position[:, 1])) + found.spacing
+    heavy = np.argsort([part.density for part in found.parts])[-1] == found.fluid
+    level = depth * heavy.mean()  # where the two meet
+    wrong = np.where(heavy, above > level + found.spacing / 2, above < level - found.spacing / 2)
+    off = max(abs(above[heavy].mean() - level / 2), abs(above[~heavy].mean() - (level + depth) / 2)) / depth
+    return {
+        LEVEL: (float(off), "", "of the depth, of either's middle"),
+        MIXED: (float(wrong.mean()), "", "of all particles, in the other's half"),
+        MEAN: (compression(scene, place)[0], "", None),
+    }

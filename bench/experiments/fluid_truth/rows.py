@@ -1,0 +1,117 @@
+"""What the store says of fluids: errors beside the time of a frame, by kind of scene; tables of it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from rich.console import Console
+
+from bench.experiments.fluid_truth import laws
+from bench.experiments.fluid_truth.experiment import FINDING, PEERS
+from bench.experiments.fluid_truth.scenes import COLUMN, DAM, DROP, TANK, TWO, VORTICES
+from bench.experiments.fluids import FRAME
+from bench.measure.costs_timing import SECONDS
+from bench.store.database import Store
+from bench.store.results import Measure, by_configuration, measures
+from bench.store.tables import columns, print_table
+from model.scene.scene import Scene
+
+NUMBERS: dict[str, dict[str, str]] = {  # of each kind: measures, and how a table calls them
+    COLUMN: {
+        laws.MEAN: "density, mean %", laws.LARGEST: "largest %", laws.HEIGHT: "height %", laws.SPEED: "speed %",
+        laws.PRESSURE: "pressure %",
+    },
+    DAM: {laws.FRONT: "front, worst %", laws.FRONT_LATER: "but the first %", laws.FRONT_MEAN: "mean %"},
+    VORTICES: {laws.VISCOSITY: "viscosity / m²/s"},
+    DROP: {
+        laws.INSIDE: "pressure / Pa", laws.ASPECT: "longest / shortest", laws.DRIFT: "drift", laws.MOMENTUM: "momentum"
+    },
+    TWO: {laws.LEVEL: "level %", laws.MIXED: "mixed %", laws.MEAN: "density, mean %"},
+}  # fmt: skip
+NUMBERS[TANK] = {name: text for name, text in NUMBERS[COLUMN].items() if name != laws.PRESSURE}
+TITLES = {
+    COLUMN: "a column at rest between sides that repeat, 3 s",
+    TANK: "water at rest between four walls, 3 s",
+    DAM: "Martin and Moyce's dam",
+    VORTICES: "Taylor and Green's vortices, viscosity 0",
+    DROP: "a drop that is drawn together, 4 s",
+    TWO: "two fluids that change places, 6 s",
+}
+
+
+@dataclass(frozen=True)
+class Judged:
+    """One setting: `who`: a scheme, or a peer's label; `spacing` [m]; `numbers`: measures by name, without what was not had;
+    `frame`: 1/60 s of the scene, in seconds of wall time, None where it was not timed; `suspect` or not; `reason`: why there
+    is nothing."""
+
+    kind: str
+    machine: str
+    backend: str
+    who: str
+    peer: bool
+    substeps: int
+    iterations: int
+    spacing: float
+    particles: int
+    numbers: dict[str, float]
+    frame: float | None
+    suspect: bool
+    reason: str | None
+
+    @property
+    def effort(self) -> str:
+        """`8 x 10`, of a step; of a peer its own."""
+        return "its own" if self.peer else f"{self.substeps} x {self.iterations}"
+
+
+def rows(found: Iterable[Measure]) -> list[Judged]:
+    """Of every setting that was judged: kinds in the order of NUMBERS, schemes, then spacings and efforts."""
+    labels = {peer.name: peer.label for peers in PEERS.values() for peer in peers}
+    result = []
+    mine = (m for m in found if str(m.description.get("finding", "")).startswith(FINDING))
+    for numbers in by_configuration(mine):
+        some = next(iter(numbers.values()))
+        told, kind = some.description, some.description["finding"].removeprefix(FINDING)
+        if kind not in NUMBERS:
+            continue
+        scene, peer = Scene.stored(told["scene"]), told.get("peer")
+        seconds = numbers.get(SECONDS)
+        taken = None if seconds is None or seconds.value is None else seconds.value * FRAME / scene.method.dt
+        held = {name: m.value for name, m in numbers.items() if name in NUMBERS[kind] and m.value is not None}
+        why = None if held else seconds.reason if seconds is not None else "not judged"
+        result.append(Judged(
+            kind, some.machine, told["backend"], labels.get(peer, peer) if peer else scene.method.scheme, bool(peer),
+            scene.method.substeps, scene.method.iterations, scene.fluid_set.spacing, scene.fluid_set.particle_count, held,
+            taken, bool(seconds and "; " in (seconds.reason or "")), why,
+        ))  # fmt: skip
+    order = list(NUMBERS)
+    return sorted(
+        result, key=lambda r: (order.index(r.kind), r.backend, r.peer, r.who, -r.spacing, r.substeps * r.iterations)
+    )
+
+
+def print_truth(console: Console, store: Store, machine: str) -> None:
+    """A table of each kind of what was judged on a machine."""
+    held = rows(measures(store, machine=machine))
+    for kind, names in NUMBERS.items():
+        mine = [row for row in held if row.kind == kind]
+        if not mine:
+            continue
+        lines = []
+        for row in mine:
+            cells = [_cell(row.numbers.get(name), text) for name, text in names.items()]
+            frame = "-" if row.frame is None else f"{1e3 * row.frame:.3g}{'?' * row.suspect}"
+            lines.append((row.who, row.backend, row.effort, str(row.particles), *cells, frame))
+        heads = columns(("by", "on", "effort"), ("particles", *names.values(), "frame / ms"))
+        print_table(console, heads, lines, "effort: substeps x iterations; ?: suspect", title=TITLES[kind])
+        for row in mine:
+            if row.reason:
+                console.print(f"{row.who}: {row.reason}", highlight=False, soft_wrap=True)
+
+
+def _cell(value: float | None, text: str) -> str:
+    if value is None:
+        return "-"
+    return f"{100 * value:.2g}" if text.endswith("%") else f"{value:.3g}"

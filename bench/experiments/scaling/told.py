@@ -1,0 +1,96 @@
+"""The tables of `softlab scale`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from rich.console import Console
+
+from app.command.tables import number
+from bench.experiments.scaling.experiment import points, speedups
+from bench.experiments.scaling.model import Cluster, Predicted, Seconds, predicted, restart, waiting, window_seconds
+from bench.store.results import measures, open_readonly
+from bench.store.tables import print_table
+from model.core.errors import SceneError
+
+HEADS = "GPUs", "rows each", "every", "step / us", "exchange", "waiting", "T masses / s", "x one", "of ideal"
+
+
+def counts(most: int) -> list[int]:
+    """1, 2, 4 ... and `most`. Raises SceneError."""
+    if most < 1:
+        raise SceneError("--gpus", most, "must be at least 1")
+    return sorted({*(1 << k for k in range(most.bit_length())), most})
+
+
+def table(
+    size: int, most: int, cluster: Cluster, every: int | None, weak: bool, seconds: Seconds = window_seconds
+) -> list[tuple[int, Predicted, float]]:
+    """(GPUs, what is predicted, how much of ideal) of a grid of size x size, or (`weak`) of as many such as there are GPUs,
+    one below another; as far as there are rows enough."""
+    found = []
+    one = predicted(size, size, 1, cluster, seconds=seconds)
+    for count in counts(most):
+        try:
+            many = predicted(size * (count if weak else 1), size, count, cluster, every, seconds)
+        except SceneError:
+            break
+        found.append((count, many, many.rate / one.rate / count))
+    return found
+
+
+def print_predicted(console: Console, most: int, size: int, cluster: Cluster, every: int | None) -> None:
+    """Strong and weak scaling, and what a failure costs. Raises SceneError."""
+    if size < 2:
+        raise SceneError("--size", size, "must be at least 2")
+    rows: list[tuple[int, Predicted, float]] = []
+    titles = (False, f"{size} x {size} masses"), (True, f"{size} x {size} masses for each GPU, one share below another")
+    for weak, title in titles:
+        rows = table(size, most, cluster, every, weak)
+        cells = [
+            (
+                str(count), str(p.decomposition.least_rows), str(p.decomposition.steps),
+                f"{1e6 * p.step:.4g}", f"{100 * p.exchange / p.step:.2g} %", f"{100 * p.waiting / p.step:.2g} %",
+                f"{p.rate / 1e12:.3g}", f"{share * count:.4g}", f"{100 * share:.3g} %",
+            )
+            for count, p, share in rows
+        ]  # fmt: skip
+        print_table(console, HEADS, cells, f"{title}, float32, by the model\n")
+    count, p, _ = rows[-1]
+    if count == 1:
+        return
+    found, cut = restart(p.decomposition.rows * size, count, cluster), p.decomposition
+    console.print(
+        f"files to restart from, on {count} GPUs: {found.write:.3g} s to write, a failure every {found.life / 3600:.3g} h, "
+        f"so one every {found.interval / 60:.3g} min; {100 * found.lost:.2g} % of the time is lost",
+        soft_wrap=True,
+    )
+    cycle, exchange = p.compute * cut.steps, p.exchange * cut.steps
+    slow = waiting(count, cycle, exchange, cluster.jitter, together=True) / waiting(
+        count, cycle, exchange, cluster.jitter
+    )
+    console.print(
+        f"were all to wait for all at every exchange, a step would take {slow:.3f} times as long", soft_wrap=True
+    )
+
+
+def print_checked(console: Console, store: Path) -> None:
+    """The model against what the store holds, with its error."""
+    if not store.exists():
+        console.print("nothing was measured here yet: softlab sweep --gpus 1 --gpus 2 measures", soft_wrap=True)
+        return
+    with open_readonly(store) as held:
+        found = speedups(points(measures(held)))
+    rows = [
+        (
+            f"{p.rows} x {p.columns}", str(p.gpus), p.link, f"{faster:.3f}", f"{model:.3f}",
+            f"{100 * (model / faster - 1):+.1f} %",
+        )
+        for p, faster, model in found
+        if model is not None
+    ]  # fmt: skip
+    if not rows:
+        console.print("no grid was measured on several GPUs: softlab sweep --gpus 1 --gpus 2", soft_wrap=True)
+        return
+    heads = "grid", "GPUs", "link", "x one, measured", "by the model", "error"
+    print_table(console, heads, rows, f"the model against {number(len(rows))} measured")

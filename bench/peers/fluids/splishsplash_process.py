@@ -1,0 +1,83 @@
+"""SPlisHSPlasH in a process of its own: `python splishsplash_process.py FOLDER`, which knows nothing of the lab.
+
+FOLDER holds its scene.json. Commands come on standard input, a line each, and are answered by a line of JSON on what was
+standard output; arrays go through files of FOLDER, in the order of `id`:
+
+- `load`: positions and velocities (particles, 3) of load.npz, at time 0 (its own `reset` loses the neighbours)
+- `advance SECONDS`: as long as it takes in its own steps, the last one shortened to end there
+- `read`: writes read.npz
+
+Without a window it is made ready by `runSimulation` alone, which also does a step: every run therefore begins by `load`.
+"""
+
+import json
+import os
+import sys
+import time
+
+import numpy as np
+
+WARM = {"p / rho^2", "p_v / rho^2"}  # where its solvers begin
+LEAST = 1e-4  # of what is asked for: its clock, in float32, knows no less
+
+
+def main() -> None:
+    """Serve until standard input ends."""
+    folder = sys.argv[1]
+    answers = os.fdopen(os.dup(1), "w")
+    os.dup2(2, 1)  # what it prints of itself goes where errors go
+    import pysplishsplash as splish
+
+    base = splish.Exec.SimulatorBase()
+    base.init(
+        sceneFile=os.path.join(folder, "scene.json"), outputDir=os.path.join(folder, "out"), useCache=False,
+        initialPause=False, useGui=False, stopAt=1e-9,
+    )  # fmt: skip
+    base.initSimulation()
+    base.runSimulation()
+    simulation, clock = splish.Simulation.getCurrent(), splish.TimeManager.getCurrent()
+    fluid = simulation.getFluidModel(0)
+    count = fluid.numActiveParticles()
+
+    def array(name: str) -> np.ndarray:
+        return np.asarray(fluid.getFieldBuffer(name))[:count]
+
+    def answer(**what: object) -> None:
+        answers.write(json.dumps(what) + "\n")
+        answers.flush()
+
+    first_step, end = clock.getTimeStepSize(), clock.getTime()
+    answer(particles=count, volume=fluid.getVolume(0))
+    for line in sys.stdin:
+        words = line.split()
+        if words[0] == "load":
+            given, order = np.load(os.path.join(folder, "load.npz")), array("id").ravel()
+            for name in {field.name for field in fluid.getFields()} & WARM:
+                array(name)[...] = 0.0
+            array("position")[...] = given["position"][order]
+            array("velocity")[...] = given["velocity"][order]
+            clock.setTime(0.0)
+            end = 0.0
+            clock.setTimeStepSize(first_step)
+            answer()
+        elif words[0] == "advance":
+            begin, asked, steps = time.perf_counter(), float(words[1]), 0
+            end += asked
+            while (left := end - clock.getTime()) > LEAST * asked:
+                own = clock.getTimeStepSize()
+                clock.setTimeStepSize(min(own, left))
+                simulation.getTimeStep().step()
+                steps += 1
+                if own > left:  # a shortened step says nothing of the next one
+                    clock.setTimeStepSize(own)
+            answer(seconds=time.perf_counter() - begin, steps=steps)
+        elif words[0] == "read":
+            back = np.argsort(array("id").ravel())
+            np.savez(
+                os.path.join(folder, "read.npz"), position=array("position")[back], velocity=array("velocity")[back]
+            )
+            answer()
+
+
+if __name__ == "__main__":
+    main()

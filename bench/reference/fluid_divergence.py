@@ -1,0 +1,69 @@
+"""The scheme `divergence-free` in slow, plain NumPy float64, as model/fluid/divergence_plan.py tells it: of a world and the
+pairs of bench/reference/fluid.py, which judges the rest of a substep.
+
+From the papers, without model/formulas or a backend: J. Bender and D. Koschier, "Divergence-Free SPH for Incompressible and
+Viscous Fluids", TVCG 2017; the iterations' acceleration from A. Beck and M. Teboulle, SIAM J. Imaging Sciences 2 (2009)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+SURFACE = 1 / 8  # of density that who lacks it is pressed by nobody for
+
+
+class DivergenceFree:
+    """A substep at places x (n, 3), of `pairs` there; `number`: the substep's, of dt `h` [s]."""
+
+    def __init__(self, world: Any, number: int, x: np.ndarray, pairs: Any, places: np.ndarray):
+        self.world, self.pairs, self.h = world, pairs, world.h
+        method, weight = world.scene.method, world.weight
+        pairs.at(x, places)
+        kernel = world.kernels.kernel(pairs.bare)
+        share, self.wall = world.walls(x, (number + 1) * self.h)
+        self.came = share - world.walls(x, number * self.h)[0]
+        self.c = pairs.sum(kernel, kernel) + world.kernels.kernel(np.zeros(1)) + share - 1
+        g = -pairs.s[:, None] * pairs.d
+        square = (g**2).sum(axis=1)
+        own = pairs.sum(weight[pairs.j] * square, weight[pairs.i] * square)
+        across = pairs.sum(g, -g) + self.wall
+        below = weight * (across**2).sum(axis=1) + own + 2 * weight * (self.wall**2).sum(axis=1)
+        self.g, self.factor = g, method.part_of_the_way / (below + method.softness / world.kernels.h**2)
+        self.iterations = method.iterations
+        self.change = world.of("maximum_acceleration") * self.h / 2
+
+    def rate(self, v: np.ndarray) -> np.ndarray:
+        """(n,): how fast C grows, of velocities, or by how much, of shifts."""
+        pairs = self.pairs
+        one = (self.g * (v[pairs.i] - v[pairs.j])).sum(axis=1)
+        return pairs.sum(one, one) + (self.wall * v).sum(axis=1)
+
+    def moved_by(self, multiplier: np.ndarray) -> np.ndarray:
+        """(n, 3) [m]: what multipliers push particles by."""
+        pairs = self.pairs
+        way = (multiplier[pairs.i] + multiplier[pairs.j])[:, None] * self.g
+        total = pairs.sum(way, -way) + 2 * multiplier[:, None] * self.wall
+        return np.asarray(self.world.weight[:, None] * total)
+
+    def solve(self, target: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(velocities, multipliers) that keep target + rate of shifts at 0 or less, as nearly as iterations do."""
+        ahead = iterate = np.zeros(len(target))
+        for k in range(self.iterations):
+            found = np.minimum(ahead - self.factor * (target + self.rate(self.moved_by(ahead))), 0)
+            momentum = k / (k + 3) if k < self.iterations - 1 else 0
+            ahead, iterate = found + momentum * (found - iterate), found
+        gain = self.moved_by(ahead) / self.h
+        far = np.linalg.norm(gain, axis=1)
+        return v + gain * np.where(far > self.change, self.change / np.where(far > 0, far, 1), 1)[:, None], ahead
+
+    def substep(
+        self, v: np.ndarray, between: Callable[[np.ndarray, np.ndarray], np.ndarray]
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """(velocities, multipliers) after both solves; `between` them velocities are smoothed, braked and accelerated."""
+        grows = self.h * self.rate(v) + self.came
+        v, first = self.solve(np.where(self.c > -SURFACE, grows, -1.0), v)
+        v = between(v, self.c)
+        v, second = self.solve(self.c + self.h * self.rate(v), v)
+        return v, first + second

@@ -1,0 +1,33 @@
+"""`softlab scale`: what many GPUs would do, by the model of bench/experiments/scaling/model.py."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from app.command.command_line import DEFAULT_STORE, StorePath, out
+
+scaling = typer.Typer()
+
+
+@scaling.command(epilog="Example: softlab scale --gpus 1000   (another network: --bandwidth 25 --latency 20)")
+def scale(
+    gpus: Annotated[int, typer.Option(help="As many as this, by doubling from 1.")] = 1000,
+    size: Annotated[int, typer.Option(help="Masses along each side: of the grid, and of each GPU's share.")] = 16384,
+    exchange_every: Annotated[int | None, typer.Option(help="Steps between exchanges (default: as it suits).")] = None,
+    per_host: Annotated[int, typer.Option(help="GPUs of a host, linked by NVLink.")] = 8,
+    latency: Annotated[float, typer.Option(help="Of the network between hosts, microseconds.")] = 10.0,
+    bandwidth: Annotated[float, typer.Option(help="Of the network, for each GPU, GB a second.")] = 50.0,
+    jitter: Annotated[float, typer.Option(help="How much longer a cycle takes at random, of its own time.")] = 0.01,
+    store: StorePath = DEFAULT_STORE,
+) -> None:
+    """Say what many GPUs would do with a grid: strong and weak scaling, files to restart from; against what was measured."""
+    from bench.experiments.scaling.model import Cluster
+    from bench.experiments.scaling.told import print_checked, print_predicted
+    from model.domains.link import Link
+
+    asked = Link("network", 1e-6 * latency, 1e9 * bandwidth, "as asked for")
+    cluster = Cluster(per_host=per_host, across=asked, jitter=jitter)
+    print_predicted(out, gpus, size, cluster, exchange_every)
+    print_checked(out, store)

@@ -1,0 +1,217 @@
+"""The phases of a fluid's substep by the scheme `divergence-free` on CPU threads, one part of each at a time:
+model/fluid/divergence_plan.py says what they do. The `world` is that of cpu_backend/fluid/solver.py; what is in it for one
+scheme alone, the other uses like this: velocities `meant`, to which neighbours listen; `before`, after the sort: shifts; the
+third of the unsorted planes: the last iterate, the second solve's multipliers, the solves' target. From `accelerate` on
+velocities are in the state, where they end.
+"""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from cpu_backend.contact.colliders import make_collide_mass, make_instants
+from cpu_backend.core.compile import Compiler
+from cpu_backend.core.layout import row_at
+from cpu_backend.fluid.cells import make_row_of
+from cpu_backend.fluid.divergence_pairs import make_approaches
+from cpu_backend.fluid.lists import LANES
+from cpu_backend.fluid.pairs import make_pairs
+from cpu_backend.fluid.phases import SCRATCH
+from cpu_backend.fluid.walls import make_walls
+from model.fluid.parameters import F_CHANGE, F_SPEED, F_WEIGHT, MAX_NEIGHBOURS
+from model.formulas.fluid import density, divergence, motion
+from model.scene.cloth import COLLIDER_KINDS
+
+
+def make_solve(compiler: Compiler, real: Any, parts: frozenset[str], sides_of: Any) -> SimpleNamespace:
+    """`survey`, `foresee`, `relax`, `push`: phases over slices of LANES particles, that take (part, parts, ..., world, ...);
+    `second`: whether of the second solve."""
+    compiled, f, g = compiler.compiled, density.make(real, compiler.compiled), divergence.make(real, compiler.compiled)
+    constraint, wall_added, moved, of_wall = f.constraint, f.wall_added, f.moved, g.approach_of_wall
+    compressed, foreseen, pressed, lead, led = g.compressed, g.foreseen, g.pressed, g.lead, g.led
+    most = MAX_NEIGHBOURS[2 if "flat" in parts else 3]
+    pairs, approaches = make_pairs(compiler, real, parts), make_approaches(compiler, real, parts)
+    densities, corrections = pairs.densities, pairs.corrections
+    walls, instants = make_walls(compiler, real, parts), make_instants(compiler, real, parts)
+    has_walls, moving = "walls" in parts, "moving" in parts
+    row_of, zero = compiled(make_row_of(parts)), real(0)
+
+    @compiled
+    def approach(s, many, world, parameters, vector, total):
+        """The sums of slice s over neighbours of what a vector of each adds to C, into `total`."""
+        (_, room, _), _, _, in_order, _, _, lists, _ = world
+        base, place = np.int64(s) * LANES, in_order[1]
+        for lane in range(LANES):
+            total[lane] = zero
+        approaches(
+            many, base, row_at(lists[2], base * most), place, row_at(place, room), row_at(place, 2 * room), vector,
+            row_at(vector, room), row_at(vector, 2 * room), row_at(place, base), row_at(place, room + base),
+            row_at(place, 2 * room + base), row_at(vector, base), row_at(vector, room + base),
+            row_at(vector, 2 * room + base), sides_of(parameters), parameters.support, parameters.inverse_support,
+            parameters.gradient_scale, total,
+        )  # fmt: skip
+
+    @compiled
+    def rest_of(i, room, wall, vector, total):
+        """The sum of particle i, with its walls' part."""
+        if has_walls:
+            return of_wall(
+                total, wall[i], wall[room + i], wall[2 * room + i], vector[i], vector[room + i], vector[2 * room + i]
+            )
+        return total
+
+    @compiled
+    def survey(part, shared, number, world, parameters, bodies, kinds):
+        """Constraints, and what the first solve is to take away."""
+        (count, room, _), _, unsorted, in_order, (_, _, _, _, error, wall), _, lists, (scratch, _, _, _) = world
+        place, velocity, target = in_order[1], in_order[2], row_at(unsorted[2], 2 * np.int64(room))
+        longest, slices = lists[1], (count + LANES - 1) // LANES
+        begin, end, _ = instants(number, parameters)
+        at = np.int64(part) * (SCRATCH * LANES)
+        total, coming = row_at(scratch, at), row_at(scratch, at + LANES)
+        for s in range(slices * part // shared, slices * (part + 1) // shared):
+            base = np.int64(s) * LANES
+            for lane in range(LANES):
+                total[lane] = zero
+            densities(
+                longest[s], row_at(lists[2], base * most), place, row_at(place, room), row_at(place, 2 * room),
+                row_at(place, base), row_at(place, room + base), row_at(place, 2 * room + base), sides_of(parameters),
+                parameters.inverse_support, total,
+            )  # fmt: skip
+            approach(s, longest[s], world, parameters, velocity, coming)
+            for lane in range(min(LANES, count - base)):
+                i = base + lane
+                share, came = zero, zero
+                if has_walls:
+                    x, y, z = place[i], place[room + i], place[2 * room + i]
+                    share, wx, wy, wz = walls(bodies, kinds, end, parameters, x, y, z)
+                    wall[i], wall[room + i], wall[2 * room + i] = wx, wy, wz
+                    if moving:
+                        earlier, _, _, _ = walls(bodies, kinds, begin, parameters, x, y, z)
+                        came = share - earlier
+                error[i] = constraint(total[lane], parameters.density_scale, share)
+                a = rest_of(i, room, wall, velocity, coming[lane])
+                target[i] = compressed(error[i], a, parameters.dt, came)
+
+    @compiled
+    def foresee(part, shared, world, parameters):
+        """What the second solve is to take away."""
+        (count, room, _), state, unsorted, _, (_, _, _, _, error, wall), _, lists, (scratch, _, _, _) = world
+        velocity, target = state[1], row_at(unsorted[2], 2 * np.int64(room))
+        coming, slices = row_at(scratch, np.int64(part) * (SCRATCH * LANES)), (count + LANES - 1) // LANES
+        for s in range(slices * part // shared, slices * (part + 1) // shared):
+            approach(s, lists[1][s], world, parameters, velocity, coming)
+            for lane in range(min(LANES, count - np.int64(s) * LANES)):
+                i = np.int64(s) * LANES + lane
+                target[i] = foreseen(error[i], rest_of(i, room, wall, velocity, coming[lane]), parameters.dt)
+
+    @compiled
+    def relax(part, shared, turn, iterations, second, world, parameters):
+        """The changes of multipliers, and where they are then."""
+        (count, room, _), _, unsorted, in_order, (_, factor, multiplier, delta, _, wall), _, lists, around = world
+        shift, iterate = in_order[0], row_at(unsorted[2], np.int64(0))
+        ahead, target = row_at(unsorted[2], np.int64(room)), row_at(unsorted[2], 2 * np.int64(room))
+        if not second:
+            ahead = row_at(multiplier, np.int64(0))
+        coming, slices = row_at(around[0], np.int64(part) * (SCRATCH * LANES)), (count + LANES - 1) // LANES
+        onward = lead(turn, iterations)
+        for s in range(slices * part // shared, slices * (part + 1) // shared):
+            if turn > 0:
+                approach(s, lists[1][s], world, parameters, shift, coming)
+            for lane in range(min(LANES, count - np.int64(s) * LANES)):
+                i = np.int64(s) * LANES + lane
+                c, before, last = target[i], zero, zero
+                if turn > 0:
+                    before, last = ahead[i], iterate[i]
+                    c = c + rest_of(i, room, wall, shift, coming[lane])
+                found = pressed(before, factor[i], c)
+                ahead[i] = led(found, last, onward)
+                delta[i], iterate[i] = ahead[i] - before, found
+
+    @compiled
+    def push(part, shared, turn, world, parameters, fluids):
+        """Shifts by what multipliers changed."""
+        (count, room, _), _, _, in_order, (_, _, _, delta, _, wall), _, lists, (scratch, _, _, _) = world
+        shift, place, fluid = in_order[0], in_order[1], in_order[4]
+        slices, at = (count + LANES - 1) // LANES, np.int64(part) * (SCRATCH * LANES)
+        ax, ay, az = row_at(scratch, at), row_at(scratch, at + LANES), row_at(scratch, at + 2 * LANES)
+        for s in range(slices * part // shared, slices * (part + 1) // shared):
+            base = np.int64(s) * LANES
+            for lane in range(LANES):
+                ax[lane], ay[lane], az[lane] = zero, zero, zero
+            corrections(
+                lists[1][s], base, row_at(lists[2], base * most), place, row_at(place, room), row_at(place, 2 * room),
+                delta, row_at(place, base), row_at(place, room + base), row_at(place, 2 * room + base),
+                row_at(delta, base), sides_of(parameters), parameters.support, parameters.inverse_support,
+                parameters.gradient_scale, parameters.tensile, parameters.inverse_tensile, ax, ay, az,
+            )  # fmt: skip
+            for lane in range(min(LANES, count - base)):
+                i = base + lane
+                x, y, z, weight = ax[lane], ay[lane], az[lane], fluids[row_of(fluid, i) + F_WEIGHT]
+                if has_walls:
+                    x, y = wall_added(x, delta[i], wall[i]), wall_added(y, delta[i], wall[room + i])
+                    z = wall_added(z, delta[i], wall[2 * room + i])
+                ex, ey, ez = zero, zero, zero
+                if turn > 0:
+                    ex, ey, ez = shift[i], shift[room + i], shift[2 * room + i]
+                shift[i], shift[room + i] = moved(ex, weight, x), moved(ey, weight, y)
+                shift[2 * room + i] = moved(ez, weight, z)
+
+    return SimpleNamespace(survey=survey, foresee=foresee, relax=relax, push=push)
+
+
+def make_take_up(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
+    """`take_up`, `move`: phases after a solve, particle by particle."""
+    compiled, m = compiler.compiled, motion.make(real, compiler.compiled)
+    gained = divergence.make(real, compiled).gained
+    speed_of, held_back, slowed, drifted = m.speed_of, m.held_back, m.slowed, m.drifted
+    touch, row_of = make_collide_mass(compiler, real, parts), compiled(make_row_of(parts))
+    is_held, has_bodies, several = "held-back" in parts, bool(parts & set(COLLIDER_KINDS)), "fluids" in parts
+
+    @compiled
+    def given(i, room, velocity, shift, parameters, most):
+        """A velocity after a solve."""
+        rate, u, v, w = parameters.inverse_dt, velocity[i], velocity[room + i], velocity[2 * room + i]
+        a, b, c = gained(u, shift[i], rate), gained(v, shift[room + i], rate), gained(w, shift[2 * room + i], rate)
+        if is_held:
+            far = speed_of(a - u, b - v, c - w)
+            return held_back(a, u, far, most), held_back(b, v, far, most), held_back(c, w, far, most)
+        return a, b, c
+
+    @compiled
+    def take_up(part, shared, world, parameters, fluids):
+        """Velocities after the first solve."""
+        (count, room, _), _, _, in_order, _, _, _, _ = world
+        shift, velocity, fluid = in_order[0], in_order[2], in_order[4]
+        for i in range(count * part // shared, count * (part + 1) // shared):
+            u, v, w = given(i, room, velocity, shift, parameters, fluids[row_of(fluid, i) + F_CHANGE])
+            velocity[i], velocity[room + i], velocity[2 * room + i] = u, v, w
+
+    @compiled
+    def move(part, shared, number, world, parameters, fluids, bodies, kinds):
+        """The new state, and the multipliers of both solves."""
+        (count, room, _), state, unsorted, in_order, work, _, _, _ = world
+        position, velocity, numbers, fluid = state
+        shift, place, multiplier, second = in_order[0], in_order[1], work[2], row_at(unsorted[2], np.int64(room))
+        for i in range(count * part // shared, count * (part + 1) // shared):
+            row = row_of(in_order[4], i)
+            u, v, w = given(i, room, velocity, shift, parameters, fluids[row + F_CHANGE])
+            speed, fastest, h = speed_of(u, v, w), fluids[row + F_SPEED], parameters.dt
+            u, v, w = slowed(u, speed, fastest), slowed(v, speed, fastest), slowed(w, speed, fastest)
+            bx, by, bz = place[i], place[room + i], place[2 * room + i]
+            x, y, z = drifted(bx, u, h), drifted(by, v, h), drifted(bz, w, h)
+            if has_bodies:
+                x, y, z, u, v, w = touch(bodies, kinds, number, parameters, bx, by, bz, x, y, z, u, v, w)
+                speed = speed_of(u, v, w)
+                u, v, w = slowed(u, speed, fastest), slowed(v, speed, fastest), slowed(w, speed, fastest)
+            position[i], position[room + i], position[2 * room + i] = x, y, z
+            velocity[i], velocity[room + i], velocity[2 * room + i] = u, v, w
+            multiplier[i] = multiplier[i] + second[i]
+            numbers[i] = in_order[3][i]
+            if several:
+                fluid[i] = in_order[4][i]
+
+    return SimpleNamespace(take_up=take_up, move=move)

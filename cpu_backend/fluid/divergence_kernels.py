@@ -1,0 +1,118 @@
+"""A fluid's substeps by the scheme `divergence-free` on CPU threads: all of a call by one team (`advance`), or a parallel
+loop a stage. See cpu_backend/fluid/kernels.py for those of the others."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+from types import SimpleNamespace
+from typing import Any
+
+from cpu_backend.core.compile import Compiler
+from cpu_backend.core.progress import shares
+from cpu_backend.fluid.divergence import make_solve, make_take_up
+from cpu_backend.fluid.divergence_pairs import make_accelerate, make_gather
+from cpu_backend.fluid.kernels import fluid_compiler, make_sort
+from cpu_backend.fluid.phases import make_constraint, make_order
+from cpu_backend.fluid.velocities import make_velocities
+from model.core.plan import Moment, StageRun
+from model.fluid.divergence_plan import SECOND
+from model.fluid.plan import SHAPES
+
+
+def _phases(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
+    order = make_order(compiler, real, parts)
+    constraint = make_constraint(compiler, real, parts, order.cells_in)
+    found = vars(order) | vars(make_solve(compiler, real, parts, constraint.sides_of))
+    found |= vars(make_take_up(compiler, real, parts))
+    found |= vars(make_accelerate(compiler, real, parts, constraint.sides_of))
+    shape = make_velocities(compiler, real, parts, constraint.sides_of).shape
+    return SimpleNamespace(**found, find=constraint.find, shape=shape, gather=make_gather(compiler, real, parts))
+
+
+@cache
+def make_advance_freely(real: Any, math: str, parts: frozenset[str]) -> Any:
+    """advance(bands, steps, step, substeps, iterations, world, parameters, fluids, integers, bodies, kinds): many steps
+    in one call."""
+    compiler = fluid_compiler("fluid_free", real, math, parts)
+    phases = _phases(compiler, real, parts)
+    gather, enter, tally, put, find = phases.gather, phases.enter, phases.tally, phases.put, phases.find
+    survey, foresee, relax, push = phases.survey, phases.foresee, phases.relax, phases.push
+    take_up, accelerate, move = phases.take_up, phases.accelerate, phases.move
+    shape, has_shape = phases.shape, bool(parts & SHAPES)
+
+    def advance(
+        team, member, bands, steps, step, substeps, iterations, world, parameters, fluids, integers, bodies, kinds
+    ):  # fmt: skip
+        for turn in range(steps * substeps):
+            number, frame = step * substeps + turn, step + turn // substeps
+            for part in shares(team, member, bands):
+                gather(part, bands, world, parameters)
+            for part in shares(team, member, bands):
+                enter(part, bands, world, parameters)
+            for part in shares(team, member, bands):
+                tally(part, bands, world, parameters)
+            for part in shares(team, member, bands):
+                put(part, bands, world, parameters)
+            for part in shares(team, member, bands):
+                find(part, bands, number, world, parameters, fluids, bodies, kinds)
+                survey(part, bands, number, world, parameters, bodies, kinds)
+            for second in range(2):
+                if second > 0:
+                    if has_shape:
+                        for part in shares(team, member, bands):
+                            shape(part, bands, world[3][1], world, parameters)
+                    for part in shares(team, member, bands):
+                        accelerate(part, bands, frame, world, parameters, fluids, integers)
+                    for part in shares(team, member, bands):
+                        foresee(part, bands, world, parameters)
+                for k in range(iterations):
+                    for part in shares(team, member, bands):
+                        relax(part, bands, k, iterations, second > 0, world, parameters)
+                    for part in shares(team, member, bands):
+                        push(part, bands, k, world, parameters, fluids)
+                if second == 0:
+                    for part in shares(team, member, bands):
+                        take_up(part, bands, world, parameters, fluids)
+            for part in shares(team, member, bands):
+                move(part, bands, number, world, parameters, fluids, bodies, kinds)
+
+    return compiler.team(advance)
+
+
+@cache
+def make_free_stages(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
+    """The phases by themselves, each a parallel loop (bands, ...); `sort`: three of them, by a team."""
+    compiler = fluid_compiler("fluid_free_stages", real, math, parts)
+    phases = _phases(compiler, real, parts)
+    names = "gather", "find", "survey", "foresee", "relax", "push", "take_up", "shape", "accelerate", "move"
+    loops = {name: compiler.banded(getattr(phases, name)) for name in names}
+    return SimpleNamespace(sort=make_sort(compiler, phases), **loops)
+
+
+def free_stages(sim: Any) -> dict[str, StageRun]:
+    """What runs each stage of the plan of `sim`, a cpu_backend.fluid.solver.Fluid."""
+    stage, method = make_free_stages(sim.real, sim.options.math, sim.plan.parts), sim.scene.method
+    world, bands = sim._world, sim._bands
+
+    def run(kernel: Any, arguments: Callable[[Moment], tuple[Any, ...]]) -> StageRun:
+        return lambda moment: kernel(bands, *arguments(moment))
+
+    def touched() -> tuple[Any, ...]:
+        return sim.bodies, sim.kinds
+
+    return {
+        "gather": run(stage.gather, lambda at: (world, sim.parameters)),
+        "sort into cells": run(stage.sort, lambda at: (world, sim.parameters)),
+        "find neighbours": run(stage.find, lambda at: (at.number, world, sim.parameters, sim._fluids, *touched())),
+        "density and divergence": run(stage.survey, lambda at: (at.number, world, sim.parameters, *touched())),
+        "relax": run(
+            stage.relax, lambda at: (at.iteration, method.iterations, at.argument == SECOND, world, sim.parameters)
+        ),
+        "push apart": run(stage.push, lambda at: (at.iteration, world, sim.parameters, sim._fluids)),
+        "take up": run(stage.take_up, lambda at: (world, sim.parameters, sim._fluids)),
+        "normals and vorticity": run(stage.shape, lambda at: (world[3][1], world, sim.parameters)),
+        "accelerate": run(stage.accelerate, lambda at: (at.step, world, sim.parameters, sim._fluids, sim.integers)),
+        "foresee density": run(stage.foresee, lambda at: (world, sim.parameters)),
+        "move": run(stage.move, lambda at: (at.number, world, sim.parameters, sim._fluids, *touched())),
+    }

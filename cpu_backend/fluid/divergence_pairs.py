@@ -1,0 +1,121 @@
+"""The sum over neighbours of the scheme `divergence-free` that others lack, LANES particles at a time, and the phases that
+take particles into a substep and on in its middle (model/fluid/divergence_plan.py, 1, 4, 8)."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from cpu_backend.core.compile import Compiler
+from cpu_backend.core.layout import row_at
+from cpu_backend.core.own_forces import make_own_force
+from cpu_backend.fluid.cells import AXES, BOX, LARGEST, make_row_of
+from cpu_backend.fluid.lists import LANES, make_wrap
+from cpu_backend.fluid.smoothing import make_smoothing
+from model.fluid.parameters import F_BUOYANCY, F_DRAG, F_SPEED, F_SURFACE_DRAG, MAX_NEIGHBOURS
+from model.fluid.plan import SMOOTHING
+from model.formulas.fluid import density, divergence, motion
+
+
+def make_approaches(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
+    """approaches(many, first, entries, x, y, z, u, v, w, own_x, ..., own_w, sides, support, inverse, scale, total): of what a
+    vector (u, v, w) of each particle adds to constraints; added to `total`. See cpu_backend/fluid/pairs.py."""
+    f, wrap = density.make(real, compiler.compiled), make_wrap(compiler, real, parts)
+    squared, apart, slope = f.squared, f.apart, f.slope
+    approach_added = divergence.make(real, compiler.compiled).approach_added
+
+    @compiler.row
+    def approaches(
+        many, first, entries, x, y, z, u, v, w, own_x, own_y, own_z, own_u, own_v, own_w, sides, support, inverse, scale,
+        total,
+    ):  # fmt: skip
+        for k in range(many):
+            for lane in range(LANES):
+                j = entries[k * LANES + lane]
+                dx, dy, dz = wrap(own_x[lane] - x[j], own_y[lane] - y[j], own_z[lane] - z[j], sides)
+                dy = apart(dy, squared(dx, dy, dz), support, first + lane < j)
+                s = slope(squared(dx, dy, dz), inverse, scale)
+                total[lane] = approach_added(
+                    total[lane], s, dx, dy, dz, own_u[lane] - u[j], own_v[lane] - v[j], own_w[lane] - w[j]
+                )
+
+    return approaches
+
+
+def make_gather(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
+    """gather(part, parts, world, parameters): the state, within the box that repeats, and the box of a part's."""
+    turned_round, compiled = motion.make(real, compiler.compiled).turned_round, compiler.compiled
+    repeats, largest = "repeats" in parts, real(LARGEST)
+
+    @compiled
+    def gather(part, shared, world, parameters):
+        (count, room, _), (position, velocity, _, _), (_, place, meant), _, _, table, _, _ = world
+        lx, ly, lz, hx, hy, hz = largest, largest, largest, -largest, -largest, -largest
+        for k in range(count * part // shared, count * (part + 1) // shared):
+            x, y, z = position[k], position[room + k], position[2 * room + k]
+            if repeats:
+                x = x + turned_round(x, parameters.low_x, parameters.high_x, parameters.side_x)
+                y = y + turned_round(y, parameters.low_y, parameters.high_y, parameters.side_y)
+                z = z + turned_round(z, parameters.low_z, parameters.high_z, parameters.side_z)
+            place[k], place[room + k], place[2 * room + k] = x, y, z
+            for axis in range(AXES):
+                meant[axis * room + k] = velocity[axis * room + k]
+            if abs(x) < largest and abs(y) < largest and abs(z) < largest:
+                lx, ly, lz, hx, hy, hz = min(lx, x), min(ly, y), min(lz, z), max(hx, x), max(hy, y), max(hz, z)
+        box, boxes = BOX * np.int64(part), table[0]
+        boxes[box], boxes[box + 1], boxes[box + 2] = lx, ly, lz
+        boxes[box + 3], boxes[box + 4], boxes[box + 5] = hx, hy, hz
+
+    return gather
+
+
+def make_accelerate(compiler: Compiler, real: Any, parts: frozenset[str], sides_of: Any) -> SimpleNamespace:
+    """`accelerate`: of velocities between the solves, particle by particle."""
+    compiled, m = compiler.compiled, motion.make(real, compiler.compiled)
+    accelerated, buoyant, braked, speed_of, slowed = m.accelerated, m.buoyant, m.braked, m.speed_of, m.slowed
+    smooth_of = make_smoothing(compiler, real, parts).smooth
+    most, axes = MAX_NEIGHBOURS[2 if "flat" in parts else 3], 2 if "flat" in parts else AXES
+    own_force, row_of = make_own_force(compiler, real, axes, parts - {"load"}), compiled(make_row_of(parts))
+    smooths, has_drag, has_gravity = bool(parts & SMOOTHING), "drag" in parts, "gravity" in parts
+    zero, one = real(0), real(1)
+
+    @compiled
+    def forced(number, row, step, parameters, fluids, integers):
+        """What accelerates a particle by itself [m/s^2]."""
+        ax, ay, az = zero, zero, zero
+        if has_gravity:
+            ay = buoyant(parameters.gravity, fluids[row + F_BUOYANCY])
+        if axes == AXES:
+            return own_force((ax, ay, az), np.int64(number), one, parameters, integers, step)
+        ax, ay = own_force((ax, ay), np.int64(number), one, parameters, integers, step)
+        return ax, ay, az
+
+    @compiled
+    def accelerate(part, shared, step, world, parameters, fluids, integers):
+        """Velocities after neighbours, drag and forces, into the state."""
+        (count, room, _), state, unsorted, in_order, work, _, (neighbours, _, entries, _), _ = world
+        place, meant, velocity, error = in_order[1], in_order[2], state[1], work[4]
+        h, sides = parameters.dt, sides_of(parameters)
+        for i in range(count * part // shared, count * (part + 1) // shared):
+            row = row_of(in_order[4], i)
+            if smooths:
+                own = row_at(entries, np.int64(i // LANES) * (LANES * most) + i % LANES)
+                u, v, w = smooth_of(
+                    i, neighbours[i], own, room, place, meant, unsorted[0], unsorted[1], sides, parameters, in_order[4],
+                    fluids,
+                )  # fmt: skip
+            else:
+                u, v, w = meant[i], meant[room + i], meant[2 * room + i]
+            if has_drag:
+                drag, surface = fluids[row + F_DRAG], fluids[row + F_SURFACE_DRAG]
+                u, v = braked(u, h, drag, surface, error[i]), braked(v, h, drag, surface, error[i])
+                w = braked(w, h, drag, surface, error[i])
+            ax, ay, az = forced(in_order[3][i], row, step, parameters, fluids, integers)
+            u, v, w = accelerated(u, h, ax), accelerated(v, h, ay), accelerated(w, h, az)
+            speed, fastest = speed_of(u, v, w), fluids[row + F_SPEED]
+            velocity[i], velocity[room + i] = slowed(u, speed, fastest), slowed(v, speed, fastest)
+            velocity[2 * room + i] = slowed(w, speed, fastest)
+
+    return SimpleNamespace(accelerate=accelerate)

@@ -1,0 +1,65 @@
+"""How the GPUs of this machine are linked, as NVML tells it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any
+
+
+@dataclass(frozen=True)
+class Links:
+    """`count` GPUs; `nvlinks`: active ones of each; `apart`: pairs without access to each other's memory."""
+
+    count: int
+    nvlinks: tuple[int, ...]
+    apart: tuple[tuple[int, int], ...]
+
+    def __str__(self) -> str:
+        if self.count < 2:
+            return "1 GPU, nothing to link"
+        alike = len(set(self.nvlinks)) == 1
+        links = f"{self.nvlinks[0]} NVLinks each" if alike else f"NVLinks: {', '.join(map(str, self.nvlinks))}"
+        pairs = ", ".join(f"{one}-{other}" for one, other in self.apart)
+        reach = f"no access to each other's memory: {pairs}" if pairs else "each has access to the others' memory"
+        return f"{self.count} GPUs, {links}, {reach}"
+
+
+def find_links() -> Links:
+    """Asked of NVML. Raises ImportError without nvidia-ml-py, NVML's own errors without a driver."""
+    import pynvml
+
+    with _started(pynvml):
+        handles = [pynvml.nvmlDeviceGetHandleByIndex(k) for k in range(pynvml.nvmlDeviceGetCount())]
+        pairs = [(one, other) for one in range(len(handles)) for other in range(one)]
+        apart = tuple((other, one) for one, other in pairs if not _reach(pynvml, handles[one], handles[other]))
+        return Links(len(handles), tuple(_active(pynvml, handle) for handle in handles), apart)
+
+
+@contextmanager
+def _started(library: Any) -> Iterator[None]:
+    library.nvmlInit()
+    try:
+        yield
+    finally:
+        library.nvmlShutdown()
+
+
+def _reach(library: Any, one: Any, other: Any) -> bool:
+    """Whether both read and write each other's memory."""
+    kinds = library.NVML_P2P_CAPS_INDEX_READ, library.NVML_P2P_CAPS_INDEX_WRITE
+    ways = ((one, other), (other, one))
+    found = [library.nvmlDeviceGetP2PStatus(*way, kind) for way in ways for kind in kinds]
+    return all(status == library.NVML_P2P_STATUS_OK for status in found)
+
+
+def _active(library: Any, handle: Any) -> int:
+    """NVLinks that are up; a GPU without any says that it does not know them."""
+    up = 0
+    for link in range(library.NVML_NVLINK_MAX_LINKS):
+        try:
+            up += library.nvmlDeviceGetNvLinkState(handle, link) == library.NVML_FEATURE_ENABLED
+        except library.NVMLError:
+            break
+    return up

@@ -1,0 +1,176 @@
+"""The scheme `divergence-free` of a fluid on CUDA: what is launched in a substep (model/fluid/divergence_plan.py)."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from gpu_backend.fluid.divergence import make_solve, make_targets
+from gpu_backend.fluid.divergence_motion import make_free_motion
+from gpu_backend.fluid.smoothing import make_smoothing
+from model.core.plan import Moment, StageRun
+from model.fluid.divergence_plan import SECOND
+from model.fluid.plan import SHAPES, SMOOTHING
+
+SCALARS = 3  # numbers of a particle that other schemes lack: iterates, multipliers of the second solve, targets
+QUADS = 1  # and shifts
+
+
+class DivergenceFree:
+    """Of `sim`, a gpu_backend.fluid.solver.Fluid, whose arrays it shares: `sorted` are places, whose fourth number becomes
+    the change of a multiplier, `before` the same with the fluid, `meant` velocities until the forces, `corrected` after
+    them."""
+
+    def __init__(self, sim: Any):
+        self.sim, count, parts = sim, sim.particle_count, sim.plan.parts
+        variant = sim.real, sim.options.math, parts, sim.repeats
+        self.iterates, self.seconds, self.targets = (sim.on_device(np.zeros(count, sim.real)) for _ in range(SCALARS))
+        self.shifts = sim.new_array()
+        self.find = sim.relaxing.find, sim.relaxing.factors
+        self.aims, self.solving, self.motion = make_targets(*variant), make_solve(*variant), make_free_motion(*variant)
+        self.smoothing = make_smoothing(*variant, False) if parts & SMOOTHING else None
+
+    @property
+    def launches(self) -> int:
+        """Of a substep, beside those of a sort and a search."""
+        parts = self.sim.plan.parts
+        return 7 + 4 * self.sim.scene.method.iterations + bool(parts & SMOOTHING) + bool(parts & SHAPES)
+
+    def gather(self, current: int) -> tuple[Any, ...]:
+        """The state `current` within its box, in no order yet: see Cells.sort."""
+        sim, position = self.sim, self.sim.position[current]
+        if sim.repeats:
+            position = sim.position[1 - current]
+            self.motion.gather[sim._flat](sim.position[current], sim.record, position)
+        sim.cells.bound(position)
+        return position, position, sim.velocity[current], sim.particle[current]
+
+    def sort(self, given: tuple[Any, ...], particle: Any) -> None:
+        """Into `sorted`, `before`, `meant` and `particle`."""
+        sim = self.sim
+        sim.cells.sort(sim.record, given, (sim.sorted, sim.before, sim.meant, particle))
+
+    def search(self, world: tuple[Any, ...]) -> None:
+        """Lists of neighbours and factors. `world`: bodies, integers, counter, place, substeps, substep."""
+        sim, (find, factors) = self.sim, self.find
+        cells = sim.cells
+        find[sim._flat](
+            sim.sorted, sim.record, cells.sorted_keys, cells.numbers, cells.begins, *sim.lists, cells.beyond
+        )
+        factors[sim._flat](sim.sorted, sim.record, *sim.lists, *sim.relaxed, sim.fluids, *world)
+
+    def survey(self, world: tuple[Any, ...]) -> None:
+        """Constraints, and the first solve's targets."""
+        sim = self.sim
+        self.aims.survey[sim._flat](
+            sim.sorted, sim.meant, sim.record, *sim.lists, sim.constraints, sim.gradients, self.targets, *world
+        )
+
+    def relax(self, turn: int, second: bool) -> None:
+        """Changes of multipliers."""
+        sim, iterations = self.sim, self.sim.scene.method.iterations
+        aheads = self.seconds if second else sim.multipliers
+        self.solving.relax[sim._flat](
+            sim.sorted, self.shifts, sim.record, *sim.lists, sim.gradients, self.targets, sim.factors, aheads,
+            self.iterates, np.int32(turn), np.int32(iterations),
+        )  # fmt: skip
+
+    def push(self, turn: int) -> None:
+        """Shifts."""
+        sim = self.sim
+        self.solving.push[sim._flat](
+            sim.sorted, self.shifts, sim.record, *sim.lists, sim.gradients, sim.before, sim.fluids, np.int32(turn)
+        )
+
+    def take_up(self) -> None:
+        """Velocities after the first solve."""
+        sim = self.sim
+        self.motion.take_up[sim._flat](sim.before, sim.meant, self.shifts, sim.record, sim.fluids)
+
+    def shape(self, scratch: tuple[Any, Any]) -> None:
+        """Normals and vorticities, into `scratch`."""
+        sim = self.sim
+        assert self.smoothing is not None
+        self.smoothing.shape[sim._flat](sim.before, sim.meant, sim.record, *sim.lists, *scratch)
+
+    def accelerate(self, scratch: tuple[Any, Any], particle: Any, time: tuple[Any, ...]) -> None:
+        """Velocities after neighbours, drag and forces, into `corrected`. `time`: counter, place, substeps, substep."""
+        sim, velocity = self.sim, self.sim.meant
+        if self.smoothing is not None:
+            self.smoothing.smooth[sim._flat](
+                sim.before, velocity, sim.record, *sim.lists, sim.constraints, sim.fluids, *scratch, sim.corrected
+            )
+            velocity = sim.corrected
+        self.motion.accelerate[sim._flat](
+            sim.before, velocity, particle, sim.constraints, sim.record, sim.fluids, sim.integers, *time, sim.corrected
+        )
+
+    def foresee(self) -> None:
+        """The second solve's targets."""
+        sim = self.sim
+        self.aims.foresee[sim._flat](
+            sim.sorted, sim.corrected, sim.record, *sim.lists, sim.constraints, sim.gradients, self.targets
+        )
+
+    def move(self, position: Any, velocity: Any, world: tuple[Any, ...]) -> None:
+        """The new state."""
+        sim = self.sim
+        self.motion.move[sim._flat](
+            sim.before, sim.corrected, self.shifts, sim.multipliers, self.seconds, sim.record, sim.fluids, *world,
+            position, velocity,
+        )  # fmt: skip
+
+    def substep(self, now: int, time: tuple[Any, ...]) -> None:
+        """Launch one, from the buffers 1 - `now` into the buffers `now`."""
+        sim, particle = self.sim, self.sim.particle[now]
+        position, velocity = sim.position[now], sim.velocity[now]
+        world = sim.bodies, sim.integers, *time
+        self.sort(self.gather(1 - now), particle)
+        self.search(world)
+        self.survey(world)
+        self._solve(False)
+        self.take_up()
+        if sim.plan.parts & SHAPES:
+            self.shape((position, velocity))
+        self.accelerate((position, velocity), particle, time)
+        self.foresee()
+        self._solve(True)
+        self.move(position, velocity, world)
+
+    def _solve(self, second: bool) -> None:
+        for turn in range(self.sim.scene.method.iterations):
+            self.relax(turn, second)
+            self.push(turn)
+
+    def stages(self) -> dict[str, StageRun]:
+        """What runs each stage of the plan; the state keeps its buffer."""
+        sim, start = self.sim, self.sim.on_device(np.zeros(1, np.int64))
+        scratch, given = (sim.position[1], sim.velocity[1]), {"now": ()}
+
+        def time(moment: Moment) -> tuple[Any, ...]:
+            return start, np.int64(moment.step), np.int64(moment.substeps), np.int64(moment.substep)
+
+        def world(moment: Moment) -> tuple[Any, ...]:
+            return sim.bodies, sim.integers, *time(moment)
+
+        def gather(moment: Moment) -> None:
+            given["now"] = self.gather(0)
+
+        def sort(moment: Moment) -> None:
+            self.sort(given["now"], sim.particle[1])
+            sim.particle[0].copy_to_device(sim.particle[1], stream=sim.stream)
+
+        return {
+            "gather": gather,
+            "sort into cells": sort,
+            "find neighbours": lambda moment: self.search(world(moment)),
+            "density and divergence": lambda moment: self.survey(world(moment)),
+            "relax": lambda moment: self.relax(moment.iteration, moment.argument == SECOND),
+            "push apart": lambda moment: self.push(moment.iteration),
+            "take up": lambda moment: self.take_up(),
+            "normals and vorticity": lambda moment: self.shape(scratch),
+            "accelerate": lambda moment: self.accelerate(scratch, sim.particle[0], time(moment)),
+            "foresee density": lambda moment: self.foresee(),
+            "move": lambda moment: self.move(sim.position[0], sim.velocity[0], world(moment)),
+        }

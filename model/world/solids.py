@@ -1,0 +1,165 @@
+"""What of a world's members a fluid meets: samples of their bodies and surfaces, carried by their particles."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+from weakref import WeakKeyDictionary
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from model.core.errors import SceneError
+from model.fluid.samples import (
+    CLOSE,
+    LEAST,
+    Samples,
+    joined_samples,
+    particle_samples,
+    sample_volumes,
+    thinned,
+    triangle_samples,
+)
+from model.geometry.topology import mesh_of
+from model.scene.scene import Scene
+from model.world.world_set import WorldSet
+
+COARSEST = 1.25  # rest distances that particles of a body may be apart: wider, a fluid runs through between them
+THIN = 2.0  # by which volumes of a cloth's samples are larger: nothing behind it holds water back
+NEAREST = (
+    0.9  # of half of both spacings together: of what a fluid and a body keep from each other at the start, at least
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Solids:
+    """`particles` (n,) int64, ascending: those of the world that carry samples; `samples`, whose corners are places there."""
+
+    particles: np.ndarray
+    samples: Samples
+
+
+@dataclass(frozen=True)
+class _Sampled:
+    """A part of the scene, by its `name`: the world's particles that carry it, its volumes, and how far [m] a fluid's
+    particles are to be from its samples at the start."""
+
+    name: str
+    corners: np.ndarray
+    shares: np.ndarray
+    volume: np.ndarray
+    kept: float
+
+
+_known: WeakKeyDictionary[WorldSet, Solids] = WeakKeyDictionary()
+
+
+def solids_of(scene: Scene) -> Solids:
+    """Of a world with a fluid. Kept with its particles. Raises SceneError where a fluid begins inside a solid, or could run
+    through one."""
+    found = scene.world_set
+    if found not in _known:
+        fluid = scene.members["fluid"]
+        parts = list(_sampled(scene))
+        _check_start(scene, parts)
+        corners = np.concatenate([part.corners for part in parts])
+        particles, places = np.unique(corners, return_inverse=True)
+        lightness = fluid.fluid_set.mass / found.masses[particles]
+        lightness[np.isin(particles, found.pinned_vertices)] = 0
+        first = 0
+        solids: list[tuple[np.ndarray, np.ndarray]] = []
+        for part in parts:
+            last = first + part.corners.size
+            solids.append((places.reshape(-1)[first:last].reshape(-1, 3).astype(np.int32), part.shares))
+            first = last
+        _known[found] = Solids(particles, joined_samples(solids, [part.volume for part in parts], lightness))
+    return _known[found]
+
+
+def _sampled(scene: Scene) -> Iterator[_Sampled]:
+    """Every body, every surface."""
+    slices = scene.world_set.slices()
+    if "bodies" in scene.members:
+        yield from _bodies(scene, slices["bodies"].start)
+    if "tetrahedra" in scene.members:
+        found, first = scene.members["tetrahedra"].tetrahedra_set, slices["tetrahedra"].start
+        ends = [*found.first_particle.tolist(), found.particle_count]
+        names = [*scene.members["tetrahedra"].tetrahedra, *scene.members["tetrahedra"].all_of("mesh")]
+        for name, (start, stop) in zip(names, pairwise(ends), strict=False):
+            own = (found.surface >= start).all(axis=1) & (found.surface < stop).all(axis=1)
+            thick = THIN if scene.members["tetrahedra"].kinds[name] == "mesh" else 1.0
+            yield _surface(scene, name, found.surface[own].astype(np.int64), found.position, first, thick)
+    if "cloth" in scene.members:
+        own_scene, first = scene.members["cloth"], slices["cloth"].start
+        mesh = mesh_of(own_scene.mesh)
+        position = scene.world_set.position[slices["cloth"]]
+        yield _surface(scene, own_scene.name_of("mesh"), mesh.triangles.astype(np.int64), position, first, THIN)
+
+
+def _bodies(scene: Scene, first: int) -> Iterator[_Sampled]:
+    """Those of clusters: particles are samples, all unless they lie closely; a copy's volumes are those of the first one."""
+    member, fluid = scene.members["bodies"], scene.members["fluid"].fluid_set
+    kept: dict[str, np.ndarray] = {}
+    volumes: dict[str, np.ndarray] = {}
+    for copy in member.body_set.copies:
+        if copy.name not in volumes:
+            apart, most = copy.baked.spacing, COARSEST * fluid.spacing
+            if apart > most * (1 + 1e-9):
+                told = (
+                    f"must be {most:g} m at most, {COARSEST:g} rest distances of the fluid, which else runs through it"
+                )
+                raise SceneError(f"{copy.name}.particle_spacing", apart, told)
+            kept[copy.name] = thinned(copy.baked.position, LEAST * fluid.spacing)
+            points = copy.baked.position[kept[copy.name]]
+            volumes[copy.name] = sample_volumes(points, fluid.lattice, fluid.support, True)
+        own = kept[copy.name] + copy.particles.start + first
+        away = NEAREST * (copy.baked.spacing + fluid.spacing) / 2
+        yield _Sampled(copy.name, *particle_samples(own), volumes[copy.name], away)
+
+
+def _surface(
+    scene: Scene, name: str, triangles: np.ndarray, position: np.ndarray, first: int, thick: float
+) -> _Sampled:  # fmt: skip
+    """Of one surface; `position`: of the member's particles; `thick`: by what volumes are multiplied."""
+    fluid = scene.members["fluid"].fluid_set
+    corners, shares = triangle_samples(position, triangles, CLOSE * fluid.spacing)
+    points = (shares[:, :, None] * position[corners]).sum(axis=1)
+    kept = thinned(points, LEAST * fluid.spacing)
+    volume = thick * sample_volumes(points[kept], fluid.lattice, fluid.support, False)
+    return _Sampled(name, corners[kept] + first, shares[kept], volume, NEAREST * fluid.spacing / 2)
+
+
+def _check_start(scene: Scene, parts: list[_Sampled]) -> None:
+    """Raise SceneError where a fluid's particles begin inside a solid."""
+    fluid, position = scene.members["fluid"].fluid_set, scene.world_set.position
+    tree = cKDTree(fluid.position)
+    for part in parts:
+        points = (part.shares[:, :, None] * position[part.corners]).sum(axis=1)
+        _refuse(scene, part.name, tree.query_ball_point(points, part.kept))
+    if "tetrahedra" in scene.members:
+        found = scene.members["tetrahedra"].tetrahedra_set
+        corners = found.position[found.tetrahedra]
+        centre = corners.mean(axis=1)
+        near = tree.query_ball_point(centre, np.linalg.norm(corners - centre[:, None], axis=2).max(axis=1))
+        inside = [
+            _within(corner, fluid.position, np.array(some, int)) for corner, some in zip(corners, near, strict=True)
+        ]
+        _refuse(scene, " or ".join(scene.members["tetrahedra"].tetrahedra), inside)
+
+
+def _within(corners: np.ndarray, position: np.ndarray, some: np.ndarray) -> np.ndarray:
+    """Of the particles `some` those inside the tetrahedron of `corners` (4, 3)."""
+    edges = (corners[1:] - corners[0]).T
+    shares = np.linalg.solve(edges, (position[some] - corners[0]).T) if len(some) else np.zeros((3, 0))
+    return some[(shares >= 0).all(axis=0) & (shares.sum(axis=0) <= 1)]
+
+
+def _refuse(scene: Scene, name: str, met: Iterable[np.ndarray | list[int]]) -> None:
+    """Raise SceneError where any of a fluid's particles is among those `met` by a solid."""
+    fluid = scene.members["fluid"].fluid_set
+    inside = np.unique(np.concatenate([np.array(one, int) for one in met]))
+    if len(inside):
+        owner = fluid.names[fluid.fluid[inside[0]]]
+        told = f"{len(inside)} of its particles begin inside {name}: move one of them, or leave room by blocks"
+        raise SceneError(f"{owner}.origin", list(scene.members["fluid"].fluids[owner].origin), told)

@@ -1,0 +1,119 @@
+"""What is said of a grid that several share: by the plan, by the doctor."""
+
+from types import SimpleNamespace
+
+import pytest
+
+from app.command import doctor_shared
+from app.command.findings import Finding
+from app.plan.shared import shared_lines, shared_plan
+from model.core.errors import BackendUnavailable, SceneError
+from model.domains.link import NVLINK, Link
+from model.scene.scene import load_scene
+
+
+def plan_of(rows, columns, gpus, every=None):
+    scene = load_scene("lab-grid").replace({"grid.rows": rows, "grid.columns": columns})
+    return shared_plan(scene, gpus, every, item=4)
+
+
+def test_the_plan_says_who_owns_what_and_what_is_sent():
+    """16 rows of 100 masses of 16 bytes (x, y, vx, vy in float32) every 16 steps."""
+    found = plan_of(4096, 100, 2).as_dict()
+    assert [(d["first_row"], d["end_row"], d["window_rows"]) for d in found["domains"]] == [
+        (0, 2048, 2064), (2048, 4096, 2064),
+    ]  # fmt: skip
+    assert found["bytes_per_exchange"] == 16 * 100 * 16 and found["bytes_per_step"] == 100 * 16
+    assert found["repeated_rows"] == pytest.approx(2 * 16 / 4096)
+    assert found["exchange_seconds"] == pytest.approx(NVLINK.latency + 16 * 100 * 16 / NVLINK.bandwidth)
+
+
+def test_the_link_allows_no_more_than_a_grid_an_exchange():
+    found = plan_of(4096, 100, 2, every=4)
+    assert found.most_masses * found.exchange_seconds / 4 == pytest.approx(4096 * 100)
+
+
+def test_many_domains_are_not_all_listed():
+    lines = shared_lines(plan_of(4096, 10, 64))
+    assert sum("owns rows" in line for line in lines) == 16 and "  and 48 more" in lines
+
+
+def test_one_gpu_sends_nothing():
+    found = plan_of(64, 10, 1)
+    assert found.message == 0 and found.as_dict()["most_masses_per_second"] is None and shared_lines(found)
+
+
+def test_a_link_has_a_latency_and_a_bandwidth():
+    assert Link("test", 1e-6, 1e9, "none").seconds(1000) == pytest.approx(2e-6)
+    for wrong in (0.0, -1.0, float("inf")):
+        with pytest.raises(SceneError, match="greater than 0"):
+            Link("test", 1e-6, wrong, "none")
+
+
+class Nvml:
+    """A driver with so many NVLinks a GPU, and the pairs that are apart."""
+
+    NVML_P2P_CAPS_INDEX_READ, NVML_P2P_CAPS_INDEX_WRITE, NVML_P2P_STATUS_OK, NVML_FEATURE_ENABLED = 0, 1, 0, 1
+    NVML_NVLINK_MAX_LINKS = 18
+    NVMLError = LookupError
+
+    def __init__(self, links, apart=()):
+        self.links, self.apart, self.open = links, apart, 0
+
+    def nvmlInit(self):
+        self.open += 1
+
+    def nvmlShutdown(self):
+        self.open -= 1
+
+    def nvmlDeviceGetCount(self):
+        return len(self.links)
+
+    def nvmlDeviceGetHandleByIndex(self, index):
+        return index
+
+    def nvmlDeviceGetP2PStatus(self, one, other, kind):
+        return int({one, other} in map(set, self.apart))
+
+    def nvmlDeviceGetNvLinkState(self, handle, link):
+        if link >= self.links[handle]:
+            raise LookupError
+        return 1
+
+
+@pytest.mark.parametrize(
+    "driver, works, said",
+    [
+        (Nvml([18, 18, 18, 18]), True, "4 GPUs, 18 NVLinks each, each has access to the others' memory"),
+        (Nvml([12, 0], apart=[(0, 1)]), False, "2 GPUs, NVLinks: 12, 0, no access to each other's memory: 0-1"),
+        (Nvml([4]), False, "1 GPU, nothing to link"),
+    ],
+)
+def test_the_doctor_says_how_gpus_are_linked(monkeypatch, driver, works, said):
+    from gpu_backend.core import device
+
+    monkeypatch.setitem(__import__("sys").modules, "pynvml", driver)
+    monkeypatch.setattr(device, "gpu_available", lambda: (True, "a GPU"))
+    monkeypatch.setattr(device, "simulated", lambda: False)
+    found = doctor_shared.gpus_together()
+    assert (found.works, found.found) == (works, said)
+    assert works or found.remedy
+    assert driver.open == 0
+
+
+def test_the_doctor_without_gpus_mpi_or_nccl(monkeypatch):
+    from gpu_backend.core import device
+
+    def nothing(*_: object) -> None:
+        raise BackendUnavailable("nothing", "get it")
+
+    monkeypatch.setattr(device, "gpu_available", lambda: (False, "none"))
+    monkeypatch.setattr(doctor_shared, "mpiexec", nothing)
+    monkeypatch.setattr(doctor_shared, "find_spec", lambda name: None)
+    for check in (doctor_shared.gpus_together, doctor_shared.ranks_of_mpi, doctor_shared.gpus_by_nccl):
+        found = check()
+        assert isinstance(found, Finding) and not found.works and found.remedy
+    monkeypatch.setattr(doctor_shared, "mpiexec", lambda: "mpiexec")
+    monkeypatch.setattr(doctor_shared, "mpi_installed", lambda: None)
+    monkeypatch.setattr(doctor_shared, "find_spec", lambda name: SimpleNamespace())
+    assert doctor_shared.ranks_of_mpi().works and doctor_shared.gpus_by_nccl().works

@@ -1,0 +1,38 @@
+"""Worlds with water on CUDA, in plain Python: the bits of the CPU's."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from wet_scenes import wet_scene
+from world_scenes import moving
+
+from app.driver import open_simulation
+from model.core.simulation import State
+from model.scene.scene import Scene
+
+
+def end_state(scene: Scene, backend: str, **options: Any) -> State:
+    with open_simulation(scene, backend, initial=moving(scene, 0.001), math="exact", **options) as simulation:
+        simulation.advance(1)
+        assert simulation.contacts_lost == 0
+        return simulation.state()
+
+
+@pytest.mark.parametrize(
+    ("name", "precision", "kernel"),
+    [
+        ("bodies", "float32", "launch"),
+        ("bodies that meet", "float32", "launch"),
+        ("tetrahedra", "float64", "launch"),
+        ("cloth", "float64", "stages"),
+    ],
+)
+def test_bits_are_the_cpus(name: str, precision: str, kernel: str) -> None:
+    scene = wet_scene(name)
+    expected = end_state(scene, "cpu", precision=precision, threads=1)
+    state = end_state(scene, "gpu", precision=precision, kernel=kernel)
+    assert np.array_equal(state.position, expected.position)
+    assert np.array_equal(state.velocity, expected.velocity)
