@@ -88,6 +88,7 @@ def sweep(
             "--cluster", cluster, "does not go with --peers, which are built on the machine that times them"
         )
     check_positive("--min-ms", min_ms)
+    where = where_asked(cluster, workers, sbatch)
     if gpus:
         from bench.experiments.scaling.experiment import print_scaling, run_scaling
 
@@ -101,7 +102,6 @@ def sweep(
             store, run_scaling, print_scaling, quick=quick, backends=backend or ["gpu"], precisions=chosen, **shared
         )
         return
-    where = where_asked(cluster, workers, sbatch)
     how: dict[str, Any] = {
         "quick": quick, "backends": backend, "sizes": size, "max_seconds": max_seconds, "total_seconds": total_seconds,
         "repeats": repeats, "min_seconds": min_ms and min_ms / 1000, "precisions": precisions_of(precision),

@@ -84,15 +84,6 @@ def command(folder: Path, name: str) -> list[str]:
     return [sys.executable, "-c", CODE, str(ROOT), str(folder), name]
 
 
-def pool_of(where: Where, folder: Path, backends: Sequence[str] | None) -> Pool:
-    """The pool that was asked for. `backends`: what is timed, as of Order. Raises BackendUnavailable, InputError."""
-    if where.kind == "dask":
-        from bench.cluster.dask_pool import DaskPool
-
-        return DaskPool(where, timed=backends is None or bool(backends))
-    return SubmititPool(where, folder / "logs", backends)
-
-
 def exit_words(status: int) -> str:
     """How a process ended."""
     return f"killed by signal {-status}" if status < 0 else f"ended with exit status {status}"

@@ -5,14 +5,15 @@ from __future__ import annotations
 import shutil
 import time
 import uuid
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
+from bench.cluster.dask_pool import DaskPool
 from bench.cluster.folder import Folder, Order
 from bench.cluster.intake import Intake
-from bench.cluster.pools import Pool, Where, pool_of
+from bench.cluster.pools import Pool, SubmititPool, Where
 from bench.cluster.summary import ClusterSummary
 from bench.cluster.sweep import STILL_BEATS, Sweep
 from bench.cluster.turns import try_lock
@@ -63,6 +64,13 @@ def on_cluster(
             opened.close()
         summary.kept += kept
         return summary
+
+
+def pool_of(where: Where, folder: Path, backends: Sequence[str] | None) -> Pool:
+    """The pool that was asked for. `backends`: what is timed, as of Order. Raises BackendUnavailable, InputError."""
+    if where.kind == "dask":
+        return DaskPool(where, timed=backends is None or bool(backends))
+    return SubmititPool(where, folder / "logs", backends)
 
 
 @contextmanager

@@ -19,8 +19,8 @@ from typer.testing import CliRunner
 import softlab
 from app.command.command_line import exit_status
 from bench.cluster import dask_pool
-from bench.cluster.pools import Where, pool_of, where_of
-from bench.cluster.start import FOLDER, on_cluster
+from bench.cluster.pools import Where, where_of
+from bench.cluster.start import FOLDER, on_cluster, pool_of
 from bench.store.database import Store
 from model.core.errors import BackendUnavailable, SceneError
 
