@@ -15,7 +15,7 @@ from app.output.pictures import write_png
 from app.render import colours
 from app.render.camera import finite_bounds
 from app.render.drawn_springs import drawn_strain
-from app.render.fluid.framing import main_part
+from app.render.fluid.framing import main_part, with_fluids
 from app.render.framing import seen_points, seen_radius
 from app.render.opengl import OFFSCREEN_REMEDY, drawing_text, open_window, renderer_name
 from app.render.views import camera_of, view_of
@@ -95,7 +95,7 @@ class OffscreenRenderer:
 
     def _frame(self, position: np.ndarray, time: float) -> None:
         """Hold these positions; after the first `fit` only ever more, so that a clip does not jump."""
-        fluid = bool(self.scene.fluids)
+        fluid = with_fluids(self.scene)
         there = main_part(self.scene, position) if fluid else present(self.scene, position, self._weights)
         bounds = finite_bounds(there)
         if bounds is None:
@@ -131,7 +131,7 @@ class OffscreenRenderer:
     @property
     def wants_velocity(self) -> bool:
         """Whether what is drawn depends on velocities: speeds, foam."""
-        return bool(getattr(self._view, "wants_velocity", False))
+        return bool(self._view.wants_velocity)
 
     def show_foam(self, points: FoamPoints | None) -> None:
         """Of fluids: spray and foam as they have become so far, in place of none."""

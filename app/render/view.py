@@ -101,6 +101,15 @@ class View(ABC):
     def toggle_lines(self) -> bool:
         """The other way of `lines`; whether it is that now. Where there is no choice nothing changes."""
 
+    @property
+    def wants_velocity(self) -> bool:
+        """Whether velocities are drawn, or what follows from them: speeds, foam."""
+        return False
+
+    def toggle_foam(self) -> bool | None:
+        """Of fluids: spray, foam and bubbles, from now on, or none; whether they are shown now. None: there are no fluids."""
+        return None
+
     def level_legend(self) -> tuple[str, float] | None:
         """(title with its unit, the range in that unit) of the colours of what is shown; None where they are no levels."""
         return None

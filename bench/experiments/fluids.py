@@ -191,7 +191,8 @@ def points(held: Iterable[Measure]) -> list[FluidPoint]:
             shares.setdefault(_key(measure), {})[measure.name] = measure.value or 0.0
     found = []
     for told, scene, point in RATES.told(kept):
-        key, about = _key(told[RATE]), {"particles": count_of(scene), "scheme": scene.method.scheme}
+        key = _key(told[RATE])
+        about: dict[str, Any] = {"particles": count_of(scene), "scheme": scene.method.scheme}
         found.append(FluidPoint(**vars(point), **about, phases=alone.get(key, {}), shares=shares.get(key, {})))
     return sorted(found, key=lambda p: (p.backend, p.precision, p.scheme != SCHEMES[0], p.particles))
 

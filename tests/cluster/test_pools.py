@@ -18,7 +18,7 @@ from typer.testing import CliRunner
 
 import softlab
 from app.command.command_line import exit_status
-from bench.cluster import pools
+from bench.cluster import dask_pool
 from bench.cluster.pools import Where, pool_of, where_of
 from bench.cluster.start import FOLDER, on_cluster
 from bench.store.database import Store
@@ -147,7 +147,7 @@ def test_bad_input_is_one_line_and_its_exit_status(
     status: int,
     said: str,
 ) -> None:
-    monkeypatch.setattr(pools, "DASK_SECONDS", 0.3)
+    monkeypatch.setattr(dask_pool, "DASK_SECONDS", 0.3)
     if "127" in typed:
         pytest.importorskip("distributed", reason='pip install -e ".[cluster]"')
     if status == 3:

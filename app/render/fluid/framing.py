@@ -18,9 +18,17 @@ TANK = 3.0  # times the fluids' first extent: how far a wall may be that belongs
 CEILING = -0.2  # of a plane's unit normal upward: what hangs over a fluid does not
 
 
+def with_fluids(scene: Scene) -> bool:
+    """Whether a scene, or a member of a world, is of fluids."""
+    return bool(scene.fluids) or (scene.is_world and any(member.fluids for member in scene.members.values()))
+
+
 def main_part(scene: Scene, position: np.ndarray) -> np.ndarray:
     """(n, dimensions) [m]: `position` (particles, dimensions) without what is nowhere and the few that are far from all
-    others; of scenes without fluids all of it."""
+    others; of scenes without fluids all of it, in a world of other members."""
+    if scene.is_world:
+        slices = scene.world_set.slices()
+        return np.concatenate([main_part(member, position[slices[name]]) for name, member in scene.members.items()])
     if not scene.fluids:
         return position
     known = position[in_reach(position)]
@@ -34,6 +42,8 @@ def main_part(scene: Scene, position: np.ndarray) -> np.ndarray:
 def with_tank(scene: Scene, bounds: Sequence[float], time: float) -> tuple[float, ...]:
     """`bounds`, the lowest and the highest coordinates [m] of a fluid, widened by the floor and the walls near it at `time`
     [s], in a plane also by what else stands there; as they are for scenes without fluids."""
+    for member in scene.members.values() if scene.is_world else ():
+        bounds = with_tank(member, bounds, time)
     if not scene.fluids:
         return tuple(bounds)
     axes = scene.dimensions
