@@ -57,7 +57,27 @@ class WorldView(View):
             part.toggle_lines()
         return self.lines
 
+    @property
+    def wants_velocity(self) -> bool:
+        """See View."""
+        return any(part.wants_velocity for part in self.parts.values())
+
+    def toggle_foam(self) -> bool | None:
+        """See View; of every fluid."""
+        shown = [part.toggle_foam() for part in self.parts.values()]
+        return next((one for one in shown if one is not None), None)
+
+    def name_legend(self) -> tuple[tuple[str, tuple[float, float, float]], ...]:
+        """See View: of every member."""
+        return tuple(named for part in self.parts.values() for named in part.name_legend())
+
     # ------------------------------------------------------------------ the state
+
+    def know(self, velocity: np.ndarray | None, time: float) -> None:
+        """See View."""
+        super().know(velocity, time)
+        for name, part in getattr(self, "parts", {}).items():
+            part.know(None if velocity is None else np.ascontiguousarray(velocity[self._slices[name]]), time)
 
     def upload(self, position: np.ndarray, normal: np.ndarray | None = None) -> None:
         """See View; each member's normals follow from its positions."""
