@@ -30,6 +30,7 @@ from labbook.claims import (
     convergence,
     costs,
     findings,
+    fluids,
     hard,
     hard_bodies,
     hard_tetrahedra,
@@ -50,7 +51,18 @@ from plots.core.read import load
 FOLDER = Path(__file__).resolve().parent
 COMMITTED = FOLDER / "data"
 ENTRIES = ("gpu-design", "cpu-design", "performance")  # the hand-out's three, of 300 to 500 words each
-MAIN = ("answer", *ENTRIES, "conclusions", "lab-step", "accuracy", "material", "ablation", "breaks", "references")
+MAIN = (
+    "answer",
+    *ENTRIES,
+    "conclusions",
+    "lab-step",
+    "accuracy",
+    "material",
+    "fluids",
+    "ablation",
+    "breaks",
+    "references",
+)
 OWN_PAGE = ("answer", "gpu-design")  # begin on a new one
 APPENDIX = ("rungs", "threads", "findings", "cloth", "bodies")
 CHAPTERS = (*MAIN, *APPENDIX)
@@ -58,7 +70,7 @@ CLAIMS = {  # every sentence that the measurements make, by name
     name: made
     for module in (
         claim, comparison, kernels, accuracy, findings, costs, convergence, stability, hard, ablation, cloth, throughput,
-        bodies, bar_costs, body_laws, hard_bodies, hard_tetrahedra, busy, tetrahedra,
+        bodies, bar_costs, body_laws, hard_bodies, hard_tetrahedra, busy, tetrahedra, fluids,
     )
     for name, made in module.CLAIMS.items()
 }  # fmt: skip

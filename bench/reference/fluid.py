@@ -238,6 +238,7 @@ def substep(world: _World, number: int, x: np.ndarray, v: np.ndarray, who: np.nd
         v, multiplier = solver.substep(v, lambda u, c: accelerated(braked(_smooth(world, x, u, pairs), c)))
         v = limited(v)
         p, v = world.collide(number, x, x + h * v, v)
+        v = limited(v)
         pairs.at(p, _places(world, p))
         return who, p, v, solver.c, _carried(pairs, multiplier)
     u = accelerated(v)

@@ -74,8 +74,8 @@ def _check_world(scene: SceneParts) -> None:
     method = scene.one("method")
     if method is None:
         wet = "fluid" in members_of(scene.kinds)
-        told = OF_A_FLUID | {"solver": OF_WORLDS} if wet else {"solver": OF_WORLDS, "substeps": SUBSTEPS}
-        scene.parts["method"], scene.kinds["method"] = Method(**told), "method"
+        usual: dict[str, Any] = OF_A_FLUID if wet else {"substeps": SUBSTEPS}
+        scene.parts["method"], scene.kinds["method"] = Method(**usual | {"solver": OF_WORLDS}), "method"
     elif method.solver != OF_WORLDS:
         told = f"must be {OF_WORLDS} where {' and '.join(members_of(scene.kinds))} are in one scene"
         raise SceneError("method.solver", method.solver, told)

@@ -46,6 +46,8 @@ from plots.figures import (
     time_per_step,
     work_precision,
 )
+from plots.figures.fluids import phases as fluid_phases
+from plots.figures.fluids import truth as fluid_truth
 from plots.findings import determinism as findings_determinism
 from plots.findings import float32 as findings_float32
 
@@ -78,6 +80,8 @@ DRAWN: dict[str, tuple[str, Callable[[Results], Drawing | str]]] = {  # name -> 
     "hard-bodies": (hard_bodies.TITLE, hard_bodies.draw),
     "bar-solvers": (bar.TITLE, bar.draw),
     "bar-costs": (bar_costs.TITLE, bar_costs.draw),
+    "fluids-truth": (fluid_truth.TITLE, fluid_truth.draw),
+    "fluids-phases": (fluid_phases.TITLE, fluid_phases.draw),
     "bar-clusters": (bar.CLUSTERS_TITLE, bar.draw_clusters),
 }
 FIGURES = {name: draw for name, (_, draw) in DRAWN.items()}

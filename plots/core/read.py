@@ -66,7 +66,7 @@ def _sources(store: Store, own: bool) -> list[Source]:
         numbers = [
             m
             for m in measures(store, machine=machine.key)
-            if not (simulated and m.description["backend"] == "gpu") and m.description.get("peer") is None
+            if not (simulated and m.description["backend"] == "gpu") and _is_told(m.description)
         ]
         runs = tuple(
             Run(read_version(version), started, command)
@@ -99,6 +99,12 @@ def _sources(store: Store, own: bool) -> list[Source]:
             )  # fmt: skip
             result.append(source)
     return sorted(result, key=lambda source: source.runs[-1].started if source.runs else "", reverse=True)
+
+
+def _is_told(description: dict[str, Any]) -> bool:
+    """Whether measures of a configuration are the lab's own, or of a finding that holds others beside it; those of a sweep
+    beside peers are told by `ratios`."""
+    return description.get("peer") is None or "finding" in description
 
 
 def _one_family(times: list[Timing], descriptions: dict[str, Any]) -> tuple[dict[str, Any], list[Timing]]:

@@ -39,13 +39,15 @@ def run_fake(
     poison: Sequence[int] = (),
     refuse: str = "",
     moves_at: int | None = None,
+    dies_once: int | None = None,
     progress: bool = False,
     command: str = "fake",
     backends: Any = None,
 ) -> Summary:
     """Take REPEATS samples of each size, each told in a file of this process in `log` once it is in the store; the file also
     tells when each group began and ended. `kinds` of machine, by the worker's number; `poison`: sizes that kill; `refuse`:
-    why nothing is measured here; `moves_at`: at this size the first worker dies, and the next ones are on another machine."""
+    why nothing is measured here; `moves_at`: at this size the first worker dies, and the next ones are on another machine;
+    `dies_once`: at this size a worker dies, whoever comes first."""
     if refuse:
         raise SceneError("--size", 0, refuse)
     number, started = (int(word) for word in command.partition("# worker ")[2].partition(" ")[0].split("."))
@@ -61,6 +63,9 @@ def run_fake(
         def measure(group: Sequence[int], tell: Tell) -> None:
             begin = time.monotonic()
             for size in group:
+                if size == dies_once and not (Path(log) / "died").exists():
+                    (Path(log) / "died").touch()
+                    os.kill(os.getpid(), signal.SIGKILL)
                 if size in poison or (size == moves_at and number == 1):
                     os.kill(os.getpid(), signal.SIGKILL)
                 for _ in range(missing(size)):

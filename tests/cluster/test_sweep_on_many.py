@@ -112,10 +112,10 @@ def test_workers_killed_at_random_lose_nothing_and_repeat_nothing(
     chance, killed = random.Random(seed), list[int]()
 
     def kill(folder: Folder) -> bool:
-        time.sleep(chance.uniform(0, 0.1))
         told = [folder.status(name) for name in folder.workers()]
-        running = [status.pid for status in told if status and not status.ended and status.pid not in killed]
+        running = [status.pid for status in told if status and status.holding and status.pid not in killed]
         if running:
+            time.sleep(chance.uniform(0, 0.15))  # a group takes 0.18 s and more
             killed.append(chance.choice(running))
             os.kill(killed[-1], signal.SIGKILL)
         return len(killed) >= 8
@@ -125,6 +125,25 @@ def test_workers_killed_at_random_lose_nothing_and_repeat_nothing(
     killer.join()
     bench.check_complete()
     assert summary.losses and all("killed by signal 9" in loss for loss in summary.losses)
+
+
+def test_of_workers_that_reach_for_a_group_at_once_one_has_it(tmp_path: Path) -> None:
+    folder, claims = Folder(tmp_path / "one", make=True), [f"m.1.{k}" for k in range(40)]
+    names = [f"{k}.1" for k in range(8)]
+    began = threading.Barrier(len(names))
+    had: dict[str, list[str]] = {}
+
+    def reach(name: str) -> None:
+        began.wait()
+        had[name] = [claim for claim in claims if folder.claim(claim, name)]
+
+    threads = [threading.Thread(target=reach, args=(name,)) for name in names]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert sorted(claim for mine in had.values() for claim in mine) == sorted(claims)
+    assert folder.claims() == {claim: name for name, mine in had.items() for claim in mine}
 
 
 def test_what_kills_its_workers_is_given_up_and_the_rest_is_measured(bench: Bench) -> None:

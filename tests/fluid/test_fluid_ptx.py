@@ -51,6 +51,16 @@ SOLIDS = {
     "density": "RFIIIiRRRRR" + TIME,
     "correct": "RRFIIIiRRR" + TIME + "RR",
 }
+FREE = {  # of the scheme divergence-free
+    "gather": "RFR",
+    "survey": "RRFIIRRR" + TIME,
+    "relax": "RRFIIRRRRRii",
+    "push": "RRFIIRRRi",
+    "take_up": "RRRFR",
+    "accelerate": "RRIRFR" + TIME[1:] + "R",
+    "foresee": "RRFIIRRR",
+    "move": "RRRRRFR" + TIME + "RR",
+}
 COUNTED = {"hash_particles", "find", "prepare", "take"}  # by atomics
 PLAIN = frozenset({"gravity", "plane", "walls"})
 ALL = PLAIN | {
@@ -147,6 +157,23 @@ def test_solids(name: str, math: str) -> None:
     for real in (np.float32, np.float64):
         made = vars(make_sampling(real, math)) | vars(make_solid_kernels(real, math, parts))
         text = kernel_text(made[name], SOLIDS[name], real, math)
+        assert "call" not in text and "atom" not in text and ".local" not in text
+        assert ".f64" not in text or real is np.float64
+        assert "fma.rn" not in text or math == "fast" or real is np.float32
+
+
+@pytest.mark.parametrize("parts", [PLAIN, ALL - {"averaged", "tensile"} | {"moving"}], ids=["plain", "all"])
+@pytest.mark.parametrize("math", ["fast", "exact"])
+@pytest.mark.parametrize("name", FREE)
+def test_velocities_without_divergence(name: str, math: str, parts: frozenset[str]) -> None:
+    from gpu_backend.fluid.divergence import make_solve, make_targets
+    from gpu_backend.fluid.divergence_motion import make_free_motion
+
+    parts, repeats = parts | {"divergence-free"}, frozenset("xz") if "repeats" in parts else frozenset()
+    for real in (np.float32, np.float64):
+        variant = real, math, parts, repeats
+        made = vars(make_targets(*variant)) | vars(make_solve(*variant)) | vars(make_free_motion(*variant))
+        text = kernel_text(made[name], FREE[name], real, math)
         assert "call" not in text and "atom" not in text and ".local" not in text
         assert ".f64" not in text or real is np.float64
         assert "fma.rn" not in text or math == "fast" or real is np.float32

@@ -44,6 +44,11 @@ LABELS: dict[str, list[tuple[str, str]]] = {  # figure -> (x, y) of each panel, 
     ],
     "tetrahedra-decides": [("time of a frame / ms", "error in motion\n400 tetrahedra"), *[("time of a frame / ms", "")] * 2],
     "tetrahedra-mesh": [("voxels across the bar", "sag / the continuum's"), ("substep / ms", "amplitude lost / (1/s)")],
+    "fluids-truth": [
+        ("time of a frame / ms", "mean density error"), ("time of a frame / ms", "worst error of the front"),
+        ("rest distance / m", "viscosity by itself / (m²/s)"),
+    ],
+    "fluids-phases": [("nanoseconds a particle", "")] * 2,
     "hard-states": [],  # pictures
     "hard-verdicts": [],
     "hard-bodies": [("measured over its bound", "")],

@@ -229,7 +229,7 @@ class FluidView(View):
 
         if self.space and not self.lines:
             self._surface.passes(camera)
-            self._surface.shade(camera, self._target.frame)
+            self._surface.shade(camera, (self.onto or self._target).frame)
             gl.glEnable(gl.GL_BLEND)
             gl.glEnable(gl.GL_DEPTH_TEST)
         if self.space and self.foam:

@@ -105,7 +105,8 @@ def advise_fluids(
         raise SceneError("--time", end, f"must be a step of {scene.method.dt:g} s at least, and finite")
     begin, chosen = clock.perf_counter(), backends_here(backends)
     precision = "float32" if "float32" in precisions else "float64"
-    search, tried = _Search(scene, error, end, begin + total_seconds), []
+    search = _Search(scene, error, end, begin + total_seconds)
+    tried: list[FluidBudget] = []
     revision, machine = code_version(), enter_machine(store)
     with progress_bar(progress) as bar:
         row = bar.add_task("schemes", total=len(chosen) * len(SCHEMES) * len(LADDER))

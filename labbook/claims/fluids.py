@@ -1,0 +1,205 @@
+"""What the lab book may say of fluids (`softlab fluids`, `softlab fluids --truth`); labbook/claims/claim.py has the rules."""
+
+from __future__ import annotations
+
+from bench.experiments.fluid_truth import laws
+from bench.experiments.fluid_truth.laws import start_off
+from bench.experiments.fluid_truth.rows import Judged
+from bench.experiments.fluid_truth.scenes import COLUMN, DAM, DROP, TANK, VORTICES
+from labbook import words
+from labbook.claims.claim import SUSPECT, Claim, Claims, where
+from plots.core.backends import on_backends
+from plots.core.data import Results, Source
+from plots.figures.fluids import phases, truth
+
+BOUNDS = {laws.MEAN: 0.01, laws.LARGEST: 0.03, laws.HEIGHT: 0.01, laws.SPEED: 0.01, laws.PRESSURE: 0.03}  # all at once
+FEWEST = (2, 3)  # substeps, iterations: those of the particle libraries
+
+
+def _held(results: Results, kind: str) -> tuple[str, Source, list[Judged]] | None:
+    """(backend, machine, what was judged of a kind): the first backend that has some."""
+    for backend, source, found in on_backends(results, truth.on):
+        mine = [row for row in found if row.kind == kind]
+        if mine:
+            return backend, source, mine
+    return None
+
+
+def _all_at_once(row: Judged) -> bool:
+    return all(abs(row.numbers.get(name, float("inf"))) <= bound for name, bound in BOUNDS.items())
+
+
+def column(results: Results) -> Claim:
+    """Which efforts keep a column as it is, in all respects, and how far others sink."""
+    held = _held(results, COLUMN)
+    if held is None:
+        return Claim("How a column of water stands was not measured.")
+    backend, source, found = held
+    able = sorted((r for r in found if _all_at_once(r) and r.frame), key=lambda r: r.frame or 0.0)
+    parts: list[str] = []
+    numbers: dict[str, float] = {}
+    if able:
+        best = able[0]
+        numbers |= {f"{best.who} frame": best.frame or 0.0, f"{best.who} mean": best.numbers[laws.MEAN]}
+        parts.append(
+            f"{best.who} with {best.effort} substeps x iterations does, in {words.seconds(best.frame or 0.0)} a frame of "
+            f"{words.count(best.particles)} particles, its mean density error {_share(best.numbers[laws.MEAN])}"
+        )
+    never = [who for who in dict.fromkeys(r.who for r in found) if who not in {r.who for r in able}]
+    if never:
+        parts.append(f"{words.listed(never)} {'does' if len(never) == 1 else 'do'} not with any effort that was tried")
+    few = [r for r in found if (r.substeps, r.iterations) == FEWEST and laws.HEIGHT in r.numbers]
+    if few:
+        numbers |= {f"{r.who} height": 1 + r.numbers[laws.HEIGHT] for r in few}
+        told = [f"{1 + r.numbers[laws.HEIGHT]:.2f} by {r.who}" for r in few]
+        parts.append(
+            f"with {few[0].effort}, as particle libraries have it, the column is {words.listed(told)} of its height"
+        )
+    text = "A column should keep density (1 % on the mean, 3 % anywhere) and height, rest, and carry its weight, all at once"
+    busy = SUSPECT if any(r.suspect for r in able[:1]) else ""
+    return Claim(f"{text}: on {where(backend, source)}, {'; '.join(parts)}{busy}.", numbers, bool(able))
+
+
+def soonest(results: Results) -> Claim:
+    """The effort that keeps a column as it is soonest, in a line."""
+    held = _held(results, COLUMN)
+    able = [] if held is None else [r for r in held[2] if _all_at_once(r) and r.frame]
+    if held is None or not able:
+        return Claim("What keeps a column of water as it is soonest was not measured.")
+    best = min(able, key=lambda r: r.frame or 0.0)
+    text = (
+        f"A column keeps density, height, rest and weight soonest by {best.who}, {best.effort} substeps x iterations, on "
+        f"{where(held[0], held[1])}."
+    )
+    return Claim(text, {"frame": best.frame or 0.0}, True)
+
+
+def dam(results: Results) -> Claim:
+    """How far the front is off the experiment, and that its first point is beyond any scheme."""
+    held = _held(results, DAM)
+    found = [] if held is None else [r for r in held[2] if not r.peer and laws.FRONT in r.numbers]
+    if held is None or not found:
+        return Claim("The front of a dam that breaks was not measured.")
+    best = min(found, key=lambda r: r.numbers[laws.FRONT])
+    later = min(found, key=lambda r: r.numbers[laws.FRONT_LATER])
+    numbers = {"front": best.numbers[laws.FRONT], "later": later.numbers[laws.FRONT_LATER], "start": start_off()}
+    text = (
+        f"The front of Martin and Moyce's dam is met within {_share(best.numbers[laws.FRONT])} at its worst point at best "
+        f"({best.who}), and finer particles do not help: that point is the first, which lies {_share(start_off())} above the "
+        "parabola that the next two make from rest, so that no flow that starts at rest meets all three. All others are met "
+        f"within {_share(later.numbers[laws.FRONT_LATER])} ({later.who}, {later.effort})."
+    )
+    others = [r for r in held[2] if r.peer and laws.FRONT in r.numbers]
+    if others:
+        told = [
+            f"{r.who} {_share(r.numbers[laws.FRONT])}, and {_share(r.numbers[laws.FRONT_LATER])} without the first"
+            for r in others
+        ]
+        numbers |= {r.who: r.numbers[laws.FRONT] for r in others}
+        text += f" Other programs have the same trouble: {words.listed(told)}."
+    return Claim(text, numbers, best.numbers[laws.FRONT_LATER] <= best.numbers[laws.FRONT])
+
+
+def viscosity(results: Results) -> Claim:
+    """The viscosity that there is where none was asked for, at the finest spacing, and how it falls."""
+    held = _held(results, VORTICES)
+    if held is None:
+        return Claim("The viscosity that methods make by themselves was not measured.")
+    parts, numbers = [], {}
+    for who in dict.fromkeys(r.who for r in held[2]):
+        mine = sorted((r for r in held[2] if r.who == who), key=lambda r: r.spacing)
+        fine, coarse = mine[0], mine[-1]
+        numbers[who] = fine.numbers[laws.VISCOSITY]
+        more = ""
+        if coarse.spacing > fine.spacing:
+            numbers[f"{who} ratio"] = ratio = coarse.numbers[laws.VISCOSITY] / fine.numbers[laws.VISCOSITY]
+            more = f", {ratio:.2g} times as much {coarse.spacing / fine.spacing:.2g} times as far apart"
+        parts.append(f"{numbers[who]:.2g} m²/s by {who}{more}")
+    fine = min(held[2], key=lambda r: r.spacing)
+    text = (
+        f"Asked for none, vortices in a box of a metre at 1 m/s meet a viscosity of {words.listed(parts)}, with particles "
+        f"{100 * fine.spacing:g} cm apart: syrup, not water."
+    )
+    return Claim(text, numbers, True)
+
+
+def drop(results: Results) -> Claim:
+    """That cohesion is no surface tension by Laplace: the pressure inside does not fall with the radius."""
+    held = _held(results, DROP)
+    told = [] if held is None else [r for r in held[2] if r.numbers.get(laws.INSIDE, 0.0) > 0]
+    sizes = [sorted((r for r in told if r.who == who), key=lambda r: r.particles) for who in {r.who: 0 for r in told}]
+    found = next((rows for rows in sizes if len(rows) > 1), [])
+    if not found:
+        return Claim("The pressure in a drop was not measured.")
+    small, large = found[0], found[-1]
+    larger = (large.particles / small.particles) ** (1 / 3)
+    ratio = large.numbers[laws.INSIDE] / small.numbers[laws.INSIDE]
+    text = (
+        f"A drop becomes a ball (its longest axis {max(r.numbers[laws.ASPECT] for r in found):.3f} times its shortest), but "
+        "cohesion is no surface tension in newtons a metre: by Laplace's law the pressure in a drop "
+        f"{larger:.2g} times as wide is {1 / larger:.2g} of that in the small one, and {ratio:.2g} was found. It is how hard "
+        "particles pull one another, at any radius."
+    )
+    return Claim(text, {"ratio": ratio, "law": 1 / larger}, ratio > 1 / larger)
+
+
+def peers(results: Results) -> Claim:
+    """What another program takes for the tank, at its error."""
+    held = _held(results, TANK)
+    others = [] if held is None else [r for r in held[2] if r.peer and r.frame and laws.MEAN in r.numbers]
+    if held is None or not others:
+        return Claim("Other programs were not held beside the lab's fluids.")
+    parts, numbers = [], {}
+    for other in others:
+        able = [
+            r for r in held[2] if not r.peer and r.frame and r.numbers.get(laws.MEAN, 1.0) <= other.numbers[laws.MEAN]
+        ]
+        if able:
+            best = min(able, key=lambda r: r.frame or 0.0)
+            numbers[other.who] = ratio = (other.frame or 0.0) / (best.frame or 1.0)
+            parts.append(
+                f"{other.who} takes {words.times(ratio)} as long as {best.who} with {best.effort}, whose density error, "
+                f"{_share(best.numbers[laws.MEAN])}, is no larger than its {_share(other.numbers[laws.MEAN])}"
+            )
+    if not parts:
+        return Claim(
+            "Other programs keep the density of a tank at rest better than any effort of the lab's that was tried.",
+            {},
+            False,
+        )
+    busy = SUSPECT if any(r.suspect for r in held[2]) else ""
+    return Claim(
+        f"In a tank at rest, sampled in turn on {where(held[0], held[1])}, {words.listed(parts)}{busy}.", numbers, True
+    )
+
+
+def rate(results: Results) -> Claim:
+    """Particle-iterations a second at the largest pool, and which stage takes most."""
+    parts, numbers = [], {}
+    for backend, source, found in on_backends(results, phases.on):
+        point = found[-1]
+        most = max(point.phases, key=lambda phase: point.phases[phase])
+        numbers[backend] = point.rate
+        parts.append(
+            f"on {where(backend, source)} {point.rate / 1e6:.3g} million particle-iterations a second with "
+            f"{words.count(point.particles)} particles, searches included; the stage that takes most by itself is to {most}"
+        )
+    if not parts:
+        return Claim("How many particles of a fluid a second are stepped was not measured.")
+    return Claim(f"Two substeps of three iterations: {'; '.join(parts)}.", numbers, True)
+
+
+def _share(value: float) -> str:
+    """`5.1 %`."""
+    return f"{100 * value:.2g}{words.SPACE}%"
+
+
+CLAIMS: Claims = {
+    "fluids-column": column,
+    "fluids-soonest": soonest,
+    "fluids-dam": dam,
+    "fluids-viscosity": viscosity,
+    "fluids-drop": drop,
+    "fluids-peers": peers,
+    "fluids-rate": rate,
+}

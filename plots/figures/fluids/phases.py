@@ -1,0 +1,69 @@
+"""Where a fluid's time goes: each stage alone, beside the least that memory and arithmetic allow."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from bench.experiments.fluids import PHASES, FluidPoint, moved_bytes, operations, points, pool
+from model.fluid.plan import neighbours_at_rest
+from plots.core.backends import name_of, on_backends, sources_of, timed
+from plots.core.colours import BLACK, BLUE, ORANGE
+from plots.core.data import Results, Source
+from plots.core.style import Drawing, new_figure
+
+TITLE = "Fluids: stages against their limits"
+MISSING = "stages of fluids were not timed: softlab fluids"
+UNKNOWN = "what the machine copies and computes a second was not measured: softlab sweep --kernels"
+LABELS = ("nanoseconds a particle", "")
+HALF = 0.5  # of the measured arithmetic: sums of products and roots reach no more
+
+
+def on(source: Source, backend: str) -> list[FluidPoint]:
+    """The pools whose stages were timed, smallest first."""
+    return [point for point in timed(points)(source, backend) if point.phases]
+
+
+def rates(source: Source, backend: str) -> tuple[float, float] | None:
+    """(bytes, floating-point operations) a second that the machine was measured to do; None where it was not."""
+    prefix, record = "gpu_" if backend == "gpu" else "", source.machine.record
+    arithmetic = (record.get(f"{prefix}arithmetic") or {}).get("float32")
+    copied = record.get(f"{prefix}copy_bandwidth")
+    return (float(copied), HALF * float(arithmetic)) if copied and arithmetic else None
+
+
+def least(point: FluidPoint, phase: str, limits: tuple[float, float]) -> tuple[float, str]:
+    """([s], by what): the least that a stage takes of all particles."""
+    scene = pool(point.particles)
+    moved = moved_bytes(phase, neighbours_at_rest(scene)) * point.particles / limits[0]
+    done = operations(scene, phase) * point.particles / limits[1]
+    return (moved, "memory") if moved >= done else (done, "arithmetic")
+
+
+def draw(results: Results) -> Drawing | str:
+    """A panel each backend, of its largest pool; or why not."""
+    chosen = [(b, s, found[-1]) for b, s, found in on_backends(results, on) if rates(s, b)]
+    if not chosen:
+        return UNKNOWN if on_backends(results, on) else MISSING
+    figure, axes = new_figure(len(chosen), 2.6, share_y=True)
+    for ax, (backend, source, point) in zip(axes, chosen, strict=True):
+        limits = rates(source, backend)
+        assert limits is not None
+        shown = [phase for phase in PHASES if phase in point.phases]
+        places = np.arange(len(shown))
+        taken = [1e9 * point.phases[phase] / point.particles for phase in shown]
+        allowed = [least(point, phase, limits) for phase in shown]
+        ax.barh(places - 0.2, taken, 0.38, color=BLUE, label="alone")
+        ax.barh(places + 0.2, [1e9 * s / point.particles for s, _ in allowed], 0.38, color=ORANGE, label="least")
+        for place, (seconds, limit) in zip(places, allowed, strict=True):
+            ax.text(1e9 * seconds / point.particles * 1.15, place + 0.2, limit, va="center", fontsize=7, color=BLACK)
+        ax.set_yticks(places, shown)
+        ax.set_xscale("log")
+        ax.set_xlabel(LABELS[0])
+        ax.set_title(f"{name_of(backend, source)}, {point.particles:,} particles".replace(",", " "), fontsize=8)
+    axes[0].invert_yaxis()
+    axes[0].legend(loc="lower right", fontsize=7)
+    caption = (
+        "A pool at rest, each stage of a substep by itself: what it takes, and the least that the machine's measured "
+        "copying, or half of its measured arithmetic, allows, were neighbours' positions in a cache. float32, fast math."
+    )
+    return Drawing(figure, TITLE, caption, sources_of(chosen))

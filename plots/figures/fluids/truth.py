@@ -1,0 +1,98 @@
+"""Fluids: error against time. Water at rest in a tank, a dam's front, and the viscosity that a method makes by itself."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from bench.experiments.fluid_truth import laws
+from bench.experiments.fluid_truth.rows import Judged, rows
+from bench.experiments.fluid_truth.scenes import DAM, DAM_EFFORTS, TANK, VORTICES
+from plots.core.backends import name_of, on_backends, sources_of
+from plots.core.colours import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, VERMILLION
+from plots.core.data import Results, Source
+from plots.core.style import Drawing, legend_below, new_figure, plain_ticks
+
+TITLE = "Fluids: error against time"
+MISSING = "fluids were not judged: softlab fluids --truth"
+COLOURS = {"macklin": (BLUE, "o"), "averaged": (ORANGE, "s")}  # by scheme; others take the next of OTHERS
+OTHERS = ((GREEN, "^"), (VERMILLION, "D"), (PURPLE, "v"))
+PEERS = "*P"  # markers
+LINES = {"cpu": "--", "gpu": "-"}
+WANTED = {TANK: 0.01, DAM: 0.05}  # black lines
+CAPTION = (
+    "Left: water at rest between four walls, 1000 particles, by 2 x 3 to 8 x 10 substeps x iterations of a frame of 1/60 s; "
+    f"black: {WANTED[TANK]:.0%}. Middle: the front of Martin and Moyce's dam at their worst point, 10, 20 and 40 particles "
+    f"wide; hollow: without their first point; black: {WANTED[DAM]:.0%}. Right: the viscosity at which Taylor and Green's "
+    "vortices slow down where none was asked for. Other programs take their own steps. float32, fast math."
+)
+LABELS = (
+    ("time of a frame / ms", "mean density error"),
+    ("time of a frame / ms", "worst error of the front"),
+    ("rest distance / m", "viscosity by itself / (m²/s)"),
+)
+
+
+def on(source: Source, backend: str) -> list[Judged]:
+    """What was judged on a backend."""
+    return [row for row in rows(source.measures) if row.backend == backend and row.numbers]
+
+
+def looks(found: list[Judged]) -> dict[str, tuple[str, str]]:
+    """scheme or peer -> colour, marker."""
+    schemes = list(dict.fromkeys(row.who for row in found if not row.peer))
+    peers = list(dict.fromkeys(row.who for row in found if row.peer))
+    others = iter(OTHERS)
+    taken = {who: COLOURS[who] if who in COLOURS else next(others, (GREY, "x")) for who in schemes}
+    return taken | {who: (BLACK, PEERS[n % len(PEERS)]) for n, who in enumerate(peers)}
+
+
+def _points(found: list[Judged], panel: int, who: str, name: str = laws.FRONT) -> list[tuple[float, float]]:
+    """(x, y) of one line: the tank over its efforts, the dam (its error `name`) and the vortices over their spacings."""
+    mine = [row for row in found if row.who == who]
+    if panel == 2:
+        held = [row for row in mine if row.kind == VORTICES]
+        return sorted((row.spacing, row.numbers[laws.VISCOSITY]) for row in held)
+    kind, shown = ((TANK, laws.MEAN), (DAM, name))[panel]
+    held = [row for row in mine if row.kind == kind and row.frame is not None and shown in row.numbers]
+    if kind == DAM:
+        held = [row for row in held if row.peer or (row.substeps, row.iterations) == DAM_EFFORTS[-1]]
+    return sorted((1e3 * (row.frame or 0.0), row.numbers[shown]) for row in held)
+
+
+def draw(results: Results) -> Drawing | str:
+    """A panel for the tank, one for the dam, one for the vortices; or why not."""
+    chosen = on_backends(results, on)
+    if not chosen:
+        return MISSING
+    figure, axes = new_figure(3, 2.9, share_y=False)
+    everything = [row for _, _, found in chosen for row in found]
+    look = looks(everything)
+    for panel, (ax, (x_label, y_label)) in enumerate(zip(axes, LABELS, strict=True)):
+        for backend, _, found in chosen:
+            for who, (colour, marker) in look.items():
+                line = "" if colour == BLACK else LINES[backend]
+                _line(ax, _points(found, panel, who), line, colour, marker, colour)
+                if panel == 1:
+                    _line(ax, _points(found, panel, who, laws.FRONT_LATER), line, colour, marker, "white")
+        ax.set_xscale("log")
+        plain_ticks(ax.xaxis)
+        if panel != 1:
+            ax.set_yscale("log")
+            plain_ticks(ax.yaxis)
+        ax.set_xlabel(x_label)
+        ax.set_ylabel(y_label)
+    axes[1].set_ylim(bottom=0.0)
+    for ax, wanted in zip(axes, WANTED.values(), strict=False):
+        ax.axhline(wanted, color=BLACK, linewidth=0.7, zorder=1)
+    for who, (colour, marker) in look.items():
+        axes[0].plot([], [], marker, color=colour, markersize=5, label=who)
+    for backend, source, _ in chosen:
+        axes[0].plot([], [], LINES[backend], color=GREY, label=name_of(backend, source))
+    legend_below(figure, axes, columns=3)
+    return Drawing(figure, TITLE, CAPTION, sources_of(chosen))
+
+
+def _line(ax: Any, points: list[tuple[float, float]], line: str, colour: str, marker: str, inside: str) -> None:
+    if points:
+        look = {"marker": marker, "markersize": 5, "markerfacecolor": inside}
+        ax.plot(*zip(*points, strict=True), linestyle=line or "none", color=colour, **look)
