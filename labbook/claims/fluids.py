@@ -105,7 +105,8 @@ def viscosity(results: Results) -> Claim:
     held = _held(results, VORTICES)
     if held is None:
         return Claim("The viscosity that methods make by themselves was not measured.")
-    parts, numbers = [], {}
+    parts: list[str] = []
+    numbers: dict[str, float] = {}
     for who in dict.fromkeys(r.who for r in held[2]):
         mine = sorted((r for r in held[2] if r.who == who), key=lambda r: r.spacing)
         fine, coarse = mine[0], mine[-1]
@@ -149,7 +150,8 @@ def peers(results: Results) -> Claim:
     others = [] if held is None else [r for r in held[2] if r.peer and r.frame and laws.MEAN in r.numbers]
     if held is None or not others:
         return Claim("Other programs were not held beside the lab's fluids.")
-    parts, numbers = [], {}
+    parts: list[str] = []
+    numbers: dict[str, float] = {}
     for other in others:
         able = [
             r for r in held[2] if not r.peer and r.frame and r.numbers.get(laws.MEAN, 1.0) <= other.numbers[laws.MEAN]
@@ -175,7 +177,8 @@ def peers(results: Results) -> Claim:
 
 def rate(results: Results) -> Claim:
     """Particle-iterations a second at the largest pool, and which stage takes most."""
-    parts, numbers = [], {}
+    parts: list[str] = []
+    numbers: dict[str, float] = {}
     for backend, source, found in on_backends(results, phases.on):
         point = found[-1]
         most = max(point.phases, key=lambda phase: point.phases[phase])

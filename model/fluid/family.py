@@ -27,6 +27,9 @@ def fluid_note(scene: Scene) -> str:
             told += f"; of {name}.viscosity only {most:.3g} Pa s act at this substep"
     if scene.method.scheme == "averaged":
         told += "; the averaged scheme lets a fluid sink together"
+    for name, part in scene.fluids.items():
+        if part.surface_tension > 0 and part.cohesion == 0:
+            told += f"; {name}.surface_tension without cohesion drives its surface apart"
     fast = [name for name, part in scene.all_of(*COLLIDER_KINDS).items() if hypot(*part.velocity) > slowest]
     if fast:
         told += f"; {' and '.join(fast)} is faster than that: it pushes the fluid on, which lags behind"

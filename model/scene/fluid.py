@@ -45,8 +45,8 @@ class Fluid(Part):
     velocity: Vector = ZERO  # m/s, at the start
     vortices: NotNegative = 0.0  # m/s, on top of it: of Taylor and Green, in a domain that repeats along x and y
     viscosity: NotNegative = 0.0  # Pa s, by XSPH; that of the method itself comes on top
-    cohesion: NotNegative = 0.0  # N/m: how strongly particles draw one another
-    surface_tension: NotNegative = 0.0  # N/m: how strongly a surface is drawn flat
+    cohesion: NotNegative = 0.0  # N/m: how strongly particles draw one another; no surface tension of that size follows
+    surface_tension: NotNegative = 0.0  # N/m: how strongly a surface is drawn flat; without cohesion it drives it apart
     vorticity_confinement: NotNegative = 0.0  # m/s: acceleration over the vorticity, across it
     drag: NotNegative = 0.0  # 1/s: the rate at which velocities decay
     free_surface_drag: NotNegative = 0.0  # 1/s: the same of what lies at a surface, by what its density lacks

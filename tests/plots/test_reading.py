@@ -22,6 +22,8 @@ from plots.core.read import load
 from plots.core.style import settings
 from plots.figures import roofline
 
+AWAITED = {"fluids-phases"}  # of which no measurements come with the lab yet: they need a machine that is quiet
+
 
 def refuse(*_: Any, **__: Any) -> None:
     raise AssertionError("a scene or a body was built")
@@ -57,8 +59,8 @@ def test_neither_figures_nor_sentences_make_a_body(committed: Results, monkeypat
     monkeypatch.setattr("model.scene.scene_parts.make_body_set", refuse)
     assert book_data(committed)["claims"]
     with settings():
-        for draw in FIGURES.values():
-            assert not isinstance(draw(committed), str)
+        for name, draw in FIGURES.items():
+            assert isinstance(draw(committed), str) == (name in AWAITED), name
 
 
 @pytest.mark.parametrize(
