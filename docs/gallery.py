@@ -22,7 +22,8 @@ PAGE, PICTURES = ROOT / "docs" / "gallery.md", ROOT / "docs" / "images" / "galle
 WIDTH, QUALITY = 640, 72  # pixels, of WebP
 SECONDS = 2.0  # simulated before a picture is drawn, where WHEN says nothing else
 WHEN = {
-    "column": 1.0, "dam-break": 0.8, "lab-water": 1.2, "taylor-green": 0.5, "two-fluids": 0.9,
+    "column": 1.0, "dam-break": 0.8, "fountain": 2.0, "pour": 2.0, "lab-water": 1.2, "surf": 0.75, "taylor-green": 0.5,
+    "two-fluids": 0.9, "float": 2.5, "wet-cloth": 1.2, "jelly-bowl": 1.5,
     "cloth-compute": 1.2, "cloth-draped-twice": 3.0, "cloth-flamenco": 1.0, "cloth-hanging": 1.0, "cloth-self": 1.5,
     "cloth-small-steps": 1.0, "cloth-twist": 2.0, "fem-attached": 1.5, "fem-cantilever": 0.6, "fem-creature": 2.5,
     "fem-descent": 0.5, "fem-drop": 2.5, "fem-newton": 0.5, "fem-steel-and-jelly": 0.6, "jelly-block": 0.7, "jelly-drop": 1.0,
@@ -34,9 +35,11 @@ SMALLER = {"soft-rain": ("drop.copies=[10, 2, 10]",)}  # what --set makes of a s
 SECTIONS = {
     "lab-water": "Fluids",
     "lab-": "The grid of the lab", "manufactured": "The grid of the lab", "cloth-": "Cloth", "rope": "Ropes",
-    "jelly-": "Shape matching", "soft-": "Shape matching", "rigid-": "Shape matching", "plastic": "Shape matching",
+    "jelly-bowl": "Fluids", "jelly-": "Shape matching", "soft-": "Shape matching", "rigid-": "Shape matching",
+    "plastic": "Shape matching",
     "sticky": "Shape matching", "two-worlds": "Shape matching", "fem-": "Tetrahedra with Young's modulus",
-    "column": "Fluids", "dam-": "Fluids", "taylor-": "Fluids", "two-fluids": "Fluids",
+    "column": "Fluids", "dam-": "Fluids", "fountain": "Fluids", "pour": "Fluids", "taylor-": "Fluids", "two-fluids": "Fluids",
+    "surf": "Fluids", "float": "Fluids", "wet-cloth": "Fluids",
 }  # fmt: skip
 OTHER = "More"
 HEAD = """# Gallery

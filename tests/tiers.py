@@ -41,6 +41,9 @@ COMPILED = {
 ONLY_THOROUGH = table("""
 test_mpi.py test_processes* test_two* test_a_div* test_bad_input*arguments[2-6]*  # processes, seconds each
 test_fluid_physics.py *
+test_divergence_physics.py *
+test_archimedes.py *
+test_fluid_vessels.py test_what_a_cup* test_a_splash*
 test_compiled.py *fluid*
 # five to twenty seconds each, of what siblings hold for another value, shape or solver
 test_advise_tetrahedra.py test_an_answer_in_words*
@@ -91,7 +94,7 @@ test_xpbd_reference.py test_first_order*along* test_small_steps_rope
 test_rebound.py test_a_brick_that_lands*cpu* test_bodies_that_meet* test_a_brick_that_lands*
 test_shapes3d.py *closed*mesh2*
 # processes that import the whole lab, and time with it
-test_pools.py test_workers_by_dask test_two_real_workers*
+test_pools.py test_workers_by_dask test_workers_by_slurm test_a_dask_worker* test_two_real_workers*
 test_sweep_on_many.py *nothing?2? *nothing?3?
 # scenes of the catalogue, and cases that break solvers
 test_bodies_catalogue.py test_bodies_fall*plastic? test_bodies_fall*jelly-drop? test_bodies_fall*soft-pile?
@@ -101,8 +104,8 @@ test_hard_bodies.py test_the_laws*S7?16* test_the_laws*B20* test_the_laws*flight
     test_the_laws*A10?plane* test_the_laws*A10?line*
 test_hard_tetrahedra.py test_the_laws*vbd* test_the_laws*float32*
 # of fluids: the cases that share a kernel
-test_hard_fluids.py test_the_laws*averaged* test_the_laws*float32* test_the_laws*F4* test_the_laws*F6?drawn*
-    test_the_laws*F7?two*
+test_hard_fluids.py test_the_laws*F10* test_the_laws*averaged* test_the_laws*divergence* test_the_laws*float32*
+    test_the_laws*F4* test_the_laws*F6?drawn* test_the_laws*F7?two*
 test_hard_xpbd.py test_a_thousandfold* test_they_hold*implicit* test_they_hold*B23*
 test_hard_cloth.py test_the_laws*rk4*
 test_contacts_scenes.py test_layers*

@@ -91,7 +91,7 @@ def caught_lines(report: dict[str, Any]) -> list[str]:
 
 def fluid_report(simulation: Simulation, state: State) -> dict[str, Any]:
     """Of fluids, by how much densities exceed that at rest, the `height` of the highest hundredth of particles over where the
-    lowest one's floor was, and neighbours that lists had no room for."""
+    lowest one's floor was, neighbours that lists had no room for, and particles that no capacity was left for."""
     scene = simulation.scene
     if not scene.fluids or not np.isfinite(state.position).all():
         return {}
@@ -101,16 +101,24 @@ def fluid_report(simulation: Simulation, state: State) -> dict[str, Any]:
         "largest_compression": largest,
         "height": height(scene, state.position),
         "neighbours_lost": simulation.contacts_lost,  # type: ignore[attr-defined]
+        **({"not_emitted": simulation.not_emitted} if scene.emitters else {}),  # type: ignore[attr-defined]
     }
 
 
 def fluid_notes(report: dict[str, Any]) -> list[str]:
-    """What to do where lists were too short."""
+    """What to do where lists were too short, or a fluid's capacity."""
+    notes = []
+    if report.get("not_emitted"):
+        notes.append(
+            f"capacity reached: {report['not_emitted']} particles were due at a nozzle while none waited; a larger capacity "
+            "of the fluid, a sink, or a lower speed helps"
+        )
     if not report.get("neighbours_lost"):
-        return []
+        return notes
     return [
+        *notes,
         f"{report['neighbours_lost']} neighbours did not fit into the lists of their particles: the fluid is pressed too "
-        "much; more substeps or iterations, or a smaller support, help"
+        "much; more substeps or iterations, or a smaller support, help",
     ]
 
 

@@ -75,7 +75,7 @@ def print_scenes(console: Console) -> None:
         grid, method = scene.grid, scene.method
         size = (
             str(counts(scene).particles)
-            if scene.mesh or scene.bodies or scene.tetrahedra or scene.fluids
+            if scene.mesh or scene.bodies or scene.tetrahedra or scene.fluids or scene.is_world
             else f"{grid.rows} x {grid.columns}"
         )
         table.add_row(name, escape(scene.title), size, method.name)

@@ -15,6 +15,7 @@ from app.output.pictures import write_png
 from app.render import colours
 from app.render.camera import finite_bounds
 from app.render.drawn_springs import drawn_strain
+from app.render.fluid.framing import main_part, with_fluids
 from app.render.framing import seen_points, seen_radius
 from app.render.opengl import OFFSCREEN_REMEDY, drawing_text, open_window, renderer_name
 from app.render.views import camera_of, view_of
@@ -94,13 +95,14 @@ class OffscreenRenderer:
 
     def _frame(self, position: np.ndarray, time: float) -> None:
         """Hold these positions; after the first `fit` only ever more, so that a clip does not jump."""
-        there = present(self.scene, position, self._weights)
+        fluid = with_fluids(self.scene)
+        there = main_part(self.scene, position) if fluid else present(self.scene, position, self._weights)
         bounds = finite_bounds(there)
         if bounds is None:
             return
         margins = MARGINS if self._panel else (40.0, 40.0, 40.0, 40.0)
         legend = self._legends and self._legends.needed(self._view)
-        if self._panel and (self._space or self.scene.fluids) and not legend:
+        if self._panel and (self._space or fluid) and not legend:
             margins = (40.0, 50.0, 40.0, 50.0)
         if self._space:
             self._view.keep_above_ground(bounds[1])
@@ -129,7 +131,7 @@ class OffscreenRenderer:
     @property
     def wants_velocity(self) -> bool:
         """Whether what is drawn depends on velocities: speeds, foam."""
-        return bool(getattr(self._view, "wants_velocity", False))
+        return bool(self._view.wants_velocity)
 
     def show_foam(self, points: FoamPoints | None) -> None:
         """Of fluids: spray and foam as they have become so far, in place of none."""

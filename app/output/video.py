@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from app.output.offscreen import OffscreenRenderer, render_frame
+from app.render.fluid.framing import with_fluids
 from model.core.errors import BackendUnavailable, InputError
 from model.core.files import check_target, replacing
 from model.core.simulation import Simulation
@@ -156,7 +157,7 @@ def render_clip(
 
     def state() -> Frame:
         normal = simulation.read("normal") if simulation.scene.cloth else None
-        velocity = simulation.read("velocity") if simulation.scene.fluids else None
+        velocity = simulation.read("velocity") if with_fluids(simulation.scene) else None
         return simulation.read("position"), simulation.time, normal, velocity
 
     def states() -> Iterator[Frame]:
@@ -240,7 +241,7 @@ def render(
         if clip:
             return render_clip(source, path, steps, steps_per_frame, picture)
         scene, time, inverse_mass = source.scene, source.time, source.body.inverse_mass
-        velocity = source.read("velocity") if scene.fluids else None
+        velocity = source.read("velocity") if with_fluids(scene) else None
     position = source.read("position") if isinstance(source, Simulation) else source
     if scene is None:
         raise InputError("positions alone cannot be drawn; give their scene, too")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from app.plan.passes import BackendPlan, cpu_plan, merged_passes, stages_of
 from model.core.plan import Plan
+from model.fluid.flow import fluid_of, rates
 from model.fluid.parameters import MAX_NEIGHBOURS, smoothing, speed_limit
 from model.fluid.plan import neighbours_at_rest
 from model.scene.scene import Scene
@@ -27,7 +28,7 @@ def fluid_lines(scene: Scene) -> list[str]:
     for name, part in scene.fluids.items():
         notes = notes_of(type(part))
         for field, value in part.model_dump().items():
-            if field in ("origin", "size", "blocks", "dimensions", "velocity", "vortices"):
+            if field in ("origin", "size", "capacity", "blocks", "dimensions", "velocity", "vortices"):
                 continue
             told = "none" if value is None else f"{value:g}"
             if field == "support" and value is None:
@@ -38,4 +39,30 @@ def fluid_lines(scene: Scene) -> list[str]:
             f"  of {name}: nothing faster than {speed_limit(scene, part):.4g} m/s (half a support a substep); XSPH takes "
             f"{share:.3g} of a difference of velocities; a particle weighs {mass:.4g} kg"
         )
+    return lines + flow_lines(scene)
+
+
+def flow_lines(scene: Scene) -> list[str]:
+    """How much there may be of each fluid, what comes by emitters and how soon that is all, and what ends where."""
+    lines, found, names = [], scene.fluid_set, list(scene.fluids)
+    for number, name in enumerate(names):
+        if found.capacities[number] > found.starting[number]:
+            lines.append(
+                f"  {name}: {found.starting[number]} particles at the start, {found.capacities[number]} at most"
+            )
+    for name, part in scene.emitters.items():
+        volume, each_second, points = rates(scene, name)
+        own = fluid_of(scene, name)
+        told = f"  {name}: {names[own]} from a nozzle of {points} particles, {part.speed:g} m/s: {volume:.4g} m^3/s, "
+        told += f"{each_second:.4g} particles/s"
+        waiting = found.capacities[own] - found.starting[own]
+        if each_second:
+            lasts = part.start + waiting / each_second
+            ends = part.stop is not None and part.stop < lasts
+            told += (
+                f", until {part.stop:g} s" if ends else f"; by itself it gives all {waiting} that wait by {lasts:.3g} s"
+            )
+        lines.append(told)
+    if scene.sinks:
+        lines.append(f"  {' and '.join(scene.sinks)} take what comes there; it waits for an emitter of its fluid")
     return lines

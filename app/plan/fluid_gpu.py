@@ -11,6 +11,9 @@ ALONE = ("sort into cells", "density", "correct", "normals and vorticity")
 
 def fluid_on_gpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
     """Also where there is no GPU."""
+    if "divergence-free" in plan.parts:
+        told = "particles sorted by cells in every substep, a thread each walks its list; a launch a stage; captured"
+        return _launches(told, [[stage] for stage in stages_of(plan)], plan, precision)
     groups: list[list[Stage]] = [[]]
     for stage in stages_of(plan):
         if stage.name in ALONE:
@@ -21,5 +24,9 @@ def fluid_on_gpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
         "particles sorted by cells in every substep, a thread each walks its list; the first density goes with the "
         "lists, the last correction with the velocities; captured"
     )
-    passes = merged_passes([group for group in groups if group], plan, precision, "a launch, of sorting six")
+    return _launches(why, [group for group in groups if group], plan, precision)
+
+
+def _launches(why: str, groups: list[list[Stage]], plan: Plan, precision: str) -> BackendPlan:
+    passes = merged_passes(groups, plan, precision, "a launch, of sorting six")
     return BackendPlan("gpu", gpu_device()[0], "graph", None, why, passes)

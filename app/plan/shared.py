@@ -65,7 +65,8 @@ class SharedPlan:
 
 def shared_plan(scene: Scene, gpus: int, exchange_every: int | None, item: int) -> SharedPlan:
     """The plan of a scene's sheet on so many GPUs; `item`: bytes of a scalar. Raises SceneError."""
-    return SharedPlan(cut(scene, gpus, exchange_every, "--gpus"), 2 * scene.dimensions * item)
+    numbers = 2 if scene.dimensions == 2 else 4  # of a position: pairs in a plane, quads in space
+    return SharedPlan(cut(scene, gpus, exchange_every, "--gpus"), 2 * numbers * item)
 
 
 def shared_lines(plan: SharedPlan) -> list[str]:

@@ -22,6 +22,8 @@ Margins = tuple[float, float, float, float]  # pixels kept free at the left, bot
 def finite_bounds(position: np.ndarray) -> tuple[float, ...] | None:
     """(left, bottom, right, top) [m] of the finite rows of `position` (particles, 2), or None where there is none; in space
     the lowest x, y, z, then the highest."""
+    if not len(position):
+        return None
     low, high = position.min(axis=0), position.max(axis=0)
     if not (np.isfinite(low).all() and np.isfinite(high).all()):  # the slow way only where it is needed
         finite = position[np.isfinite(position).all(axis=1)]

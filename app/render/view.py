@@ -29,6 +29,7 @@ from app.render.vertex_arrays import uniform_matrix
 from model.core.build import rest_positions
 from model.core.simulation import Simulation
 from model.scene.scene import Scene
+from model.shape_matching.spare import present
 
 RING = 22.0  # pixels
 
@@ -55,11 +56,13 @@ class View(ABC):
         self._point_program = shader_program(shaders.VERTEX, shaders.POINT_FRAGMENT)
         if self.space:
             self.lowest = float(
-                rest_positions(scene.grid)[:, 1].min()
+                present(scene, rest_positions(scene.grid))[:, 1].min()
             )  # of all that was shown: the ground lies below it
             self._target = SmoothTarget(detail)
             self._scenery = Scenery(scene)
             self._lit = Lit()
+
+    onto: SmoothTarget | None = None  # of a view that this is a part of: what that draws into
 
     def show_in(self, detail: Detail) -> None:
         """Draw in this detail from now on; in space."""
@@ -97,6 +100,15 @@ class View(ABC):
     @abstractmethod
     def toggle_lines(self) -> bool:
         """The other way of `lines`; whether it is that now. Where there is no choice nothing changes."""
+
+    @property
+    def wants_velocity(self) -> bool:
+        """Whether velocities are drawn, or what follows from them: speeds, foam."""
+        return False
+
+    def toggle_foam(self) -> bool | None:
+        """Of fluids: spray, foam and bubbles, from now on, or none; whether they are shown now. None: there are no fluids."""
+        return None
 
     def level_legend(self) -> tuple[str, float] | None:
         """(title with its unit, the range in that unit) of the colours of what is shown; None where they are no levels."""

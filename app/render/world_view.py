@@ -1,5 +1,5 @@
 """Draws a world into the current OpenGL context: each member by the view of its own kind, among the same colliders, in one
-light and on one ground."""
+light and on one ground; a fluid, through which the others are seen, last."""
 
 from __future__ import annotations
 
@@ -57,7 +57,27 @@ class WorldView(View):
             part.toggle_lines()
         return self.lines
 
+    @property
+    def wants_velocity(self) -> bool:
+        """See View."""
+        return any(part.wants_velocity for part in self.parts.values())
+
+    def toggle_foam(self) -> bool | None:
+        """See View; of every fluid."""
+        shown = [part.toggle_foam() for part in self.parts.values()]
+        return next((one for one in shown if one is not None), None)
+
+    def name_legend(self) -> tuple[tuple[str, tuple[float, float, float]], ...]:
+        """See View: of every member."""
+        return tuple(named for part in self.parts.values() for named in part.name_legend())
+
     # ------------------------------------------------------------------ the state
+
+    def know(self, velocity: np.ndarray | None, time: float) -> None:
+        """See View."""
+        super().know(velocity, time)
+        for name, part in getattr(self, "parts", {}).items():
+            part.know(None if velocity is None else np.ascontiguousarray(velocity[self._slices[name]]), time)
 
     def upload(self, position: np.ndarray, normal: np.ndarray | None = None) -> None:
         """See View; each member's normals follow from its positions."""
@@ -86,6 +106,7 @@ class WorldView(View):
     def _draw_over(self, camera: Any, selected: int | None) -> None:
         for name, part in self.parts.items():
             place = self._slices[name]
+            part.onto = self._target
             here = selected is not None and place.start <= selected < place.stop
             part._draw_over(camera, selected - place.start if here and selected is not None else None)
 

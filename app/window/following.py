@@ -6,7 +6,7 @@ import numpy as np
 
 from app.render.camera import Margins, joined_bounds
 from app.render.collider_shapes import with_colliders
-from app.render.fluid.framing import with_tank
+from app.render.fluid.framing import main_part, with_tank
 from app.window.panes import IN_A_ROW
 from app.window.shown import Shown
 
@@ -20,7 +20,9 @@ class Following:
 
     def __init__(self, viewer: Shown):
         self.viewer, self.demo = viewer, viewer.demo
-        ends = [(p.min(axis=0), p.max(axis=0)) for p in (world.body.position for world in self.demo.worlds)]
+        starts = [main_part(world.scene, world.body.position) for world in self.demo.worlds]
+        axes = self.demo.world.scene.dimensions
+        ends = [(p.min(axis=0), p.max(axis=0)) for p in starts if len(p)] or [(np.zeros(axes), np.zeros(axes))]
         self._start = np.min([low for low, _ in ends], axis=0), np.max([high for _, high in ends], axis=0)
 
     def drop_place(self, x: float, y: float) -> tuple[float, float, float]:

@@ -111,10 +111,10 @@ class Looks:
 
     def toggle_foam(self) -> None:
         """W: of fluids spray, foam and bubbles."""
-        if self._subject != "fluid":
+        shown = [view.toggle_foam() for view in self.views]
+        if shown[0] is None:
             self.demo.say("there are no fluids here")
             return
-        shown = [view.toggle_foam() for view in self.views]
         self.demo.say("spray, foam and bubbles, from now on" if shown[0] else "without foam")
 
     def next_colouring(self) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 from app.render.camera import finite_bounds, joined_bounds
 from app.render.colours import strain_range
 from app.render.drawn_springs import drawn_strain
-from app.render.fluid.framing import main_part
+from app.render.fluid.framing import main_part, with_fluids
 from model.core.build import masses
 from model.core.energy import energies
 from model.core.simulation import Simulation
@@ -56,7 +56,8 @@ def measure(
     if wanted < before.strain_range <= KEEP_RANGE * wanted:
         wanted = before.strain_range
     there = [
-        main_part(w.scene, present(w.scene, p, w.body.inverse_mass)) for w, p in zip(worlds, positions, strict=True)
+        main_part(w.scene, p) if with_fluids(w.scene) else present(w.scene, p, w.body.inverse_mass)
+        for w, p in zip(worlds, positions, strict=True)
     ]
     pushed: tuple[float, ...] = ()
     if momentum:

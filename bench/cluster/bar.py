@@ -10,6 +10,11 @@ from bench.cluster.folder import Status
 from bench.measure.progress import progress_bar
 
 
+def groups(count: int) -> str:
+    """`1 group`, `2 groups`."""
+    return f"{count} group{'s' * (count != 1)}"
+
+
 class WorkerBars:
     """A context manager; shows nothing unless `show`."""
 
@@ -35,7 +40,7 @@ class WorkerBars:
         if plan:
             self.bars.update(self.all, description=f"{len(done)} of {len(plan)} groups", total=total, completed=behind)
         for status in statuses:
-            told = f"worker {status.name} on host {status.host}: {len(status.done)} groups; "
+            told = f"worker {status.name} on host {status.host}: {groups(len(status.done))}; "
             told += status.ended or status.doing if status.name in here else "gone"
             mine = sum(plan.get(claim, 0.0) for claim in status.done)
             if status.name not in self.lines:

@@ -11,13 +11,13 @@ from pathlib import Path
 from typing import Any
 
 from bench.cluster.folder import Folder, Order
+from bench.cluster.intake import Intake
 from bench.cluster.pools import Pool, Where, pool_of
 from bench.cluster.summary import ClusterSummary
 from bench.cluster.sweep import STILL_BEATS, Sweep
 from bench.cluster.turns import try_lock
 from bench.cluster.worker import code_digests
 from bench.store.database import Store
-from bench.store.transfer import merge
 from model.core.errors import InputError
 from model.core.files import why
 
@@ -107,21 +107,15 @@ def _shared_references(store: Store, folder: Folder) -> Iterator[None]:
 
 def adopt(store: Store, base: Path, beat: float) -> list[str]:
     """Take over what workers of a sweep that was killed left, once they have stopped; what could not be merged, and why."""
-    kept = []
+    kept: list[str] = []
     for path in sorted(entry for entry in base.iterdir() if (entry / "status").is_dir()):
         folder = Folder(path)
         folder.stop()
         _until_still(folder, beat)
-        told = []
-        for file in (*folder.outs(), *folder.stores()):
-            try:
-                merge(store, file)
-            except InputError as error:
-                told.append(str(error))
-        if told:
-            kept += told
-        else:
-            shutil.rmtree(path, ignore_errors=True)
+        intake = Intake(store, folder)
+        if intake.take_all():
+            intake.clear()
+        kept += intake.kept
     return kept
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 from rich.console import Console
 
+from bench.cluster.bar import groups
 from bench.cluster.folder import Status
 from bench.measure.cases import SweepSummary
 from bench.store.database import Store
@@ -43,8 +44,8 @@ def count(summary: ClusterSummary, store: Store, before: int, statuses: Collecti
         held[status.machine] = max(held.get(status.machine, 0), int(status.counts.get("held", 0)))
         summary.compile_seconds += status.counts.get("compile_seconds", 0.0)
         if status.done:
-            groups = f"{len(status.done)} group" + "s" * (len(status.done) > 1)
-            summary.workers.append(f"worker {status.name} on host {status.host}, {status.label}: {groups}")
+            done = groups(len(status.done))
+            summary.workers.append(f"worker {status.name} on host {status.host}, {status.label}: {done}")
     summary.held = sum(held.values())
     for name in ("skipped", "wrong"):
         told = [(str(what), str(why)) for status in statuses for what, why in getattr(status, name)]

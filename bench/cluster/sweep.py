@@ -8,20 +8,19 @@ group whose workers died `DEATHS` times is given up, and so is a slot whose work
 from __future__ import annotations
 
 import os
-import shutil
 import signal
 import time
 from contextlib import suppress
 from dataclasses import dataclass
-from pathlib import Path
 
 from bench.cluster.bar import WorkerBars
 from bench.cluster.folder import DONE, GIVEN_UP, REFUSED, Folder, Order, Status
+from bench.cluster.intake import Intake
 from bench.cluster.pools import Job, Pool
 from bench.cluster.summary import ClusterSummary, count
 from bench.cluster.turns import host_name
 from bench.store.database import Store
-from bench.store.transfer import export, last_run, merge
+from bench.store.transfer import export, last_run
 from model.core.errors import BackendUnavailable, InputError
 
 DEATHS = 3  # after which a group, or a slot, is given up
@@ -51,6 +50,7 @@ class Sweep:
         self.store, self.folder, self.pool, self.order = store, folder, pool, order
         self.summary, self._before = ClusterSummary("", name=name), last_run(store)
         self.slots = [Slot(number) for number in range(pool.slots)]
+        self.intake = Intake(store, folder)
         self.statuses: dict[str, Status] = {}
         self.done: set[str] = set()
         self.deaths: dict[str, int] = {}
@@ -83,7 +83,7 @@ class Sweep:
         """One look at all workers; whether to go on."""
         self._beats += 1
         self.folder.live(self._beats)
-        self._take_outs()
+        self.intake.take_outs()
         for slot in self.slots:
             if slot.job is not None:
                 self._look_at(slot)
@@ -146,9 +146,9 @@ class Sweep:
             self.refused = status
             slot.given_up, slot.job = status.reason, None
             self.summary.given_up.append(f"worker {slot.name} on host {status.host}: {status.reason}")
-            self._merge(self.folder.store_of(slot.name))
+            self.intake.take(self.folder.store_of(slot.name))
         elif status.ended == DONE:
-            self._merge(self.folder.store_of(slot.name))
+            self.intake.take(self.folder.store_of(slot.name))
             slot.job = None
             if self._orphaned() and not status.done:  # else workers that find nothing would be started for ever
                 self._count_death(
@@ -159,7 +159,7 @@ class Sweep:
 
     def _lost(self, slot: Slot, why: str, status: Status | None) -> None:
         """Take over what a worker left, free its groups, and start another in its place."""
-        self._merge(self.folder.store_of(slot.name))
+        self.intake.take(self.folder.store_of(slot.name))
         mine = [claim for claim, name in self.folder.claims().items() if name == slot.name and claim not in self.done]
         at = f" at {status.doing}" if status and mine else ""
         self.summary.losses.append(f"worker {slot.name}{f' on host {status.host}' if status else ''}{at}: {why}")
@@ -198,24 +198,7 @@ class Sweep:
             slot.given_up, slot.job = str(error), None
             self.summary.given_up.append(f"worker {slot.name}: {error}")
 
-    # ------------------------------------------------------------------ what comes in
-
-    def _take_outs(self) -> None:
-        for file in self.folder.outs():
-            if self._merge(file):
-                file.unlink(missing_ok=True)
-
-    def _merge(self, file: Path) -> bool:
-        """Whether a worker's results are in the store now."""
-        if not file.exists():
-            return True
-        try:
-            merge(self.store, file)
-        except InputError as error:
-            if str(error) not in self.summary.kept:
-                self.summary.kept.append(str(error))
-            return False
-        return True
+    # ------------------------------------------------------------------ the end
 
     def _end(self) -> None:
         """Stop who still runs, take over what all left, and clear the folder away if that is all in the store."""
@@ -227,11 +210,11 @@ class Sweep:
             if slot.job is not None:
                 _kill(self.folder.status(slot.name))
                 slot.job.kill()
-        self._take_outs()
-        merged = [self._merge(file) for file in self.folder.stores()]
+        taken = self.intake.take_all()
         told = self.refused is not None or self.summary.interrupted or not any(slot.deaths for slot in self.slots)
-        if all(merged) and not self.folder.outs() and (told or not self._nobody_worked()):
-            shutil.rmtree(self.folder.path, ignore_errors=True)
+        if taken and (told or not self._nobody_worked()):
+            self.intake.clear()
+        self.summary.kept += self.intake.kept
 
     def _stop_workers(self) -> None:
         if not any(slot.job for slot in self.slots):

@@ -100,6 +100,7 @@ class Claims:
         self._after = 0  # the seed's last run
         self._handed = 0
         self._taken_over: set[str] = set()
+        self._words: dict[str, str] = {}  # of each claim, for a reader
         self._store: Store | None = None
 
     def open_store(self) -> Store:
@@ -117,6 +118,7 @@ class Claims:
         self._part += 1
         labels = store.query("SELECT label FROM machine WHERE key = ?", (machine,))
         self.status.machine, self.status.label = machine, str(labels[0][0])
+        self._words |= {self._claim(name): words for name, (_, words) in groups.items()}
         self.folder.write_plan(machine, self._part, {self._claim(name): what for name, what in groups.items()})
         self.life.tell()
 
@@ -134,7 +136,7 @@ class Claims:
             yield False
             return
         self.status.holding.append(claim)
-        self.life.tell("measuring")
+        self.life.tell(self._words.get(claim, name))
         self._take_over()
         yield True
         self._hand_out()

@@ -3,14 +3,17 @@
 A pool of water a rest distance of 1 cm apart, at rest between walls and 20 particles deep, a thousand to ten million of them;
 a frame is a step of 1/60 s in two substeps of three iterations, each with its own search. Beside whole frames every stage is
 timed by itself (app/plan/measure.py): what sorting, listing, densities and corrections each take, of a particle, against what
-memory and arithmetic allow. On a GPU the frame's kernel fuses the first density with the lists, and the last correction with
-the velocities, so that it takes less than the sum.
+memory and arithmetic allow. A cup that pours is timed, too, and where its water is every half second. On a GPU the frame's
+kernel fuses the first density with the lists, and the last correction with the velocities, so that it takes less than the
+sum. The scheme `divergence-free` is timed in turn with `macklin`; it has two solves a substep, and an iteration of either
+counts.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 from rich.console import Console
 
@@ -21,14 +24,20 @@ from bench.measure.costs_timing import Measures
 from bench.store.database import Store
 from bench.store.results import Measure, measures
 from bench.store.tables import columns, print_table
+from bench.stress.vessels import basin_area, in_basin, pouring
 from model.fluid.plan import fluid_plan, neighbours_at_rest
-from model.scene.scene import Scene
+from model.scene.scene import Scene, load_scene
 
 STAGE = "fluids"  # of the samples in the store
 STEP = "fluid_step"  # s: the median of a frame
-RATE = "fluid_particle_iterations_per_second"  # particles x substeps x iterations, 1/s
+RATE = "fluid_particle_iterations_per_second"  # particles x substeps x iterations (of two solves both), 1/s
 KERNEL = "fluid_kernel"  # its name is the reason
+SCHEMES = ("macklin", "divergence-free")
 PHASES = ("predict", "sort into cells", "find neighbours", "density", "correct", "update velocity", "limit velocities")
+FREE_PHASES = (
+    "gather", "sort into cells", "find neighbours", "density and divergence", "relax", "push apart", "take up", "accelerate",
+    "foresee density", "move",
+)  # fmt: skip  # of divergence-free
 POOLS = {
     1000: (10, 10, 10),
     8000: (20, 20, 20),
@@ -37,6 +46,8 @@ POOLS = {
 }  # particles along x, y, z
 LARGE = {10025280: (708, 20, 708)}  # on a GPU
 QUICK = (1000, 8000)
+POUR = "pour"  # the scene of a cup that pours
+IN_CUP, IN_BASIN, LEVEL = "fluid_share_in_the_cup_at", "fluid_share_in_the_basin_at", "fluid_level_over_the_volumes"
 DISTANCE = 0.01  # m
 FRAME = 1 / 60  # s
 SUBSTEPS, ITERATIONS = 2, 3
@@ -44,7 +55,7 @@ SCALAR, INDEX, QUAD = 4, 4, 16  # bytes in float32
 HALF_H200, STREAM_H200 = 31e12, 4.0e12  # 1/s: half of its peak in float32; bytes a second
 
 
-def pool(count: int) -> Scene:
+def pool(count: int, scheme: str = SCHEMES[0]) -> Scene:
     """So many particles of POOLS or LARGE."""
     nx, ny, nz = (POOLS | LARGE)[count]
     size = [DISTANCE * n for n in (nx, ny, nz)]
@@ -56,7 +67,7 @@ def pool(count: int) -> Scene:
         for name, (point, normal) in ends.items()
     }
     water = {"kind": "fluid", "size": size, "rest_distance": DISTANCE}
-    method = {"solver": "pbf", "dt": FRAME, "substeps": SUBSTEPS, "iterations": ITERATIONS}
+    method = {"solver": "pbf", "scheme": scheme, "dt": FRAME, "substeps": SUBSTEPS, "iterations": ITERATIONS}
     return Scene({"water": water, "gravity": {}, **walls, "method": method}, f"a pool of {count} particles")
 
 
@@ -67,7 +78,8 @@ def count_of(scene: Scene) -> int:
 
 def particle_iterations(scene: Scene) -> int:
     """Of a frame."""
-    return count_of(scene) * scene.method.substeps * scene.method.iterations
+    solves = 2 if scene.method.scheme == "divergence-free" else 1
+    return count_of(scene) * scene.method.substeps * scene.method.iterations * solves
 
 
 def moved_bytes(phase: str, met: float) -> float:
@@ -81,6 +93,14 @@ def moved_bytes(phase: str, met: float) -> float:
         "correct": 3 * QUAD + INDEX + 3 * SCALAR + met * INDEX,
         "update velocity": 5 * QUAD,
         "limit velocities": 3 * QUAD,
+        "gather": QUAD,
+        "density and divergence": 2 * QUAD + INDEX + 3 * SCALAR + 2 * SCALAR + met * INDEX,
+        "relax": 2 * QUAD + INDEX + 3 * SCALAR + 7 * SCALAR + met * INDEX,
+        "push apart": 4 * QUAD + INDEX + 3 * SCALAR + met * INDEX,
+        "take up": 4 * QUAD,
+        "accelerate": 3 * QUAD + INDEX,
+        "foresee density": 2 * QUAD + INDEX + 3 * SCALAR + 2 * SCALAR + met * INDEX,
+        "move": 5 * QUAD + 3 * SCALAR,
     }[phase]
 
 
@@ -90,11 +110,15 @@ def operations(scene: Scene, phase: str) -> int:
 
 
 def groups(backends: Sequence[str], quick: bool, precisions: Sequence[str]) -> list[list[Case]]:
-    """What is timed in turn: the precisions of a pool on a backend. `quick`: the two smallest."""
+    """What is timed in turn: schemes and precisions of a pool on a backend, and of a cup that pours. `quick`: two small
+    pools alone."""
     found = []
     for backend in backends:
         for count in QUICK if quick else (*POOLS, *(LARGE if backend == "gpu" else ())):
-            found.append([make_case(pool(count), backend, p, f"{count} particles") for p in precisions])
+            ways = [(scheme, precision) for scheme in SCHEMES for precision in precisions]
+            found.append([make_case(pool(count, one), backend, p, f"{count} particles, {one}") for one, p in ways])
+        if not quick:
+            found.append([make_case(load_scene(POUR), backend, p, "a cup that pours") for p in precisions])
     return found
 
 
@@ -103,9 +127,25 @@ def phase_name(phase: str) -> str:
     return f"fluid_stage_{phase.replace(' ', '_')}"
 
 
+def poured(case: Case) -> Measures:
+    """Of a cup that pours: the shares of its water in it and in the basin against time, and how high the water stands in the
+    end over what its volume and the basin's area give."""
+    found: dict[str, Any] = {}
+    scene, left = case.scene, case.scene.parts["left"]
+    for time, cup, basin, places in pouring(scene, backend=case.backend, precision=case.precision):
+        position = places
+        at = f"{time:.1f}_s"
+        found |= {f"{IN_CUP}_{at}": (cup, "", "in the cup"), f"{IN_BASIN}_{at}": (basin, "", "in the basin")}
+    lying = position[in_basin(scene, position)]
+    level = len(lying) * scene.fluid_set.lattice.volume / basin_area(scene, left.thickness)  # type: ignore[attr-defined]
+    return found | {LEVEL: (2 * float(lying[:, 1].mean()) / level, "", "twice the mean height")}
+
+
 def phase_times(case: Case) -> Measures:
-    """The time [s] of each stage of a substep with one iteration."""
-    scene = case.scene.replace({"method.dt": FRAME / SUBSTEPS, "method.substeps": 1, "method.iterations": 1})
+    """The time [s] of each stage of a substep; of one that it has several times that of the last, since a solve's first
+    iteration may find less to do."""
+    iterations = 2 if case.scene.method.scheme == "divergence-free" else 1
+    scene = case.scene.replace({"method.dt": FRAME / SUBSTEPS, "method.substeps": 1, "method.iterations": iterations})
     times = measure_stages(scene, case.backend, case.precision)
     stages = fluid_plan(scene).root.stages()
     return {phase_name(s.name): (taken, "s", "alone") for s, taken in zip(stages, times.seconds, strict=False)}
@@ -117,7 +157,8 @@ class FluidRates(Rates):
 
     def _time(self, store: Store, summary: Summary, group: Sequence[Case], repeats: int) -> None:
         for case in group:
-            experiment.keep(store, summary.run, case.description, case.sources, phase_times(case))
+            found = poured(case) if case.scene.all_of("mesh_collider") else phase_times(case)
+            experiment.keep(store, summary.run, case.description, case.sources, found)
         super()._time(store, summary, group, repeats)
 
 
@@ -129,24 +170,31 @@ RATES = run_fluids = FluidRates("fluids", STAGE, STEP, RATE, KERNEL, particle_it
 
 @dataclass(frozen=True)
 class FluidPoint(RatePoint):
-    """One pool. `phases` [s]: stages alone, by name."""
+    """One pool, or a cup that pours. `phases` [s]: stages alone, by name; `shares`: what is told of the cup, by name."""
 
     particles: int
+    scheme: str
     phases: dict[str, float]
+    shares: dict[str, float]
 
 
 def points(held: Iterable[Measure]) -> list[FluidPoint]:
     """What the measures tell of the cases, smallest first."""
     kept = list(held)
     alone: dict[str, dict[str, float]] = {}
+    shares: dict[str, dict[str, float]] = {}
     for measure in kept:
-        for phase in PHASES:
+        for phase in dict.fromkeys((*PHASES, *FREE_PHASES)):
             if measure.name == phase_name(phase):
                 alone.setdefault(_key(measure), {})[phase] = measure.value or 0.0
+        if measure.name.startswith((IN_CUP, IN_BASIN, LEVEL)):
+            shares.setdefault(_key(measure), {})[measure.name] = measure.value or 0.0
     found = []
     for told, scene, point in RATES.told(kept):
-        found.append(FluidPoint(**vars(point), particles=count_of(scene), phases=alone.get(_key(told[RATE]), {})))
-    return sorted(found, key=lambda p: (p.backend, p.precision, p.particles))
+        key = _key(told[RATE])
+        about: dict[str, Any] = {"particles": count_of(scene), "scheme": scene.method.scheme}
+        found.append(FluidPoint(**vars(point), **about, phases=alone.get(key, {}), shares=shares.get(key, {})))
+    return sorted(found, key=lambda p: (p.backend, p.precision, p.scheme != SCHEMES[0], p.particles))
 
 
 def _key(measure: Measure) -> str:
@@ -154,27 +202,46 @@ def _key(measure: Measure) -> str:
 
 
 def print_fluids(console: Console, store: Store, machine: str) -> None:
-    """Two tables of what was timed on a machine: frames, and stages alone."""
+    """Tables of what was timed on a machine: frames, and stages alone; and of a cup that poured."""
     held = points(measures(store, machine=machine))
     rows = [
-        (str(p.particles), f"{p.backend}, {p.kernel}", p.precision, f"{1e3 * p.step:.4g}", f"{p.rate / 1e6:.4g}")
+        (
+            str(p.particles), p.scheme, f"{p.backend}, {p.kernel}", p.precision, f"{1e3 * p.step:.4g}",
+            f"{p.rate / 1e6:.4g}",
+        )
         for p in held
-    ]
-    heads = columns(("particles", "kernel", "precision"), ("frame, ms", "million / s"))
-    print_table(console, heads, rows, "million / s: particles times substeps times iterations, searches included")
+    ]  # fmt: skip
+    heads = columns(("particles", "scheme", "kernel", "precision"), ("frame, ms", "million / s"))
+    told = "million / s: particles times substeps times iterations (of divergence-free both solves'), searches included"
+    print_table(console, heads, rows, told)
     stages: list[tuple[str, ...]] = []
     for p in held:
-        scene = pool(p.particles)
+        scene = pool(p.particles, p.scheme)
         met = neighbours_at_rest(scene)
         for phase, taken in p.phases.items():
             moved, done = moved_bytes(phase, met) * p.particles, operations(scene, phase) * p.particles
             least = max(moved / STREAM_H200, done / HALF_H200)
             stages.append((
-                str(p.particles), p.backend, phase, f"{1e6 * taken:.4g}", f"{1e9 * taken / p.particles:.3g}",
+                str(p.particles), p.scheme, p.backend, phase, f"{1e6 * taken:.4g}", f"{1e9 * taken / p.particles:.3g}",
                 f"{moved / taken / 1e9:.3g}", f"{done / taken / 1e9:.3g}", f"{1e6 * least:.3g}",
             ))  # fmt: skip
-    heads = columns(
-        ("particles", "backend", "stage alone"), ("us", "ns a particle", "GB / s", "Gflop / s", "least on an H200, us")
-    )
+    numbers = "us", "ns a particle", "GB / s", "Gflop / s", "least on an H200, us"
+    heads = columns(("particles", "scheme", "backend", "stage alone"), numbers)
     limits = "least: by 4.0 TB/s measured of memory or 31 TFLOP/s, half of its arithmetic, neighbours' positions cached"
     print_table(console, heads, stages, limits)
+    _print_poured(console, held)
+
+
+def _print_poured(console: Console, held: Sequence[FluidPoint]) -> None:
+    rows: list[tuple[str, ...]] = []
+    for p in held:
+        for name, value in p.shares.items():
+            if name.startswith(IN_BASIN):
+                at = name.removeprefix(f"{IN_BASIN}_").removesuffix("_s")
+                cup = p.shares[f"{IN_CUP}_{at}_s"]
+                rows.append((p.backend, p.precision, at, f"{cup:.4f}", f"{value:.4f}", f"{1 - cup - value:.4f}"))
+        if p.shares:
+            rows.append((p.backend, p.precision, "level over the volume's", "", f"{p.shares[LEVEL]:.4f}", ""))
+    if rows:
+        heads = columns(("a cup that pours", "precision", "s"), ("in the cup", "in the basin", "elsewhere"))
+        print_table(console, heads, rows, "shares of its particles: elsewhere is what falls, or left over a rim")

@@ -12,8 +12,9 @@ from itertools import product
 
 import numpy as np
 
-from bench.reference import fluid_walls
+from bench.reference import fluid_world
 from bench.reference.fluid_divergence import DivergenceFree
+from bench.reference.fluid_world import Flow
 from model.fluid.measure import differences
 from model.scene.scene import Scene
 
@@ -65,25 +66,31 @@ class _World:
         self.scene, self.kernels, self.axes = scene, _Kernels(scene), scene.dimensions
         self.h = scene.method.dt / scene.method.substeps
         self.fine = scene.replace({"method.dt": self.h, "method.substeps": 1})
-        found = scene.fluid_set
-        self.weight = np.array(found.lightness)[found.fluid]
+        self.flow = Flow(scene, self.h)
+        self.choose(np.arange(scene.fluid_set.particle_count))
+
+    def choose(self, number: np.ndarray) -> None:
+        """Whom arrays are of from now on: the particles of these numbers."""
+        found = self.scene.fluid_set
+        self.fluid = found.fluid[number]
+        self.weight = np.array(found.lightness)[self.fluid]
 
     def of(self, field: str) -> np.ndarray:
         """A field of each particle's fluid; what is not given is infinite."""
         values = [getattr(part, field) for part in self.scene.fluids.values()]
-        return np.array([np.inf if value is None else value for value in values], float)[self.scene.fluid_set.fluid]
+        return np.array([np.inf if value is None else value for value in values], float)[self.fluid]
 
     def walls(self, p: np.ndarray, time: float) -> tuple[np.ndarray, np.ndarray]:
         total, gradient = np.zeros(len(p)), np.zeros_like(p)
         for kind, collider in self.scene.colliders:
-            distance, normal = fluid_walls.distances(kind, collider, p, time)
+            distance, normal = fluid_world.distances(kind, collider, p, time)
             share, slope = self.kernels.wall_at(distance - collider.thickness)
             gradient = gradient * (1 - share)[:, None] + (slope * (1 - total))[:, None] * normal
             total = total + share - total * share
         return total, gradient
 
     def collide(self, number: int, before: np.ndarray, p: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        return fluid_walls.collide(self.fine, before, p, v, number)
+        return fluid_world.collide(self.fine, before, p, v, number)
 
 
 class _Pairs:
@@ -203,8 +210,10 @@ def _smooth(world: _World, p: np.ndarray, v: np.ndarray, pairs: _Pairs) -> np.nd
     return new
 
 
-def substep(world: _World, number: int, x: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, ...]:
-    """(position, velocity, constraints, multipliers) after the substep of that number, all in three coordinates."""
+def substep(world: _World, number: int, x: np.ndarray, v: np.ndarray, who: np.ndarray) -> tuple[np.ndarray, ...]:
+    """(numbers of those that are left, position, velocity, constraints, multipliers) after the substep of that number, all in
+    three coordinates; `who`: their numbers."""
+    world.choose(who)
     scene, h = world.scene, world.h
     gravity = scene.gravity.acceleration if scene.gravity and scene.gravity.enabled else 0.0
     fastest = np.minimum(world.of("maximum_speed"), world.kernels.h / 2 / h)
@@ -229,10 +238,15 @@ def substep(world: _World, number: int, x: np.ndarray, v: np.ndarray) -> tuple[n
         v, multiplier = solver.substep(v, lambda u, c: accelerated(braked(_smooth(world, x, u, pairs), c)))
         v = limited(v)
         p, v = world.collide(number, x, x + h * v, v)
+        v = limited(v)
         pairs.at(p, _places(world, p))
-        return p, v, solver.c, _carried(pairs, multiplier)
+        return who, p, v, solver.c, _carried(pairs, multiplier)
     u = accelerated(v)
     p, x = _wrapped(world, x + h * u, x)
+    left = ~world.flow.ended(p)
+    who, x, p, u = who[left], x[left], p[left], u[left]
+    world.choose(who)
+    fastest = np.minimum(world.of("maximum_speed"), world.kernels.h / 2 / h)
     pairs = _Pairs(world, p)
     p, c, multiplier = _solve(world, number, x, p, pairs)
     v = (p - x) / h
@@ -240,7 +254,7 @@ def substep(world: _World, number: int, x: np.ndarray, v: np.ndarray) -> tuple[n
     far = np.linalg.norm(v - u, axis=1)
     v = u + (v - u) * np.where(far > change, change / np.where(far > 0, far, 1), 1)[:, None]
     p, v = world.collide(number, x, p, v)
-    return p, limited(braked(_smooth(world, p, v, pairs), c)), c, multiplier
+    return who, p, limited(braked(_smooth(world, p, v, pairs), c)), c, multiplier
 
 
 def _wrapped(world: _World, p: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -262,9 +276,14 @@ def run(
     steps."""
     world, axes = _World(scene), scene.dimensions
     p, v = (np.pad(np.array(array, np.float64), ((0, 0), (0, 3 - axes))) for array in (position, velocity))
-    c = multiplier = np.zeros(len(p))
+    c, multiplier = np.zeros((2, len(p)))
     for number in range(first_step * scene.method.substeps, (first_step + steps) * scene.method.substeps):
-        p, v, c, multiplier = substep(world, number, p, v)
+        world.flow.emit(number, p, v)
+        there = np.flatnonzero(scene.fluid_set.there(p))
+        left, *found = substep(world, number, p[there], v[there], there)
+        Flow.park(p, v, np.setdiff1d(there, left))
+        c, multiplier = np.zeros((2, len(p)))
+        p[left], v[left], c[left], multiplier[left] = found
     pressure = -multiplier * next(iter(scene.fluids.values())).density / world.h**2
     return p[:, :axes], v[:, :axes], c, pressure
 

@@ -205,6 +205,8 @@ def make_take_up(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simple
             x, y, z = drifted(bx, u, h), drifted(by, v, h), drifted(bz, w, h)
             if has_bodies:
                 x, y, z, u, v, w = touch(bodies, kinds, number, parameters, bx, by, bz, x, y, z, u, v, w)
+                speed = speed_of(u, v, w)
+                u, v, w = slowed(u, speed, fastest), slowed(v, speed, fastest), slowed(w, speed, fastest)
             position[i], position[room + i], position[2 * room + i] = x, y, z
             velocity[i], velocity[room + i], velocity[2 * room + i] = u, v, w
             multiplier[i] = multiplier[i] + second[i]

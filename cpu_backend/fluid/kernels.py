@@ -10,6 +10,7 @@ import numpy as np
 
 from cpu_backend.core.compile import Compiler
 from cpu_backend.core.progress import shares
+from cpu_backend.fluid.flow import make_flow, make_flowing
 from cpu_backend.fluid.phases import make_constraint, make_order
 from cpu_backend.fluid.velocities import make_velocities
 from model.fluid.plan import SHAPES
@@ -19,7 +20,8 @@ def _phases(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNames
     order = make_order(compiler, real, parts)
     constraint = make_constraint(compiler, real, parts, order.cells_in)
     velocities = make_velocities(compiler, real, parts, constraint.sides_of)
-    return SimpleNamespace(**vars(order), **vars(constraint), **vars(velocities))
+    flow = make_flow(compiler, real, parts)
+    return SimpleNamespace(**vars(order), **vars(constraint), **vars(velocities), **vars(flow))
 
 
 def fluid_compiler(name: str, real: Any, math: str, parts: frozenset[str]) -> Compiler:
@@ -29,27 +31,44 @@ def fluid_compiler(name: str, real: Any, math: str, parts: frozenset[str]) -> Co
 
 @cache
 def make_advance(real: Any, math: str, parts: frozenset[str]) -> Any:
-    """advance(bands, steps, step, substeps, iterations, world, parameters, fluids, integers, bodies, kinds): many steps
-    in one call."""
+    """advance(bands, steps, step, substeps, iterations, everyone, parameters, fluids, integers, bodies, kinds, flow): many
+    steps in one call. `everyone`: the world with all particles; `flow`: of cpu_backend/fluid/flow.py, where there is any."""
     compiler = fluid_compiler("fluid", real, math, parts)
     phases = _phases(compiler, real, parts)
     predict, enter, tally, put, find = phases.predict, phases.enter, phases.tally, phases.put, phases.find
     constrain, correct, update, finish = phases.constrain, phases.correct, phases.update, phases.finish
     shape, has_shape = phases.shape, bool(parts & SHAPES)
+    emit, drain, rest, there_of, cells_in = phases.emit, phases.drain, phases.rest, phases.there_of, phases.cells_in
+    emits, drains = "emitter" in parts, "sink" in parts
 
     def advance(
-        team, member, bands, steps, step, substeps, iterations, world, parameters, fluids, integers, bodies, kinds
+        team, member, bands, steps, step, substeps, iterations, everyone, parameters, fluids, integers, bodies, kinds, flow
     ):  # fmt: skip
+        world = everyone
         for turn in range(steps * substeps):
             number, frame = step * substeps + turn, step + turn // substeps
+            if emits:
+                for part in shares(team, member, bands):
+                    if part == 0:
+                        emit(number, world, parameters, flow)
+            if emits or drains:
+                world = there_of(everyone, flow)
             for part in shares(team, member, bands):
                 predict(part, bands, frame, world, parameters, fluids, integers)
             for part in shares(team, member, bands):
                 enter(part, bands, world, parameters)
+            if drains:
+                for part in shares(team, member, bands):
+                    drain(part, bands, world, flow)
             for part in shares(team, member, bands):
                 tally(part, bands, world, parameters)
             for part in shares(team, member, bands):
                 put(part, bands, world, parameters)
+            if drains:
+                for part in shares(team, member, bands):
+                    if part == 0:
+                        rest(world, cells_in(bands, world, parameters)[2], flow)
+                world = there_of(everyone, flow)
             for part in shares(team, member, bands):
                 find(part, bands, number, world, parameters, fluids, bodies, kinds)
             place, there = world[3][1], world[4][0]
@@ -72,11 +91,14 @@ def make_advance(real: Any, math: str, parts: frozenset[str]) -> Any:
 
 @cache
 def make_stages(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
-    """The phases by themselves, each a parallel loop (bands, ...); `sort`: three of them, by a team."""
+    """The phases by themselves, each a parallel loop (bands, ...); `sort`: three of them, by a team; where particles come and
+    go, by `make_flowing` of cpu_backend/fluid/flow.py."""
     compiler = fluid_compiler("fluid_stages", real, math, parts)
     phases = _phases(compiler, real, parts)
     names = ("predict", "find", "constrain", "correct", "update", "shape", "finish")
     loops = {name: compiler.banded(getattr(phases, name)) for name in names}
+    if parts & {"emitter", "sink"}:
+        return SimpleNamespace(**make_flowing(compiler, phases, "sink" in parts), **loops)
     return SimpleNamespace(sort=make_sort(compiler, phases), **loops)
 
 

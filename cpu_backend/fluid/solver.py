@@ -22,6 +22,8 @@ from cpu_backend.fluid.phases import SCRATCH
 from model.core.own_forces import POKED
 from model.core.plan import Executor, Moment, StageRun
 from model.core.simulation import Options
+from model.fluid.flow import emitter_rows, fluid_starts, nozzle_points, sink_rows
+from model.fluid.fluid_set import PARKED
 from model.fluid.parameters import MAX_NEIGHBOURS, fluid_rows, most_cells
 from model.fluid.plan import SHAPES, fluid_plan
 from model.fluid.samples import Samples
@@ -91,14 +93,34 @@ class Fluid(ParticlesSimulation):
         near, who = aligned_zeros(4 * AROUND * bands, real), np.zeros(AROUND * bands, np.int32)
         scratch = aligned_zeros(SCRATCH * LANES * bands, real), near, who, np.zeros(RUNS * bands, np.int64)
         self._world = (count, room, nobody), self._state, unsorted, in_order, work, table, lists, scratch
-        self._kept = tuple(array.copy() for array in self._state)
+        self._flow = self._make_flow()
+        self._kept = tuple(array.copy() for array in self._now)
+
+    def _make_flow(self) -> tuple[np.ndarray, ...]:
+        """See cpu_backend/fluid/flow.py; nothing where nothing comes and goes."""
+        if not self._flows:
+            return ()
+        scene, real = self.scene, self.real
+        emitters, points = emitter_rows(scene, self._taps, real).reshape(-1), nozzle_points(scene, real).reshape(-1)
+        counts = np.zeros(1, np.int64), np.zeros(1, np.int64), fluid_starts(scene), np.zeros(self._particles, np.int8)
+        return *counts, emitters, points, sink_rows(scene, real).reshape(-1)
+
+    @property
+    def _now(self) -> tuple[np.ndarray, ...]:
+        """What a substep goes on from: the state, and who is there."""
+        return (*self._state, self._flow[0], self._flow[3]) if self._flow else self._state
+
+    @property
+    def there(self) -> int:
+        """How many particles are there, the first ones of the state's arrays."""
+        return int(self._flow[0][0]) if self._flow else self._particles
 
     def _advance(self, step: int, steps: int) -> None:
         method = self.scene.method
-        make = make_advance_freely if self._is_free else make_advance
+        make, flow = (make_advance_freely, ()) if self._is_free else (make_advance, (self._flow,))
         make(self.real, self.options.math, self.plan.parts)(
             self._bands, steps, step, method.substeps, method.iterations, self._world, self.parameters, self._fluids,
-            self.integers, self.bodies, self.kinds,
+            self.integers, self.bodies, self.kinds, *flow,
         )  # fmt: skip
 
     def _stages(self) -> dict[str, StageRun]:
@@ -115,8 +137,9 @@ class Fluid(ParticlesSimulation):
                 here = moment.iteration % 2
                 known = {
                     "step": moment.step, "number": moment.number, "here": buffers[here], "there": buffers[1 - here],
-                    "last": last, "world": world, "parameters": self.parameters, "fluids": self._fluids,
-                    "integers": self.integers, "bodies": self.bodies, "kinds": self.kinds,
+                    "last": last, "world": ((self.there, *world[0][1:]), *world[1:]), "flow": self._flow, "parameters":
+                    self.parameters, "fluids": self._fluids, "integers": self.integers, "bodies": self.bodies, "kinds":
+                    self.kinds,
                 }  # fmt: skip
                 kernel(bands, *(known[name] for name in names))
 
@@ -125,13 +148,15 @@ class Fluid(ParticlesSimulation):
         touched = "bodies", "kinds"
         found = {
             "predict": run(stage.predict, "step", "world", "parameters", "fluids", "integers"),
-            "sort into cells": run(stage.sort, "world", "parameters"),
+            "sort into cells": run(stage.sort, "world", "parameters", *(("flow",) if self._flow else ())),
             "find neighbours": run(stage.find, "number", "world", "parameters", "fluids", *touched),
             "density": run(stage.constrain, "number", "here", "world", "parameters", *touched),
             "correct": run(stage.correct, "number", "here", "there", "world", "parameters", "fluids", *touched),
             "update velocity": run(stage.update, "number", "last", "world", "parameters", "fluids", *touched),
             "limit velocities": run(stage.finish, "last", "world", "parameters", "fluids"),
         }
+        if "emitter" in self.plan.parts:
+            found["emit"] = run(stage.emit, "number", "world", "parameters", "flow")
         if self.plan.parts & SHAPES:
             found["normals and vorticity"] = run(stage.shape, "last", "world", "parameters")
         return found
@@ -144,9 +169,9 @@ class Fluid(ParticlesSimulation):
         return int(self._missed.sum())
 
     def _by_number(self, array: np.ndarray) -> np.ndarray:
-        """(particles,): one value each of `array`, whose particles lie as after the last substep."""
-        found = np.empty(self._particles, array.dtype)
-        found[self._state[2][: self._particles]] = array[: self._particles]
+        """(particles,): one value each of `array`, whose particles lie as after the last substep; 0 of those that wait."""
+        found = np.zeros(self._particles, array.dtype)
+        found[self._state[2][: self.there]] = array[: self.there]
         return found
 
     def _multipliers(self) -> np.ndarray:
@@ -156,33 +181,43 @@ class Fluid(ParticlesSimulation):
     # ------------------------------------------------------------------ the contract
 
     def _keep(self) -> None:
-        for kept, array in zip(self._kept, self._state, strict=True):
+        for kept, array in zip(self._kept, self._now, strict=True):
             kept[:] = array
 
     def _restore(self) -> None:
-        for kept, array in zip(self._kept, self._state, strict=True):
+        for kept, array in zip(self._kept, self._now, strict=True):
             array[:] = kept
 
     def _places(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, int]:
-        slots = self._by_number(np.arange(self._particles))
+        slots = np.full(self._particles, self._world[0][2])  # nobody's, in which there are zeros
+        slots[self._state[2][: self.there]] = np.arange(self.there)
         return self._state[0], self._state[1], slots, self._room
 
     def _parameters_changed(self) -> None:
         self.integers[POKED] = self._poke_particle + 1
         self._fluids[:] = fluid_rows(self.scene, self.real, self.samples is not None).reshape(-1)
+        if self._flow:
+            self._flow[4][:] = emitter_rows(self.scene, self._taps, self.real).reshape(-1)
 
     def _download(self) -> tuple[np.ndarray, np.ndarray]:
-        axes, room, count = self.scene.dimensions, self._room, self._particles
+        axes, room, count = self.scene.dimensions, self._room, self.there
         number, found = self._state[2][:count], []
-        for array in self._state[:2]:
-            values = np.empty((count, axes), self.real)
+        for array, waiting in zip(self._state[:2], (PARKED, 0.0), strict=True):
+            values = np.full((self._particles, axes), waiting, self.real)
             values[number] = array[: axes * room].reshape(axes, room)[:, :count].T
             found.append(values)
         return found[0], found[1]
 
     def _upload(self, position: np.ndarray, velocity: np.ndarray) -> None:
-        axes, room, count = self.scene.dimensions, self._room, self._particles
+        axes, room, found = self.scene.dimensions, self._room, self.scene.fluid_set
+        number = np.flatnonzero(found.there(position))
         for array, values in zip(self._state[:2], (position, velocity), strict=True):
-            array[: axes * room].reshape(axes, room)[:, :count] = values.T
-        self._state[2][:count] = np.arange(count)
-        self._state[3][:count] = self.scene.fluid_set.fluid
+            array[: axes * room].reshape(axes, room)[:, : len(number)] = values[number].T
+        self._state[2][: len(number)], self._state[3][: len(number)] = number, found.fluid[number]
+        if self._flow:
+            self._flow[0][0], self._flow[3][:] = len(number), found.there(position)
+
+    @property
+    def not_emitted(self) -> int:
+        """Particles that were due at a nozzle while none waited, since the simulation was opened."""
+        return int(self._flow[1][0]) if self._flow else 0

@@ -18,7 +18,7 @@ COLLIDERS = frozenset(COLLIDER_KINDS)
 
 def knows_time(parts: frozenset[str]) -> bool:
     """Whether anything depends on the number of the step."""
-    return bool(own_changes(parts) or parts & {"gust", "motion"} or parts & COLLIDERS)
+    return bool(own_changes(parts) or parts & {"gust", "motion", "emitter"} or parts & COLLIDERS)
 
 
 def integers_of(scene: Scene) -> np.ndarray:

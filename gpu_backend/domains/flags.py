@@ -14,15 +14,18 @@ import numpy as np
 from numba import cuda
 
 from gpu_backend.core.device import simulated
-from gpu_backend.core.launch import CHUNKS, Graphs
+from gpu_backend.core.launch import Graphs
 from gpu_backend.domains.devices import at
-from gpu_backend.domains.kernels import BLOCKS, FLAG_STRIDE, THREADS, make_border_kernels
+from gpu_backend.domains.kernels import BLOCKS, FLAG_STRIDE, THREADS, make_border_kernels, make_moves
 from gpu_backend.domains.peers import PeerSimulation
 from model.core.errors import BackendUnavailable
+from model.core.options import Options
 from model.domains.decomposition import Border, Decomposition
 from model.domains.exchange import Exchange
+from model.scene.scene import Scene
 
 FROZEN = ("resident", "stages")  # kernels whose launches carry numbers that a graph would freeze
+CHUNKS = (16, 4, 2)  # cycles of a graph: even, so that buffers are back in place; more would save no time
 
 
 class FlagExchange(Exchange):
@@ -32,9 +35,12 @@ class FlagExchange(Exchange):
     def __init__(self, windows: Sequence[Any], decomposition: Decomposition, devices: Sequence[int]):
         self.windows, self.decomposition, self.devices = windows, decomposition, devices
         self.alone = len(set(devices)) == len(windows)
-        self._kernels = make_border_kernels(windows[0].real)
+        real, axes = windows[0].real, windows[0].scene.dimensions
+        self._kernels = make_border_kernels(real, axes)
+        pair = np.complex64 if real is np.float32 else np.complex128
+        numbers = 4 * make_moves(axes).pairs  # of a mass in an inbox: both halves, position and velocity
         borders, places = decomposition.borders, range(len(windows))
-        self._inbox = {b: self._on(b.target, np.zeros(4 * self._count(b), windows[0]._pair)) for b in borders}
+        self._inbox = {b: self._on(b.target, np.zeros(numbers * self._count(b), pair)) for b in borders}
         self._flags = {b: self._on(b.target, np.zeros(BLOCKS * FLAG_STRIDE, np.int32)) for b in borders}
         self._out = [[b for b in borders if b.source == k] for k in places]
         self._in = [[b for b in borders if b.target == k] for k in places]
@@ -118,15 +124,23 @@ class FlagExchange(Exchange):
 
 
 class FlagSimulation(PeerSimulation):
-    """As PeerSimulation, with a FlagExchange, and cycles in graphs where each window has a GPU to itself."""
+    """As PeerSimulation, with a FlagExchange, and cycles in graphs where each window has a GPU to itself. `graphs`: also
+    where they share one, on which windows of kernels that do not fill it run beside one another (for tests)."""
 
     exchange: FlagExchange
     _cycles: Sequence[Graphs] = ()
 
+    def __init__(
+        self, scene: Scene, options: Options, count: int, steps: int | None = None, graphs: bool | None = None
+    ):
+        self._graphs_asked = graphs
+        super().__init__(scene, options, count, steps)
+
     def _connect(self) -> Exchange:
         exchange = FlagExchange(self.windows, self.decomposition, self.devices)
         frozen = any(window._counts or window.kernel in FROZEN for window in self.windows)
-        if exchange.alone and not simulated() and not frozen:
+        wanted = exchange.alone if self._graphs_asked is None else self._graphs_asked
+        if wanted and not simulated() and not frozen:
             self.exchange = exchange
             self._cycles = [self._graphs_of(place) for place in range(len(self.windows))]
         return exchange

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from gpu_backend.core.device import require_gpu
+from gpu_backend.core.quads import SIZE
 from gpu_backend.domains.devices import at, gpu_count, new_event, sharing
 from model.core.errors import BackendUnavailable, SceneError
 from model.core.families import family_of
@@ -60,9 +61,9 @@ class NcclExchange(Exchange):
         self._done = new_event()
 
     def _run_of(self, array: Any, row: int, border: Border) -> Any:
-        """The rows of a border in a complex array of masses, as real numbers, which NCCL knows."""
-        columns = self.decomposition.columns
-        return array[row * columns : (row + border.rows) * columns].view(self.window.real)
+        """The rows of a border as real numbers, which NCCL knows: of pairs in a plane, of quads in space."""
+        numbers = self.decomposition.columns * (2 if self.window.scene.dimensions == 2 else SIZE)
+        return array.view(self.window.real)[row * numbers : (row + border.rows) * numbers]
 
     def post(self) -> None:
         now = self.window._current

@@ -28,12 +28,12 @@ from model.scene.scene import Scene
 
 
 class PeerExchange(Exchange):
-    """See Exchange. `windows`: simulations of complex (masses,) arrays, window k on GPU `devices[k]`."""
+    """See Exchange. `windows`: simulations of a sheet, window k on GPU `devices[k]`."""
 
     def __init__(self, windows: Sequence[Any], decomposition: Decomposition, devices: Sequence[int]):
         self.windows, self.decomposition, self.devices = windows, decomposition, devices
         self._into = [[b for b in decomposition.borders if b.target == k] for k in range(len(windows))]
-        self._kernels = make_border_kernels(windows[0].real)
+        self._kernels = make_border_kernels(windows[0].real, windows[0].scene.dimensions)
         self._stepped = [self._event(k) for k in range(len(windows))]
         self._pulled = [self._event(k) for k in range(len(windows))]
 

@@ -28,7 +28,10 @@ class SolidPlaces(Protocol):
 
     before: Any
     position: Any
-    launches: int  # of `give`
+
+    @property
+    def launches(self) -> int:
+        """How many launches `give` is."""
 
     def take(self, fresh: bool) -> None:
         """Bring `position` up to date, with `fresh` also `before`."""
@@ -99,7 +102,7 @@ class FluidAmongSolids(Fluid):
         self.sampling.gather[self._flat](particle, np.int32(self._own), self._slots)
         self.solving.factors[self._flat](position, *self.known(particle), *self.relaxed, self.fluids, *world)
 
-    def follow(self, position: Any) -> None:
+    def follow_solids(self, position: Any) -> None:
         """Samples where solids are now."""
         self.places.take(fresh=False)
         self.sampling.follow[self._over_samples](self._slots, *self._points, self.places.position, position)
@@ -143,7 +146,7 @@ class FluidAmongSolids(Fluid):
     def iterate(self, iteration: int) -> None:
         """See SubstepSimulation."""
         particle = self.particle[self._current]
-        self.follow(self._here)
+        self.follow_solids(self._here)
         self.constrain(self._here, particle, self._moment)
         self.correct(self._here, particle, self._moment, self._there)
         self.push()
@@ -215,7 +218,7 @@ def bind_solid_stages(sim: FluidAmongSolids) -> dict[str, StageRun]:
     return found.stages | {
         "sample solids": lambda moment: sim.sample(now["given"]),
         "find neighbours": find,
-        "follow solids": lambda moment: sim.follow(now["position"]),
+        "follow solids": lambda moment: sim.follow_solids(now["position"]),
         "density": lambda moment: sim.constrain(now["position"], particle, world(moment)),
         "correct": correct,
         "push solids": lambda moment: sim.push(),

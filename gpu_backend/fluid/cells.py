@@ -40,27 +40,28 @@ class Cells:
     `found` (particles,) int32: how many neighbours each particle has; `table` (neighbours * particles,): the s-th of particle
     i in place s * particles + i, so that a warp's loads lie side by side.
 
-    `most`: cells at most. `repeats`: axes whose sides do.
+    `most`: cells at most. `repeats`: axes whose sides do. `flow`: of gpu_backend/fluid/flow.py, where particles come and go;
+    then `found` and numbers have one more at their end, how many are there.
     """
 
     launches = 7  # of a sort and a search, if something else looks for the box
 
-    def __init__(self, real: Any, particles: int, neighbours: int, most: int, repeats: frozenset[str], stream: Any):
+    def __init__(self, real: Any, particles: int, neighbours: int, most: int, repeats: frozenset[str], stream: Any,
+                 flow: Any = None):  # fmt: skip
         self._real, self._stream, self._most = real, stream, np.int32(most)
         self.limit = real(np.finfo(real).max)  # what is beyond, or no number, widens no grid
         self.blocks = min(MOST_BOXES, (particles + THREADS - 1) // THREADS)
         self.boxes = self._new(np.zeros(BOX * self.blocks, real))
         self.reals, self.numbers = self._new(np.zeros(REALS, real)), self._new(np.zeros(NUMBERS, np.int32))
-        self._keys, self._slots, self._filled, self.sorted_keys, self.found = (
-            self._integers(particles) for _ in range(5)
-        )
+        self._keys, self._slots, self._filled, self.sorted_keys = (self._integers(particles) for _ in range(4))
+        self._flow, self.found = flow, self._integers(particles + (flow is not None))
         self._chunks = (most + CHUNK - 1) // CHUNK
         self._counts, self._starts, self.begins = (self._integers(most + extra) for extra in (0, 0, 1))
         self._totals = self._integers(self._chunks)
         self.table = cuda.device_array(neighbours * particles, np.int32, stream=stream)
         self.beyond = self._new(np.zeros(1, np.int64))
         self._flat = (particles + THREADS - 1) // THREADS, THREADS, stream
-        self._sort = make_cell_sort(real, repeats)
+        self._sort = make_cell_sort(real, repeats, flow is not None)
 
     def _new(self, array: np.ndarray) -> Any:
         return cuda.to_device(array, stream=self._stream)
@@ -76,12 +77,19 @@ class Cells:
         """(position, before, velocity: quads; number: int32) of particles whose boxes are known, in the order of cells."""
         kernels, flat, stream = self._sort, self._flat, self._stream
         kernels.span[1, THREADS, stream](self.boxes, record, self._most, self.reals, self.numbers)
-        kernels.hash_particles[flat](given[0], self.reals, self.numbers, self._keys, self._slots, self._counts)
+        hashed = self._keys, self._slots, self._counts
+        if self._flow is None:
+            kernels.hash_particles[flat](given[0], self.reals, self.numbers, *hashed)
+        else:
+            ends = self._flow.sinks, self._flow.there
+            self._flow.kernels.take[flat](given[0], given[-1], self.reals, self.numbers, *ends, *hashed)
         kernels.chunks[self._chunks, THREADS, stream](self._counts, self.numbers, self._starts, self._totals)
         kernels.totals[1, THREADS, stream](self.numbers, self._totals)
         counted = self._keys, self._slots, given[-1], self._starts, self._totals, self.numbers, self._counts
         kernels.fill[flat](*counted, self.begins, self._filled)
         kernels.arrange[flat](self._keys, self.begins, self._filled, *given, *into, self.sorted_keys)
+        if self._flow is not None:
+            self._flow.kernels.rest[1, 1, stream](self.numbers, into[-1], self.found)
 
     @property
     def lost(self) -> int:

@@ -14,6 +14,7 @@ from gpu_backend.contact.colliders import make_collide
 from gpu_backend.core.compile import inlined, kernel_options, make_kernels, variant_name
 from gpu_backend.core.forces import make_own_force
 from gpu_backend.core.formulas import device_formulas
+from gpu_backend.core.integers import COLLIDERS
 from gpu_backend.core.quads import SIZE, load_quad, store_quad
 from gpu_backend.core.world import World
 from gpu_backend.fluid.sums import make_row
@@ -56,7 +57,7 @@ def make_free_motion(real: Any, math: str, parts: frozenset[str], repeats: froze
     turned_round, drifted, given, limited = m.turned_round, m.drifted, ends.given, ends.limited
     accelerated = _make_accelerated(real, math, parts)
     collide, clock, zero = make_collide(real, math, parts), make_clock(math, parts), real(0)
-    along_x, along_y, along_z = "x" in repeats, "y" in repeats, "z" in repeats
+    along_x, along_y, along_z, touches = "x" in repeats, "y" in repeats, "z" in repeats, bool(parts & COLLIDERS)
 
     def gather(position, record, into):
         k = np.int32(cuda.grid(1))
@@ -102,6 +103,8 @@ def make_free_motion(real: Any, math: str, parts: frozenset[str], repeats: froze
             x, y, z = drifted(b[0], vx, h), drifted(b[1], vy, h), drifted(b[2], vz, h)
             _, number = clock(counter, place, substeps, substep)
             x, y, z, vx, vy, vz = collide(b, x, y, z, vx, vy, vz, World(parameters, bodies, integers), number)
+            if touches:
+                vx, vy, vz = limited(vx, vy, vz, fluids[at + F_SPEED])
             multipliers[k] = multipliers[k] + seconds[k]
             store_quad(new_position, k, x, y, z, b[3])
             store_quad(new_velocity, k, vx, vy, vz, zero)

@@ -24,6 +24,7 @@ from gpu_backend.core.compile import inlined, kernel_options, make_kernels, vari
 from gpu_backend.core.formulas import device_formulas
 from gpu_backend.core.quads import SIZE, load_quad, store_quad
 from gpu_backend.core.world import World
+from gpu_backend.fluid.extent import make_extent
 from gpu_backend.fluid.lists import make_search
 from gpu_backend.fluid.sums import List, make_row, make_sums
 from gpu_backend.fluid.walls import make_walls
@@ -101,7 +102,7 @@ def make_density_kernels(
     sum_factor, sum_density = sums.sum_factor, sums.sum_density
     search = make_search(real, 2 if "flat" in parts else 3, neighbours, repeats, "solids" in parts)
     walls, clock = make_walls(*variant), make_clock(math, parts)
-    has_walls, zero, axes = "walls" in parts, real(0), np.int32(WALL)
+    has_walls, zero, axes, extent = "walls" in parts, real(0), np.int32(WALL), make_extent(parts)
 
     @inlined(math)
     def meet_walls(k, p, gradients, world, number):
@@ -114,8 +115,9 @@ def make_density_kernels(
         return wall
 
     def find(position, record, keys, numbers, begins, table, found, beyond):
-        k, particles = np.int32(cuda.grid(1)), np.int32(found.size)
-        if k < particles:
+        k = np.int32(cuda.grid(1))
+        particles, there = extent(found)
+        if k < there:
             p = load_quad(position, k)
             found[k] = search(k, p, position, record[0], keys[k], numbers, begins, table, particles, beyond)
 
@@ -123,8 +125,9 @@ def make_density_kernels(
         position, record, keys, numbers, begins, table, found, beyond, factors, multipliers, constraints, gradients, fluids,
         bodies, integers, counter, place, substeps, substep, into,
     ):  # fmt: skip
-        k, particles = np.int32(cuda.grid(1)), np.int32(found.size)
-        if k < particles:
+        k = np.int32(cuda.grid(1))
+        particles, there = extent(found)
+        if k < there:
             parameters, p = record[0], load_quad(position, k)
             count = search(k, p, position, parameters, keys[k], numbers, begins, table, particles, beyond)
             found[k] = count
@@ -141,8 +144,9 @@ def make_density_kernels(
         position, record, table, found, factors_, multipliers, constraints, gradients, fluids, bodies, integers, counter,
         place, substeps, substep,
     ):  # fmt: skip
-        k, particles = np.int32(cuda.grid(1)), np.int32(found.size)
-        if k < particles:
+        k = np.int32(cuda.grid(1))
+        particles, there = extent(found)
+        if k < there:
             parameters, p = record[0], load_quad(position, k)
             _, number = clock(counter, place, substeps, substep)
             wall = meet_walls(k, p, gradients, World(parameters, bodies, integers), number)
@@ -154,8 +158,9 @@ def make_density_kernels(
         position, record, table, found, factors, multipliers, constraints, gradients, bodies, integers, counter, place,
         substeps, substep,
     ):  # fmt: skip
-        k, particles = np.int32(cuda.grid(1)), np.int32(found.size)
-        if k < particles:
+        k = np.int32(cuda.grid(1))
+        particles, there = extent(found)
+        if k < there:
             parameters, p = record[0], load_quad(position, k)
             _, number = clock(counter, place, substeps, substep)
             wall = meet_walls(k, p, gradients, World(parameters, bodies, integers), number)
@@ -167,8 +172,9 @@ def make_density_kernels(
         before, position, record, table, found, gradients, fluids, bodies, integers, counter, place, substeps, substep,
         into,
     ):  # fmt: skip
-        k, particles = np.int32(cuda.grid(1)), np.int32(found.size)
-        if k < particles:
+        k = np.int32(cuda.grid(1))
+        particles, there = extent(found)
+        if k < there:
             p, b, near_by = load_quad(position, k), load_quad(before, k), List(table, found[k], particles)
             _, number = clock(counter, place, substeps, substep)
             world = World(record[0], bodies, integers)

@@ -21,6 +21,7 @@ from gpu_backend.core.forces import make_own_force
 from gpu_backend.core.formulas import device_formulas
 from gpu_backend.core.quads import SIZE, load_quad, store_quad
 from gpu_backend.core.world import World
+from gpu_backend.fluid.extent import make_extent
 from gpu_backend.fluid.kernels import make_move
 from gpu_backend.fluid.sort_kernels import make_box
 from gpu_backend.fluid.sums import List, make_row
@@ -80,7 +81,7 @@ def make_begin(real: Any, math: str, parts: frozenset[str], repeats: frozenset[s
     own, row = make_own_force(real, math, axes, parts), make_row(parts)
     has_gravity, solid, goes_round = "gravity" in parts, axes == 3, bool(repeats)
     along_x, along_y, along_z = "x" in repeats, "y" in repeats, "z" in repeats
-    zero, one, none = real(0), real(1), real(np.inf)
+    zero, one, none, extent = real(0), real(1), real(np.inf), make_extent(parts)
 
     def begin(
         position, velocity, particle, limit, record, fluids, integers, counter, place, substeps, substep, predicted, before,
@@ -89,7 +90,8 @@ def make_begin(real: Any, math: str, parts: frozenset[str], repeats: frozenset[s
         parameters = record[0]
         step, _ = clock(counter, place, substeps, substep)
         lx, ly, lz, hx, hy, hz = none, none, none, -none, -none, -none
-        for k in range(np.int32(cuda.grid(1)), np.int32(particle.size), np.int32(cuda.gridsize(1))):
+        _, there = extent(particle)
+        for k in range(np.int32(cuda.grid(1)), there, np.int32(cuda.gridsize(1))):
             p, v = load_quad(position, k), load_quad(velocity, k)
             at = row(p[3])
             ay = zero
@@ -134,14 +136,15 @@ def make_settle(real: Any, math: str, parts: frozenset[str], repeats: frozenset[
     constraints, record, fluids)`."""
     ends, move, row = make_ends(real, math, parts), make_move(real, math, parts, repeats), make_row(parts)
     answered, limited, clock = ends.answered, ends.limited, make_clock(math, parts)
-    ended, is_dragged, zero = not parts & SMOOTHING, "drag" in parts, real(0)
+    ended, is_dragged, zero, extent = not parts & SMOOTHING, "drag" in parts, real(0), make_extent(parts)
 
     def settle(
         before, meant, position, record, table, found, constraints, gradients, fluids, bodies, integers, counter, place,
         substeps, substep, new_position, new_velocity,
     ):  # fmt: skip
-        k, particles = np.int32(cuda.grid(1)), np.int32(found.size)
-        if k < particles:
+        k = np.int32(cuda.grid(1))
+        particles, there = extent(found)
+        if k < there:
             p, b, near_by = load_quad(position, k), load_quad(before, k), List(table, found[k], particles)
             _, number = clock(counter, place, substeps, substep)
             world, at = World(record[0], bodies, integers), row(b[3])

@@ -12,6 +12,7 @@ from numba import cuda
 from gpu_backend.core.compile import inlined, kernel_options, make_kernel, variant_name
 from gpu_backend.core.formulas import device_formulas
 from gpu_backend.core.quads import load_quad, store_quad
+from gpu_backend.fluid.extent import make_extent
 from gpu_backend.fluid.motion import make_ends
 from gpu_backend.fluid.sums import make_row, make_sums
 from model.fluid.parameters import F_COHESION, F_CONFINEMENT, F_TENSION, F_VISCOSITY, F_WEIGHT
@@ -37,6 +38,7 @@ def _make_shape(real: Any, math: str, parts: frozenset[str], repeats: frozenset[
         sums.slope, sums.gradient_added, formulas.speed_of, formulas.curl_added,
     )  # fmt: skip
     has_tension, has_curl, zero = "surface-tension" in parts, "vorticity" in parts, real(0)
+    extent = make_extent(parts)
     has_solids = "solids" in parts
 
     @inline
@@ -52,8 +54,9 @@ def _make_shape(real: Any, math: str, parts: frozenset[str], repeats: frozenset[
         return nx, ny, nz, cx, cy, cz
 
     def shape(position, velocity, record, table, found, normals, curls):
-        k, particles = np.int32(cuda.grid(1)), np.int32(found.size)
-        if k < particles:
+        k = np.int32(cuda.grid(1))
+        particles, there = extent(found)
+        if k < there:
             parameters, p, v, at = record[0], load_quad(position, k), load_quad(velocity, k), np.int64(k)
             totals = zero, zero, zero, zero, zero, zero
             for _ in range(found[k]):
@@ -120,13 +123,14 @@ def _make_smooth(real: Any, math: str, parts: frozenset[str], repeats: frozenset
     pair, limited = make_sums(real, math, parts, repeats).pair, make_ends(real, math, parts).limited
     slope, add_forces, add_smooth = device_formulas(density.make, real, math).slope, terms.add_forces, terms.add_smooth
     rise_added, confined, smoothed = formulas.rise_added, formulas.confined, formulas.smoothed
-    speed_of, zero, is_dragged = formulas.speed_of, real(0), "drag" in parts
+    speed_of, zero, is_dragged, extent = formulas.speed_of, real(0), "drag" in parts, make_extent(parts)
     has_viscosity, has_tension, has_curl = (part in parts for part in ("viscosity", "surface-tension", "vorticity"))
     has_solids = "solids" in parts
 
     def smooth(position, velocity, record, table, found, constraints, fluids, normals, curls, into):
-        k, particles = np.int32(cuda.grid(1)), np.int32(found.size)
-        if k < particles:
+        k = np.int32(cuda.grid(1))
+        particles, there = extent(found)
+        if k < there:
             parameters, p, v, at = record[0], load_quad(position, k), load_quad(velocity, k), np.int64(k)
             m, f, rise, own_row = (zero, zero, zero), (zero, zero, zero), (zero, zero, zero), row(p[3])
             normal, curl = (zero, zero, zero, zero), (zero, zero, zero, zero)

@@ -19,6 +19,8 @@ from gpu_backend.core.simulation import NOTHING_BAD
 from gpu_backend.core.substeps import SubstepSimulation, launched_kernel
 from gpu_backend.fluid import divergence_free
 from gpu_backend.fluid.cells import Cells, cell_bytes
+from gpu_backend.fluid.extent import FLOWS
+from gpu_backend.fluid.flow import Flow
 from gpu_backend.fluid.kernels import WALL, make_density_kernels
 from gpu_backend.fluid.motion import make_begin, make_settle
 from gpu_backend.fluid.smoothing import make_smoothing
@@ -28,6 +30,7 @@ from gpu_backend.fluid.tools import make_fluid_tools
 from model.core.errors import SceneError
 from model.core.plan import Executor
 from model.core.simulation import Options
+from model.fluid.fluid_set import PARKED
 from model.fluid.parameters import MAX_NEIGHBOURS, fluid_rows, most_cells
 from model.fluid.plan import SHAPES, SMOOTHING, fluid_plan
 from model.fluid.samples import Samples
@@ -74,6 +77,9 @@ class Fluid(SubstepSimulation):
         self._weight = self._fluid_of.astype(real)  # told by a position's fourth number
         self._allocate_quads(collider_numbers(scene, real))
         self._numbers = np.arange(count, dtype=np.int32)
+        self.flow = Flow(self) if self._flows else None
+        if self.flow:
+            self._numbers = np.append(self._numbers, np.int32(0))  # and how many are there
         self.particle = [self.on_device(self._numbers), self.on_device(self._numbers)]
         self.kept_particle = self.on_device(self._numbers)
         self.fluids = self.on_device(self._rows)
@@ -89,7 +95,7 @@ class Fluid(SubstepSimulation):
             )
         )
         self.factors, self.multipliers, self.constraints, self.gradients = self.relaxed
-        self.cells = Cells(real, count, self.neighbours, self.most_cells, self.repeats, self.stream)
+        self.cells = Cells(real, count, self.neighbours, self.most_cells, self.repeats, self.stream, self.flow)
 
     @property
     def _fluid_of(self) -> np.ndarray:
@@ -102,7 +108,7 @@ class Fluid(SubstepSimulation):
 
     def _make_kernels(self) -> None:
         variant = self.real, self.options.math, self.plan.parts
-        self._tools = make_fluid_tools(self.real, self.scene.dimensions)
+        self._tools = make_fluid_tools(self.real, self.scene.dimensions, self.plan.parts & FLOWS)
         self.begin, self.settling = make_begin(*variant, self.repeats), make_settle(*variant, self.repeats)
         self.relaxing = make_density_kernels(*variant, self.repeats, self.neighbours)
         self.free = divergence_free.DivergenceFree(self) if "divergence-free" in self.plan.parts else None
@@ -121,6 +127,8 @@ class Fluid(SubstepSimulation):
             self._upload(self.body.position, self.body.velocity)  # all in one place would all be neighbours
             self._advance_steps(0, 1)
             self.cells.forget()
+            if self.flow:
+                self.flow.forget()
             cuda.synchronize()
         if self.kernel == "graph" and can_capture():
             self._graphs = Graphs(self.stream, self._launch, self._count_on)
@@ -151,6 +159,9 @@ class Fluid(SubstepSimulation):
             self._current = 1 - self._current
             self.free.substep(self._current, time)
             return
+        if self.flow:
+            now = self._current
+            self.flow.emit(self.position[now], self.velocity[now], self.particle[now], time)
         given, flat, relaxing = self.predict(self._current, time), self._flat, self.relaxing
         self._current = now = 1 - self._current
         self.cells.sort(self.record, given, (self.sorted, self.before, self.meant, self.particle[now]))
@@ -188,7 +199,8 @@ class Fluid(SubstepSimulation):
         if self.free:
             return method.substeps * (Cells.launches + self.free.launches)
         ends = bool(parts & SMOOTHING) + bool(parts & SHAPES)
-        return method.substeps * (1 + Cells.launches + 2 * method.iterations + ends)
+        flow = Flow.launches if self.flow else 0
+        return method.substeps * (1 + Cells.launches + flow + 2 * method.iterations + ends)
 
     # ------------------------------------------------------------------ the contract
 
@@ -198,8 +210,16 @@ class Fluid(SubstepSimulation):
         return self.cells.lost
 
     def _upload(self, position: np.ndarray, velocity: np.ndarray) -> None:
+        numbers = self._numbers
+        if self.flow:  # those that are there come first
+            there = self.scene.fluid_set.there(position)
+            order = np.argsort(~there, kind="stable")
+            self._weight = self.scene.fluid_set.fluid[order].astype(self.real)
+            position, velocity = position[order], velocity[order]
+            numbers = np.append(order, there.sum()).astype(np.int32)
+            self.flow.upload(there)
         super()._upload(position, velocity)
-        self.particle[self._current].copy_to_device(self._numbers, stream=self.stream)
+        self.particle[self._current].copy_to_device(numbers, stream=self.stream)
         self.multipliers.copy_to_device(np.zeros(self.particle_count, self.real), stream=self.stream)
         self.synchronize()
 
@@ -207,21 +227,34 @@ class Fluid(SubstepSimulation):
         """In the scene's order."""
         quads, particle = self._quads(array), self.particle[self._current].copy_to_host(stream=self.stream)
         self.synchronize()
-        found = np.empty((self.particle_count, self.scene.dimensions), self.real)
-        found[particle] = quads[:, : self.scene.dimensions]
+        waiting = PARKED if array is self.position[self._current] else 0.0
+        found = np.full((self.particle_count, self.scene.dimensions), waiting, self.real)
+        there = self._among(particle)
+        found[there] = quads[: len(there), : self.scene.dimensions]
         return found
+
+    def _among(self, particle: np.ndarray) -> np.ndarray:
+        """The numbers of those that are there, of the host's copy of `particle`."""
+        return particle[: particle[-1]] if self.flow else particle
+
+    @property
+    def not_emitted(self) -> int:
+        """Particles that were due at a nozzle while none waited, since the simulation was opened."""
+        return self.flow.missed if self.flow else 0
 
     def _multipliers(self) -> np.ndarray:
         """(particles,): of the last substep [m^2], in the scene's order, for pressures."""
         found, particle = self.multipliers.copy_to_host(stream=self.stream), self.particle[self._current].copy_to_host()
         self.synchronize()
-        ordered = np.empty_like(found)
-        ordered[particle] = found
+        ordered, there = np.zeros_like(found), self._among(particle)
+        ordered[there] = found[: len(there)]
         return ordered
 
     def _read_position(self, into: Any) -> Any:
         if into is not None and hasattr(into, "__cuda_array_interface__"):
             out, state = cuda.as_cuda_array(into), (self.position[self._current], self.particle[self._current])
+            if self.flow:
+                self._tools.park[self._flat](self.flow.there, out)
             self._tools.write_position[self._flat](*state, out)
             self.synchronize()
             return into
@@ -237,11 +270,17 @@ class Fluid(SubstepSimulation):
     def _keep(self) -> None:
         super()._keep()
         self.kept_particle.copy_to_device(self.particle[self._current], stream=self.stream)
+        if self.flow:
+            self.flow.keep()
 
     def _restore(self) -> None:
         super()._restore()
         self.particle[self._current].copy_to_device(self.kept_particle, stream=self.stream)
+        if self.flow:
+            self.flow.restore()
 
     def _parameters_changed(self) -> None:
         self.fluids.copy_to_device(self._rows.reshape(-1), stream=self.stream)
+        if self.flow:
+            self.flow.changed()
         super()._parameters_changed()

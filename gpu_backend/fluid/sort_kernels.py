@@ -33,7 +33,8 @@ AXES = 3
 BOX = 2 * AXES  # numbers of a box: the lowest coordinate along each axis, then the highest
 # the grid's whole numbers: cells along x, y, z; whether that axis wraps; all cells
 WIDTH, HEIGHT, DEPTH, WRAPS, CELLS = 0, 1, 2, 3, 6
-NUMBERS = 7
+KEPT = 7  # and where particles go, how many have a cell
+NUMBERS = 8
 LOW, INVERSE = 0, AXES  # the grid's reals, a number an axis: the corner [m], cells a metre
 REALS = 2 * AXES
 
@@ -135,7 +136,7 @@ def _make_grid(real: Any, repeats: frozenset[str]) -> tuple[Any, ...]:
     return bound, span
 
 
-def _make_sort(real: Any) -> tuple[Any, ...]:
+def _make_sort(real: Any, flows: bool) -> tuple[Any, ...]:
     """The kernels that count, sum up, and fill."""
     cell_of, before = device_formulas(grid.make, real, "exact").cell_of, make_before(THREADS)
     zero, one = np.int32(0), np.int32(1)
@@ -180,6 +181,8 @@ def _make_sort(real: Any) -> tuple[Any, ...]:
             number = sums[k]
             sums[k] = start
             start = np.int32(start + number)
+        if flows and cuda.threadIdx.x == threads - one:
+            numbers[KEPT] = start
 
     def fill(keys, slots, number, starts, sums, numbers, counts, begins, filled):
         """filled[...]: the numbers of a cell's particles in any order; begins[k]: where those of cell k begin, one number
@@ -187,11 +190,13 @@ def _make_sort(real: Any) -> tuple[Any, ...]:
         cells, stride = numbers[CELLS], np.int32(cuda.gridsize(1))
         for k in range(np.int32(cuda.grid(1)), keys.size, stride):
             key = keys[k]
+            if flows and key < zero:
+                continue
             filled[starts[key] + sums[key // chunk] + slots[k]] = number[k]
         for k in range(np.int32(cuda.grid(1)), cells, stride):
             begins[k], counts[k] = np.int32(starts[k] + sums[k // chunk]), zero
         if cuda.grid(1) == 0:
-            begins[cells] = np.int32(keys.size)
+            begins[cells] = numbers[KEPT] if flows else np.int32(keys.size)
 
     def arrange(
         keys, begins, filled, position, before_, velocity, number, sorted_position, sorted_before, sorted_velocity,
@@ -199,7 +204,7 @@ def _make_sort(real: Any) -> tuple[Any, ...]:
     ):  # fmt: skip
         """Particles in the order of their cells, and of one cell in that of their numbers."""
         k = np.int32(cuda.grid(1))
-        if k < keys.size:
+        if k < keys.size and (not flows or keys[k] >= zero):
             key, own = keys[k], number[k]
             place = begins[key]
             for e in range(begins[key], begins[key + one]):
@@ -215,8 +220,9 @@ def _make_sort(real: Any) -> tuple[Any, ...]:
 
 
 @cache
-def make_cell_sort(real: Any, repeats: frozenset[str]) -> SimpleNamespace:
+def make_cell_sort(real: Any, repeats: frozenset[str], flows: bool = False) -> SimpleNamespace:
     """`bound`, `span`, `hash_particles`, `chunks`, `totals`, `fill` and `arrange`, as told above, for launches of blocks of
-    THREADS. `repeats`: axes whose sides do."""
-    kernels = (*_make_grid(real, repeats), *_make_sort(real))
-    return make_kernels(kernels, f"fluid_cells_{variant_name(real, repeats)}", **kernel_options("exact"))
+    THREADS. `repeats`: axes whose sides do; `flows`: who has the key -1 is left out."""
+    kernels = (*_make_grid(real, repeats), *_make_sort(real, flows))
+    variant = variant_name(real, repeats | {"flow"} if flows else repeats)
+    return make_kernels(kernels, f"fluid_cells_{variant}", **kernel_options("exact"))

@@ -29,6 +29,9 @@ def bind_fluid_stages(sim: Any) -> Bound:
     def time(moment: Moment) -> tuple[Any, ...]:
         return start, np.int64(moment.step), np.int64(moment.substeps), np.int64(moment.substep)
 
+    def emit(moment: Moment) -> None:
+        sim.flow.emit(state, velocity, sim.particle[0], time(moment))
+
     def predict(moment: Moment) -> None:
         now["given"] = sim.predict(0, time(moment))
 
@@ -71,6 +74,7 @@ def bind_fluid_stages(sim: Any) -> Bound:
         )
 
     stages: dict[str, StageRun] = {
+        "emit": emit,
         "predict": predict,
         "sort into cells": sort,
         "find neighbours": find,

@@ -11,13 +11,15 @@ from numba import cuda
 
 from gpu_backend.core.compile import make_kernels, variant_name
 from gpu_backend.core.quads import load_quad
+from gpu_backend.fluid.extent import FLOWS, make_extent
+from model.fluid.fluid_set import PARKED
 
 
 @cache
-def make_fluid_tools(real: Any, axes: int) -> SimpleNamespace:
+def make_fluid_tools(real: Any, axes: int, parts: frozenset[str]) -> SimpleNamespace:
     """`count(counter, steps)`; `first_diverged(position, velocity, particle, bound, result)`; `write_position(position,
-    particle, out)`. `particle`: the particles' numbers."""
-    solid = axes == 3
+    particle, out)`, and where particles come and go `park(there, out)` before it. `particle`: the particles' numbers."""
+    solid, extent, parked, zero = axes == 3, make_extent(parts), np.float32(PARKED), np.int32(0)
 
     def count(counter, steps):
         if cuda.grid(1) == 0:
@@ -26,7 +28,7 @@ def make_fluid_tools(real: Any, axes: int) -> SimpleNamespace:
     def first_diverged(position, velocity, particle, bound, result):
         """The lowest number of a particle that left the finite world, by an atomic minimum of integers."""
         k = np.int32(cuda.grid(1))
-        if k < particle.size:
+        if k < extent(particle)[1]:
             p, v = load_quad(position, k), load_quad(velocity, k)
             inside = abs(p[0]) <= bound and abs(p[1]) <= bound and abs(p[2]) <= bound  # false for NaN
             still = v[0] - v[0] == v[1] - v[1] and v[1] - v[1] == v[2] - v[2]  # false for NaN and infinity
@@ -35,11 +37,20 @@ def make_fluid_tools(real: Any, axes: int) -> SimpleNamespace:
 
     def write_position(position, particle, out):
         k = np.int32(cuda.grid(1))
-        if k < particle.size:
+        if k < extent(particle)[1]:
             p, n = load_quad(position, k), particle[k]
             out[n, 0] = p[0]
             out[n, 1] = p[1]
             if solid:
                 out[n, 2] = p[2]
 
-    return make_kernels((count, first_diverged, write_position), f"fluid_{variant_name(real, axes)}")
+    def park(there, out):
+        k = np.int32(cuda.grid(1))
+        if k < there.size and there[k] == zero:
+            out[k, 0] = parked
+            out[k, 1] = parked
+            if solid:
+                out[k, 2] = parked
+
+    flows = frozenset(parts & FLOWS)
+    return make_kernels((count, first_diverged, write_position, park), f"fluid_{variant_name(real, axes, flows)}")

@@ -54,7 +54,7 @@ class Joined:
         self._members: list[tuple[SubstepSimulation, Any, np.int64, tuple[Any, ...]]] = []
         for name, member in members.items():
             place = slices[name]
-            first, stop = np.searchsorted(particles, [place.start, place.stop])
+            first, stop = map(int, np.searchsorted(particles, [place.start, place.stop]))
             if stop > first:
                 own = cuda.to_device((particles[first:stop] - place.start).astype(np.int32), stream=stream)
                 launch = (-(-(stop - first) // THREADS), THREADS, stream)

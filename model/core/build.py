@@ -129,6 +129,8 @@ def _build(scene: Scene) -> Body:
     pinned = pinned_indices(grid)
     inverse_mass = 1 / np.broadcast_to(masses(scene), (count, 1))[:, 0]
     inverse_mass[pinned] = 0
+    if isinstance(grid, FluidSet):
+        inverse_mass[~grid.there(position)] = 0
     free = inverse_mass > 0
     if scene.perturbation:
         position[free] += wave(grid, scene.perturbation.amplitude)[free]
@@ -146,12 +148,12 @@ def _build(scene: Scene) -> Body:
 
 def masses(scene: Scene, waiting: np.ndarray | None = None) -> np.ndarray | float:
     """Of each particle [kg], pinned or not: (particles, 1), or the one number where all weigh the same. Those `waiting`
-    (particles,) bool, of bodies that are not there, weigh nothing."""
+    (particles,) bool, of bodies or fluids that are not there, weigh nothing."""
     if scene.bodies:
         mass = scene.body_set.clusters.mass
         return (mass if waiting is None else np.where(waiting, 0.0, mass))[:, None]
     if isinstance(scene.grid, TetrahedraSet | FluidSet | WorldSet):
-        return scene.grid.masses[:, None]
+        return (scene.grid.masses if waiting is None else np.where(waiting, 0.0, scene.grid.masses))[:, None]
     if scene.mesh and scene.mesh.density is not None:
         return vertex_masses(scene.mesh)[:, None]
     if not scene.loads:

@@ -21,6 +21,7 @@ LIVE_PATHS = {  # what may be named in `live=`, and the stage that then is compi
     "stiffness": ("springs.stiffness", *(f"{kind}.stiffness" for kind in CONSTRAINT_KINDS)),
     "damping": ("damping.coefficient",),
     "targets": (),
+    "taps": (),  # the speed of each emitter, by its part's name
     "wind": ("wind.velocity", "wind.density", "wind.drag", "wind.lift"),
 }
 
@@ -47,7 +48,9 @@ class Options:
 
 def check_live(scene: Scene, live: Iterable[str], path: str, value: Any) -> None:
     """Raise SceneError for a field that is not `live`, or for which the scene has no code."""
-    allowed: Iterable[str] = [p for name in live for p in LIVE_PATHS[name]]
+    allowed: list[str] = [p for name in live for p in LIVE_PATHS[name]]
+    if "taps" in live:
+        allowed += [f"{name}.speed" for name in scene.emitters]
     if path not in allowed:
         raise SceneError(path, value, f"not live; live here: {', '.join(sorted(allowed)) or 'nothing'}")
     part = path.partition(".")[0]

@@ -20,11 +20,12 @@ from model.core.clock import START, Clock, clock_of
 from model.core.diagnosis import diagnose
 from model.core.divergence import DIVERGED_SIZE, check_interval
 from model.core.energy import energies, spring_strain
-from model.core.errors import Diverged, SceneError
+from model.core.errors import Diverged, InputError, SceneError
 from model.core.families import family_of, stability_limit
 from model.core.options import PRECISIONS, Options, check_live
 from model.core.plan import Executor, Plan, StageRun
 from model.core.state import State, checked_arrays
+from model.fluid.flow import taps_at_start, turned
 from model.scene.scene import Scene
 from model.shape_matching import spare
 from model.shape_matching.cluster_tables import checked_clusters, every_plastic
@@ -66,6 +67,7 @@ class Simulation(Backend):
         self._record = self._make_record(scene, self._poke_force, self._clock)
         self._kept_step, self._kept_time = 0, 0.0
         self.kept = 0
+        self._taps = taps_at_start(scene)
 
     @property
     def stages(self) -> Mapping[str, StageRun]:
@@ -154,9 +156,11 @@ class Simulation(Backend):
         """A copy of the state on the host. Raises Diverged rather than hand out a bad one."""
         self.check()
         position, velocity = self._download()
+        self._note_waiting(position)
         inverse_mass = self.body.inverse_mass.copy()
         bodies = self._download_rotation(), every_plastic(self._download_plastic(), self._cluster_count())
-        return State(position, velocity, inverse_mass, self.time, self.step, *bodies, self._clock)
+        taps = self._taps.copy() if len(self._taps) else None
+        return State(position, velocity, inverse_mass, self.time, self.step, *bodies, self._clock, taps)
 
     def load(self, state: State) -> None:
         """Continue from `state` (bit for bit, if it was this scene's in the same precision and `exact` math).
@@ -165,7 +169,9 @@ class Simulation(Backend):
         no unit quaternions, or plastic strains that are not of volume 1 or of a scene without.
         """
         arrays, inverse_mass = checked_arrays(state, self.body.position.shape, self.options.precision)
-        same = inverse_mass is self.body.inverse_mass  # as on every reset: comparing millions takes a while
+        self._note_waiting(arrays["position"])
+        # as on every reset, where comparing millions takes a while; of fluids positions tell who waits
+        same = inverse_mass is self.body.inverse_mass or self._flows
         if not same and not np.allclose(inverse_mass, self.body.inverse_mass, rtol=1e-6, atol=0):
             self._take_weights(inverse_mass)
         rotation, plastic = state.rotation, state.plastic
@@ -175,6 +181,7 @@ class Simulation(Backend):
         if len(self.body.pinned):
             arrays["velocity"] = arrays["velocity"].copy()  # it may be the caller's
             arrays["velocity"][self.body.pinned] = self._pin_velocity(int(state.step))
+        self._take_taps(state.taps)
         self._upload(arrays["position"], arrays["velocity"])
         self._upload_plastic(None if plastic is None else plastic[: self.scene.body_set.loose.count])
         self._upload_rotation(rotation)
@@ -200,6 +207,26 @@ class Simulation(Backend):
         weights = spare.weights(self.scene, self.plan.parts, inverse_mass)
         self.body = replace(self.body, inverse_mass=weights, pinned=np.flatnonzero(weights == 0))
         self._weights_changed()
+
+    @property
+    def _flows(self) -> bool:
+        """Whether particles come and go by emitters and sinks."""
+        return bool(self.scene.emitters or self.scene.sinks)
+
+    def _note_waiting(self, position: np.ndarray) -> None:
+        """Of fluids: who waits by these positions, as inverse masses of `body` tell."""
+        if self._flows:
+            found = self.scene.fluid_set
+            self.body = replace(self.body, inverse_mass=np.where(found.there(position), 1 / found.masses, 0.0))
+
+    def _take_taps(self, taps: np.ndarray | None) -> None:
+        """Those of a state; None: as the scene starts. Raises InputError for others than the scene's."""
+        found = taps_at_start(self.scene) if taps is None else np.array(taps, np.float64)
+        if found.shape != self._taps.shape or not np.isfinite(found).all():
+            raise InputError(f"taps has shape {found.shape}, this scene needs {self._taps.shape}, of finite numbers")
+        if not np.array_equal(found, self._taps):
+            self._taps = found
+            self._parameters_changed()
 
     def _cluster_count(self) -> int:
         return self.scene.body_set.clusters.count if self.scene.bodies else 0
@@ -279,6 +306,8 @@ class Simulation(Backend):
         clock = self._clock if scene.method.dt == self.scene.method.dt else Clock(self.step, self.time)
         record = self._make_record(scene, self._poke_force, clock)
         self.check()  # so that a replay never spans a change
+        if self._flows:
+            self._taps = turned(self.scene, self._taps, self.time)
         self.scene, self._record, self._clock = scene, record, clock
         self.limit = stability_limit(scene)
         self._kept_step, self._kept_time = self.step, self.time

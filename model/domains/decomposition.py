@@ -24,12 +24,14 @@ SHARE = 64  # owned rows for each step between exchanges: the two halos are then
 class Reach:
     """How far a step reads along the rows. `rows`: a force evaluation's reach; `forces`: evaluations a step, one after
     another; `closing`: one more at the end of every call (velocity Verlet's last half kick); `even`: windows begin at even
-    rows, since what they hold differs between even and odd ones."""
+    rows, since what they hold differs between even and odd ones. `numbered`: a window's solver knows the number of its first
+    mass in the whole sheet (Options.first_particle)."""
 
     rows: int = 1
     forces: int = 1
     closing: bool = False
     even: bool = False
+    numbered: bool = False
 
     def halo(self, steps: int) -> int:
         """Rows that `steps` steps in one call need beyond those that they are to leave right."""

@@ -12,6 +12,7 @@ import numpy as np
 from model.core.errors import SceneError
 from model.core.families import family_of, scene_plan
 from model.core.options import Options
+from model.core.own_forces import own_parts
 from model.core.simulation import Simulation
 from model.domains.decomposition import Decomposition, Domain, decompose
 from model.domains.exchange import Exchange
@@ -49,6 +50,9 @@ class DecomposedSimulation(Simulation):
 
     def __init__(self, scene: Scene, options: Options, cut: Decomposition, mine: Sequence[int]):
         super().__init__(scene, options)
+        reach = family_of(scene).reach
+        if reach is not None and not reach(scene).numbered and own_parts(scene, options.live):
+            raise SceneError("live", "poke", "pulls a mass of the whole sheet: run it as one, not shared")
         self.decomposition, self.mine = cut, [cut.domains[k] for k in mine]
         self.plan = scene_plan(scene, options.live)
         self.windows: list[Simulation] = []

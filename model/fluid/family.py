@@ -38,7 +38,7 @@ def fluid_note(scene: Scene) -> str:
 
 FLUID = SolverFamily(
     name="fluid",
-    knows=frozenset({"fluid", "domain", "foam", "gravity", "external", "method", *COLLIDER_KINDS}),
+    knows=frozenset({"fluid", "emitter", "sink", "domain", "foam", "gravity", "external", "method", *COLLIDER_KINDS}),
     accepts=lambda scene: bool(scene.fluids),
     plan=fluid_plan,
     record=fluid_record,

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from math import prod
 from typing import Any
 
 import numpy as np
@@ -19,6 +18,7 @@ from model.scene.fluid import REPEATED, WIDER, Domain, Fluid
 PARTICLE_BYTES = 700  # on the host: state, what is sorted, a list of 64 neighbours
 OF_ALL = ("dimensions", "rest_distance", "support_radius")  # in which fluids of a scene are alike
 MAX_FLUIDS = 64
+PARKED = -float(2**20)  # m, along every axis: where particles are told to be that wait; a number of any precision
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,8 +26,8 @@ class FluidSet(ParticleRow):
     """The particles of all fluids, one block after the other, in the order of the file; x runs fastest, then y.
 
     `position`, `velocity` (particles, dimensions) float64 [m], [m/s]; `fluid` (particles,) int32: which of `parts` each is
-    of. To the rest of the lab it is a row of masses: `rows` 1, `columns` all, `spacing` the rest distance [m], `mass` that of
-    a particle of the first fluid [kg].
+    of. A fluid's last ones wait for an emitter, and are PARKED. To the rest of the lab it is a row of masses: `rows` 1,
+    `columns` all, `spacing` the rest distance [m], `mass` that of a particle of the first fluid [kg].
     """
 
     names: tuple[str, ...]
@@ -80,7 +80,22 @@ class FluidSet(ParticleRow):
     @property
     def extent(self) -> float:
         """Its longest side [m]."""
-        return float(np.ptp(self.position, axis=0).max()) + self.spacing
+        there = self.position[self.there(self.position)]
+        return (float(np.ptp(there, axis=0).max()) if len(there) else 0.0) + self.spacing
+
+    @property
+    def starting(self) -> tuple[int, ...]:
+        """Of each fluid, how many particles are there at the start."""
+        return tuple(part.starting_count for part in self.parts)
+
+    @property
+    def capacities(self) -> tuple[int, ...]:
+        """Of each fluid, how many there may be."""
+        return tuple(part.most for part in self.parts)
+
+    def there(self, position: np.ndarray) -> np.ndarray:
+        """(particles,) bool: which do not wait, by positions (particles, dimensions) in any precision."""
+        return np.asarray(position[:, 0] != PARKED)
 
     def __str__(self) -> str:
         """`4000 particles of 2 fluids`."""
@@ -90,7 +105,7 @@ class FluidSet(ParticleRow):
 
 def particle_count(parts: Mapping[str, Fluid]) -> int:
     """How many particles fluids have, before any is made."""
-    return sum(prod(part.counts(block)) for part in parts.values() for block in part.all_blocks)
+    return sum(part.most for part in parts.values())
 
 
 def check_fluids(parts: Mapping[str, Fluid], domain: Domain | None, domain_name: str) -> None:
@@ -161,6 +176,10 @@ def make_fluid_set(parts: Mapping[str, Fluid], domain: Domain | None = None) -> 
                 velocity = velocity + part.vortices * vortices(positions[-1], domain)
             velocities.append(velocity)
             numbers.append(np.full(len(steps), number, np.int32))
+        waiting = part.most - part.starting_count
+        positions.append(np.full((waiting, axes), PARKED))
+        velocities.append(np.zeros((waiting, axes)))
+        numbers.append(np.full(waiting, number, np.int32))
     return FluidSet(
         names=tuple(parts),
         parts=tuple(parts.values()),

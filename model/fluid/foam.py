@@ -32,6 +32,12 @@ RISING = 1 / 7  # of the scene's speed: that of bubbles in still fluid, where dr
 FAR = 3.0  # times the fluids' first extent: spray that is so far from them is out of sight
 SPREAD = 0.1  # of a particle's speed: how fast a point at the edge of its ball moves outward
 WORD = 2.0**-32
+NOWHERE = 2.0**19  # m: nothing is drawn so far from the origin, where float32 tells places to three centimetres at best
+
+
+def in_reach(position: np.ndarray) -> np.ndarray:
+    """(particles,) bool: which are finite and not NOWHERE, by positions (particles, dimensions) [m]."""
+    return np.asarray((np.abs(position) < NOWHERE).all(axis=1))
 
 
 class FoamPoints:
@@ -60,15 +66,16 @@ class FoamPoints:
 
     def follow(self, position: np.ndarray, velocity: np.ndarray, time: float) -> None:
         """The fluid is in this state (particles, dimensions) [m], [m/s] at `time` [s]; of an earlier time, or the first one,
-        points begin anew. What is not finite changes nothing."""
+        points begin anew. What is not finite, or NOWHERE, counts for nothing."""
         if time < self._time or self._time < 0:
             self.forget()
             self._time = time
             return
         passed, self._time = min(time - self._time, LONGEST), time
-        if passed <= 0 or not (np.isfinite(position).all() and np.isfinite(velocity).all()):
+        there = np.flatnonzero(in_reach(position) & np.isfinite(velocity).all(axis=1))
+        if passed <= 0 or not len(there):
             return
-        position, velocity = np.asarray(position, np.float64), np.asarray(velocity, np.float64)
+        position, velocity = (np.asarray(array, np.float64)[there] for array in (position, velocity))
         self._frame += 1
         self._carry(position, velocity, passed)
         self._make(position, velocity, passed)

@@ -13,7 +13,10 @@ TOP = 0.01  # of a fluid's particles: the highest ones, by which its height is t
 
 def differences(scene: Scene, position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """(pairs (n, 2), x_i - x_j (n, dimensions) [m]) of all particles within the support, wrapped where the box repeats."""
-    place, support = np.array(position, np.float64), scene.fluid_set.support
+    there = np.flatnonzero(scene.fluid_set.there(np.asarray(position)))  # what waits is in one place
+    place, support = np.array(position, np.float64)[there], scene.fluid_set.support
+    if not len(place):
+        return np.zeros((0, 2), np.int64), np.zeros((0, place.shape[1]))
     domain, axes = scene.domain, place.shape[1]
     repeats = [domain is not None and axis in domain.repeats for axis in "xyz"[:axes]]
     sides = np.zeros(axes)
@@ -26,7 +29,7 @@ def differences(scene: Scene, position: np.ndarray) -> tuple[np.ndarray, np.ndar
     box = np.where(sides > 0, sides, np.ptp(place, axis=0) + 4 * support)
     pairs = cKDTree(np.minimum(place, np.nextafter(box, 0)), boxsize=box).query_pairs(support, output_type="ndarray")
     apart = place[pairs[:, 0]] - place[pairs[:, 1]]
-    return pairs, apart - sides * np.round(apart / np.where(sides > 0, sides, 1))
+    return there[pairs], apart - sides * np.round(apart / np.where(sides > 0, sides, 1))
 
 
 def density_errors(scene: Scene, position: np.ndarray) -> np.ndarray:
@@ -41,8 +44,8 @@ def density_errors(scene: Scene, position: np.ndarray) -> np.ndarray:
 
 def compression(scene: Scene, position: np.ndarray) -> tuple[float, float]:
     """(mean, largest) of what densities exceed that at rest by, over it."""
-    over = np.maximum(density_errors(scene, position), 0.0)
-    return float(over.mean()), float(over.max())
+    over = np.maximum(density_errors(scene, position), 0.0)[scene.fluid_set.there(np.asarray(position))]
+    return (float(over.mean()), float(over.max())) if len(over) else (0.0, 0.0)
 
 
 def pressures(scene: Scene, position: np.ndarray, multiplier: np.ndarray) -> np.ndarray:
@@ -61,5 +64,7 @@ def height(scene: Scene, position: np.ndarray) -> float:
     """[m]: from the scene's lowest particle at the start, its half of a rest distance added, to the mean of the highest
     hundredth of all now."""
     found = scene.fluid_set
-    highest = np.sort(np.asarray(position, np.float64)[:, 1])[-max(1, round(TOP * len(position))) :]
-    return float(highest.mean() + found.spacing - found.position[:, 1].min())
+    now, start = (np.asarray(each, np.float64)[found.there(np.asarray(each)), 1] for each in (position, found.position))
+    highest = np.sort(now)[-max(1, round(TOP * len(now))) :]
+    lowest = start if len(start) else now
+    return float(highest.mean() + found.spacing - lowest.min()) if len(now) else 0.0

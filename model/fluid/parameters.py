@@ -19,7 +19,6 @@ MAX_NEIGHBOURS = {2: 24, 3: 64}  # of a particle, by dimensions
 CELLS_EACH = 8  # cells of a table for each particle, at most; cells are larger where more would be needed
 FEWEST_CELLS = 4096  # of that limit
 MOST_SMOOTHED = 1.0  # of XSPH: beyond it velocities overshoot
-SPEED_SHARE = 0.5  # supports that a particle moves in a substep at most
 
 FLUID_PARAMETERS = (
     "dt",  # of a substep, s
@@ -61,8 +60,7 @@ FLUID_FIELDS = 10
 
 def speed_limit(scene: Scene, part: Fluid) -> float:
     """[m/s]: what no particle of a fluid exceeds: half a support a substep, or less if it is told so."""
-    own = SPEED_SHARE * part.support_radius * scene.method.substeps / scene.method.dt
-    return own if part.maximum_speed is None else min(own, part.maximum_speed)
+    return part.speed_limit(scene.method.dt / scene.method.substeps)
 
 
 def smoothing(scene: Scene, part: Fluid) -> float:

@@ -7,6 +7,10 @@ in the scene's set. The state between substeps is position and velocity, no more
 Whatever is computed is a formula of model/formulas/fluid (density.py, motion.py, cells.py), but comparisons, and sums of
 whole numbers.
 
+0. `emit`, where there are emitters: particles that leave nozzles (model/formulas/fluid/flow.py). Of each, in the order of the
+   file: layer k begins in the substep from t to t + h where passed(t) <= k < passed(t + h), by `begun`; its particles, in the
+   order of the nozzle's points, are `emitted` at the layers passed by t + h. Each is the waiting particle of its fluid with
+   the lowest number; where none waits it is counted as missing. Those that wait take part in nothing.
 1. `predict`. a = (0, buoyant(gravity, buoyancy), 0), then own forces (model/core/own_forces.py, by the particle's
    number), gravity only where the plan has it. u = accelerated(v, dt, a) axis by axis; speed_of(u), `slowed` to F_SPEED;
    p = drifted(x, u, dt). Of an axis that repeats: shift = turned_round(p, low, high, side), added to p and to x.
@@ -16,7 +20,8 @@ whole numbers.
    ny, nz, most_cells): of the axes that do not repeat the one with the largest count (the first of equals) gets
    halved(inverse), and its count anew; if that is 1, nothing more is to be had. Cell along an axis: cell_of(p, low,
    inverse, count); cell = (z * ny + y) * nx + x. Particles go in ascending (cell, number): so their order is a function
-   of positions alone, whatever it was before. With each go x, p, u, number and fluid.
+   of positions alone, whatever it was before. Who is predicted within a sink goes nowhere, and waits from then on. With
+   each go x, p, u, number and fluid.
 3. `find neighbours`. Of each particle, those within the support of p, itself not among them: cells z - 1, z, z + 1, in
    each y - 1, y, y + 1, in each x - 1, x, x + 1 (a run: places that follow each other), in a cell ascending places.
    Beyond the table there are none, but on an axis that repeats they wrap around (x: cell -1 is the last one, looked at
@@ -77,6 +82,7 @@ from model.core.plan import Node, Plan, Stage
 from model.fluid.divergence_plan import divergence_stages
 from model.formulas import colliders
 from model.formulas.fluid import density, motion
+from model.formulas.fluid.flow import OPERATIONS_SINK
 from model.scene.cloth import COLLIDER_KINDS, Collider
 from model.scene.scene import Scene
 
@@ -95,8 +101,8 @@ OF_FLUIDS = {  # part of the plan -> field of a fluid that asks for it
 
 def fluid_parts(scene: Scene, live: frozenset[str] = frozenset(), solids: bool = False) -> frozenset[str]:
     """The parts that need code: `flat` (2 dimensions), `fluids` (several), `solids` (and so several), `repeats`, `averaged`,
-    `divergence-free` (with `moving` walls), `tensile`, `walls`, `swept`, kinds of colliders with `friction` and
-    `restitution`, `gravity`, `drag`, `held-back`, those of OF_FLUIDS, own forces."""
+    `divergence-free` (with `moving` walls), `tensile`, `walls`, `emitter`, `sink`, `swept`, kinds of colliders with
+    `friction` and `restitution`, `gravity`, `drag`, `held-back`, those of OF_FLUIDS, own forces."""
     parts, fluids = own_parts(scene, live), scene.fluids.values()
     parts |= {kind for kind, _ in scene.colliders}
     wanted = {
@@ -114,6 +120,8 @@ def fluid_parts(scene: Scene, live: frozenset[str] = frozenset(), solids: bool =
         "restitution": any(collider.restitution > 0 for _, collider in scene.colliders),
         "gravity": scene.gravity is not None and (scene.gravity.enabled or "gravity" in live),
         "drag": any(part.drag > 0 or part.free_surface_drag > 0 for part in fluids),
+        "emitter": bool(scene.emitters),
+        "sink": bool(scene.sinks),
         "held-back": any(part.maximum_acceleration is not None for part in fluids),
     }
     wanted |= {name: any(getattr(part, field) > 0 for part in fluids) for name, field in OF_FLUIDS.items()}
@@ -146,9 +154,10 @@ def fluid_plan(scene: Scene, live: frozenset[str] = frozenset(), solids: bool = 
         asked = bool(parts & SMOOTHING), bool(parts & SHAPES), {"find": find, "forces": forces, "touch": touch}
         return _plan_of(scene, parts, divergence_stages(*asked, met, axes, scene.method.iterations))
     stages: list[Stage | Node] = [
+        *([Stage("emit", 0, 0, 0)] if "emitter" in parts else []),
         Stage("predict", 2, 2, motion.OPERATIONS_VELOCITY + forces),
         *((Stage("sample solids", 2, 2, OPERATIONS_SAMPLE),) if solids else ()),
-        Stage("sort into cells", 4, 4, 4 * axes),
+        Stage("sort into cells", 4, 4, 4 * axes + OPERATIONS_SINK * len(scene.sinks)),
         Stage("find neighbours", 1 + gathered, 1 + listed, round(looked_at * density.OPERATIONS_FIND) + factors),
     ]
     iteration: tuple[Stage, ...] = (

@@ -6,15 +6,22 @@ from dataclasses import replace
 
 from model.core.errors import SceneError
 from model.core.family import ANY_SHEET, SolverFamily
-from model.core.integrators import explicit_limit, integrators_for
+from model.core.integrators import IMPLICIT, explicit_limit, integrators_for
 from model.core.parameters import parameter_record
 from model.domains.decomposition import Reach
 from model.mass_spring.cloth_parameters import cloth_record
-from model.mass_spring.cloth_plan import cloth_plan
+from model.mass_spring.cloth_plan import cloth_parts, cloth_plan, kicks_meet
 from model.mass_spring.energy import sheet_spring_count, sheet_strain, stored_in_springs
 from model.mass_spring.plan import mass_spring_plan
 from model.scene.cloth import COLLIDER_KINDS, SPRING_KINDS
 from model.scene.scene import Scene
+
+WHOLE_CLOTH = {  # kinds of tables that name masses by their place in it
+    "load": "lies at a place of the whole cloth",
+    "motion": "moves pins of the whole cloth",
+    "fold": "lays the whole cloth",
+    "external": "draws a number for each mass of the whole cloth",
+}
 
 
 def _note(scene: Scene) -> str:
@@ -33,7 +40,21 @@ def _grid_reach(scene: Scene) -> Reach:
         )
     integrator = integrators_for(scene)[scene.method.integrator]
     alternate = scene.springs is not None and scene.springs.alternate
-    return Reach(1, integrator.forces, scene.method.integrator == "velocity-verlet", alternate)
+    return Reach(1, integrator.forces, scene.method.integrator == "velocity-verlet", alternate, numbered=True)
+
+
+def _cloth_reach(scene: Scene) -> Reach:
+    """Springs reach the next row, those against bending the one after it; velocity Verlet asks for forces twice where its
+    kicks do not meet. Raises SceneError for what asks which mass of the whole cloth one is, and for implicit Euler."""
+    for kind, what in WHOLE_CLOTH.items():
+        if scene.all_of(kind):
+            raise SceneError(scene.name_of(kind), None, f"{what}: run it as one, not shared")
+    name = scene.method.integrator
+    if name in IMPLICIT:
+        raise SceneError("method.integrator", name, "solves for the whole cloth at once: choose another to share it")
+    apart = name == "velocity-verlet" and not kicks_meet(cloth_parts(scene))
+    forces = 2 if apart else integrators_for(scene)[name].forces
+    return Reach(2 if "bending" in scene.cloth_springs else 1, forces, name == "velocity-verlet" and not apart)
 
 
 GRID = SolverFamily(
@@ -61,7 +82,7 @@ CLOTH = replace(
     GRID,
     name="mass-spring cloth",
     accepts=lambda scene: _is_stepped(scene) and scene.cloth is not None,
-    reach=None,
+    reach=_cloth_reach,
     knows=ANY_SHEET | {"cloth", "wind", "motion", "fold", *SPRING_KINDS, *COLLIDER_KINDS},
     plan=cloth_plan,
     record=cloth_record,

@@ -6,6 +6,7 @@ from collections.abc import Collection
 from typing import Any
 
 from model.core.errors import SceneError
+from model.fluid.flow import check_flow
 from model.fluid.fluid_set import check_among_solids, check_fluids
 from model.scene.attachment import check_attachment
 from model.scene.bodies import BODY_KINDS
@@ -31,7 +32,7 @@ OF_TETRAHEDRA = (
     *TETRAHEDRAL_KINDS, "contact", "damping", "external", "gravity", "method", "motion", "region", "attachment", "material",
     "mesh", "wind", *(kind for kind in CONSTRAINT_KINDS if kind != "shear"), *COLLIDER_KINDS,
 )  # fmt: skip
-WITH_FLUIDS = ("fluid", "domain", "foam", "gravity", "external", "method", *COLLIDER_KINDS)
+WITH_FLUIDS = ("fluid", "emitter", "sink", "domain", "foam", "gravity", "external", "method", *COLLIDER_KINDS)
 OF_A_FLUID: dict[str, Any] = {"solver": OF_FLUIDS, "dt": 1 / 60, "substeps": 4, "iterations": 10}  # unless told
 OF_BODIES = (*BODY_KINDS, "contact", "damping", "gravity", "method", *COLLIDER_KINDS)  # what goes with them
 
@@ -44,7 +45,7 @@ def check_fit(scene: SceneParts) -> None:
     if scene.fluids:
         _check_fluids(scene)
         return
-    _refuse(scene, ("domain", "foam"), "is for fluids; leave it out")
+    _refuse(scene, ("domain", "emitter", "sink", "foam"), "is for fluids; leave it out")
     if scene.tetrahedra:
         _check_tetrahedra(scene)
         return
@@ -73,14 +74,15 @@ def _check_world(scene: SceneParts) -> None:
     method = scene.one("method")
     if method is None:
         wet = "fluid" in members_of(scene.kinds)
-        told = OF_A_FLUID | {"solver": OF_WORLDS} if wet else {"solver": OF_WORLDS, "substeps": SUBSTEPS}
-        scene.parts["method"], scene.kinds["method"] = Method(**told), "method"
+        usual: dict[str, Any] = OF_A_FLUID if wet else {"substeps": SUBSTEPS}
+        scene.parts["method"], scene.kinds["method"] = Method(**usual | {"solver": OF_WORLDS}), "method"
     elif method.solver != OF_WORLDS:
         told = f"must be {OF_WORLDS} where {' and '.join(members_of(scene.kinds))} are in one scene"
         raise SceneError("method.solver", method.solver, told)
     for name, part in scene.all_of(*BODY_KINDS).items():
         if part.spare:
             raise SceneError(f"{name}.spare", part.spare, "bodies wait in scenes of bodies alone; leave it out")
+    _refuse(scene, ("emitter", "sink"), "goes with fluids alone yet, without bodies; leave it out")
     members = scene.members  # made here, so that each is checked as a scene of its own
     if "fluid" in members:
         check_among_solids(members["fluid"])
@@ -98,6 +100,7 @@ def _check_fluids(scene: SceneParts) -> None:
     else:
         untold = {field: value for field, value in OF_A_FLUID.items() if field not in method.model_fields_set}
         scene.parts[scene.name_of("method")] = method.model_copy(update=untold)
+    check_flow(scene)
 
 
 def _check_bodies(scene: SceneParts) -> None:

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from math import prod
 from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
-from model.scene.parts import ZERO, NotNegative, Number, Part, Positive, Vector
+from model.scene.parts import ZERO, Count, NotNegative, Number, Part, Positive, Vector
 
 SUPPORT = 1 / 0.55  # rest distances, unless told
 NARROWEST, WIDEST = 1.2, 4.0  # supports in rest distances: neighbours on the lattice are 6 and 250
 WIDER = 1.001  # a cell's edge over the support: what rounding brings within reach lies in a cell beside
+SPEED_SHARE = 0.5  # supports that a particle moves in a substep at most
 REPEATED = 3  # cells that a side is long at least, where it repeats: cells around a particle are three different ones
 Flat = tuple[Number, Number]
 Sides = tuple[Positive, Positive, Positive] | tuple[Positive, Positive]  # of a block, m
@@ -34,7 +36,8 @@ class Fluid(Part):
 
     dimensions: Literal[2, 3] = 3
     origin: Vector | Flat = ZERO  # m, the lowest corner of the block
-    size: Sides  # m, along x, y and, unless flat, z; rounded to whole rest distances
+    size: Sides | None = None  # m, along x, y and, unless flat, z; whole rest distances; none: it starts empty
+    capacity: Count | None = None  # particles at most, those that wait for an emitter too; its start's unless given
     blocks: tuple[Block, ...] = ()  # more of them, [{ origin = [0.5, 0.0, 0.0], size = [0.2, 0.2, 0.2] }, ...]
     rest_distance: Positive = 0.05  # m, of the lattice that has its density
     support: Positive | None = None  # m, how far a particle sees; rest_distance / 0.55 unless given
@@ -62,7 +65,10 @@ class Fluid(Part):
                 f"{WIDEST * self.rest_distance:g} m"
             )
         one: Any
-        for field, one in (("size", self), *(("blocks", block) for block in self.blocks)):
+        if self.size is None and self.capacity is None:
+            raise ValueError("size: must be given, or a capacity, of a fluid that an emitter gives")
+        own = [("size", self)] if self.size is not None else []
+        for field, one in (*own, *(("blocks", block) for block in self.blocks)):
             if len(one.size) != self.dimensions:
                 told = f"must have {self.dimensions} numbers in {self.dimensions} dimensions"
                 raise ValueError(f"{field}: {told}")
@@ -72,9 +78,14 @@ class Fluid(Part):
                 raise ValueError("origin: must lie in the plane z = 0 in 2 dimensions")
             if self.dimensions == 3 and len(one.origin) != 3:
                 raise ValueError("origin: must have 3 numbers in 3 dimensions")
+        if self.capacity is not None and self.capacity < self.starting_count:
+            raise ValueError(f"capacity: must be at least what it starts with, {self.starting_count} particles")
         if self.dimensions == 2 and self.velocity[2] != 0:
             raise ValueError("velocity: must lie in the plane z = 0 in 2 dimensions")
         return self
+
+    def _idle_fields(self) -> set[str]:
+        return super()._idle_fields() | {name for name in ("size", "capacity") if getattr(self, name) is None}
 
     @property
     def support_radius(self) -> float:
@@ -83,8 +94,24 @@ class Fluid(Part):
 
     @property
     def all_blocks(self) -> tuple[Any, ...]:
-        """Its own block and the others: what has an origin and a size."""
-        return (self, *self.blocks)
+        """Its own block, if it has one, and the others: what has an origin and a size."""
+        return (self, *self.blocks) if self.size is not None else self.blocks
+
+    @property
+    def starting_count(self) -> int:
+        """How many particles it starts with."""
+        return sum(prod(self.counts(block)) for block in self.all_blocks)
+
+    @property
+    def most(self) -> int:
+        """How many particles there may be of it, those that wait too."""
+        return self.starting_count if self.capacity is None else self.capacity
+
+    def speed_limit(self, substep: float) -> float:
+        """[m/s]: what no particle exceeds in substeps of so many seconds: half a support in each, or less if it is told
+        so."""
+        own = SPEED_SHARE * self.support_radius / substep
+        return own if self.maximum_speed is None else min(own, self.maximum_speed)
 
     def counts(self, block: Any) -> tuple[int, ...]:
         """How many particles lie along each side of a block."""

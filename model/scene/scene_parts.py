@@ -29,6 +29,7 @@ from model.scene.cloth import (
     Fold,
     Wind,
 )
+from model.scene.flow import FLOW_KINDS, Emitter, Sink
 from model.scene.fluid import FLUID_KINDS, Domain, Fluid, Foam
 from model.scene.members import member_tables, members_of
 from model.scene.mesh import MESH_KINDS, Mesh
@@ -66,6 +67,7 @@ KINDS: dict[str, type[Part]] = (
     | BODY_KINDS
     | TETRAHEDRAL_KINDS
     | FLUID_KINDS
+    | FLOW_KINDS
     | {"contact": Contact, "region": Region, "attachment": Attachment, "material": Material}
 )
 SHEETS = ("grid", "cloth", "mesh")  # a scene has one of them
@@ -74,6 +76,7 @@ SEVERAL = (
     *BODY_KINDS,
     *TETRAHEDRAL_KINDS,
     "fluid",
+    *FLOW_KINDS,
     *COLLIDER_KINDS,
     "load",
     "motion",
@@ -197,6 +200,16 @@ class SceneParts:
     def fluids(self) -> dict[str, Fluid]:
         """The scene's fluids, by the part's name."""
         return self.own("fluid")
+
+    @property
+    def emitters(self) -> dict[str, Emitter]:
+        """Where fluids come from, by the part's name."""
+        return self.all_of("emitter")
+
+    @property
+    def sinks(self) -> dict[str, Sink]:
+        """Where they end, by the part's name."""
+        return self.all_of("sink")
 
     @cached_property
     def fluid_set(self) -> FluidSet:

@@ -9,6 +9,7 @@ import numpy as np
 
 from model.core.errors import InputError, SceneError
 from model.core.state import State
+from model.fluid.flow import nozzle_points
 from model.scene.scene import Scene
 from model.shape_matching.body_set import Copy
 
@@ -33,8 +34,12 @@ def weights(scene: Scene, parts: frozenset[str], inverse_mass: np.ndarray) -> np
 
 
 def absent(scene: Scene, inverse_mass: np.ndarray | None = None) -> np.ndarray | None:
-    """(particles,) bool: those of bodies that wait, by inverse masses as in State or (None) when the scene starts; None where
-    no body does."""
+    """(particles,) bool: those of bodies and of fluids that wait, by inverse masses as in State or (None) when the scene
+    starts; None where no body does."""
+    if scene.emitters or scene.sinks:
+        found = scene.fluid_set
+        waits = ~found.there(found.position) if inverse_mass is None else np.asarray(inverse_mass) == 0
+        return waits if waits.any() else None
     if not scene.bodies:
         return None
     waits = scene.body_set.waiting if inverse_mass is None else np.asarray(inverse_mass) == 0
@@ -42,7 +47,11 @@ def absent(scene: Scene, inverse_mass: np.ndarray | None = None) -> np.ndarray |
 
 
 def present(scene: Scene, position: np.ndarray, inverse_mass: np.ndarray | None = None) -> np.ndarray:
-    """Those of `position` (particles, dimensions) that are there by `absent`; all, where none would be left."""
+    """Those of `position` (particles, dimensions) that are there by `absent`, of fluids by where they are; all, where none
+    would be left, or of a fluid its nozzles."""
+    if scene.emitters or scene.sinks:
+        there = position[scene.fluid_set.there(position)]
+        return there if len(there) else nozzle_points(scene, np.float64)[:, : position.shape[1]]
     waits = absent(scene, inverse_mass)
     return position if waits is None or waits.all() else position[~waits]
 
@@ -69,7 +78,9 @@ class Counts:
 def counts(scene: Scene, inverse_mass: np.ndarray | None = None) -> Counts:
     """What is there and what waits, by `absent`."""
     if not scene.bodies:
-        return Counts(scene.grid.particle_count)
+        waits = absent(scene, inverse_mass)
+        waiting_particles = 0 if waits is None else int(waits.sum())
+        return Counts(scene.grid.particle_count - waiting_particles, waiting_particles=waiting_particles)
     is_there = copies_there(scene, inverse_mass)
     there = [copy.baked for copy in scene.body_set.copies if is_there[copy.number]]
     waiting = [copy.baked for copy in scene.body_set.copies if not is_there[copy.number]]

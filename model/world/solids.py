@@ -26,6 +26,7 @@ from model.scene.scene import Scene
 from model.world.world_set import WorldSet
 
 COARSEST = 1.25  # rest distances that particles of a body may be apart: wider, a fluid runs through between them
+THIN = 2.0  # by which volumes of a cloth's samples are larger: nothing behind it holds water back
 NEAREST = (
     0.9  # of half of both spacings together: of what a fluid and a body keep from each other at the start, at least
 )
@@ -87,12 +88,13 @@ def _sampled(scene: Scene) -> Iterator[_Sampled]:
         names = [*scene.members["tetrahedra"].tetrahedra, *scene.members["tetrahedra"].all_of("mesh")]
         for name, (start, stop) in zip(names, pairwise(ends), strict=False):
             own = (found.surface >= start).all(axis=1) & (found.surface < stop).all(axis=1)
-            yield _surface(scene, name, found.surface[own].astype(np.int64), found.position, first)
+            thick = THIN if scene.members["tetrahedra"].kinds[name] == "mesh" else 1.0
+            yield _surface(scene, name, found.surface[own].astype(np.int64), found.position, first, thick)
     if "cloth" in scene.members:
         own_scene, first = scene.members["cloth"], slices["cloth"].start
         mesh = mesh_of(own_scene.mesh)
         position = scene.world_set.position[slices["cloth"]]
-        yield _surface(scene, own_scene.name_of("mesh"), mesh.triangles.astype(np.int64), position, first)
+        yield _surface(scene, own_scene.name_of("mesh"), mesh.triangles.astype(np.int64), position, first, THIN)
 
 
 def _bodies(scene: Scene, first: int) -> Iterator[_Sampled]:
@@ -116,13 +118,15 @@ def _bodies(scene: Scene, first: int) -> Iterator[_Sampled]:
         yield _Sampled(copy.name, *particle_samples(own), volumes[copy.name], away)
 
 
-def _surface(scene: Scene, name: str, triangles: np.ndarray, position: np.ndarray, first: int) -> _Sampled:
-    """Of one surface; `position`: of the member's particles."""
+def _surface(
+    scene: Scene, name: str, triangles: np.ndarray, position: np.ndarray, first: int, thick: float
+) -> _Sampled:  # fmt: skip
+    """Of one surface; `position`: of the member's particles; `thick`: by what volumes are multiplied."""
     fluid = scene.members["fluid"].fluid_set
     corners, shares = triangle_samples(position, triangles, CLOSE * fluid.spacing)
     points = (shares[:, :, None] * position[corners]).sum(axis=1)
     kept = thinned(points, LEAST * fluid.spacing)
-    volume = sample_volumes(points[kept], fluid.lattice, fluid.support, False)
+    volume = thick * sample_volumes(points[kept], fluid.lattice, fluid.support, False)
     return _Sampled(name, corners[kept] + first, shares[kept], volume, NEAREST * fluid.spacing / 2)
 
 

@@ -10,7 +10,7 @@ from test_view3d import drawing  # noqa: F401  # a fixture
 
 from app.output.offscreen import OffscreenRenderer, check_look
 from app.render import colours
-from app.render.fluid.framing import main_part
+from app.render.fluid.framing import main_part, with_fluids
 from app.render.fluid.outlines import SIDES, outlines
 from app.render.fluid.view import COLOURINGS, LOOKS
 from app.render.framing import seen_points
@@ -201,3 +201,47 @@ def test_a_legend_that_is_to_come_has_its_place_from_the_first_picture_on() -> N
     with OffscreenRenderer(scene, 640, 480) as renderer:
         renderer.fit(position)
         assert renderer.camera.to_window(position)[:, 1].min() < 100
+
+
+def test_what_is_nowhere_is_neither_framed_nor_foams() -> None:
+    """Particles that wait for an emitter are told to be a thousand kilometres away."""
+    scene = water(**FLAT)
+    position = scene.fluid_set.position.copy()
+    position[3:] = -(2.0**20)
+    assert len(main_part(scene, position)) == 3 and len(main_part(scene, position[3:])) == 0
+    assert np.abs(seen_points(scene, position, 0.0)).max() < 1
+    assert len(seen_points(scene, position[3:], 0.0)) == 0
+    velocity = np.zeros_like(position)
+    velocity[:3, 0] = 1, -1, 1
+    some, all_of_them = FoamPoints(scene, Foam(speed=0.5, rate=500.0)), FoamPoints(scene, Foam(speed=0.5, rate=500.0))
+    for step in range(3):
+        some.follow(position[:3], velocity[:3], step / 60)
+        all_of_them.follow(position, velocity, step / 60)
+    assert len(some) and some.position.tobytes() == all_of_them.position.tobytes()
+
+
+def test_a_fluid_in_a_world_is_drawn_into_the_worlds_picture() -> None:
+    """Its surface, and its foam, before what is white; drops of it that fly off are out of the frame there, too."""
+    brick = {
+        "kind": "rigid_body", "shape": {"name": "box", "sides": [0.2, 0.1, 0.2]}, "particle_spacing": 0.05,
+        "volume_sampling": 1.0, "surface_sampling": 0.0, "origin": [0.2, 0.7, 0.2],
+    }  # fmt: skip
+    table = {"kind": "fluid", "size": [0.4, 0.4, 0.4], "rest_distance": 0.05}
+    scene = Scene({"water": table, "brick": brick, "gravity": {}})
+    assert scene.is_world and with_fluids(scene) and not with_fluids(Scene({"grid": {"rows": 2, "columns": 2}}))
+    position = scene.world_set.position
+    found = scene.world_set.slices()["fluid"]
+    middle = position[found].mean(axis=0)
+    with OffscreenRenderer(scene, 320, 240, legend=False) as renderer:
+        renderer.fit(position)
+        camera = renderer.camera
+        flown = position.copy()
+        flown[found.start] += 90.0
+        renderer.fit(flown)
+        assert renderer.camera.distance == pytest.approx(camera.distance, rel=0.1)
+        assert renderer._view.toggle_foam() is True and renderer.wants_velocity
+        renderer.draw(position, velocity=np.zeros_like(position))
+        image = renderer.image()[..., :3] / 255
+        x, y = renderer.camera.to_window(middle)
+    pixel = image[int(240 - y), int(x)]
+    assert pixel[2] > pixel[0] + 0.15

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from typing import Any
 
 import pytest
 
 from bench.measure import experiment
-from bench.measure.experiment import Experiment, Items, Summary, Tell, ending_cleanly, keep, resume
+from bench.measure.experiment import Experiment, Items, Summary, Tell, ending_cleanly, group_name, keep, resume
+from bench.measure.share import Alone, sharing
 from bench.store.database import Store
 from bench.store.results import measures
 
@@ -62,6 +64,30 @@ def test_of_a_whole_group_all_is_measured_where_anything_lacks(store: Store) -> 
     measured(store, [["a", "c"]])
     summary, done = measured(store, [["a", "b"], ["c"]], whole=True)
     assert done == [["a", "b"]] and (summary.measured, summary.held) == (2, 1)
+
+
+def test_of_several_workers_one_measures_what_it_takes_and_others_have_not_measured(store: Store) -> None:
+    """`b` is done by another, between the plan and the turn; the group of `c` is another's."""
+    planned: dict[str, tuple[float, str]] = {}
+
+    class Other(Alone):
+        def planned(self, store: Store, machine: str, groups: Mapping[str, tuple[float, str]]) -> None:
+            planned.update(groups)
+
+        @contextmanager
+        def take(self, name: str) -> Iterator[bool]:
+            run = store.start_run("m", "another's")
+            keep(store, run, description("b"), "s", {"done": (1.0, "", None)})
+            yield not name.startswith("1-")
+
+    with sharing(Other()):
+        summary, done = measured(store, [["a", "b"], ["c"]])
+    assert done == [["a"]] and summary.measured == 1
+    assert list(planned.values()) == [(2, "a"), (1, "c")]
+    assert len({group_name(0, ["a", "b"]), group_name(1, ["a", "b"]), group_name(0, ["a", "c"])}) == 3
+    with sharing(Other()):
+        _, done = measured(store, [["d"], ["c"], ["a"]])
+    assert done == [["d"]]
 
 
 def test_ctrl_c_keeps_what_was_had_and_the_same_command_resumes(store: Store) -> None:

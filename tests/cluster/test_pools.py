@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 import os
+import signal
 import stat
 import sys
+import threading
+import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import pytest
-from fake_cluster import REPEATS, run_fake, sampled
+from fake_cluster import REPEATS, logged, run_fake, sampled
 from typer.testing import CliRunner
 
 import softlab
 from app.command.command_line import exit_status
-from bench.cluster import pools
+from bench.cluster import dask_pool
 from bench.cluster.pools import Where, pool_of, where_of
 from bench.cluster.start import FOLDER, on_cluster
 from bench.store.database import Store
@@ -24,47 +28,75 @@ ROOT = Path(__file__).parents[2]
 GROUPS = [[2], [3], [4]]
 
 
-def measured(tmp_path: Path, where: Where, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Workers of a real pool measure all."""
+@pytest.fixture(autouse=True)
+def importable(monkeypatch: pytest.MonkeyPatch) -> None:
+    """By workers, what the tests measure."""
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(ROOT), str(ROOT / "tests" / "cluster")]))
+
+
+def measured(tmp_path: Path, where: Where, losses: Sequence[str] = (), **how: Any) -> None:
+    """Workers of a real pool measure all, once, those that were lost for such reasons none the less."""
     (tmp_path / "log").mkdir()
-    how: dict[str, Any] = {"groups": GROUPS, "log": str(tmp_path / "log")}
+    how |= {"groups": GROUPS, "log": str(tmp_path / "log")}
     with Store(tmp_path / "results.sqlite") as store:
         summary = on_cluster(store, run_fake, where, timed=False, command="fake", progress=False, beat=0.1, **how)
-        assert summary.measured == len(GROUPS) and not summary.losses, summary
+        assert summary.measured == len(GROUPS) and not summary.given_up, summary
+        assert len(summary.losses) == len(losses), summary
+        assert all(why in told for why, told in zip(losses, summary.losses, strict=True)), summary
         assert len(sampled(store)) == REPEATS * len(GROUPS)
     assert not (tmp_path / f"results{FOLDER}").exists()
 
 
-def test_workers_by_submitit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_workers_by_submitit(tmp_path: Path) -> None:
     pytest.importorskip("submitit", reason='pip install -e ".[cluster]"')
-    measured(tmp_path, Where("local", workers=2), monkeypatch)
+    measured(tmp_path, Where("local", workers=2), ["killed by signal 9"], dies_once=3)
 
 
-def test_workers_by_dask(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_workers_by_dask(tmp_path: Path) -> None:
     distributed = pytest.importorskip("distributed", reason='pip install -e ".[cluster]"')
     with distributed.LocalCluster(
-        n_workers=2, processes=False, threads_per_worker=1, dashboard_address=None, host="127.0.0.1", protocol="tcp"
+        n_workers=2, processes=False, threads_per_worker=1, dashboard_address=":0", host="127.0.0.1", protocol="tcp"
     ) as cluster:
-        measured(tmp_path, Where("dask", cluster.scheduler_address.removeprefix("tcp://")), monkeypatch)
+        measured(tmp_path, Where("dask", cluster.scheduler_address.removeprefix("tcp://")))
+
+
+def test_a_dask_worker_that_is_gone_is_replaced(tmp_path: Path) -> None:
+    """Its process dies under the lab's worker, which stops; Dask starts another, and so does the sweep."""
+    distributed = pytest.importorskip("distributed", reason='pip install -e ".[cluster]"')
+    with distributed.LocalCluster(
+        n_workers=1, processes=True, threads_per_worker=1, dashboard_address=":0", host="127.0.0.1", protocol="tcp"
+    ) as cluster:
+        (worker,) = cluster.workers.values()
+
+        def kill() -> None:
+            while len(logged(tmp_path / "log", "sample") if (tmp_path / "log").exists() else ()) < 2:
+                time.sleep(0.02)
+            os.kill(worker.process.process.pid, signal.SIGKILL)
+
+        thread = threading.Thread(target=kill, daemon=True)
+        thread.start()
+        where = Where("dask", cluster.scheduler_address.removeprefix("tcp://"))
+        measured(tmp_path, where, ["the process that started it is gone"], seconds=0.5)
+        thread.join()
 
 
 SBATCH = """#!/bin/sh
 for file; do :; done  # the last one
 cp "$file" {folder}/handed.sh
-sh "$file" > {folder}/out 2>&1 &
-echo Submitted batch job 17
+echo "$file" >> {folder}/files
+number=$(wc -l < {folder}/files)
+SLURM_JOB_ID=$number SLURM_JOB_NODELIST=here sh "$file" > {folder}/out 2>&1 &
+echo "Submitted batch job $number"
 """
 SACCT = """#!/bin/sh
 echo 'JobID|State|NodeList'
-[ -e {folder}/log/ended ] && echo '17|COMPLETED|here' || echo '17|RUNNING|here'
+for number in 1 2 3; do echo "$number|RUNNING|here"; done
 """
 
 
-def test_slurm_is_handed_jobs_with_a_node_each_where_something_is_timed(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """By commands of Slurm's names, which keep what they are handed."""
+@pytest.fixture
+def slurm(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Commands of Slurm's names, which keep what they are handed, as handed.sh, and run it here."""
     pytest.importorskip("submitit", reason='pip install -e ".[cluster]"')
     here = tmp_path / "bin"
     here.mkdir()
@@ -72,14 +104,24 @@ def test_slurm_is_handed_jobs_with_a_node_each_where_something_is_timed(
         (here / name).write_text(text.format(folder=tmp_path))
         (here / name).chmod(stat.S_IRWXU)
     monkeypatch.setenv("PATH", f"{here}{os.pathsep}{os.environ['PATH']}")
-    for timed, backends in ((True, None), (True, ("gpu",)), (False, ())):
-        pool = pool_of(where_of("slurm", 2, ["partition=fast", "time=30"]), tmp_path / "folder", backends)
-        pool.start(0, tmp_path / "folder", "1.1")
-        handed = (tmp_path / "handed.sh").read_text().splitlines()
-        assert ("#SBATCH --exclusive" in handed) == timed
-        assert {"#SBATCH --partition=fast", "#SBATCH --time=30", "#SBATCH --nodes=1"} <= set(handed)
-        assert not any("srun" in line for line in handed), "a step of srun's would have one core"
-        assert pool.slots == 2
+    return tmp_path / "handed.sh"
+
+
+@pytest.mark.parametrize(("timed", "backends"), [(True, None), (True, ("gpu",)), (False, ())])
+def test_slurm_is_handed_jobs_with_a_node_each_where_something_is_timed(
+    tmp_path: Path, slurm: Path, timed: bool, backends: Sequence[str] | None
+) -> None:
+    pool = pool_of(where_of("slurm", 2, ["partition=fast", "time=30"]), tmp_path / "folder", backends)
+    pool.start(0, tmp_path / "folder", "1.1")
+    handed = slurm.read_text().splitlines()
+    assert ("#SBATCH --exclusive" in handed) == timed
+    assert {"#SBATCH --partition=fast", "#SBATCH --time=30", "#SBATCH --nodes=1"} <= set(handed)
+    assert not any("srun" in line for line in handed), "a step of srun's would have one core"
+    assert pool.slots == 2
+
+
+def test_workers_by_slurm(tmp_path: Path, slurm: Path) -> None:
+    measured(tmp_path, Where("slurm", workers=1), ["killed by signal 9"], dies_once=3)
 
 
 @pytest.mark.parametrize(
@@ -105,7 +147,7 @@ def test_bad_input_is_one_line_and_its_exit_status(
     status: int,
     said: str,
 ) -> None:
-    monkeypatch.setattr(pools, "DASK_SECONDS", 0.3)
+    monkeypatch.setattr(dask_pool, "DASK_SECONDS", 0.3)
     if "127" in typed:
         pytest.importorskip("distributed", reason='pip install -e ".[cluster]"')
     if status == 3:

@@ -41,7 +41,9 @@ def hard(*verdicts: str, interrupted: bool = False) -> HardSummary:
 
 
 def ran(diverged: Diverged | None = None) -> Any:
-    return SimpleNamespace(notes=[], report=dict(REPORT), scene=SCENE, state=None, diverged=diverged, written=[])
+    return SimpleNamespace(
+        notes=[], report=dict(REPORT), scene=SCENE, state=None, diverged=diverged, written=[], rank=0
+    )
 
 
 def advice(**found: Any) -> Advice:

@@ -16,7 +16,7 @@ from bodies_scenes import blocks, hung, of_all_materials
 from cloth_scenes import POKE, cloth_scene
 from contact_scenes import folded
 from field_scenes import falling_bar
-from fluid_scenes import flat, two_fluids
+from fluid_scenes import flat, free, two_fluids
 from kinematic_scenes import CUBE, ENDS, HOOK, kinematic_scene
 from meeting_bodies import meeting
 from mesh_scenes import mesh_scene
@@ -102,6 +102,8 @@ CASES: dict[str, tuple[Callable[[], Scene], str, str]] = {
     "body on a field": (falling_bar, "fused", "float64"),
     "fluids": (two_fluids, "fused", "float32"),
     "fluid in a plane, in stages": (flat, "stages", "float64"),
+    "fluids, by velocities": (lambda: free(two_fluids()), "fused", "float32"),
+    "fluid in a plane, by velocities, in stages": (lambda: free(flat()), "stages", "float64"),
 }
 
 

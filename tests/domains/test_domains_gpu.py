@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 
 from app.driver import open_simulation
+from gpu_backend.domains.flags import FlagSimulation
 from model.core.integrators import INTEGRATORS
+from model.core.options import Options
 from model.core.simulation import State
 from model.scene.scene import Scene, load_scene
 
@@ -84,3 +86,35 @@ def test_a_forced_mass_and_a_switched_field(link: str) -> None:
             simulation.advance(50)
             found.append(simulation.state())
     same(*found)
+
+
+@pytest.mark.parametrize("kernel", ["tiles", "graph"])
+@pytest.mark.parametrize("integrator", ["lab", "velocity-verlet"])
+def test_cycles_in_graphs_have_the_bits_of_one_gpu(integrator: str, kernel: str) -> None:
+    """Two small windows run beside one another on one GPU, each in graphs of many cycles; kernels wait for kernels. 16 + 4 +
+    2 cycles, one by itself, and a rest of steps."""
+    scene, steps, every = scene_of(**{"method.integrator": integrator}), 23 * 4 + 3, 4
+    options = Options(math="exact", kernel=kernel)
+    with FlagSimulation(scene, options, 2, every, graphs=True) as simulation:
+        assert simulation._cycles
+        simulation.advance(steps)
+        found = simulation.state()
+        simulation.advance(steps)  # replayed, where its buffers lie as they did
+        again = simulation.state()
+    same(found, one_after(scene, steps))
+    same(again, one_after(scene, 2 * steps))
+
+
+def one_after(scene: Scene, steps: int) -> State:
+    with open_simulation(scene, "gpu", math="exact") as one:
+        one.advance(steps)
+        return one.state()
+
+
+@pytest.mark.parametrize("link", LINKS)
+@pytest.mark.parametrize("name", ["cloth-hanging", "cloth-wind", "cloth-sphere"])
+@pytest.mark.parametrize("integrator", ["velocity-verlet", "semi-implicit-euler", "rk4"])
+def test_a_cloth_has_the_bits_of_one_gpu(integrator: str, name: str, link: str) -> None:
+    settings = {"cloth.rows": 200, "cloth.columns": 61, "method.integrator": integrator, "method.dt": 1e-4}
+    scene = load_scene(name).replace(settings)
+    same(end(scene, 500, backend="gpu", gpus=3, link=link), end(scene, 500, backend="gpu"))

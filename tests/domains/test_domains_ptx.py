@@ -9,31 +9,33 @@ from kernel_text import entry_of
 pytestmark = pytest.mark.usefixtures("ptx_compiler")
 
 
-def text(name: str, real: Any) -> str:
+def text(name: str, real: Any, axes: int = 2) -> str:
     from numba import types
 
     from gpu_backend.domains.kernels import make_border_kernels
 
     pair = (types.complex64 if real is np.float32 else types.complex128)[::1]
+    state = pair if axes == 2 else (types.float32 if real is np.float32 else types.float64)[::1]
     epoch, flags, number = types.int32[::1], types.int32[::1], types.int32
     signatures = {
-        "pull": (pair, pair, number, pair, pair, number, number),
-        "push": (pair, pair, number, number, pair, flags, epoch),
-        "take": (pair, pair, number, number, pair, flags, epoch, flags),
+        "pull": (state, state, number, state, state, number, number),
+        "push": (state, state, number, number, pair, flags, epoch),
+        "take": (state, state, number, number, pair, flags, epoch, flags),
         "count_on": (epoch,),
     }
-    kernel = getattr(make_border_kernels(real), name)
+    kernel = getattr(make_border_kernels(real, axes), name)
     return entry_of(kernel.py_func, signatures[name], "exact")
 
 
 @pytest.mark.parametrize("name", ["pull", "push", "take", "count_on"])
 @pytest.mark.parametrize("real", [np.float32, np.float64])
-def test_borders_travel_whole(name: str, real: Any) -> None:
-    """A mass is one access of both axes; float32 has no double, nothing lies in local memory."""
-    found = text(name, real)
+@pytest.mark.parametrize("axes", [2, 3])
+def test_borders_travel_whole(axes: int, name: str, real: Any) -> None:
+    """A mass in a plane is one access of both axes; float32 has no double, nothing lies in local memory."""
+    found = text(name, real, axes)
     assert ".local" not in found
     assert real is np.float64 or ".f64" not in found
-    if name in ("pull", "push"):
+    if name in ("pull", "push") and axes == 2:
         assert found.count("ld.global.v2.") == 2 and found.count("st.global.v2.") == 2
 
 

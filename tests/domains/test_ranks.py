@@ -10,6 +10,7 @@ from cpu_backend.domains.ranks import RankSimulation, shared_threads
 from model.core.errors import BackendUnavailable, Diverged, SceneError
 from model.core.options import Options
 from model.core.simulation import State
+from model.domains.simulation import cut
 from model.scene.scene import load_scene
 
 SCENES = {
@@ -141,10 +142,45 @@ def test_a_lost_rank_is_an_error_and_no_hang():
         simulation.advance(1)
 
 
-@pytest.mark.parametrize("name", ["cloth-hanging", "jelly-block"])
-def test_what_cannot_be_shared_says_so(name):
-    with pytest.raises(SceneError, match="not shared"):
-        run_in_threads(2, lambda ranks: RankSimulation(load_scene(name), Options(), ranks), patience=5)
+@pytest.mark.parametrize(
+    "name, integrator, halo",
+    [
+        ("cloth-hanging", "velocity-verlet", 4),  # springs against bending reach two rows; a step and its end
+        ("cloth-wind", "velocity-verlet", 4),  # kicks that do not meet: forces twice in a step
+        ("cloth-sphere", "semi-implicit-euler", 2),
+        ("cloth-wind", "rk4", 8),
+    ],
+)
+def test_a_cloth_has_the_bits_of_one(name, integrator, halo):
+    settings = {"cloth.rows": 17, "cloth.columns": 5, "method.integrator": integrator, "method.dt": 1e-4}
+    scene = load_scene(name).replace(settings)
+    wanted = alone(scene, 8)
+    for found in shared(scene, 2, 8, every=1):
+        same(found, wanted)
+    assert cut(scene, 2, 1, "--ranks").halo == halo
+
+
+@pytest.mark.parametrize(
+    "name, changes, said",
+    [
+        ("cloth-xpbd", {}, "not shared"),
+        ("jelly-block", {}, "not shared"),
+        ("cloth-twist", {}, "moves pins"),
+        ("cloth-hanging", {"external.magnitude": 0.1}, "not shared"),
+        ("cloth-hanging", {"method.integrator": "implicit-euler"}, "at once"),
+    ],
+)
+def test_what_cannot_be_shared_says_so(name, changes, said):
+    scene = load_scene(name).replace(changes)
+    with pytest.raises(SceneError, match=said):
+        run_in_threads(2, lambda ranks: RankSimulation(scene, Options(), ranks), patience=5)
+
+
+def test_one_mass_of_a_cloth_is_not_pulled():
+    scene = load_scene("cloth-hanging").replace({"cloth.rows": 17, "cloth.columns": 5})
+    options = Options(live=frozenset({"poke"}))
+    with pytest.raises(SceneError, match="poke"):
+        run_in_threads(2, lambda ranks: RankSimulation(scene, options, ranks), patience=5)
 
 
 def test_a_manufactured_force_asks_where_a_mass_is():

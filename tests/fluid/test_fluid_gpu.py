@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from flow_scenes import FLOWS
 from fluid_scenes import in_a_cup
 from small_fluids import few, flat, free, rich, stirred
 
@@ -75,3 +76,23 @@ def test_a_particle_that_was_flung_away_costs_no_more_than_larger_cells() -> Non
         for backend, more in (("cpu", {"threads": 2}), ("gpu", {}))
     ]
     assert same(*ends) and np.isfinite(ends[0].position).all()
+
+
+@pytest.mark.parametrize("precision", ["float32", "float64"])
+@pytest.mark.parametrize("name", FLOWS)
+def test_what_comes_and_goes_has_the_cpus_bits(name: str, precision: str) -> None:
+    """Launched, as a graph, stage by stage; who waits, and how many were missing; and the positions that are drawn."""
+    from numba import cuda
+
+    scene, ends = FLOWS[name](), []
+    for backend, kernel in (("cpu", None), *(("gpu", one) for one in KERNELS)):
+        with open_simulation(scene, backend, math="exact", precision=precision, kernel=kernel) as simulation:
+            simulation.advance(20)
+            ends.append((simulation.state(), simulation.not_emitted))  # type: ignore[attr-defined]
+            if backend == "gpu":
+                out = cuda.device_array(simulation.body.position.shape, np.float32)
+                simulation.read("position", into=out)
+                assert np.array_equal(out.copy_to_host(), ends[-1][0].position.astype(np.float32))
+    for state, missing in ends[1:]:
+        assert same(state, ends[0][0]) and missing == ends[0][1]
+        assert np.array_equal(state.inverse_mass, ends[0][0].inverse_mass)

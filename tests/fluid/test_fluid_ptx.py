@@ -33,6 +33,15 @@ STEP = {
     "shape": "RRFIIRR",
     "smooth": "RRFIIRRRRR",
 }
+FLOW = {
+    "due": "LlllFRIR",
+    "rank": "IIII",
+    "totals": "II",
+    "emit": "RRIIIRRIRII",
+    "arrive": "IIIRIRIIL",
+    "take": "RIRIRIIII",
+    "rest": "III",
+}
 SOLIDS = {
     "sample": "IiIRRRRRR",
     "gather": "IiI",
@@ -42,12 +51,33 @@ SOLIDS = {
     "density": "RFIIIiRRRRR" + TIME,
     "correct": "RRFIIIiRRR" + TIME + "RR",
 }
-COUNTED = {"hash_particles", "find", "prepare"}  # by atomics
+FREE = {  # of the scheme divergence-free
+    "gather": "RFR",
+    "survey": "RRFIIRRR" + TIME,
+    "relax": "RRFIIRRRRRii",
+    "push": "RRFIIRRRi",
+    "take_up": "RRRFR",
+    "accelerate": "RRIRFR" + TIME[1:] + "R",
+    "foresee": "RRFIIRRR",
+    "move": "RRRRRFR" + TIME + "RR",
+}
+COUNTED = {"hash_particles", "find", "prepare", "take"}  # by atomics
 PLAIN = frozenset({"gravity", "plane", "walls"})
 ALL = PLAIN | {
     "fluids", "repeats", "averaged", "tensile", "sphere", "capsule", "box", "friction", "restitution", "drag", "held-back",
     "viscosity", "cohesion", "surface-tension", "vorticity", "poke", "external",
 }  # fmt: skip
+COMING = PLAIN | {
+    "fluids",
+    "capsule",
+    "box",
+    "swept",
+    "mesh_collider",
+    "distance_field",
+    "emitter",
+    "sink",
+    "viscosity",
+}
 
 pytestmark = pytest.mark.usefixtures("ptx_compiler")
 
@@ -86,11 +116,28 @@ def kernel(name: str, real: Any, math: str, parts: frozenset[str]) -> Any:
     return getattr(make_density_kernels(real, math, parts, repeats, 64), name)
 
 
-@pytest.mark.parametrize("parts", [PLAIN, ALL], ids=["plain", "all"])
+@pytest.mark.parametrize("parts", [PLAIN, ALL, COMING], ids=["plain", "all", "coming"])
 @pytest.mark.parametrize("math", ["fast", "exact"])
 @pytest.mark.parametrize("name", STEP)
 def test_a_substep(name: str, math: str, parts: frozenset[str]) -> None:
     text = kernel_text(kernel(name, np.float32, math, parts), STEP[name], np.float32, math)
+    assert stays_in_registers(text) and counts_alone(text, name)
+
+
+@pytest.mark.parametrize("math", ["fast", "exact"])
+@pytest.mark.parametrize("name", FLOW)
+def test_what_comes_and_ends(name: str, math: str) -> None:
+    from gpu_backend.fluid.flow_kernels import make_flow_kernels
+
+    text = kernel_text(getattr(make_flow_kernels(np.float32, math, COMING), name), FLOW[name], np.float32, math)
+    assert stays_in_registers(text) and counts_alone(text, name)
+
+
+@pytest.mark.parametrize("name", ["totals", "fill", "arrange"])
+def test_sorting_what_comes_and_ends(name: str) -> None:
+    from gpu_backend.fluid.sort_kernels import make_cell_sort
+
+    text = kernel_text(getattr(make_cell_sort(np.float32, frozenset(), True), name), SORT[name], np.float32, "exact")
     assert stays_in_registers(text) and counts_alone(text, name)
 
 
@@ -110,6 +157,23 @@ def test_solids(name: str, math: str) -> None:
     for real in (np.float32, np.float64):
         made = vars(make_sampling(real, math)) | vars(make_solid_kernels(real, math, parts))
         text = kernel_text(made[name], SOLIDS[name], real, math)
+        assert "call" not in text and "atom" not in text and ".local" not in text
+        assert ".f64" not in text or real is np.float64
+        assert "fma.rn" not in text or math == "fast" or real is np.float32
+
+
+@pytest.mark.parametrize("parts", [PLAIN, ALL - {"averaged", "tensile"} | {"moving"}], ids=["plain", "all"])
+@pytest.mark.parametrize("math", ["fast", "exact"])
+@pytest.mark.parametrize("name", FREE)
+def test_velocities_without_divergence(name: str, math: str, parts: frozenset[str]) -> None:
+    from gpu_backend.fluid.divergence import make_solve, make_targets
+    from gpu_backend.fluid.divergence_motion import make_free_motion
+
+    parts, repeats = parts | {"divergence-free"}, frozenset("xz") if "repeats" in parts else frozenset()
+    for real in (np.float32, np.float64):
+        variant = real, math, parts, repeats
+        made = vars(make_targets(*variant)) | vars(make_solve(*variant)) | vars(make_free_motion(*variant))
+        text = kernel_text(made[name], FREE[name], real, math)
         assert "call" not in text and "atom" not in text and ".local" not in text
         assert ".f64" not in text or real is np.float64
         assert "fma.rn" not in text or math == "fast" or real is np.float32

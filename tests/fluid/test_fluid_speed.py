@@ -8,7 +8,18 @@ import pytest
 from rich.console import Console
 
 from bench.experiments import fluids
-from bench.experiments.fluids import LARGE, PHASES, POOLS, RATES, moved_bytes, operations, phase_name, points, pool
+from bench.experiments.fluids import (
+    FREE_PHASES,
+    LARGE,
+    PHASES,
+    POOLS,
+    RATES,
+    moved_bytes,
+    operations,
+    phase_name,
+    points,
+    pool,
+)
 from bench.measure import experiment
 from bench.store.database import Store
 from bench.store.results import measures
@@ -25,7 +36,11 @@ def test_pools_hold_what_they_are_called(count: int) -> None:
 def test_every_stage_of_the_plan_is_told() -> None:
     scene = pool(1000)
     assert list(dict.fromkeys(stage.name for stage in fluid_plan(scene).root.stages())) == list(PHASES)
+    free = pool(1000, "divergence-free")
+    assert list(dict.fromkeys(stage.name for stage in fluid_plan(free).root.stages())) == list(FREE_PHASES)
+    assert fluids.particle_iterations(free) == 2 * fluids.particle_iterations(scene)
     assert all(moved_bytes(phase, 24.0) > 0 and operations(scene, phase) > 0 for phase in PHASES)
+    assert all(moved_bytes(phase, 24.0) > 0 and operations(free, phase) > 0 for phase in FREE_PHASES)
     assert moved_bytes("density", 10.0) - moved_bytes("density", 0.0) == 40
 
 
@@ -46,6 +61,7 @@ def test_what_is_stored_comes_back(tmp_path: Path) -> None:
         (point,) = points(measures(store, machine="here"))
         assert point.particles == 1000 and point.rate == pytest.approx(6e5) and point.kernel == "fused"
         assert point.phases == {phase: pytest.approx(1e-3 * n) for n, phase in enumerate(PHASES, 1)}
+        assert point.scheme == "macklin"
         console = Console(width=140, record=True)
         fluids.print_fluids(console, store, "here")
         text = console.export_text()

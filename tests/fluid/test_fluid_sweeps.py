@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bench.reference.fluid_walls import _caught
+from bench.reference.fluid_world import _caught
 from model.formulas.fluid import sweep
 
 HALF, LINE, REACH = (0.3, 0.05, 0.2), (0.4, 0.3, -0.1), 0.15

@@ -27,6 +27,21 @@ FORMULAS: tuple[Mistake, ...] = (
         },
     ),
     *in_file(
+        "model/formulas/fluid/divergence.py",
+        "test_fluid_divergence.py test_fluid_cpu.py",
+        {
+            "what comes nearer goes away": (
+                "return total - s * ((dx * ex + dy * ey) + dz * ez)",
+                "return total + s * ((dx * ex + dy * ey) + dz * ez)",
+            ),
+            "a surface is pressed as the inside is": ("if c > -sparse else -one", "if c > -one else -one"),
+            "what density there is is forgotten": ("return c + dt * approach", "return dt * approach"),
+            "the last iteration goes on too": ("if turn + 1 < iterations else zero", "if iterations > 0 else zero"),
+            "a fluid draws by velocities": ("return min(ahead - factor * c, zero)", "return ahead - factor * c"),
+            "a wall is not gone against": ("return total + ((wx * x + wy * y) + wz * z)", "return total"),
+        },
+    ),
+    *in_file(
         "model/formulas/fluid/motion.py",
         "test_fluid_cpu.py",
         {

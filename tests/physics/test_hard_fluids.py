@@ -12,14 +12,21 @@ from bench.store.database import Store
 from bench.stress import fluid_cases, fluids
 from bench.stress.cases import CASES
 from bench.stress.experiment import case_scene, judge_case, run_hard
-from bench.stress.fluid_cases import FLUID_CASES, NOT_MUTUAL, OUTRUN, SLOWED
+from bench.stress.fluid_cases import FLUID_CASES, NOT_MUTUAL, OUTRUN, SHOT, SLOWED
 from bench.stress.trial import Check, Trial
 from model.core.simulation import State
 from model.fluid.parameters import speed_limit
 
 NAMES = {case.name: case for case in FLUID_CASES}
 HOST: dict[str, Any] = {"threads": 1, "math": "exact"}
-REASONS = {"F1 outrun": OUTRUN, "F3": NOT_MUTUAL, "F5 slowed": SLOWED, "F7": NOT_MUTUAL, "F7 two": NOT_MUTUAL}
+REASONS = {
+    "F1 outrun": OUTRUN,
+    "F3": NOT_MUTUAL,
+    "F4": SHOT,
+    "F5 slowed": SLOWED,
+    "F7": NOT_MUTUAL,
+    "F7 two": NOT_MUTUAL,
+}
 
 
 @pytest.mark.parametrize("precision", ["float64", "float32"])
@@ -41,7 +48,7 @@ def test_rows_are_of_fluids_and_say_where_their_bounds_come_from() -> None:
     for case in CASES:
         assert case.of_fluids == (case in FLUID_CASES)
         assert not case.of_fluids or (case.base().fluids and case.basis)
-    assert {case.row for case in FLUID_CASES} == {f"F{k}" for k in range(1, 10)}
+    assert {case.row for case in FLUID_CASES} == {f"F{k}" for k in range(1, 11)}
 
 
 @pytest.mark.parametrize("method", FLUIDS)

@@ -94,6 +94,16 @@ def _current_thread() -> Any:
 _replaced: list[tuple[dict, str, Any]] = []
 _seen: set[int] = set()
 _call = simulator.FakeCUDAKernel.__call__
+_configured = simulator.FakeCUDAKernel.__getitem__
+
+
+def _getitem(self: Any, configuration: tuple[Any, ...]) -> Any:
+    """Refuses what a driver's launch does, and the simulator takes: sizes of a grid or a block that are no int."""
+    for size in configuration[:2]:
+        assert all(type(number) is int for number in (size if isinstance(size, tuple) else (size,))), (
+            f"a launch takes int, not {type(size).__name__}: {self.fn.__name__}"
+        )
+    return _configured(self, configuration)
 
 
 def _called(self: Any, *arguments: Any) -> Any:
@@ -123,4 +133,5 @@ def install() -> None:
     threading.current_thread = _current_thread
     simulator.BlockManager = _BlockManager
     simulator.FakeCUDAKernel.launch = None
+    simulator.FakeCUDAKernel.__getitem__ = _getitem
     simulator.FakeCUDAKernel.__call__ = _called

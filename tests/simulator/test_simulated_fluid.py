@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from flow_scenes import FLOWS
 from fluid_scenes import in_a_cup
 from small_fluids import few, flat, free, rich, stirred
 
@@ -72,3 +73,48 @@ def test_a_particle_that_was_flung_away_makes_cells_larger() -> None:
     start.position[5] = 1000.0, 900.0, -800.0
     ends = [end_of(SCENES["few"], backend, initial=start) for backend in ("cpu", "gpu")]
     assert same(*ends) and np.isfinite(ends[0].position).all()
+
+
+STEPS = 4  # of what comes and goes
+
+
+def run(scene: Scene, backend: str, steps: int, **options: Any) -> tuple[State, int]:
+    """The state after so many steps, and how many particles were missing at nozzles."""
+    with open_simulation(scene, backend, math="exact", **options) as simulation:
+        simulation.advance(steps)
+        return simulation.state(), simulation.not_emitted  # type: ignore[attr-defined]
+
+
+def waiting_alike(a: State, b: State) -> bool:
+    return same(a, b) and np.array_equal(a.inverse_mass, b.inverse_mass)
+
+
+@pytest.mark.parametrize("precision", ["float64", "float32"])
+@pytest.mark.parametrize("name", FLOWS)
+def test_what_comes_and_goes_has_the_cpus_bits(name: str, precision: str) -> None:
+    """Who waits, too, and how many were missing; launched and stage by stage from a state on the way."""
+    scene = FLOWS[name]()
+    expected, missing = run(scene, "cpu", STEPS, precision=precision, threads=2)
+    found, told = run(scene, "gpu", STEPS, precision=precision, kernel="launch")
+    assert waiting_alike(found, expected) and told == missing
+    assert 0 < (found.inverse_mass > 0).sum() < len(found.inverse_mass)
+    half, _ = run(scene, "gpu", STEPS // 2, precision=precision, kernel="stages")
+    staged, _ = run(scene, "gpu", STEPS - STEPS // 2, precision=precision, kernel="stages", initial=half)
+    assert waiting_alike(staged, expected)
+
+
+def test_what_came_is_taken_back_and_a_tap_is_turned() -> None:
+    scene = FLOWS["flat tap"]()
+    with open_simulation(scene, "gpu", math="exact", precision="float64", live=("taps",)) as simulation:
+        simulation.advance(2)
+        first = simulation.state()
+        simulation.advance(2)
+        simulation.rewind()
+        assert waiting_alike(simulation.state(), first)
+        simulation.set("tap.speed", 1.0)
+        simulation.advance(1)
+        with open_simulation(scene.replace({"tap.speed": 1.0}), math="exact", precision="float64") as other:
+            other.load(simulation.state())
+            simulation.advance(1)
+            other.advance(1)
+            assert waiting_alike(other.state(), simulation.state())

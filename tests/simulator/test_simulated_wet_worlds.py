@@ -21,6 +21,20 @@ def end_state(scene: Scene, backend: str, **options: Any) -> State:
         return simulation.state()
 
 
+def test_live_fields_reach_the_water() -> None:
+    """What is set is set for all members: without gravity they move as if they had never had any."""
+    scene = wet_scene("tetrahedra")
+    ends = []
+    for given, live in ((scene, ("gravity",)), (scene.replace({"gravity.enabled": False}), ())):
+        options = {"initial": moving(scene, 0.001), "math": "exact", "precision": "float64", "kernel": "launch"}
+        with open_simulation(given, "gpu", live=live, **options) as simulation:  # type: ignore[arg-type]
+            if live:
+                simulation.set("gravity.enabled", False)
+            simulation.advance(1)
+            ends.append(simulation.state().position)
+    assert np.abs(ends[0] - ends[1]).max() < 1e-12
+
+
 @pytest.mark.parametrize(
     ("name", "precision", "kernel"),
     [

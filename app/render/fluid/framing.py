@@ -7,24 +7,33 @@ from collections.abc import Sequence
 import numpy as np
 
 from app.render.fluid.outlines import outlines
+from model.fluid.foam import in_reach
 from model.scene.cloth import Plane
 from model.scene.scene import Scene
 
 FEW = 0.03  # of the particles, at each end of an axis, that may be out of sight
 BESIDE = 0.25  # of the others' extent: what is farther from them than this is
 SAMPLE = 20_000  # particles: of more, some tell where most are
-TANK = 2.0  # times the fluids' first extent: how far a wall may be that belongs to the picture
+TANK = 3.0  # times the fluids' first extent: how far a wall may be that belongs to the picture
 CEILING = -0.2  # of a plane's unit normal upward: what hangs over a fluid does not
 
 
+def with_fluids(scene: Scene) -> bool:
+    """Whether a scene, or a member of a world, is of fluids."""
+    return bool(scene.fluids) or (scene.is_world and any(member.fluids for member in scene.members.values()))
+
+
 def main_part(scene: Scene, position: np.ndarray) -> np.ndarray:
-    """(n, dimensions) [m]: `position` (particles, dimensions) without what is not finite and the few that are far from all
-    others; of scenes without fluids all of it."""
+    """(n, dimensions) [m]: `position` (particles, dimensions) without what is nowhere and the few that are far from all
+    others; of scenes without fluids all of it, in a world of other members."""
+    if scene.is_world:
+        slices = scene.world_set.slices()
+        return np.concatenate([main_part(member, position[slices[name]]) for name, member in scene.members.items()])
     if not scene.fluids:
         return position
-    known = position[np.isfinite(position).all(axis=1)]
+    known = position[in_reach(position)]
     if not len(known):
-        return position
+        return known
     low, high = np.quantile(known[:: -(-len(known) // SAMPLE)], (FEW, 1 - FEW), axis=0)
     beside = BESIDE * (high - low) + 2 * scene.fluid_set.spacing
     return np.asarray(known[((known >= low - beside) & (known <= high + beside)).all(axis=1)])
@@ -33,6 +42,8 @@ def main_part(scene: Scene, position: np.ndarray) -> np.ndarray:
 def with_tank(scene: Scene, bounds: Sequence[float], time: float) -> tuple[float, ...]:
     """`bounds`, the lowest and the highest coordinates [m] of a fluid, widened by the floor and the walls near it at `time`
     [s], in a plane also by what else stands there; as they are for scenes without fluids."""
+    for member in scene.members.values() if scene.is_world else ():
+        bounds = with_tank(member, bounds, time)
     if not scene.fluids:
         return tuple(bounds)
     axes = scene.dimensions

@@ -194,7 +194,10 @@ class FluidView(View):
             self.vertices.send(self._buffers[0], self._look(colours.level_colours(level, self._most)))
         if self.space and self.shaped and not self.lines and position is not None and np.isfinite(position).all():
             found = self.scene.fluid_set
-            middle, axes = ellipsoids(position, WETTED * found.spacing, 2 * found.spacing)
+            there = found.there(position)  # those that wait are in one place, out of sight
+            middle, axes = np.array(position, np.float64), np.tile(np.eye(3) * self._radius, (len(position), 1, 1))
+            if there.any():
+                middle[there], axes[there] = ellipsoids(position[there], WETTED * found.spacing, 2 * found.spacing)
             self.vertices.send(self._buffers[2], middle)
             self._surface.set_look(WETTED * found.spacing, self._taken, axes)
 
@@ -226,7 +229,7 @@ class FluidView(View):
 
         if self.space and not self.lines:
             self._surface.passes(camera)
-            self._surface.shade(camera, self._target.frame)
+            self._surface.shade(camera, (self.onto or self._target).frame)
             gl.glEnable(gl.GL_BLEND)
             gl.glEnable(gl.GL_DEPTH_TEST)
         if self.space and self.foam:

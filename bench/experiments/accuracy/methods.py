@@ -19,7 +19,7 @@ WRONG = {"xpbd averaged-jacobi": "another stiffness"}  # what a method converges
 METHODS = (*INTEGRATORS, *XPBD)  # of every sheet
 MATCHING = "shape-matching"  # of bodies
 TETRAHEDRAL = (XPBD[0], "vbd", "newton")  # of tetrahedral ones
-FLUIDS = ("pbf macklin", "pbf averaged")  # of fluids
+FLUIDS = ("pbf macklin", "pbf averaged", "pbf divergence-free")  # of fluids
 OF_CLOTHS = tuple(IMPLICIT)
 XPBD_ORDER = 1  # of the error at a fixed time: converged, it is implicit Euler
 

@@ -55,6 +55,14 @@ def test_every_second_spring_is_the_same_in_a_window() -> None:
     same(end(scene, backend="gpu", gpus=2, precision="float64"), end(scene, threads=1, precision="float64"))
 
 
+@pytest.mark.parametrize("link", LINKS)
+def test_a_cloth_has_the_bits_of_the_cpu(link: str) -> None:
+    """In space a mass is a quad; wind and springs against bending ask for two rows."""
+    settings = {"cloth.rows": 9, "cloth.columns": 4, "method.integrator": "semi-implicit-euler", "method.dt": 1e-4}
+    scene = load_scene("cloth-wind").replace(settings)
+    same(end(scene, backend="gpu", gpus=2, link=link), end(scene, threads=1))
+
+
 def test_a_lost_neighbour_is_an_error_and_no_hang(monkeypatch: pytest.MonkeyPatch) -> None:
     """Nobody pushes: each wait ends by the clock, and a look at the state says so."""
     monkeypatch.setattr(kernels, "PATIENCE", 10_000_000)

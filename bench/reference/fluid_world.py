@@ -1,12 +1,15 @@
-"""What a fluid's particles do at colliders, in slow, plain NumPy float64: how far they are from each, what stops them.
+"""What a fluid's particles meet, in slow, plain NumPy float64: how far they are from each collider, what stops them, where
+they come from and end.
 
 From what model/fluid/plan.py says, without model/formulas. A way that enters a ball or a capsule ends where it enters; one
 that enters a box by a face ends before that face, moved along its normal, unless it ends inside and nearer to that face than
-to any other, where being led out by the nearest face says the same."""
+to any other, where being led out by the nearest face says the same. A nozzle's layers leave it a rest distance apart at its
+speed; who leaves is the waiting particle of its fluid with the lowest number."""
 
 from __future__ import annotations
 
 from functools import partial
+from math import ceil
 from typing import Any
 
 import numpy as np
@@ -14,6 +17,7 @@ import numpy as np
 from bench.reference import cloth
 from bench.reference.contact import distance_field, mesh_collider
 from model.contact.mesh_collider import MeshCollider
+from model.fluid.fluid_set import PARKED
 from model.geometry.distance_field import DistanceField
 from model.scene.scene import Scene
 
@@ -141,3 +145,44 @@ def _by_face(a: np.ndarray, b: np.ndarray, half: np.ndarray) -> tuple[int, float
     depth = np.abs(b) - half
     led = (depth <= 0).all() and int(np.argmax(depth)) == axis and (b[axis] >= 0) == (side[axis] > 0)
     return None if led else (axis, float(side[axis]))
+
+
+class Flow:
+    """Of a scene whose emitters' speeds stay; `h` [s]: of a substep."""
+
+    def __init__(self, scene: Scene, h: float):
+        self.scene, self.h, self.missing = scene, h, 0
+        self.nozzles = {
+            name: part.nozzle(scene.fluid_set.spacing, scene.dimensions) for name, part in scene.emitters.items()
+        }
+
+    def layers(self, name: str, time: float) -> float:
+        """How many have passed the nozzle."""
+        part = self.scene.emitters[name]
+        stop = np.inf if part.stop is None else part.stop
+        return part.speed / self.scene.fluid_set.spacing * (min(max(time, part.start), stop) - part.start)
+
+    def emit(self, number: int, position: np.ndarray, velocity: np.ndarray) -> None:
+        """Those that leave in a substep, into arrays (particles, 3) in which others are PARKED."""
+        found = self.scene.fluid_set
+        for name, part in self.scene.emitters.items():
+            passed = [self.layers(name, (number + k) * self.h) for k in (0, 1)]
+            own = 0 if part.fluid is None else list(self.scene.fluids).index(part.fluid)
+            for layer in range(ceil(passed[0]), ceil(passed[1])):
+                waiting = np.flatnonzero((found.fluid == own) & ~found.there(position))
+                points = self.nozzles[name] + (passed[1] - layer) * found.spacing * part.way
+                self.missing += max(0, len(points) - len(waiting))
+                position[waiting[: len(points)]] = points[: len(waiting)]
+                velocity[waiting[: len(points)]] = part.speed * part.way
+
+    def ended(self, position: np.ndarray) -> np.ndarray:
+        """(n,) bool: who is in a sink."""
+        found = np.zeros(len(position), bool)
+        for sink in self.scene.sinks.values():
+            found |= sink.holds(position)
+        return found
+
+    @staticmethod
+    def park(position: np.ndarray, velocity: np.ndarray, gone: np.ndarray) -> None:
+        """Those of that number wait."""
+        position[gone], velocity[gone] = PARKED, 0.0

@@ -1,0 +1,90 @@
+"""Vessels of fluids: what is in them, and how high: a cup that pours, and two that communicate (F10)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from app.driver import open_simulation
+from bench.stress.trial import Check, Trial
+from model.geometry.cup import HEIGHT, RADIUS, WALL
+from model.scene.scene import Scene
+
+LEVELLED = 6.0  # s: until two vessels are looked at
+PERIODS = 2  # of their swing, over which levels are averaged
+POURED = 4.0  # s
+LOOK = 0.5  # s: of a pouring cup
+BELOW, OFF = "deepest below the floor", "difference of levels, of a rest distance"
+BIAS = "height off the volume's, of a rest distance"
+
+
+def in_cup(cup: Any, position: np.ndarray, time: float, margin: float = 0.0) -> np.ndarray:
+    """(n,) bool: which of the places (n, 3) [m] lie in a collider of the shape `cup` at `time` [s], up to its rim; `margin`
+    [m]: how far in its walls counts, too."""
+    scale = cup.shape.scale
+    place = (position - np.array(cup.origin) - np.array(cup.velocity) * time) @ cup.turn_at(time)
+    far = np.hypot(place[:, 0], place[:, 2])
+    low, high = scale * (WALL - HEIGHT / 2), scale * HEIGHT / 2
+    return np.asarray((far < scale * (RADIUS - WALL) + margin) & (place[:, 1] > low - margin) & (place[:, 1] < high))
+
+
+def in_basin(scene: Scene, position: np.ndarray) -> np.ndarray:
+    """(n,) bool: which lie between the boxes `left` and `right`, `back` and `front` of a scene, no higher than they are."""
+    left, right, back, front = (scene.parts[name] for name in ("left", "right", "back", "front"))
+    inside = np.ones(len(position), bool)
+    low: Any
+    for axis, low, high in ((0, left, right), (2, back, front)):
+        inside &= position[:, axis] > low.center[axis]
+        inside &= position[:, axis] < high.center[axis]  # type: ignore[attr-defined]
+    top: Any = left
+    return np.asarray(inside & (position[:, 1] < top.center[1] + top.half_size[1]))
+
+
+def basin_area(scene: Scene, keeps: float) -> float:
+    """[m^2]: of its floor, `keeps` [m] less at each wall, its thickness."""
+    left, right, back, front = (scene.parts[name] for name in ("left", "right", "back", "front"))
+    sides = []
+    low: Any
+    for axis, low, high in ((0, left, right), (2, back, front)):
+        whole = high.center[axis] - high.half_size[axis] - low.center[axis] - low.half_size[axis]  # type: ignore[attr-defined]
+        sides.append(whole - 2 * keeps)
+    return float(sides[0] * sides[1])
+
+
+def pouring(scene: Scene, seconds: float = POURED, **how: Any) -> Iterator[tuple[float, float, float, np.ndarray]]:
+    """(time [s], share of the particles in the cup, in the basin, positions) every LOOK of a cup that pours."""
+    cup: Any = next(iter(scene.all_of("mesh_collider").values()))
+    with open_simulation(scene, **how) as simulation:
+        for k in range(1, round(seconds / LOOK) + 1):
+            simulation.advance(round(k * LOOK / scene.method.dt) - simulation.step)
+            position = simulation.state().position.astype(np.float64)
+            poured = in_basin(scene, position)
+            inside = in_cup(cup, position, simulation.time) & ~poured
+            yield simulation.time, float(inside.mean()), float(poured.mean()), position
+
+
+def levels_out(trial: Trial) -> list[Check]:
+    """F10: water in two vessels that are joined below, all of it in one at first. In the end it stands as high in both, at
+    the height that its volume gives, but for a part of a layer; it swings with the period of a column as long as the way
+    between the surfaces (Torricelli), over which heights are averaged; nothing passes a wall."""
+    scene = trial.scene
+    found, wall = scene.fluid_set, scene.parts["wall"]
+    middle, half = wall.center[0], wall.half_size[0]  # type: ignore[attr-defined]
+    right, gap = scene.parts["right"].point[0], wall.center[1] - wall.half_size[1]  # type: ignore[attr-defined]
+    each = right - middle - half
+    level = found.particle_count * found.lattice.volume / (2 * each) - gap * half / each
+    period = 2 * np.pi * np.sqrt((2 * level + 2 * half + each) / 2 / 9.81)
+    begin, levels, lowest = trial.steps(LEVELLED), [], 0.0
+    for state in trial.watch(range(begin, begin + trial.steps(PERIODS * period), 4)):
+        place = state.position.astype(np.float64)
+        lowest = min(lowest, float(place[:, 1].min()))
+        sides = place[place[:, 0] < middle - half], place[place[:, 0] > middle + half]
+        levels.append([len(side) * found.lattice.volume / each for side in sides])
+    heights = np.mean(levels, axis=0)
+    return [
+        Check(OFF, float(abs(heights[0] - heights[1]) / found.spacing), "", "<", 0.5),
+        Check(BIAS, float(np.abs(heights - level).max() / found.spacing), "", "<", 0.5),
+        Check(BELOW, -lowest, "m", "<", 1e-6),
+    ]

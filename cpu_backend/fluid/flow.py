@@ -1,0 +1,165 @@
+"""What comes by emitters and ends in sinks, on CPU threads (model/fluid/plan.py, 0 and 2).
+
+`flow` is a tuple: (alive, missed, starts, there, emitters, points, sinks). `alive` (1,): how many particles are there; they
+lie first in the state's arrays. `missed` (1,): how many that were due found none that waits. `starts` (fluids + 1,): of each
+fluid's numbers the first; `there` (particles,), by number; rows of model/fluid/flow.py, flat.
+"""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from cpu_backend.core.compile import Compiler
+from cpu_backend.core.layout import row_at
+from cpu_backend.core.progress import shares
+from model.fluid.flow import (
+    E_BEFORE,
+    E_COUNT,
+    E_DISTANCE,
+    E_FIRST,
+    E_FLUID,
+    E_RATE,
+    E_SINCE,
+    E_STOP,
+    E_VX,
+    E_VY,
+    E_VZ,
+    E_X,
+    E_Y,
+    E_Z,
+    EMITTER_FIELDS,
+    S_KIND,
+    S_RADIUS,
+    S_U,
+    S_V,
+    S_W,
+    S_X,
+    S_Y,
+    S_Z,
+    SINK_FIELDS,
+    SINK_SHAPES,
+)
+from model.formulas import cloth
+from model.formulas.fluid import flow as formulas_of_flow
+
+AXES = 3
+BOX, SPHERE, _ = range(len(SINK_SHAPES))
+GONE = -1  # the cell of who ended
+
+
+def make_flow(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
+    """`emit(number, world, parameters, flow)`: what leaves nozzles in substep `number`, by one thread; `drain(part, shared,
+    world, flow)`: those of a part that sinks take get the cell GONE; `rest(world, cells, flow)`: how many are left, by one
+    thread, of a table of so many cells; `there_of(world, flow)`: the world with as many particles as are there."""
+    compiled, f = compiler.compiled, formulas_of_flow.make(real, compiler.compiled)
+    instant = cloth.make(real, compiled).instant
+    passed, begun, emitted = f.passed, f.begun, f.emitted
+    in_box, in_sphere, behind = f.in_box, f.in_sphere, f.behind
+
+    @compiled
+    def free(n, end, there):
+        """The first number from n to before `end` that waits, or `end`."""
+        while n < end and there[n] != 0:
+            n += 1
+        return n
+
+    @compiled
+    def put(slot, n, fluid_number, room, state, row, points, q, layers, k):
+        """Particle n, of layer k at the point q of a nozzle, into a place of the state."""
+        position, velocity, number, fluid = state
+        distance, at = row[E_DISTANCE], 3 * q
+        position[slot] = emitted(points[at], row[E_X], layers, k, distance)
+        position[room + slot] = emitted(points[at + 1], row[E_Y], layers, k, distance)
+        position[2 * room + slot] = emitted(points[at + 2], row[E_Z], layers, k, distance)
+        velocity[slot], velocity[room + slot], velocity[2 * room + slot] = row[E_VX], row[E_VY], row[E_VZ]
+        number[slot], fluid[slot] = np.int32(n), np.int32(fluid_number)
+
+    @compiled
+    def emit(number, world, parameters, flow):
+        (_, room, _), state, _, _, _, _, _, _ = world
+        alive, missed, starts, there, emitters, points, _ = flow
+        clock = parameters.dt, parameters.first_step, parameters.first_time
+        begin, end = instant(number, *clock), instant(number + 1, *clock)
+        for e in range(emitters.size // EMITTER_FIELDS):
+            row = row_at(emitters, np.int64(e * EMITTER_FIELDS))
+            since, stop, before, rate = row[E_SINCE], row[E_STOP], row[E_BEFORE], row[E_RATE]
+            layers = passed(end, since, stop, before, rate)
+            first, last = np.int64(begun(passed(begin, since, stop, before, rate))), np.int64(begun(layers))
+            if first >= last:
+                continue
+            own = np.int64(row[E_FLUID])
+            n, place, count = np.int64(starts[own]), np.int64(row[E_FIRST]), np.int64(row[E_COUNT])
+            for k in range(first, last):
+                for q in range(place, place + count):
+                    n = free(n, starts[own + 1], there)
+                    if n == starts[own + 1]:
+                        missed[0] += 1
+                    else:
+                        put(alive[0], n, own, room, state, row, points, q, layers, k)
+                        there[n] = 1
+                        alive[0] += 1
+
+    @compiled
+    def ends(sink, x, y, z):
+        """Whether a place lies in it."""
+        dx, dy, dz = x - sink[S_X], y - sink[S_Y], z - sink[S_Z]
+        kind = np.int64(sink[S_KIND])
+        if kind == BOX:
+            return in_box(dx, dy, dz, sink[S_U], sink[S_V], sink[S_W])
+        if kind == SPHERE:
+            return in_sphere(dx, dy, dz, sink[S_RADIUS])
+        return behind(dx, dy, dz, sink[S_U], sink[S_V], sink[S_W])
+
+    @compiled
+    def drain(part, shared, world, flow):
+        (count, room, _), state, unsorted, _, _, table, _, _ = world
+        place, number, cell, there, sinks = unsorted[1], state[2], table[1], flow[3], flow[6]
+        for k in range(count * part // shared, count * (part + 1) // shared):
+            for s in range(sinks.size // SINK_FIELDS):
+                sink = row_at(sinks, np.int64(s * SINK_FIELDS))
+                if cell[k] != GONE and ends(sink, place[k], place[room + k], place[2 * room + k]):
+                    cell[k], there[number[k]] = np.int32(GONE), 0
+
+    @compiled
+    def rest(world, counts, flow):
+        nx, ny, nz = counts
+        flow[0][0] = world[5][2][nx * ny * nz]
+
+    @compiled
+    def there_of(world, flow):
+        (_, room, nobody), state, unsorted, in_order, work, table, lists, scratch = world
+        return (flow[0][0], room, nobody), state, unsorted, in_order, work, table, lists, scratch
+
+    return SimpleNamespace(emit=emit, drain=drain, rest=rest, there_of=there_of)
+
+
+def make_flowing(compiler: Compiler, phases: SimpleNamespace, drains: bool) -> dict[str, Any]:
+    """`emit(bands, number, world, parameters, flow)`; `sort(bands, world, parameters, flow)`, of who is there, without those
+    that sinks take: phases by themselves, each by a team."""
+    enter, tally, put = phases.enter, phases.tally, phases.put
+    emit_some, drain, rest, cells_in = phases.emit, phases.drain, phases.rest, phases.cells_in
+
+    def emit(team, member, bands, number, world, parameters, flow):
+        for part in shares(team, member, bands):
+            if part == 0:
+                emit_some(number, world, parameters, flow)
+
+    def sort(team, member, bands, world, parameters, flow):
+        for part in shares(team, member, bands):
+            enter(part, bands, world, parameters)
+        if drains:
+            for part in shares(team, member, bands):
+                drain(part, bands, world, flow)
+        for part in shares(team, member, bands):
+            tally(part, bands, world, parameters)
+        for part in shares(team, member, bands):
+            put(part, bands, world, parameters)
+        if drains:
+            for part in shares(team, member, bands):
+                if part == 0:
+                    rest(world, cells_in(bands, world, parameters)[2], flow)
+
+    return {"sort": compiler.team(sort), "emit": compiler.team(emit)}

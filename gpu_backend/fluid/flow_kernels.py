@@ -1,0 +1,228 @@
+"""What comes by emitters and ends in sinks, on CUDA (model/fluid/plan.py, 0 and 2): launches of fixed sizes, whose threads
+end at once in substeps in which nothing is due.
+
+`due` (one thread) counts what leaves each nozzle; `rank` and `totals` sum up who waits, by number, in whole numbers, so that
+`emit`, a thread a number, knows which of them it is to be; `arrive` (one thread) counts them in. A sink's particles get no
+cell in `take`, which does the work of `hash_particles`, and `rest` tells how many are left.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+from numba import cuda
+
+from gpu_backend.core.compile import inlined, kernel_options, make_kernels, variant_name
+from gpu_backend.core.device import simulated
+from gpu_backend.core.formulas import device_formulas
+from gpu_backend.core.quads import load_quad, store_quad
+from gpu_backend.core.scan import make_before
+from gpu_backend.fluid.sort_kernels import DEPTH, HEIGHT, INVERSE, KEPT, LOW, WIDTH
+from gpu_backend.xpbd.kernels import make_clock
+from model.fluid.flow import (
+    E_BEFORE,
+    E_COUNT,
+    E_DISTANCE,
+    E_FIRST,
+    E_FLUID,
+    E_RATE,
+    E_SINCE,
+    E_STOP,
+    E_VX,
+    E_VY,
+    E_VZ,
+    E_X,
+    E_Y,
+    E_Z,
+    EMITTER_FIELDS,
+    S_KIND,
+    S_RADIUS,
+    S_U,
+    S_V,
+    S_W,
+    S_X,
+    S_Y,
+    S_Z,
+    SINK_FIELDS,
+    SINK_SHAPES,
+)
+from model.formulas import cloth
+from model.formulas.fluid import cells as grid
+from model.formulas.fluid import flow
+
+THREADS = 32 if simulated() else 256  # of a block that sums
+BOX, SPHERE, _ = range(len(SINK_SHAPES))
+D_LAYER, D_NEEDED, D_BEFORE = range(
+    3
+)  # of what is due at a nozzle: first layer, particles, those of its fluid due before it
+DUE_FIELDS = 3
+
+
+def _make_emission(real: Any, math: str, parts: frozenset[str]) -> tuple[Any, ...]:
+    """See the file's head. `due_now` (emitters + 1, DUE_FIELDS), flat, int32: what is due; the last row's D_NEEDED: in
+    all."""
+    f, clock = device_formulas(flow.make, real, math), make_clock(math, parts)
+    instant = device_formulas(cloth.make, real, math).instant
+    passed, begun, emitted, before = f.passed, f.begun, f.emitted, make_before(THREADS)
+    one, zero, fields, row_size = np.int32(1), np.int32(0), np.int32(DUE_FIELDS), np.int32(EMITTER_FIELDS)
+    threads, next_one, axes = np.int32(THREADS), np.int64(1), np.int32(3)
+
+    def due(counter, place, substeps, substep, record, emitters, due_now, layers):
+        if cuda.grid(1) == 0:
+            parameters, count, total = record[0], np.int32(layers.size), zero
+            _, number = clock(counter, place, substeps, substep)
+            times = parameters.dt, parameters.first_step, parameters.first_time
+            begin, end = instant(number, *times), instant(number + next_one, *times)
+            for e in range(count):
+                row, at = np.int32(e * row_size), np.int32(e * fields)
+                since, stop, rate = emitters[row + E_SINCE], emitters[row + E_STOP], emitters[row + E_RATE]
+                layers[e] = passed(end, since, stop, emitters[row + E_BEFORE], rate)
+                first = np.int32(begun(passed(begin, since, stop, emitters[row + E_BEFORE], rate)))
+                last = np.int32(begun(layers[e]))
+                needed = np.int32(max(last - first, zero) * np.int32(emitters[row + E_COUNT]))
+                due_now[at + D_LAYER], due_now[at + D_NEEDED], due_now[at + D_BEFORE] = first, needed, zero
+                for other in range(e):
+                    if emitters[other * row_size + E_FLUID] == emitters[row + E_FLUID]:
+                        due_now[at + D_BEFORE] += due_now[other * fields + D_NEEDED]
+                total = np.int32(total + needed)
+            due_now[count * fields + D_NEEDED] = total
+
+    def rank(there, due_now, ranks, sums):
+        """ranks[n]: how many of the block's numbers before n wait; sums: of all of its numbers. One thread a number, and one
+        more."""
+        if due_now[due_now.size - fields + D_NEEDED] > zero:
+            n = np.int32(cuda.grid(1))
+            own = zero
+            if n < there.size and there[n] == zero:
+                own = one
+            start = before(own)
+            if n < ranks.size:
+                ranks[n] = start
+            if cuda.threadIdx.x == threads - one:
+                sums[cuda.blockIdx.x] = np.int32(start + own)
+
+    def totals(due_now, sums):
+        """The sums of all blocks before each, in place: one block, each thread a strip."""
+        if due_now[due_now.size - fields + D_NEEDED] > zero:
+            strip = np.int32((sums.size + threads - one) // threads)
+            first = np.int32(strip * cuda.threadIdx.x)
+            last, own = min(np.int32(first + strip), np.int32(sums.size)), zero
+            for k in range(first, last):
+                own = np.int32(own + sums[k])
+            start = before(own)
+            for k in range(first, last):
+                number = sums[k]
+                sums[k] = start
+                start = np.int32(start + number)
+
+    @inlined("exact")
+    def waiting_before(n, ranks, sums):
+        """How many with a lower number wait."""
+        return np.int32(ranks[n] + sums[n // threads])
+
+    @inlined("exact")
+    def coming(e, emitters, due_now, starts, ranks, sums):
+        """How many really leave nozzle e: of its fluid no more than wait."""
+        own = np.int32(emitters[e * row_size + E_FLUID])
+        waiting = np.int32(waiting_before(starts[own + one], ranks, sums) - waiting_before(starts[own], ranks, sums))
+        left = np.int32(waiting - due_now[e * fields + D_BEFORE])
+        return min(max(left, zero), due_now[e * fields + D_NEEDED])
+
+    @inlined("exact")
+    def write(slot, n, e, item, position, velocity, particle, emitters, points, due_now, layers):
+        """Particle n as the nozzle's number `item`, into a place of the state."""
+        row = np.int32(e * row_size)
+        count = np.int32(emitters[row + E_COUNT])
+        k = np.int32(due_now[e * fields + D_LAYER] + item // count)
+        q = np.int32(axes * (np.int32(emitters[row + E_FIRST]) + item % count))
+        distance, passed_by = emitters[row + E_DISTANCE], layers[e]
+        x = emitted(points[q], emitters[row + E_X], passed_by, k, distance)
+        y = emitted(points[q + 1], emitters[row + E_Y], passed_by, k, distance)
+        z = emitted(points[q + 2], emitters[row + E_Z], passed_by, k, distance)
+        store_quad(position, slot, x, y, z, emitters[row + E_FLUID])
+        store_quad(velocity, slot, emitters[row + E_VX], emitters[row + E_VY], emitters[row + E_VZ], real(0))
+        particle[slot] = n
+
+    def emit(position, velocity, particle, there, starts, emitters, points, due_now, layers, ranks, sums):
+        n, count = np.int32(cuda.grid(1)), np.int32(layers.size)
+        if due_now[count * fields + D_NEEDED] > zero and n < there.size and there[n] == zero:
+            slot, alive = zero, particle[there.size]
+            for e in range(count):
+                own, come = (
+                    np.int32(emitters[e * row_size + E_FLUID]),
+                    coming(e, emitters, due_now, starts, ranks, sums),
+                )
+                if starts[own] <= n and n < starts[own + one]:
+                    item = np.int32(waiting_before(n, ranks, sums) - waiting_before(starts[own], ranks, sums))
+                    item = np.int32(item - due_now[e * fields + D_BEFORE])
+                    if zero <= item and item < come:
+                        there[n] = one
+                        place = np.int32(alive + slot + item)
+                        write(
+                            place, n, np.int32(e), item, position, velocity, particle, emitters, points, due_now, layers
+                        )
+                slot = np.int32(slot + come)
+
+    def arrive(particle, there, starts, emitters, due_now, layers, ranks, sums, missed):
+        count = np.int32(layers.size)
+        if cuda.grid(1) == 0 and due_now[count * fields + D_NEEDED] > zero:
+            for e in range(count):
+                come = coming(e, emitters, due_now, starts, ranks, sums)
+                particle[there.size] += come
+                missed[0] += due_now[e * fields + D_NEEDED] - come
+
+    return due, rank, totals, emit, arrive
+
+
+def _make_sinks(real: Any) -> tuple[Any, ...]:
+    cell_of, f = device_formulas(grid.make, real, "exact").cell_of, device_formulas(flow.make, real, "exact")
+    in_box, in_sphere, behind, one = f.in_box, f.in_sphere, f.behind, np.int32(1)
+    size, gone, zero = np.int32(SINK_FIELDS), np.int32(-1), np.int32(0)
+
+    @inlined("exact")
+    def ends(p, sinks, at):
+        dx, dy, dz = p[0] - sinks[at + S_X], p[1] - sinks[at + S_Y], p[2] - sinks[at + S_Z]
+        kind = np.int32(sinks[at + S_KIND])
+        if kind == BOX:
+            return in_box(dx, dy, dz, sinks[at + S_U], sinks[at + S_V], sinks[at + S_W])
+        if kind == SPHERE:
+            return in_sphere(dx, dy, dz, sinks[at + S_RADIUS])
+        return behind(dx, dy, dz, sinks[at + S_U], sinks[at + S_V], sinks[at + S_W])
+
+    def take(position, number, reals, numbers, sinks, there, keys, slots, counts):
+        """As `hash_particles` of gpu_backend/fluid/sort_kernels.py; -1 is the key of who ended, or was not there."""
+        k = np.int32(cuda.grid(1))
+        if k < keys.size:
+            keys[k] = gone
+            if k < number[keys.size]:
+                p, ended = load_quad(position, k), False
+                for s in range(sinks.size // size):
+                    ended = ended or ends(p, sinks, np.int32(s * size))
+                if ended:
+                    there[number[k]] = zero
+                else:
+                    x = cell_of(p[0], reals[LOW], reals[INVERSE], numbers[WIDTH])
+                    y = cell_of(p[1], reals[LOW + 1], reals[INVERSE + 1], numbers[HEIGHT])
+                    z = cell_of(p[2], reals[LOW + 2], reals[INVERSE + 2], numbers[DEPTH])
+                    key = np.int32((z * numbers[HEIGHT] + y) * numbers[WIDTH] + x)
+                    keys[k], slots[k] = key, cuda.atomic.add(counts, key, one)
+
+    def rest(numbers, sorted_number, found):
+        """How many are left, where kernels look for it."""
+        if cuda.grid(1) == 0:
+            sorted_number[sorted_number.size - 1], found[found.size - 1] = numbers[KEPT], numbers[KEPT]
+
+    return take, rest
+
+
+@cache
+def make_flow_kernels(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
+    """All of them."""
+    emission = make_kernels(
+        _make_emission(real, math, parts), f"fluid_{variant_name(real, math, parts)}", **kernel_options(math)
+    )
+    sinks = make_kernels(_make_sinks(real), f"fluid_{variant_name(real)}", **kernel_options("exact"))
+    return SimpleNamespace(**vars(emission), **vars(sinks))

@@ -1,0 +1,203 @@
+"""What kernels are told of emitters and sinks, and what is refused of them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from model.core.errors import SceneError
+from model.fluid.fluid_set import FluidSet
+from model.scene.cloth import COLLIDER_KINDS
+from model.scene.flow import Emitter, spatial
+
+# An emitter's row:
+EMITTER_FIELDS = 14
+(
+    E_FIRST,  # of the points of all nozzles, its first,
+    E_COUNT,  # and how many it has
+    E_FLUID,  # which fluid's
+    E_X,  # unit direction
+    E_Y,
+    E_Z,
+    E_VX,  # m/s
+    E_VY,
+    E_VZ,
+    E_DISTANCE,  # m, between layers
+    E_RATE,  # layers a second
+    E_SINCE,  # s: since when at that rate,
+    E_BEFORE,  # and how many layers had passed by then
+    E_STOP,  # s
+) = range(EMITTER_FIELDS)
+
+# A sink's row:
+SINK_FIELDS = 8
+(
+    S_KIND,  # of SINK_SHAPES
+    S_X,  # centre, or a point of the plane, m
+    S_Y,
+    S_Z,
+    S_U,  # half edges [m], or the normal
+    S_V,
+    S_W,
+    S_RADIUS,
+) = range(SINK_FIELDS)
+SINK_SHAPES = ("box", "sphere", "half-space")
+NEVER = 1e30  # s
+
+
+def fluid_of(scene: Any, name: str) -> int:
+    """The number of the fluid that an emitter gives. Raises SceneError."""
+    names, part = list(scene.fluids), scene.parts[name]
+    if part.fluid is None:
+        return 0
+    if part.fluid not in names:
+        raise SceneError(f"{name}.fluid", part.fluid, f"must be one of {', '.join(names)}")
+    return names.index(part.fluid)
+
+
+def taps_at_start(scene: Any) -> np.ndarray:
+    """(emitters, 2) float64: since when [s] each has its speed, and how many layers had passed by then."""
+    return np.array([(part.start, 0.0) for part in scene.emitters.values()], np.float64).reshape(-1, 2)
+
+
+def layers_passed(scene: Any, taps: np.ndarray, time: float) -> np.ndarray:
+    """(emitters,) float64: how many layers have passed each nozzle by `time` [s]."""
+    found, distance = [], scene.fluid_set.spacing
+    for part, (since, before) in zip(scene.emitters.values(), taps, strict=True):
+        stop = NEVER if part.stop is None else part.stop
+        found.append(before + part.speed / distance * (min(max(time, since), stop) - since))
+    return np.array(found)
+
+
+def turned(scene: Any, taps: np.ndarray, time: float) -> np.ndarray:
+    """`taps` from `time` [s] on, when speeds become others than those of `scene`."""
+    starts = [part.start for part in scene.emitters.values()]
+    return np.stack([np.maximum(time, starts), layers_passed(scene, taps, time)], axis=1).reshape(-1, 2)
+
+
+def emitter_rows(scene: Any, taps: np.ndarray, real: type) -> np.ndarray:
+    """(emitters, EMITTER_FIELDS) in the arithmetic `real`, in the order of the file."""
+    rows, first, found = np.zeros((len(scene.emitters), EMITTER_FIELDS)), 0, scene.fluid_set
+    for row, (name, part), tap in zip(rows, scene.emitters.items(), taps, strict=True):
+        row[E_FIRST], row[E_COUNT] = first, len(part.nozzle(found.spacing, found.dimensions))
+        first += int(row[E_COUNT])
+        row[E_FLUID], row[E_X : E_Z + 1], row[E_VX : E_VZ + 1] = fluid_of(scene, name), part.way, part.speed * part.way
+        row[E_DISTANCE], row[E_RATE], row[E_SINCE : E_BEFORE + 1] = found.spacing, part.speed / found.spacing, tap
+        row[E_STOP] = NEVER if part.stop is None else part.stop
+    return rows.astype(real)
+
+
+def nozzle_points(scene: Any, real: type) -> np.ndarray:
+    """(points of all emitters, 3) [m] in the arithmetic `real`."""
+    found: FluidSet = scene.fluid_set
+    points = [part.nozzle(found.spacing, found.dimensions) for part in scene.emitters.values()]
+    return np.concatenate([np.zeros((0, 3)), *points]).astype(real)
+
+
+def sink_rows(scene: Any, real: type) -> np.ndarray:
+    """(sinks, SINK_FIELDS) in the arithmetic `real`, in the order of the file."""
+    rows = np.zeros((len(scene.sinks), SINK_FIELDS))
+    for row, part in zip(rows, scene.sinks.values(), strict=True):
+        row[S_KIND] = SINK_SHAPES.index(part.shape)
+        row[S_X : S_Z + 1] = spatial(part.point if part.shape == "half-space" else part.center)
+        if part.shape == "half-space":
+            row[S_U : S_W + 1] = spatial(part.normal)
+        elif part.shape == "box":
+            row[S_U : S_W + 1] = [*part.half_size, NEVER][:3]
+        row[S_RADIUS] = part.radius
+    return rows.astype(real)
+
+
+def fluid_starts(scene: Any) -> np.ndarray:
+    """(fluids + 1,) int64: the number of each fluid's first particle, and how many there are."""
+    found = scene.fluid_set
+    return np.searchsorted(found.fluid, np.arange(len(found.parts) + 1)).astype(np.int64)
+
+
+def rates(scene: Any, name: str) -> tuple[float, float, int]:
+    """(m^3/s, particles a second, points of the nozzle) of an emitter at its speed; in a plane of a layer one metre thick."""
+    part: Emitter = scene.parts[name]
+    found = scene.fluid_set
+    points = len(part.nozzle(found.spacing, found.dimensions))
+    each_second = points * part.speed / found.spacing
+    return each_second * found.lattice.volume, each_second, points
+
+
+def check_flow(scene: Any) -> None:
+    """Raise SceneError where an emitter gives nothing, is too fast, lies in a collider or in a sink, or has nothing to give;
+    where a sink is of other dimensions."""
+    axes, emptied = scene.dimensions, bool(scene.sinks)
+    if (scene.emitters or emptied) and scene.method.scheme == "divergence-free":
+        told = "does not go with emitters and sinks yet; take macklin or averaged"
+        raise SceneError("method.scheme", scene.method.scheme, told)
+    for name, sink in scene.sinks.items():
+        for field in ("center", "point", "normal"):
+            if axes == 2 and len(getattr(sink, field)) == 3 and getattr(sink, field)[2] != 0:
+                raise SceneError(f"{name}.{field}", list(getattr(sink, field)), "must lie in the plane z = 0")
+    given = set()
+    for name, part in scene.emitters.items():
+        number = fluid_of(scene, name)
+        fluid_name, fluid = list(scene.fluids.items())[number]
+        given.add(number)
+        for field in ("center", "direction"):
+            vector = getattr(part, field)
+            if len(vector) == 3 and axes == 2 and vector[2] != 0:
+                raise SceneError(f"{name}.{field}", list(vector), "must lie in the plane z = 0 in 2 dimensions")
+        _check_nozzle(scene, name, part, fluid.rest_distance)
+        limit = fluid.speed_limit(scene.method.dt / scene.method.substeps)
+        if part.speed > limit:
+            told = f"must be at most {limit:.4g} m/s, half a support a substep, or the fluid's maximum_speed"
+            raise SceneError(f"{name}.speed", part.speed, told)
+        room = scene.fluid_set.capacities[number] - scene.fluid_set.starting[number]
+        if not room and not emptied:
+            allowed = (
+                f"must be more than {fluid_name} starts with, {scene.fluid_set.starting[number]}, or nothing can come"
+            )
+            raise SceneError(f"{fluid_name}.capacity", fluid.capacity, allowed)
+    for number, (name, fluid) in enumerate(scene.fluids.items()):
+        if number not in given and scene.fluid_set.capacities[number] > scene.fluid_set.starting[number]:
+            raise SceneError(f"{name}.capacity", fluid.capacity, "is for a fluid that an emitter gives; leave it out")
+
+
+def _check_nozzle(scene: Any, name: str, part: Emitter, rest_distance: float) -> None:
+    points = part.nozzle(rest_distance, scene.dimensions)
+    if not len(points):
+        field = "radius" if part.radius is not None else "size"
+        value = part.radius if part.radius is not None else list(part.size or ())
+        least = rest_distance / 2 if part.radius is not None else rest_distance
+        raise SceneError(
+            f"{name}.{field}", value, f"is narrower than the rest distance, {rest_distance:g} m: use at least {least:g}"
+        )
+    for other, sink in scene.sinks.items():
+        if sink.holds(points).any():
+            raise SceneError(f"{other}.{'point' if sink.shape == 'half-space' else 'center'}",
+                             list(sink.point if sink.shape == "half-space" else sink.center),
+                             f"the sink covers {name}: what comes from there would be gone at once")  # fmt: skip
+    for other, wall in scene.all_of(*COLLIDER_KINDS).items():
+        if in_wall(scene.kinds[other], wall, points).any():
+            raise SceneError(f"{name}.center", list(part.center), f"lies in {other}: move the nozzle out of it")
+
+
+def in_wall(kind: str, wall: Any, points: np.ndarray) -> np.ndarray:
+    """(n,) bool: which of the points (n, 3) lie in a collider at time 0; none in a mesh, which has no inside."""
+    if kind == "plane":
+        normal = np.array(wall.normal) / np.linalg.norm(wall.normal)
+        return np.asarray((points - np.array(wall.point)) @ normal < 0)
+    if kind == "sphere":
+        return np.asarray(np.linalg.norm(points - np.array(wall.center), axis=1) < wall.radius)
+    if kind == "box":
+        return np.asarray((np.abs(points - np.array(wall.center)) < np.array(wall.half_size)).all(axis=1))
+    if kind == "capsule":
+        line = np.subtract(wall.end, wall.start)
+        square = float(line @ line)
+        away = points - np.array(wall.start)
+        part = np.clip(away @ line / square, 0, 1) if square > 0 else np.zeros(len(points))
+        return np.asarray(np.linalg.norm(away - part[:, None] * line, axis=1) < wall.radius)
+    found = np.zeros(len(points), bool)
+    if kind == "distance_field":
+        places, field = points - np.array(wall.origin), wall.field
+        last = field.low + field.spacing * (np.array(field.distance.shape) - 1)
+        sampled = ((places >= field.low) & (places <= last)).all(axis=1)
+        found[sampled] = field.at(places[sampled]) < 0
+    return found

@@ -1,0 +1,136 @@
+"""The parts of a scene by which a fluid comes and goes: emitters and sinks."""
+
+from __future__ import annotations
+
+from math import hypot, inf
+from typing import Any, Literal
+
+import numpy as np
+from pydantic import model_validator
+
+from model.scene.fluid import Flat
+from model.scene.parts import ZERO, NotNegative, Part, Positive, Vector
+
+Shape = Literal["box", "sphere", "half-space"]
+OF_SHAPE = {"box": ("center", "half_size"), "sphere": ("center", "radius"), "half-space": ("point", "normal")}
+SMALL = 1e-9  # of a length: what rounding makes of lattice points at a rim
+
+
+def spatial(vector: Any) -> np.ndarray:
+    """(3,) of two numbers or three."""
+    return np.array([*vector, 0.0][:3], np.float64)
+
+
+class Emitter(Part):
+    """A nozzle that particles of a fluid leave at `speed` along `direction`, layer after layer, a rest distance apart, from
+    `start` to `stop`. It is a disc of `radius` about `center`, or a rectangle of `size`; in a plane a line.
+
+    Particles that have not left wait, and count to the fluid's `capacity`; those that a sink took wait again. Where none
+    waits nothing comes, and the run tells how many were missing. `speed` may change while it runs (`live` with `taps`); 0
+    shuts it.
+    """
+
+    fluid: str | None = None  # which one, by its part's name; the scene's first unless given
+    center: Vector | Flat = ZERO  # m
+    direction: Vector | Flat = (0.0, -1.0, 0.0)
+    speed: NotNegative = 1.0  # m/s
+    radius: Positive | None = None  # m, of a disc; in a plane half the line
+    size: tuple[Positive, Positive] | tuple[Positive] | None = None  # m, of a rectangle, along `across` and athwart
+    across: Vector | Flat = (
+        1.0,
+        0.0,
+        0.0,
+    )  # where a rectangle's first side points, as far as it is across the direction
+    start: NotNegative = 0.0  # s
+    stop: Positive | None = None  # s
+
+    @model_validator(mode="after")
+    def _is_a_nozzle(self) -> Emitter:
+        if not 0 < hypot(*self.direction) < inf:
+            raise ValueError("direction: must not be zero")
+        if (self.radius is None) == (self.size is None):
+            raise ValueError("radius: give either a radius, of a disc, or a size, of a rectangle")
+        if self.stop is not None and self.stop <= self.start:
+            raise ValueError(f"stop: must come after the start, {self.start:g} s")
+        if self.size is not None and len(self.size) == 2 and not np.linalg.norm(self.axes[0]) > SMALL:
+            raise ValueError("across: must not point along the direction")
+        return self
+
+    def _idle_fields(self) -> set[str]:
+        return super()._idle_fields() | {name for name in type(self).model_fields if getattr(self, name) is None}
+
+    @property
+    def way(self) -> np.ndarray:
+        """(3,): the unit direction."""
+        found = spatial(self.direction)
+        return found / np.linalg.norm(found)
+
+    @property
+    def axes(self) -> tuple[np.ndarray, np.ndarray]:
+        """Two unit vectors across the direction, (3,) each; 0 where `across` points along it."""
+        way, across = self.way, spatial(self.across)
+        first = across - (across @ way) * way
+        if self.size is None and not np.linalg.norm(first) > SMALL:  # of a disc any will do
+            first = np.cross(way, np.eye(3)[np.argmin(np.abs(way))])
+        length = np.linalg.norm(first)
+        first = first / length if length > SMALL else np.zeros(3)
+        return first, np.cross(way, first)
+
+    def nozzle(self, rest_distance: float, dimensions: int) -> np.ndarray:
+        """(points, 3) [m]: where a layer's particles are in the nozzle; none where it is narrower than the rest distance."""
+        if dimensions == 2:
+            first, second = np.array([-self.way[1], self.way[0], 0.0]), np.zeros(3)
+        else:
+            first, second = self.axes
+        if self.radius is not None:
+            wide = high = 2 * self.radius
+        else:
+            assert self.size is not None
+            wide, high = self.size[0], self.size[-1]
+        counts = [int(side / rest_distance * (1 + SMALL)) for side in (wide, high)]
+        if self.radius is not None:  # one particle in its middle
+            counts = [count - (count % 2 == 0) for count in counts]
+        if min(counts) < 1:
+            return np.zeros((0, 3))
+        steps = [rest_distance * (np.arange(count) - (count - 1) / 2) for count in counts]
+        if dimensions == 2:
+            steps[1] = np.zeros(1)
+        v, u = (grid.ravel() for grid in np.meshgrid(steps[1], steps[0], indexing="ij"))
+        if self.radius is not None:
+            inside = np.hypot(u, v) <= (self.radius - rest_distance / 2) * (1 + SMALL)
+            u, v = u[inside], v[inside]
+        return spatial(self.center) + u[:, None] * first + v[:, None] * second
+
+
+class Sink(Part):
+    """Where particles of any fluid end: whoever comes into it waits from then on, for an emitter of its fluid."""
+
+    shape: Shape = "box"
+    center: Vector | Flat = ZERO  # m, of a box or a sphere
+    half_size: tuple[Positive, Positive, Positive] | tuple[Positive, Positive] = (0.5, 0.5, 0.5)  # m, of a box
+    radius: Positive = 0.5  # m, of a sphere
+    point: Vector | Flat = ZERO  # m, of the plane behind which a half-space is
+    normal: Vector | Flat = (0.0, 1.0, 0.0)  # of that plane, out of it
+
+    @model_validator(mode="after")
+    def _has_an_inside(self) -> Sink:
+        if self.shape == "half-space" and not 0 < hypot(*self.normal) < inf:
+            raise ValueError("normal: must not be zero")
+        return self
+
+    def _idle_fields(self) -> set[str]:
+        own = OF_SHAPE[self.shape]
+        return super()._idle_fields() | {name for names in OF_SHAPE.values() for name in names if name not in own}
+
+    def holds(self, place: np.ndarray) -> np.ndarray:
+        """(n,) bool: which of the places (n, 3) [m] lie in it."""
+        if self.shape == "half-space":
+            return np.asarray((place - spatial(self.point)) @ spatial(self.normal) <= 0)
+        away = place - spatial(self.center)
+        if self.shape == "sphere":
+            return np.asarray((away**2).sum(axis=1) <= self.radius**2)
+        half = np.array([*self.half_size, np.inf][:3])
+        return np.asarray((np.abs(away) <= half).all(axis=1))
+
+
+FLOW_KINDS: dict[str, type[Part]] = {"emitter": Emitter, "sink": Sink}
