@@ -193,8 +193,8 @@ def rate(results: Results) -> Claim:
 
 
 def _share(value: float) -> str:
-    """`5.1 %`."""
-    return f"{100 * value:.2g}{words.SPACE}%"
+    """`5.13 %`."""
+    return f"{100 * value:.3g}{words.SPACE}%"
 
 
 CLAIMS: Claims = {
