@@ -45,4 +45,4 @@ def test_the_window_tells_the_largest_density_error(monkeypatch: pytest.MonkeyPa
         assert strain_text(demo).startswith(f"largest density error {found.worst_strain:+.2%}, fastest ")
         monkeypatch.setattr(measures, "ASKED", len(place) - 1)
         demo.statistics = measure([simulation], 0, [place], Statistics())
-        assert strain_text(demo) .startswith("fastest ")
+        assert strain_text(demo).startswith("fastest ")
