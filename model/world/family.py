@@ -14,7 +14,6 @@ from model.core.plan import Plan
 from model.fluid.family import FLUID, fluid_note
 from model.fluid.plan import fluid_plan
 from model.scene.scene import Scene
-from model.scene.scene_parts import KINDS
 from model.shape_matching.family import BODIES
 from model.tetrahedra.family import TETRAHEDRA
 from model.world.plan import coupled, world_plan
@@ -73,7 +72,7 @@ def _strain(scene: Scene, position: np.ndarray, kind: str, plastic: np.ndarray |
 
 WORLD = SolverFamily(
     name="world",
-    knows=frozenset(KINDS),  # members refuse what they do not know (model/scene/checks.py)
+    knows=frozenset().union(*(family.knows for family in OF_MEMBERS.values())),  # each member refuses what it does not
     accepts=lambda scene: scene.is_world,
     plan=_plan,
     record=_record,

@@ -77,3 +77,57 @@ def test_momentum_is_kept() -> None:
     block = scene.world_set.slices()["tetrahedra"]
     given = (m * (end.velocity - begin.velocity))[block].sum(axis=0)
     assert given[1] < -0.1 * scale  # they met
+
+
+def momentum(scene: Scene, state: State, member: str) -> np.ndarray:
+    """[kg m/s]"""
+    place = scene.world_set.slices()[member]
+    found: np.ndarray = (scene.world_set.masses[:, None] * state.velocity)[place].sum(axis=0)
+    return found
+
+
+@pytest.mark.parametrize("member", ["bodies", "tetrahedra"])
+def test_a_poke_pushes_its_particle_and_the_member_that_it_is_of(member: str) -> None:
+    """In a step of dt by F dt, to rounding; nothing of the other member."""
+    scene = world_scene("jelly on a block", gravity=None, contact=None)
+    particle = scene.world_set.slices()[member].start + 3
+    options: dict[str, Any] = {"precision": "float64", "math": "exact", "threads": 1, "live": ("poke",)}
+    with open_simulation(scene, "cpu", **options) as simulation:
+        begin = simulation.state()
+        simulation.poke(particle, (1.0, -2.0, 0.5))
+        simulation.advance(1)
+        end = simulation.state()
+        for name in scene.members:
+            given = momentum(scene, end, name) - momentum(scene, begin, name)
+            force = np.array([1.0, -2.0, 0.5]) * (name == member)
+            np.testing.assert_allclose(given, force * scene.method.dt, atol=1e-12)
+
+
+def test_gravity_is_live_for_all_members() -> None:
+    """Switched off, nothing falls; members fly on as each alone does."""
+    scene = world_scene("jelly on a block", contact=None)
+    options: dict[str, Any] = {"precision": "float64", "math": "exact", "threads": 1, "live": ("gravity",)}
+    with open_simulation(scene, "cpu", **options) as simulation:
+        begin = simulation.state()
+        simulation.set("gravity.enabled", False)
+        simulation.advance(2)
+        for name in scene.members:
+            np.testing.assert_allclose(
+                momentum(scene, simulation.state(), name), momentum(scene, begin, name), atol=1e-12
+            )
+        simulation.set("gravity.enabled", True)
+        simulation.advance(1)
+        fallen = momentum(scene, simulation.state(), "bodies") - momentum(scene, begin, "bodies")
+        mass = scene.world_set.masses[scene.world_set.slices()["bodies"]].sum()
+        assert fallen[1] == pytest.approx(-9.81 * scene.method.dt * mass, rel=1e-9)
+
+
+def test_energies_are_the_members() -> None:
+    scene = world_scene("all")
+    state = run(scene)
+    with open_simulation(scene, "cpu", initial=state, precision="float64", math="exact", threads=1) as simulation:
+        whole = simulation.energies()
+        each = [member.energies() for member in simulation.members.values()]  # type: ignore[attr-defined]
+    for name in ("kinetic", "spring", "gravity", "total", "conserved"):
+        assert whole[name] == pytest.approx(sum(one[name] for one in each), rel=1e-12)
+    assert whole["spring"] > 0 and "structural" in whole
