@@ -82,7 +82,7 @@ def test_only_members_of_different_families_meet() -> None:
         ({"jelly": JELLY | {"particle_spacing": NAN}}, r"jelly\.particle_spacing"),
         ({"contact": {"distance": 0.0}}, r"contact\.distance = 0\.0"),
         ({"contact": {"sweeps": 0}}, r"contact\.sweeps = 0"),
-        ({"held": {"kind": "attachment", "body": "nobody"}}, r"held\.body = 'nobody'"),
+        ({"held": {"kind": "attachment", "body": "nobody", "vertices": "left"}}, r"held\.body = 'nobody'"),
         ({"block": BLOCK | {"poisson_ratio": 0.6}}, r"block\.poisson_ratio = 0\.6"),
     ],
 )
