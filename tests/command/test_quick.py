@@ -51,7 +51,7 @@ def test_hard_has_every_case_of_forces_in_one_precision_and_eight_kernels(monkey
     wet = {case.name for case in CASES if fluid in case.methods and case.quick}
     assert {work.case.name for work in quick} == both | wet and len(quick) == 2 * len(both) + len(wet)
     assert {fluid_plan(work.case.base(), frozenset(hard.LIVE)).parts for work in quick if work.case.of_fluids} == {
-        frozenset({"gravity", "walls", "plane", "box"})
+        frozenset({"gravity", "walls", "plane", "box", "swept"})
     }, "fluids share one kernel"
     scenes = [work for work in quick if work.case.name != "B24 empty" and not work.case.of_fluids]
     found = {kernel_of(hard.case_scene(work.case, work.method)[0], hard.LIVE) for work in scenes}

@@ -49,7 +49,7 @@ def raising(error: BaseException):
 
 def test_every_row_of_the_collection_is_told_of():
     rows = {case.row for case in CASES}
-    assert rows == {f"B{k}" for k in range(1, 25)} | {f"F{k}" for k in range(1, 10)} | {"A8", "A10", "S7"}
+    assert rows == {f"B{k}" for k in range(1, 25)} | {f"F{k}" for k in range(1, 11)} | {"A8", "A10", "S7"}
     assert len({case.name for case in CASES}) == len(CASES)
 
 

@@ -29,7 +29,7 @@ from plots.figures import crossover, thread_scaling, time_per_step, work_precisi
 from plots.figures.energies import draw_energies, read_energies
 
 # What the made-up stores hold. The others are drawn by test_hard.py, test_findings.py, test_ablate.py, test_bar.py,
-# test_throughput.py.
+# test_throughput.py, test_fluid_figures.py.
 ELSEWHERE = (
     "hard-",
     "findings-",
@@ -40,6 +40,7 @@ ELSEWHERE = (
     "throughput",
     "regimes",
     "tetrahedra",
+    "fluids-",
 )
 MADE_UP = [name for name in FIGURES if not name.startswith(ELSEWHERE)]
 
