@@ -30,6 +30,7 @@ DIFFERENCE = "shared_difference"  # m: the largest from one GPU's state, in exac
 SIZES, QUICK_SIZES = (2048, 8192, 16384), (512,)
 CHECKED = 4096 * 4096  # masses up to which the bits are compared
 CHECK_STEPS = 37  # two exchanges and a rest, at the usual 16 steps
+BY_TURNS = " by turns"  # of a link: there were fewer GPUs than windows
 
 
 @dataclass(frozen=True)
@@ -48,10 +49,14 @@ class SharedCase(Case):
 
 
 def shared_case(scene: Scene, precision: str, gpus: int, link: str, exchange_every: int | None) -> SharedCase:
-    """One configuration, described as the store holds it: one GPU is the same whatever the link."""
+    """One configuration, described as the store holds it: one GPU is the same whatever the link, and windows that take turns
+    on a GPU are no GPUs of their own."""
+    from gpu_backend.domains.devices import devices_for
+
     description = configuration(scene, backend="gpu", precision=precision) | {"gpus": gpus}
     if gpus > 1:
-        description |= {"link": link, "exchange_every": exchange_every}
+        turns = BY_TURNS if len(set(devices_for(gpus))) < gpus else ""
+        description |= {"link": link + turns, "exchange_every": exchange_every}
     label = f"{scene.grid.rows} x {scene.grid.columns} on {gpus}"
     return SharedCase(scene, "gpu", description, source_hash("gpu"), label, gpus, link, exchange_every)
 
@@ -146,12 +151,12 @@ def points(held: Iterable[Measure]) -> list[ScalingPoint]:
 
 def speedups(found: Sequence[ScalingPoint]) -> list[tuple[ScalingPoint, float, float | None]]:
     """(point, how many times as fast as one GPU, how many times the model says, None in float64) of points of more than one
-    GPU whose one was measured, too."""
+    GPU whose one was measured, too; not of windows that took turns."""
     alone = {(p.machine, p.precision, p.rows, p.columns): p for p in found if p.gpus == 1}
     result = []
     for p in found:
         one = alone.get((p.machine, p.precision, p.rows, p.columns))
-        if p.gpus == 1 or one is None:
+        if p.gpus == 1 or one is None or p.link.endswith(BY_TURNS):
             continue
         model = None
         if p.precision == "float32":

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -20,9 +21,12 @@ def test_a_sweep_over_gpus_is_stored_checked_and_told(tmp_path: Path, monkeypatc
     with Store(tmp_path / "store.sqlite") as store:
         summary = run_scaling(store, **how)
         found = points(measures(store))
-        assert [(p.gpus, p.rows, p.link, p.difference) for p in found] == [(1, 4, "", None), (2, 4, "peer", 0.0)]
+        told = [(p.gpus, p.rows, p.link, p.difference) for p in found]
+        assert told == [(1, 4, "", None), (2, 4, "peer by turns", 0.0)], "there is but one here"
         assert all(p.rate == pytest.approx(16 / p.step) for p in found)
-        assert len(speedups(found)) == 1
+        assert speedups(found) == [], "windows that take turns are no GPUs of their own"
+        own = [replace(p, link="peer") if p.gpus > 1 else p for p in found]
+        assert len(speedups(own)) == 1
         assert timings(store) == [], "ordinary figures know one GPU alone"
         console = Console(record=True, width=160)
         print_scaling(console, store, summary.machine)
