@@ -7,8 +7,7 @@ from dataclasses import dataclass, replace
 from math import inf
 from typing import Any
 
-from bench.experiments.advise.advice import NOISE
-from model.scene.scene import Scene
+from bench.experiments.advise.budgets import BudgetAdvice
 
 
 @dataclass(frozen=True)
@@ -53,32 +52,8 @@ class Budget:
 
 
 @dataclass(frozen=True)
-class TetrahedraAdvice:
-    """The answer. `error`: relative, as asked for; `time` [s]: half of the slowest vibration; `choices`: the budgets that
-    reach it, timed, the soonest first; `beaten`: (what, why it is none); `notes`; `seconds` that it took."""
-
-    scene: Scene
-    error: float
-    time: float
-    choices: tuple[Budget, ...]
-    beaten: tuple[tuple[str, str], ...]
-    notes: tuple[str, ...]
-    seconds: float
-
-    @property
-    def best(self) -> Budget | None:
-        return self.choices[0] if self.choices else None
-
-    def configured(self) -> Scene:
-        """The scene with the best budget. Raises ValueError where there is none."""
-        if self.best is None:
-            raise ValueError("nothing reaches it")
-        return self.scene.replace(self.best.changes)
-
-    def options(self) -> str:
-        """What to pass to `softlab run` beside a scene that is configured so: a scene does not hold it."""
-        assert self.best is not None
-        return f"--backend {self.best.backend} --precision {self.best.precision}"
+class TetrahedraAdvice(BudgetAdvice[Budget]):
+    """The answer; `time` [s]: half of the slowest vibration."""
 
     def heading(self) -> str:
         """For the file that the scene is written to."""
@@ -91,38 +66,18 @@ class TetrahedraAdvice:
         ])  # fmt: skip
 
     def __str__(self) -> str:
-        found = self.scene.tetrahedra_set
-        lines = [
-            f"{self.scene.title}, {found}: at most {self.error:g} of the sag at rest, and of the way made in half of the "
-            f"slowest vibration ({self.time:.3g} s); a step of {self.scene.method.dt:.4g} s"
-        ]
-        if not self.choices:
-            lines.append("no answer: nothing reaches it; ask for a larger --error or a smaller method.dt")
-        for number, one in enumerate(self.choices):
-            head = {0: "soonest    ", 1: "runner-up  "}.get(number, "  then     ")
-            lines.append(head + self._line(one) + (f"; {self._over(one)}" if number == 1 else ""))
-            if number == 0:
-                fields = " ".join(f"--set {path}={value}" for path, value in self._fields(one).items())
-                lines.append(f"           {self.options()} {fields}".rstrip())
-        for basis in dict.fromkeys(f"{one.solver} of {one.iterations}: {one.basis}" for one in self.choices):
-            lines.append(f"  basis    {basis}")
-        lines += [f"  not      {name}: {reason}" for name, reason in self.beaten]
-        lines += [f"note: {note}" for note in self.notes]
-        lines.append(
-            "note: the mesh's own error is none of it: softlab tetrahedra tells how far linear tetrahedra bend"
+        asked = (
+            f"{self.scene.title}, {self.scene.tetrahedra_set}: at most {self.error:g} of the sag at rest, and of the way "
+            f"made in half of the slowest vibration ({self.time:.3g} s); a step of {self.scene.method.dt:.4g} s"
         )
-        lines.append(f"{self.seconds:.0f} s")
-        return "\n".join(lines)
+        bases = list(dict.fromkeys(f"{one.solver} of {one.iterations}: {one.basis}" for one in self.choices))
+        limits = "the mesh's own error is none of it: softlab tetrahedra tells how far linear tetrahedra bend"
+        return self._told(asked, bases, limits)
 
     def _fields(self, one: Budget) -> dict[str, Any]:
         """What differs from the scene as it was asked about."""
         held = {f"method.{field}": value for field, value in self.scene.method.model_dump().items()}
         return {path: value for path, value in one.changes.items() if held.get(path) != value}
 
-    def _line(self, one: Budget) -> str:
-        errors = f"{one.at_rest:.2g} at rest, {one.in_motion:.2g} in motion"
-        return f"{one}: {1e3 * one.seconds:.3g} ms a step, timed here; {errors}"
-
-    def _over(self, one: Budget) -> str:
-        ratio = one.seconds / self.choices[0].seconds
-        return f"{ratio:.2g} times as long" if ratio > NOISE else "no clear difference"
+    def _errors(self, one: Budget) -> str:
+        return f"{one.at_rest:.2g} at rest, {one.in_motion:.2g} in motion"
