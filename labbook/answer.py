@@ -40,7 +40,7 @@ def _scene(label: str) -> tuple[str, str]:
     scene = load_scene((SCENES | CLOTHS)[base])
     grid = scene.grid
     masses = side * side if side else grid.particle_count
-    return f"{(scene.title or base).partition(' (')[0]} ({label})", words.count(masses)
+    return f"{(scene.title or base).partition(' (')[0]} ({base})", words.count(masses)
 
 
 def _row(found: list[Point], target: float) -> list[str]:
@@ -72,7 +72,7 @@ def _processors(sources: Mapping[str, Source]) -> str:
         mine = [label for label in sources if sources[label] == source]
         scenes = f"{', '.join(mine)}: " if len(mine) < len(sources) else ""
         names = f"GPU {source.gpu}, CPU {source.processor}" if source.gpu else f"CPU {source.processor}"
-        told.append(f"{scenes}{names}{'' if source.own else ' (committed measurements)'}")
+        told.append(f"{scenes}{names}{source.bracket}")
     return "; ".join(told)
 
 

@@ -40,6 +40,7 @@ from labbook.claims import (
     throughput,
 )
 from labbook.facts import facts
+from labbook.rungs import rung_tables
 from labbook.tables import machine_table, region_tables, scene_table
 from model.core.errors import BackendUnavailable, InputError
 from model.core.files import replacing
@@ -64,6 +65,9 @@ MAIN = (
     "references",
 )
 OWN_PAGE = ("answer", "gpu-design")  # begin on a new one
+NOT_PRINTED = ("hard-states",)  # figures for who runs the hard cases: a page of small pictures
+OPTIONAL = ("fluids-rate", "hard-tetrahedra")  # claims whose paragraph stands only where they were measured
+FLUSHED = ("references",)  # begin when every figure before them is placed
 APPENDIX = ("rungs", "threads", "findings", "cloth", "bodies")
 CHAPTERS = (*MAIN, *APPENDIX)
 CLAIMS = {  # every sentence that the measurements make, by name
@@ -128,7 +132,8 @@ def write_book(
 
 def book_data(results: Results) -> dict[str, Any]:
     """Everything the template prints, but for the figures' files."""
-    scene = scene_table(results)
+    claims = {name: made(results) for name, made in CLAIMS.items()}
+    machines, scene = machine_table(results), scene_table(results)
     return {
         "title": TITLE,
         "subtitle": "The mass-spring grid on CPU threads and on CUDA: how fast, and how wrong",
@@ -136,14 +141,17 @@ def book_data(results: Results) -> dict[str, Any]:
         "notices": notices(results),
         "chapters": list(MAIN),
         "own-page": list(OWN_PAGE),
+        "flushed": list(FLUSHED),
         "appendix": list(APPENDIX),
         "facts": facts(),
-        "claims": {name: made(results).sentence for name, made in CLAIMS.items()},
+        "claims": {name: made.sentence for name, made in claims.items()},
+        "unmeasured": {name: claims[name].sentence for name in OPTIONAL if not claims[name].numbers},
         "tables": {
-            "machines": [machine_table(source) for source in results.sources],
+            "machines": [machines] if machines else [],
             "scene": [scene] if scene else [],
             "answer": answer_tables(results),
             "regions": region_tables(results),
+            "rungs": rung_tables(results),
         },
     }
 

@@ -21,6 +21,13 @@ RECORD = {  # of the machine record, what a reader wants to know
     "gpu_memory_gib": "GPU memory / GiB", "gpu_driver": "GPU driver", "system": "System",
     "python_build": "Python", "numba": "numba", "llvmlite": "llvmlite", "numba_cuda": "numba-cuda", "numpy": "NumPy",
 }  # fmt: skip
+MEASURED = (
+    "Threading layer, wait policy",
+    "Copy bandwidth, measured",
+    "GPU copy bandwidth, measured",
+    "Code",
+    "Measured",
+)
 
 
 def table(title: str, head: Sequence[str], rows: Sequence[Sequence[str]], left: int = 1) -> Table:
@@ -28,21 +35,26 @@ def table(title: str, head: Sequence[str], rows: Sequence[Sequence[str]], left: 
     return {"title": title, "head": list(head), "rows": [list(row) for row in rows], "left": left}
 
 
-def machine_table(source: Source) -> Table:
-    """One machine: hardware, versions, limits, commit and date."""
+def machine_table(results: Results) -> Table | None:
+    """Hardware, versions, limits, commit and date: a column a machine, a line for what any of them tells."""
+    machines = [_machine(source) for source in results.sources]
+    names = list(dict.fromkeys(name for told in machines for name in told))
+    names.sort(key=[*RECORD.values(), *MEASURED].index)
+    rows = [[name, *(told.get(name, DASH) for told in machines)] for name in names]
+    head = ["Property", *(source.place for source in results.sources)]
+    return table("The machines of the measurements", head, rows, left=len(head)) if machines else None
+
+
+def _machine(source: Source) -> dict[str, str]:
+    """What is told of one machine, by property."""
     record = source.machine.record
-    rows = [[label, str(record[name])] for name, label in RECORD.items() if record.get(name) is not None]
-    if not source.gpu:
-        rows.append(["GPU", "none"])
+    told = {label: str(record[name]) for name, label in RECORD.items() if record.get(name) is not None}
     layer, policy = source.threading
-    if layer:
-        rows.append(["Threading layer, wait policy", f"{layer}, {policy}"])
-    for name, label in (("copy_bandwidth", "Copy bandwidth"), ("gpu_copy_bandwidth", "GPU copy bandwidth")):
-        if record.get(name):
-            rows.append([f"{label}, measured", words.bandwidth(record[name])])
-    rows += [["Code", source.code], ["Measured", source.date]]
-    whose = "Machine" if source.own else "Machine of the committed measurements"
-    return table(f"{whose}: {source.machine.label}", ["Property", "Value"], rows, left=2)
+    limits = [
+        words.bandwidth(record[name]) if record.get(name) else "" for name in ("copy_bandwidth", "gpu_copy_bandwidth")
+    ]
+    more = (f"{layer}, {policy}" if layer else "", *limits, source.code, source.date)
+    return told | {name: value for name, value in zip(MEASURED, more, strict=True) if value}
 
 
 def scene_table(results: Results) -> Table | None:

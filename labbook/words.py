@@ -41,6 +41,11 @@ def count(value: int) -> str:
     return grouped(str(value))
 
 
+def things(number: int, thing: str) -> str:
+    """`1 case`, `6 cases`."""
+    return f"{count(number)}{SPACE}{thing}{'' if number == 1 else 's'}"
+
+
 def masses(value: float, exact: bool = True) -> str:
     """`65 536 masses`; not exact: to two digits."""
     return f"{count(round(value if exact else float(f'{value:.1e}')))}{SPACE}masses"

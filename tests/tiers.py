@@ -56,6 +56,7 @@ test_kinematic.py test_an_end_that_is_driven*
 test_attachments.py test_two_free_bodies*
 test_cloth_reference.py *rk4-cpu?
 test_stability_figures.py *draw_stiffness?
+test_labbook.py *keeps_its_length*  # draws every figure of the committed measurements
 test_restitution.py *bodies-0.001* *bodies-0.004*
 # CPU machine code: each solver keeps a case or two, of the fused kernel and the most parts
 test_compiled.py *cloth,?rk4* *cloth,?implicit* *xpbd,?jacobi* *xpbd,?averaged* *lattices* *meet?in?stages*

@@ -8,7 +8,7 @@ backends.
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -29,12 +29,26 @@ CODES = {"fail": 0.0, "pass": 1.0, "refused": 2.0, "known": 3.0}  # verdict -> i
 WORDS = {"pass": "pass", "fail": "FAIL", "refused": "refused", "known": "fails"}
 STYLES = {"pass": "green", "fail": "bold red", "refused": "cyan", "known": "yellow"}
 TITLES = {case.name: case.title for case in CASES}
+SAME = "the same"  # how the title of a case begins that varies the one before it
 BASES = {case.name: case.basis for case in CASES}
 BODIES = {case.name for case in CASES if case.of_bodies}
 OF_TETRAHEDRA = {case.name for case in CASES if case.of_tetrahedra}
 OF_FLUIDS = {case.name for case in CASES if case.of_fluids}
 NAMES = (*METHODS, MATCHING, *TETRAHEDRAL[1:], *FLUIDS)
 ORDER = {case.name: place for place, case in enumerate(CASES)}
+
+
+def _in_full() -> Iterator[tuple[str, str]]:
+    title = ""
+    for case in CASES:
+        varied = case.title.startswith(SAME)
+        title = title if varied else case.title
+        yield case.name, case.title.replace(SAME, title, 1) if varied else title
+
+
+IN_FULL = dict(
+    _in_full()
+)  # name -> title that stands alone: `mass ratio 1:1000`, `two masses in one place, no rest length`
 
 
 @dataclass(frozen=True)
@@ -84,6 +98,11 @@ class HardRow:
     @property
     def title(self) -> str:
         return TITLES.get(self.case, self.case)
+
+    @property
+    def in_full(self) -> str:
+        """A title that stands alone, where one that varies the case before it is `title`."""
+        return IN_FULL.get(self.case, self.case)
 
     @property
     def basis(self) -> str:
@@ -156,21 +175,34 @@ def _row(found: list[Measure]) -> HardRow | None:
     )
 
 
-def disagreements(rows: Iterable[HardRow]) -> list[str]:
+Naming = Callable[[HardRow], str]
+
+
+def short(row: HardRow) -> str:
+    """The name of the case, as `softlab hard` lists it."""
+    return row.case
+
+
+def in_full(row: HardRow) -> str:
+    """Its title that stands alone, for a text without the names."""
+    return row.in_full
+
+
+def disagreements(rows: Iterable[HardRow], named: Naming = short) -> list[str]:
     """Where the backends give different verdicts, in words: bugs of the lab."""
-    return _differing(rows, lambda verdicts: verdicts != {"known", "pass"})
+    return _differing(rows, named, lambda verdicts: verdicts != {"known", "pass"})
 
 
-def rounding_differences(rows: Iterable[HardRow]) -> list[str]:
+def rounding_differences(rows: Iterable[HardRow], named: Naming = short) -> list[str]:
     """Where a failure that the method implies shows on one backend alone, in words: in `fast` math the GPU rounds a
     product and a sum once, the CPU twice, and what a method loses to rounding hangs on that."""
-    return _differing(rows, lambda verdicts: verdicts == {"known", "pass"})
+    return _differing(rows, named, lambda verdicts: verdicts == {"known", "pass"})
 
 
-def _differing(rows: Iterable[HardRow], counts: Callable[[set[str]], bool]) -> list[str]:
+def _differing(rows: Iterable[HardRow], named: Naming, counts: Callable[[set[str]], bool]) -> list[str]:
     groups: dict[tuple[str, str, str], dict[str, str]] = {}
     for row in rows:
-        groups.setdefault((row.case, row.integrator, row.precision), {})[row.backend] = row.verdict
+        groups.setdefault((named(row), row.integrator, row.precision), {})[row.backend] = row.verdict
     return [
         f"{', '.join(key)}: " + ", ".join(f"{verdict} on the {backend}" for backend, verdict in verdicts.items())
         for key, verdicts in groups.items()

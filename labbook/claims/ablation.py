@@ -2,24 +2,32 @@
 
 from __future__ import annotations
 
+import re
+
 from bench.experiments.advise.ablation_results import NEEDED, NOT_NEEDED
 from labbook.claims.claim import Claim, Claims
-from labbook.words import count
+from labbook.words import count, number
 from plots.core.data import Results
 from plots.figures.ablation import told_tables
 
 
+def typeset(sentence: str) -> str:
+    """A sentence of the terminal as a book has it: 5.4e-04 as a power of ten."""
+    return re.sub(r"\b\d\.\de[+-]\d\d\b", lambda found: number(float(found[0]), 2), sentence)
+
+
 def needs(results: Results) -> Claim:
     """One sentence a scene and backend: the parts that it needs, and what is enough."""
-    _, tables = told_tables(results)
-    if not tables:
+    source, tables = told_tables(results)
+    if source is None or not tables:
         return Claim("What the scenes need was not measured.")
     numbers: dict[str, float] = {}
     for table in tables:
         verdicts = [table.verdict(row) for row in table.rows]
         name = f"{table.title}, {table.backend}"
         numbers |= {f"{name}: {verdict}": float(verdicts.count(verdict)) for verdict in (NEEDED, NOT_NEEDED)}
-    return Claim(" ".join(table.sentence() for table in tables), numbers, True)
+    told = " ".join(typeset(table.sentence()) for table in tables)
+    return Claim(f"On the {source.place}: {told}", numbers, True)
 
 
 def idle(results: Results) -> Claim:

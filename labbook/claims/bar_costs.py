@@ -3,6 +3,8 @@ rules."""
 
 from __future__ import annotations
 
+import re
+
 from bench.experiments.bar_costs import CLOSE, Cost
 from labbook import words
 from labbook.claims.claim import Claim, Claims, where
@@ -25,7 +27,8 @@ def costs_of(results: Results) -> Claim:
             parts.append(f"on {where(backend, source)} {words.listed(told)}")
             never = [name for name in dict.fromkeys(c.solver for c in found) if name not in near]
             if never:
-                parts[-1] += f"; {words.listed(never)} {'is' if len(never) == 1 else 'are'} not"
+                named = [re.sub(r"^(.*), (.*)$", r"\1 (\2)", name) for name in never]
+                parts[-1] += f"; {words.listed(named)} {'is' if len(never) == 1 else 'are'} not so near"
     if not parts:
         return Claim("What the bar costs by each method was not measured.")
     return Claim(

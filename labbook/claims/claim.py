@@ -55,12 +55,12 @@ def on(source: Source, backend: str) -> str:
 
 def named(source: Source, backend: str) -> str:
     """`NVIDIA H200 (committed measurements)`: the reader's machine and a committed one never share a label."""
-    return f"{source.device(backend)}{'' if source.own else ' (committed measurements)'}"
+    return f"{source.device(backend)}{source.bracket}"
 
 
 def where(backend: str, source: Source) -> str:
     """`the GPU (NVIDIA H200)`."""
-    return f"the {backend.upper()} ({source.device(backend)}{'' if source.own else ', committed measurements'})"
+    return f"the {backend.upper()} ({source.device(backend)}{source.label and ', '}{source.label})"
 
 
 SUSPECT = " (from times that are marked as suspect)"
@@ -146,7 +146,7 @@ def region_cost(results: Results) -> Claim:
     most = max(known)
     layer, policy = source.threading
     text = (
-        f"{on(source, 'cpu')} an empty parallel region costs {seconds(known[cores], 2)} with {cores} threads and "
+        f"{on(source, 'cpu')}, an empty parallel region costs {seconds(known[cores], 2)} with {cores} threads and "
         f"{seconds(known[most], 2)} with {most} (layer {layer or 'unknown'}, wait policy {policy or 'unknown'})."
     )
     return Claim(text, {"few": known[cores], "many": known[most]}, True)

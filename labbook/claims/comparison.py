@@ -76,7 +76,7 @@ def drawing(results: Results) -> Claim:
         label = f"on the {named(source, backend)}"
         if apart(drawn, without) > 0:
             parts.append(
-                f"{label} a step with drawing takes {times(drawn.median / without.median)} as long as without, at "
+                f"{label}, a step with drawing takes {times(drawn.median / without.median)} as long as without, at "
                 f"{masses(without.particles)}{suspect}"
             )
         else:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from bench.stress.numbers import SLOW_DOWN
-from bench.stress.results import CODES, HardRow, disagreements, rounding_differences
+from bench.stress.results import CODES, HardRow, disagreements, in_full, rounding_differences
 from labbook import words
 from labbook.claims.claim import Claim, Claims
 from labbook.words import count, number
@@ -32,16 +32,20 @@ def count_verdicts(rows: Sequence[HardRow]) -> Claim:
         return Claim(NOT_RUN)
     counts = {verdict: sum(row.verdict == verdict for row in rows) for verdict in CODES}
     cases = len({row.case for row in rows})
-    text = (
-        f"Of {count(len(rows))} runs of {count(cases)} cases, {count(counts['pass'])} passed, "
-        f"{count(counts['refused'])} were refused with a diagnosis, and {count(counts['known'])} failed as their method "
-        "implies; "
-    )
+    one, more = ("was", "its"), ("were", "their")
+    told = [f"{count(counts['pass'])} passed"]
+    if counts["refused"]:
+        told.append(
+            f"{count(counts['refused'])} {(one if counts['refused'] == 1 else more)[0]} refused with a diagnosis"
+        )
+    if counts["known"]:
+        told.append(f"{count(counts['known'])} failed as {(one if counts['known'] == 1 else more)[1]} method implies")
+    text = f"Of {count(len(rows))} runs of {count(cases)} cases, {words.listed(told)}; "
     if counts["fail"]:
-        bad = list(dict.fromkeys(row.case for row in rows if row.verdict == "fail"))
+        bad = [f"“{title}”" for title in dict.fromkeys(row.in_full for row in rows if row.verdict == "fail")]
         text += f"{count(counts['fail'])} failed otherwise, which is a bug of this lab: {words.listed(bad)}."
     else:
-        text += "none failed otherwise."
+        text += f"none failed{' otherwise' if counts['known'] else ''}."
     return Claim(text, {**{k: float(v) for k, v in counts.items()}, "runs": float(len(rows))}, not counts["fail"])
 
 
@@ -52,7 +56,7 @@ def compare_backends(rows: Sequence[HardRow]) -> Claim:
     names = sorted({row.backend for row in rows})
     if len(names) < 2:
         return Claim(f"They were run on the {names[0].upper()} alone, so the backends are not compared here.")
-    different, rounded = disagreements(rows), rounding_differences(rows)
+    different, rounded = disagreements(rows, in_full), rounding_differences(rows, in_full)
     pairs = len({(row.case, row.integrator, row.precision) for row in rows})
     if not different:
         text = (
@@ -62,7 +66,7 @@ def compare_backends(rows: Sequence[HardRow]) -> Claim:
         if rounded:
             text += (
                 f" In {count(len(rounded))} more a failure that the method implies shows on one of them alone, because fast "
-                f"math rounds differently there ({'; '.join(rounded)})."
+                f"math rounds differently there ({'; '.join(each.rpartition(': ')[0] for each in rounded)})."
             )
     else:
         text = f"Of {count(pairs)} combinations, CPU and GPU differ in {count(len(different))}, a bug of this lab: "
@@ -72,13 +76,16 @@ def compare_backends(rows: Sequence[HardRow]) -> Claim:
 
 def known(results: Results) -> Claim:
     """What fails by the nature of its method, and why."""
-    reasons: dict[str, list[str]] = {}
+    reasons: dict[str, dict[str, set[str]]] = {}
     for row in found_rows(results):
         if row.verdict == "known":
-            reasons.setdefault(row.diagnosis, []).append(f"{row.integrator} in {row.case.split()[0]}")
+            reasons.setdefault(row.diagnosis, {}).setdefault(row.integrator, set()).add(row.case)
     if not reasons:
         return Claim("No run failed by the nature of its method.")
-    parts = [f"{words.listed(list(dict.fromkeys(where)))}: {reason}" for reason, where in reasons.items()]
+    parts = []
+    for reason, where in reasons.items():
+        counted = [f"{name} in {words.things(len(cases), 'case')}" for name, cases in where.items()]
+        parts.append(f"{words.listed(counted)}: {reason}")
     return Claim(
         f"Failures that the method itself implies: {'; '.join(parts)}.", {"reasons": float(len(reasons))}, True
     )

@@ -1,9 +1,7 @@
-"""What the lab book may say of the kernels: what each rung gains, its ceilings, joules, starts; see
+"""What the lab book may say of the kernels: their choice, ceilings, joules and starts; see
 labbook/claims/claim.py."""
 
 from __future__ import annotations
-
-from collections.abc import Callable
 
 from bench.measure.starts import COLD, WARM
 from labbook import words
@@ -17,53 +15,6 @@ from plots.core.ladder import defaults, fastest, machine_of
 from plots.core.pairs import at_one_size
 from plots.figures.joules import counted_joules, watts
 from plots.figures.roofline import ceilings
-
-BELOW = {  # each rung, its backend, and the rung that it is held against
-    "launch": ("gpu", "stages"),
-    "graph": ("gpu", "launch"),
-    "one-block": ("gpu", "graph"),
-    "resident": ("gpu", "graph"),
-    "tiles": ("gpu", "graph"),
-    "fused": ("cpu", "stages"),
-    "tiled": ("cpu", "fused"),
-    "team": ("cpu", "fused"),
-}
-
-
-def rung(results: Results, kernel: str) -> Claim:
-    """A kernel against the rung below it, at the size where it gains most, and the sizes where it is the fastest."""
-    backend, below = BELOW[kernel]
-    source = machine_of(results, backend)
-    kernels = source.ladder(backend) if source else {}
-    if source is None or kernel not in kernels:
-        return Claim(f"The {backend.upper()}'s kernel {kernel} was not timed.")
-    both, suspect = trusted(at_one_size(sound(kernels.get(below, [])), sound(kernels[kernel])))
-    if not both:
-        return Claim(f"The {backend.upper()}'s kernels {kernel} and {below} were not timed at one size.")
-    where = on(source, backend)
-    gains = [(under.median / t.median, t, under) for under, t in both if apart(t, under) < 0]
-    if not gains:
-        text = f"{where}, {kernel} is at none of the {len(both)} sizes faster than {below} beyond the spread{suspect}."
-        return Claim(text, {"sizes": len(both)}, False)
-    gain, best, under = max(gains, key=lambda found: found[0])
-    at = (
-        f"at {masses(best.particles)}" if len(both) > 1 else f"at {masses(best.particles)}, the only size that both ran"
-    )
-    text = (
-        f"{where}, {at}, a step takes {seconds(best.median)} with {kernel} and {seconds(under.median)} with {below}: "
-        f"{times(gain)} as fast{', its largest gain' if len(gains) > 1 else ''}{suspect}."
-    )
-    return Claim(f"{text} {_first_of_all(source, backend, kernel)}", {"gain": gain, "masses": best.particles}, True)
-
-
-def _first_of_all(source: Source, backend: str, kernel: str) -> str:
-    """At how many sizes a kernel is the fastest."""
-    ranked = fastest(source, backend)
-    mine = [t.particles for t in ranked if t.kernel == kernel]
-    if not mine:
-        return f"It is the fastest of all at none of the {len(ranked)} sizes."
-    span = masses(mine[0]) if len(mine) == 1 else f"{words.count(mine[0])} to {masses(mine[-1])}"
-    return f"It is the fastest of all at {len(mine)} of the {len(ranked)} sizes ({span})."
 
 
 def choice(results: Results, backend: str) -> Claim:
@@ -210,12 +161,7 @@ def policies(results: Results) -> Claim:
     return Claim(text, numbers, True)
 
 
-def _rung_claim(kernel: str) -> Callable[[Results], Claim]:
-    return lambda results: rung(results, kernel)
-
-
 CLAIMS: Claims = {
-    **{f"rung-{kernel}": _rung_claim(kernel) for kernel in BELOW},
     "choice-cpu": lambda results: choice(results, "cpu"),
     "choice-gpu": lambda results: choice(results, "gpu"),
     "roof-cpu": lambda results: roof(results, "cpu"),

@@ -80,17 +80,19 @@ def budget(results: Results) -> Claim:
                 told.append(f"at {_pascal(young)} no position-based setting that was measured gets there")
             else:
                 numbers[f"{backend} {young:g} xpbd"] = rows.seconds
-                told.append(f"at {_pascal(young)} {words.seconds(rows.seconds)} {_budget(rows)}")
+                told.append(f"at {_pascal(young)} {words.seconds(rows.seconds)} ({_budget(rows)}")
             if other is not None:
                 numbers[f"{backend} {young:g} {other.solver}"] = other.seconds
-                told[-1] += f" ({words.seconds(other.seconds)} by {other.solver})"
+                told[-1] += f"{'; ' if rows else ' ('}{words.seconds(other.seconds)} by {other.solver}"
+            if rows is not None or other is not None:
+                told[-1] += ")"
         if told:
             parts.append(f"on {where(backend, source)} {words.listed(told)}")
     if not parts:
         return Claim("What a small error of the solver costs was not measured.")
     return Claim(
-        f"Half a vibration after it was let go, within {words.percent(ENOUGH)} of the way it should have made, a frame "
-        f"takes, {'; '.join(parts)}.",
+        f"To be within {words.percent(ENOUGH)} of the way that it should have made half a vibration after it was let go, a "
+        f"position-based frame takes, {'; '.join(parts)}.",
         numbers, True,
     )  # fmt: skip
 

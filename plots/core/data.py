@@ -19,6 +19,7 @@ from bench.store.versions import Version
 
 Origin = Store | str | Path
 THREAD_WORDS = ("1x", "2x", "4x")
+NO_GPU = "no GPU"  # in a machine's label
 WRONG = ("wrong answer", "state not finite")  # suspect marks that say more than "noisy"
 
 
@@ -39,7 +40,8 @@ class Source:
     `kernels`: timings of forced kernels; `energies`: samples with joules, by configuration; `defaults`: of forced
     kernels, whether the backend would have chosen them, by configuration. `peers`: what was timed beside the lab.
     `findings`: timings behind single findings (bench/experiments/findings.py), small grids first. The timings
-    of a stage are of one version of the code (bench/store/versions.py); `left_out`: how many were of another."""
+    of a stage are of one version of the code (bench/store/versions.py); `left_out`: how many were of another.
+    `alone`: committed, and no machine of the user's is told of, from which it would have to be told apart."""
 
     machine: Machine
     own: bool
@@ -55,6 +57,7 @@ class Source:
     peers: tuple[Ratio, ...] = ()
     findings: tuple[Timing, ...] = ()
     left_out: int = 0
+    alone: bool = False
 
     @property
     def processor(self) -> str:
@@ -69,6 +72,16 @@ class Source:
     def device(self, backend: str) -> str | None:
         """The name of what a backend runs on."""
         return self.gpu if backend == "gpu" else self.processor
+
+    @property
+    def label(self) -> str:
+        """`committed measurements` where these are not the user's, who measured, too; else nothing."""
+        return "" if self.own or self.alone else "committed measurements"
+
+    @property
+    def bracket(self) -> str:
+        """The label as it follows a name: ` (committed measurements)`."""
+        return f" ({self.label})" if self.label else ""
 
     @property
     def versions(self) -> list[Version]:
@@ -94,6 +107,12 @@ class Source:
         """Machine, commit and date in one line, for captions."""
         committed = "" if self.own else "Committed measurements: "
         return f"{committed}{self.machine.label}; {self.code}, measured {self.date}"
+
+    @property
+    def place(self) -> str:
+        """The machine alone, where commit and date are told once for all."""
+        parts = [part for part in self.machine.label.split("; ") if part != NO_GPU]
+        return f"{' with '.join(parts)}{self.bracket}"
 
     def select(
         self,

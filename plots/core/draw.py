@@ -90,8 +90,8 @@ TITLES = {name: title for name, (title, _) in DRAWN.items()}
 
 @dataclass(frozen=True)
 class FigureFiles:
-    """A figure on disk: `paths` (.svg, .png) and `caption`; where the data do not hold it, no paths but a `reason`.
-    `footer`: points at its top that tell machine, commit and date."""
+    """A figure on disk: `paths` (.svg, .png) and `caption`, which names the machines; where the data do not hold it, no paths
+    but a `reason`. `footer`: points at its top that tell machine, commit and date."""
 
     name: str
     title: str
@@ -143,7 +143,7 @@ def _draw(results: Results, name: str, folder: Path, footer: bool, suffixes: Seq
         return FigureFiles(name, TITLES[name], (), "", drawing)
     paths = save(drawing, folder, name, footer=footer, suffixes=suffixes)
     height = drawing.footer_height if footer else 0.0
-    return FigureFiles(name, drawing.title, tuple(paths), drawing.caption, None, height)
+    return FigureFiles(name, drawing.title, tuple(paths), drawing.told, None, height)
 
 
 class Helper:

@@ -59,7 +59,7 @@ def backend_panels(
 def title(source: Source, backend: str) -> str:
     """`GPU: NVIDIA H200`, `CPU: Intel Xeon, 2 cores, 1x threads (committed)`."""
     threads = "" if backend == "gpu" else ", 1x threads"
-    return f"{name_of(backend, source)}{threads}{'' if source.own else ' (committed)'}"
+    return f"{name_of(backend, source)}{threads}{source.label and ' (committed)'}"
 
 
 def threading_words(chosen: list[tuple[Any, str, Source]]) -> str:

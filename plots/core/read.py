@@ -7,6 +7,7 @@ import json
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -49,7 +50,8 @@ def load(own: Origin | Sequence[Origin] | None, committed: Iterable[str | Path] 
         for path in committed:
             found += _sources(stack.enter_context(open_readonly(path)), own=False)
     found.sort(key=lambda source: (not source.own, not source.has_gpu_times))
-    return Results(tuple(found))
+    alone = not any(source.own for source in found)
+    return Results(tuple(replace(source, alone=alone) for source in found))
 
 
 def _sources(store: Store, own: bool) -> list[Source]:

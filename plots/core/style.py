@@ -78,6 +78,12 @@ class Drawing:
         return " ".join([self.text.strip(), *(f"{line}." for line in self.provenance)])
 
     @property
+    def told(self) -> str:
+        """What is shown, then the machines: in a book, whose first page tells commits and dates."""
+        places = dict.fromkeys(source.place for source in self.sources)
+        return f"{self.text.strip()} Measured on: {'; '.join(places)}." if places else self.text.strip()
+
+    @property
     def provenance(self) -> list[str]:
         """Machine, commit and date, one line a source."""
         return list(dict.fromkeys(source.provenance for source in self.sources))

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from app.render.camera3d import Camera3D
-from bench.stress.results import BODIES, OF_FLUIDS, OF_TETRAHEDRA, HardRow, rows_of, table_of
+from bench.stress.results import BODIES, IN_FULL, OF_FLUIDS, OF_TETRAHEDRA, HardRow, rows_of, table_of
 from plots.core.colours import BLUE, GREEN, GREY, ORANGE, SKY, VERMILLION
 from plots.core.data import Results, Source, judgements
 from plots.core.style import Drawing, new_sheet
@@ -17,7 +17,8 @@ STATES_TITLE = "What the hard cases end in"
 VERDICTS_TITLE = "Verdicts of the hard cases"
 ACROSS = 6  # panels a line of the contact sheet
 PANEL = 1.2  # inch, high
-LINE = 0.19  # inch: a line of the verdict table
+LINE = 0.15  # inch: a line of the verdict table
+WIDEST = -2.6  # columns of it that the cases' titles take
 POINT = 1e-12  # m: a shape that is smaller is drawn as a point
 PREFERRED = ("velocity-verlet", "lab", "xpbd gauss-seidel")  # whose end states are shown
 NOT_HARD = ""
@@ -62,10 +63,10 @@ def draw_verdicts(results: Results) -> Drawing | str:
     figure = new_sheet(max(PANEL, LINE * (len(lines) + 3)))
     ax = figure.subplots()
     ax.set_axis_off()
-    ax.set_xlim(-0.02, len(names))
+    ax.set_xlim(WIDEST, len(names))
     ax.set_ylim(len(lines), -0.1)
     for y, (case, _, _, cells) in enumerate(lines):
-        ax.text(-0.05, y + 0.5, case, ha="right", va="center", fontsize=7)
+        ax.text(-0.05, y + 0.5, IN_FULL.get(case, case), ha="right", va="center", fontsize=7)
         for x, (verdict, text) in enumerate(cells):
             if not verdict:
                 continue
@@ -73,7 +74,7 @@ def draw_verdicts(results: Results) -> Drawing | str:
                     color=COLOURS[verdict], alpha=0.35, linewidth=0)  # fmt: skip
             ax.text(x + 0.5, y + 0.5, text, ha="center", va="center", fontsize=6.5)
     for x, name in enumerate(names):
-        ax.text(x + 0.5, -0.15, name.replace(" ", "\n"), ha="center", va="bottom", fontsize=7)
+        ax.text(x + 0.5, -0.15, name.replace(" ", "\n").replace("-", "-\n"), ha="center", va="bottom", fontsize=7)
     ran = sorted({row.backend.upper() for row in rows})
     caption = (
         f"Verdicts on {' and '.join(ran)}, the worst over backends and precisions. Refused: with a diagnosis, before a step "

@@ -52,7 +52,7 @@ def draw(results: Results) -> Drawing | str:
     if not judged:
         return MISSING
     names = list(dict.fromkeys(row.case for row, _ in judged))
-    titles = {row.case: row.title for row, _ in judged}
+    titles = {row.case: row.in_full for row, _ in judged}
     figure = new_sheet(max(PANEL, ROW * (len(names) + 6)))
     ax = figure.subplots()
     for (backend, precision), (colour, marker) in LOOKS.items():
@@ -69,7 +69,7 @@ def draw(results: Results) -> Drawing | str:
     ax.set_xscale("log")
     ax.set_xlim(LEAST / 2, 2 * OVERSHOT)
     ax.set_ylim(len(names) - 0.5, -0.5)
-    ax.set_yticks(range(len(names)), [f"{titles[name]}  {name}" for name in names], fontsize=6.5)
+    ax.set_yticks(range(len(names)), [titles[name] for name in names], fontsize=6.5)
     ax.set_xlabel("measured over its bound")
     legend_below(figure, [ax])
     caption = (

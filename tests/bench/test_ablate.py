@@ -21,7 +21,7 @@ from bench.measure.timing import Sample
 from bench.reference import cache
 from bench.reference.philox import random_directions
 from bench.store.database import Store
-from labbook.claims.ablation import CLAIMS
+from labbook.claims.ablation import CLAIMS, typeset
 from model.core.errors import SceneError
 from model.core.families import stability_limit
 from model.core.integrators import INTEGRATORS
@@ -181,7 +181,7 @@ def test_the_sentence_is_made_from_the_data():
         replace(row("dt 0.005 s", FINER, error=2.5e-4, seconds=2.0), spares="dt 0.01 s"),
     ]
     assert table(row(), *rows).sentence() == (
-        "A scene at dt 0.01 s with velocity-verlet, on the cpu, by itself 1.0e-03 spacings off at 1.5 s: it needs springs "
+        "A scene at dt 0.01 s with velocity-verlet, on the CPU, by itself 1.0e-03 spacings off at 1.5 s: it needs springs "
         "and gravity, not wind (without it changes 5.0e-04, 2 times as fast); rk4 is needed (euler changes 1.0e+00); "
         "float32 is enough (changes 3.0e-06, saves nothing); dt 0.02 s is too long (diverges); dt 0.005 s would make the "
         "error 4 times smaller for 2 times the time."
@@ -318,7 +318,7 @@ def test_the_figure_and_the_sentences_of_the_book(store, clockwork, monkeypatch)
         assert [label.get_text() for label in ax.get_yticklabels()] == [one.name for one in found.rows]
     idle, needs = CLAIMS["ablation-idle"](results), CLAIMS["ablation-needs"](results)
     assert idle.numbers == {"rows": 4, "spare": 2}
-    assert found.sentence() in needs.sentence
+    assert typeset(found.sentence()) in needs.sentence
     assert idle.supported
     assert needs.supported
 

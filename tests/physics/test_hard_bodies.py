@@ -202,7 +202,7 @@ def test_claims_follow_the_numbers(results: Results) -> None:
     assert claims["hard-body-backends"].numbers == {"different": 0.0, "pairs": 2.0 * len(BODY_CASES)}
     assert claims["hard-body-spin"].numbers["float32"] == pytest.approx(0.8)
     broken = load(made_up(failing="B18 stack"))
-    assert "bug of this lab: B18 stack." in hard_body_claims.verdicts(broken).sentence
+    assert "bug of this lab: “ten bricks, 10 s”." in hard_body_claims.verdicts(broken).sentence
     assert not disagreements(hard_bodies.body_rows(broken)[0])
     for name, claim in hard_body_claims.CLAIMS.items():
         nothing = claim(load(None))

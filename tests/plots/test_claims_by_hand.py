@@ -83,8 +83,6 @@ BY_HAND: dict[str, dict[str, float]] = {  # claim -> numbers
     },
     # 12 shapes, 2 precisions, 2 pictures, 4 ways
     "trust": {"timed": 192, "wrong": 0, "suspect": 0, "checked": 192, "left out": 0},
-    "rung-tiles": {"gain": rung("graph", LARGEST) / rung("tiles", LARGEST), "masses": LARGEST},
-    "rung-graph": {"gain": rung("launch", 256) / rung("graph", 256), "masses": 256},
     "choice-gpu": {"good": 9, "sizes": 9},
     "energy": {
         "gpu least": 1e6 * WATTS * rung("tiles", LARGEST) / LARGEST,
@@ -274,8 +272,8 @@ def row(case: str, verdict: str, backend: str = "cpu", integrator: str = "lab") 
 def test_a_failed_hard_case_is_called_a_bug() -> None:
     rows = [row("B4", "pass"), row("B5", "refused"), row("B6", "known"), row("B7", "fail"), row("B9", "fail")]
     made = hard_claims.count_verdicts(rows)
-    assert not made.supported and "2 failed otherwise, which is a bug of this lab: B7 and B9." in made.sentence
-    assert "1 passed, 1 were refused with a diagnosis, and 1 failed as their method implies" in made.sentence
+    assert not made.supported and "2 failed otherwise, which is a bug of this lab: “B7” and “B9”." in made.sentence
+    assert "1 passed, 1 was refused with a diagnosis and 1 failed as its method implies" in made.sentence
     assert made.numbers == {"pass": 1, "refused": 1, "known": 1, "fail": 2, "runs": 5}
     good = hard_claims.count_verdicts(rows[:3])
     assert good.supported and good.sentence.endswith("none failed otherwise.")
@@ -287,10 +285,8 @@ def test_backends_that_disagree_are_called_a_bug() -> None:
     assert made.supported and "same in all 2 combinations" in made.sentence
     made = hard_claims.compare_backends([*same, row("B6", "pass"), row("B6", "fail", "gpu")])
     assert not made.supported and made.numbers == {"different": 1, "pairs": 3}
-    assert (
-        "CPU and GPU differ in 1, a bug of this lab: B6, lab, float64: pass on the cpu, fail on the gpu."
-        in made.sentence
-    )
+    where = "turned upward, disturbed, lab, float64: pass on the cpu, fail on the gpu."
+    assert f"CPU and GPU differ in 1, a bug of this lab: {where}" in made.sentence
 
 
 # ---------------------------------------------------------------------- thin air

@@ -24,10 +24,12 @@ from labbook.build import (
     CLAIMS,
     ENTRIES,
     FOLDER,
+    NOT_PRINTED,
     book_data,
     build,
     committed_data,
     notices,
+    write_sources,
 )
 from labbook.claims import accuracy as accuracy_claims
 from labbook.claims import claim as claims
@@ -197,6 +199,7 @@ def test_facts_are_those_of_the_code() -> None:
 # ---------------------------------------------------------------------- entries
 
 WORDS = (300, 500)  # as the hand-out asks
+PAGES = (18, 6)  # at most, of the main part and of the appendix
 
 
 def entry_text(name: str, data: dict[str, Any]) -> str:
@@ -252,7 +255,7 @@ def test_every_name_in_the_entries_is_known(variants: dict[str, Results]) -> Non
             f"{name}: a figure that no sentence refers to"
         )
     assert used["claim"] == set(data["claims"]), "a claim that is never printed"
-    assert used["fig"] == set(FIGURES), "a figure that is never printed"
+    assert used["fig"] == set(FIGURES) - set(NOT_PRINTED), "a figure that is never printed"
     assert used["sheets"] == set(data["tables"]), "a table that is never printed"
 
 
@@ -342,6 +345,16 @@ def test_hand_written_claims_hold_for_the_committed_measurements() -> None:
     if not paths:
         pytest.skip("labbook/data holds no measurements yet")
     assert failures(paths) == []
+
+
+def test_the_book_of_the_committed_measurements_keeps_its_length(tmp_path: Path) -> None:
+    """Pages of the main part and of the appendix."""
+    typst = pytest.importorskip("typst")
+    write_sources(load(None, committed_data()), tmp_path)
+    main, all_of_it = json.loads(
+        typst.query(str(tmp_path / "labbook.typ"), "<pages>", field="value", root=str(tmp_path))
+    )
+    assert main <= PAGES[0] and all_of_it - main <= PAGES[1]
 
 
 def test_a_tall_picture_leaves_room_for_a_long_caption(tmp_path: Path) -> None:

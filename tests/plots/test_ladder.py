@@ -19,6 +19,8 @@ from synthetic_store import (
 from bench.store.database import Store
 from labbook import tables as book_tables
 from labbook.claims import kernels as kernel_claims
+from labbook.rungs import rung as ladder_rung
+from labbook.rungs import rung_tables
 from model.mass_spring.plan import mass_spring_plan
 from model.scene.scene import load_scene
 from plots.core.data import Results
@@ -115,13 +117,22 @@ def test_joules_are_power_times_time(gpu: Results, cpu: Results) -> None:
 
 
 def test_rungs_are_held_against_the_one_below(gpu: Results) -> None:
-    made = kernel_claims.rung(gpu, "graph")
+    made = ladder_rung(gpu, "graph")
     ratio = kernel_seconds(GPU_RECORD, "gpu", "launch", 256, "float32") / kernel_seconds(
         GPU_RECORD, "gpu", "graph", 256, "float32"
     )
-    assert made.supported and made.numbers["gain"] == pytest.approx(ratio)
-    assert "none of the 9 sizes" in made.sentence
-    assert "2 of the 9 sizes (256 to 1024" in kernel_claims.rung(gpu, "one-block").sentence
+    assert made is not None and made.best is not None and made.best.particles == 256
+    assert made.gain == pytest.approx(ratio)
+    tiles, largest = ladder_rung(gpu, "tiles"), max(t.particles for t in gpu.sources[0].ladder("gpu")["tiles"])
+    ratio = kernel_seconds(GPU_RECORD, "gpu", "graph", largest, "float32") / kernel_seconds(
+        GPU_RECORD, "gpu", "tiles", largest, "float32"
+    )
+    assert tiles is not None and tiles.best is not None and tiles.best.particles == largest
+    assert tiles.gain == pytest.approx(ratio)
+    (table,) = rung_tables(gpu)
+    rows = {row[0]: row for row in table["rows"]}
+    assert rows["graph (GPU)"][1:3] == ["launch", "256"] and rows["graph (GPU)"][-1] == "none of 9 sizes"
+    assert rows["one-block (GPU)"][-1] == "2 of 9: 256 to 1024"
     assert kernel_claims.choice(gpu, "gpu").numbers == {"good": 9, "sizes": 9}
 
 
@@ -135,8 +146,10 @@ def test_a_rung_that_gains_nothing_is_not_praised() -> None:
         store.add_measure(maker.run, made, "sources", "default", float(kernel == "team"), "", "made up")
     results = load(store)
     for kernel in ("team", "tiled"):
-        made = kernel_claims.rung(results, kernel)
-        assert not made.supported and "at none of the 1 sizes" in made.sentence
+        made = ladder_rung(results, kernel)
+        assert made is not None and made.gain is None
+    (table,) = rung_tables(results)
+    assert [row[-2:] for row in table["rows"]] == [["not faster", "none of 1 sizes"]] * 2
     poor = kernel_claims.choice(results, "cpu")
     assert poor.numbers["good"] == 0 and poor.numbers["worst"] == pytest.approx(2)
     assert "2.0 times as long as fused" in poor.sentence.replace("\N{NO-BREAK SPACE}", " ")
@@ -167,4 +180,5 @@ def test_a_backend_is_shown_by_the_users_own_machine_first(gpu: Results, cpu: Re
     with settings():
         drawing = kernels.draw(both)
     assert not isinstance(drawing, str) and drawing.figure.axes[1].get_title().endswith("(committed)")
-    assert "committed measurements" in kernel_claims.rung(both, "tiles").sentence
+    (table,) = rung_tables(both)
+    assert f"GPU: {committed.gpu} (committed measurements)" in table["title"]

@@ -111,7 +111,7 @@ class Ablated:
 
     def sentence(self) -> str:
         """What the scene needs, from the data."""
-        head = f"{self.title} at dt {self.dt:g} s with {self.integrator}, on the {self.backend}"
+        head = f"{self.title} at dt {self.dt:g} s with {self.integrator}, on the {self.backend.upper()}"
         if self.full.chaotic:
             broke = [row.name for row in self.rows if row.broke]
             text = (

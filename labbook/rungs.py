@@ -1,0 +1,91 @@
+"""The lab book's table of kernels: what each of them gains over the one that it is held against, and where it is soonest."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from bench.store.results import Timing
+from labbook import words
+from labbook.claims.claim import trusted
+from labbook.tables import DASH, Table, table
+from plots.core.apart import apart
+from plots.core.data import Results, sound
+from plots.core.ladder import fastest, machine_of
+from plots.core.pairs import at_one_size
+
+BELOW = {  # each kernel, its backend, and the kernel that it is held against
+    "launch": ("gpu", "stages"),
+    "graph": ("gpu", "launch"),
+    "one-block": ("gpu", "graph"),
+    "resident": ("gpu", "graph"),
+    "tiles": ("gpu", "graph"),
+    "fused": ("cpu", "stages"),
+    "tiled": ("cpu", "fused"),
+    "team": ("cpu", "fused"),
+}
+HEAD = ("Kernel", "Held against", "Masses", "Its step", "The other's", "Times as fast", "The fastest of all at")
+
+
+@dataclass(frozen=True)
+class Rung:
+    """A kernel at the size where it gains most. `best`, `under`: its timing there and that of the kernel `below`, None where
+    it is at no size faster beyond the spread; `first`: the numbers of masses at which it is the fastest of all, of `sizes`
+    that were timed; `suspect`: whether the times are marked so."""
+
+    kernel: str
+    below: str
+    best: Timing | None
+    under: Timing | None
+    first: tuple[int, ...]
+    sizes: int
+    suspect: bool
+
+    @property
+    def gain(self) -> float | None:
+        """How many times as fast as the kernel below."""
+        return self.under.median / self.best.median if self.best and self.under else None
+
+
+def rung(results: Results, kernel: str) -> Rung | None:
+    """A kernel against the one below it, at the size where it gains most; None where the two were not timed at one size."""
+    backend, below = BELOW[kernel]
+    source = machine_of(results, backend)
+    kernels = source.ladder(backend) if source else {}
+    both, suspect = trusted(at_one_size(sound(kernels.get(below, [])), sound(kernels.get(kernel, []))))
+    if source is None or not both:
+        return None
+    gains = [(under.median / t.median, t, under) for under, t in both if apart(t, under) < 0]
+    _, best, under = max(gains, key=lambda found: found[0], default=(1.0, None, None))
+    ranked = fastest(source, backend)
+    first = tuple(t.particles for t in ranked if t.kernel == kernel)
+    return Rung(kernel, below, best, under, first, len(ranked), bool(suspect))
+
+
+def rung_tables(results: Results) -> list[Table]:
+    """One table of both backends, which names their machines; nothing where no two kernels were timed at one size."""
+    found = [made for kernel in BELOW if (made := rung(results, kernel))]
+    machines = []
+    for backend in dict.fromkeys(BELOW[made.kernel][0] for made in found):
+        source = machine_of(results, backend)
+        machines.append(f"{backend.upper()}: {source.device(backend)}{source.bracket}" if source else "")
+    marked = " Starred: from times that are marked as suspect." if any(made.suspect for made in found) else ""
+    title = (
+        "Each kernel against the one whose cost it removes, float32, at the size where it gains most, and the sizes at "
+        f"which none is faster. {'; '.join(machines)}.{marked}"
+    )
+    return [table(title, HEAD, [_row(made) for made in found], left=2)] if found else []
+
+
+def _row(made: Rung) -> list[str]:
+    name = f"{made.kernel} ({BELOW[made.kernel][0].upper()}){'*' if made.suspect else ''}"
+    told = [DASH, DASH, DASH, "not faster"]
+    if made.best and made.under and made.gain:
+        told = [
+            words.count(made.best.particles), words.seconds(made.best.median), words.seconds(made.under.median),
+            words.number(made.gain, 2),
+        ]  # fmt: skip
+    where = f"none of {made.sizes} sizes"
+    if made.first:
+        ends = [words.count(n) for n in dict.fromkeys((made.first[0], made.first[-1]))]
+        where = f"{len(made.first)} of {made.sizes}: {' to '.join(ends)}"
+    return [name, made.below, *told, where]
