@@ -15,13 +15,18 @@ from gpu_backend.core.device import simulated
 
 if simulated():
 
-    def raise_flag(flags: Any, index: Any, value: Any) -> None:
-        """flags[index] = value, after everything this thread's block wrote before its last barrier."""
-        flags[index] = value
+    def make_flags(scope: str) -> tuple[Any, Any]:
+        """(raise_flag, read_flag), see below."""
 
-    def read_flag(flags: Any, index: Any) -> Any:
-        """flags[index] as it is now; what its writer wrote before can be read after the block's next barrier."""
-        return flags[index]
+        def raise_flag(flags: Any, index: Any, value: Any) -> None:
+            """flags[index] = value, after everything this thread's block wrote before its last barrier."""
+            flags[index] = value
+
+        def read_flag(flags: Any, index: Any) -> Any:
+            """flags[index] as it is now; what its writer wrote before can be read after the block's next barrier."""
+            return flags[index]
+
+        return raise_flag, read_flag
 
     def load_fresh_pair(array: Any, index: Any) -> Any:
         """array[index] of a contiguous complex array that other blocks write to."""
@@ -42,25 +47,30 @@ else:
         kind = ir.FunctionType(result, [argument.type for argument in arguments])
         return builder.call(ir.InlineAsm(kind, text, constraints, side_effect=True), arguments)
 
-    @intrinsic
-    def raise_flag(typing_context, flags, index, value):
-        def generate(context, builder, signature, arguments):
-            address = _address(context, builder, signature.args[0], arguments[0], signature.args[1], arguments[1])
-            number = context.cast(builder, arguments[2], signature.args[2], types.int32)
-            text, constraints = "st.release.gpu.global.s32 [$0], $1;", "l,r,~{memory}"
-            _assembly(builder, ir.VoidType(), [address, number], text, constraints)
-            return context.get_dummy_value()
+    def make_flags(scope: str) -> tuple[Any, Any]:
+        """(raise_flag, read_flag) among all threads of the `scope`: "gpu", or "sys", which is every device."""
 
-        return types.void(flags, index, value), generate
+        @intrinsic
+        def raise_flag(typing_context, flags, index, value):
+            def generate(context, builder, signature, arguments):
+                address = _address(context, builder, signature.args[0], arguments[0], signature.args[1], arguments[1])
+                number = context.cast(builder, arguments[2], signature.args[2], types.int32)
+                text, constraints = f"st.release.{scope}.global.s32 [$0], $1;", "l,r,~{memory}"
+                _assembly(builder, ir.VoidType(), [address, number], text, constraints)
+                return context.get_dummy_value()
 
-    @intrinsic
-    def read_flag(typing_context, flags, index):
-        def generate(context, builder, signature, arguments):
-            address = _address(context, builder, signature.args[0], arguments[0], signature.args[1], arguments[1])
-            text, constraints = "ld.acquire.gpu.global.s32 $0, [$1];", "=r,l,~{memory}"
-            return _assembly(builder, ir.IntType(32), [address], text, constraints)
+            return types.void(flags, index, value), generate
 
-        return types.int32(flags, index), generate
+        @intrinsic
+        def read_flag(typing_context, flags, index):
+            def generate(context, builder, signature, arguments):
+                address = _address(context, builder, signature.args[0], arguments[0], signature.args[1], arguments[1])
+                text, constraints = f"ld.acquire.{scope}.global.s32 $0, [$1];", "=r,l,~{memory}"
+                return _assembly(builder, ir.IntType(32), [address], text, constraints)
+
+            return types.int32(flags, index), generate
+
+        return raise_flag, read_flag
 
     @intrinsic
     def load_fresh_pair(typing_context, array, index):
@@ -77,3 +87,6 @@ else:
             return result._getvalue()
 
         return array.dtype(array, index), generate
+
+
+raise_flag, read_flag = make_flags("gpu")
