@@ -66,6 +66,7 @@ def sweep(
     ] = None,
     link: Annotated[str, typer.Option(help="With --gpus: peer or flags.")] = "peer",
     exchange_every: Annotated[int | None, typer.Option(help="With --gpus: steps between two exchanges.")] = None,
+    weak: Annotated[bool, typer.Option("--weak", help="With --gpus: N x N masses for each GPU (weak scaling).")] = False,
     cluster: Cluster = None,
     workers: Workers = None,
     sbatch: Sbatch = None,
@@ -88,6 +89,8 @@ def sweep(
             "--cluster", cluster, "does not go with --peers, which are built on the machine that times them"
         )
     check_positive("--min-ms", min_ms)
+    if weak and not gpus:
+        raise SceneError("--weak", True, "is for a grid on several GPUs; add --gpus")
     where = where_asked(cluster, workers, sbatch)
     if gpus:
         from bench.experiments.scaling.experiment import print_scaling, run_scaling
@@ -96,7 +99,7 @@ def sweep(
             raise SceneError(
                 "--gpus", gpus, "is a sweep of its own; leave out --peers, --kernels, --threads and --cluster"
             )
-        shared: dict[str, Any] = {"gpus": gpus, "sizes": size, "link": link, "exchange_every": exchange_every}
+        shared: dict[str, Any] = {"gpus": gpus, "sizes": size, "link": link, "exchange_every": exchange_every, "weak": weak}
         chosen = precisions_of(precision, "float32")
         measure(
             store, run_scaling, print_scaling, quick=quick, backends=backend or ["gpu"], precisions=chosen, **shared

@@ -1,10 +1,11 @@
-"""How much faster several GPUs are than one: `softlab sweep --gpus 1 --gpus 2 --gpus 4`. All numbers of GPUs of a size are
-sampled in turn; each is held against one GPU's bits first, in `exact` math."""
+"""How much faster several GPUs are than one: `softlab sweep --gpus 1 --gpus 2 --gpus 4`, one grid for all (strong scaling), or
+a grid for each (`--weak`). All numbers of GPUs of a size are sampled in turn; each is held against one GPU's bits first, in
+`exact` math."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -69,9 +70,10 @@ def groups(
     sizes: Sequence[int] | None = None,
     link: str = "peer",
     exchange_every: int | None = None,
+    weak: bool = False,
 ) -> list[list[Case]]:
-    """What is timed in turn: all numbers of GPUs of a size. Raises SceneError for a backend without GPUs, a number that is
-    none, and BackendUnavailable for more GPUs than there are."""
+    """What is timed in turn: all numbers of GPUs of a size; `weak`: so many masses for each GPU, rows on rows. Raises
+    SceneError for a backend without GPUs, a number that is none, and BackendUnavailable for more GPUs than there are."""
     from gpu_backend.domains.devices import devices_for
 
     if "gpu" not in backends:
@@ -82,23 +84,30 @@ def groups(
     devices_for(max(gpus))
     counts, found = sorted({1, *gpus}), []
     for size in sizes or (QUICK_SIZES if quick else SIZES):
-        scene = load_scene("lab-grid").replace({"grid.rows": size, "grid.columns": size})
+        scenes = {n: grid_of(size * n if weak else size, size) for n in counts}
         for precision in precisions:
-            cases: list[Case] = [shared_case(scene, precision, n, link, exchange_every) for n in counts]
+            cases: list[Case] = [shared_case(scenes[n], precision, n, link, exchange_every) for n in counts]
             found.append(cases)
     return found
+
+
+def grid_of(rows: int, columns: int) -> Scene:
+    """The lab grid of so many masses."""
+    return load_scene("lab-grid").replace({"grid.rows": rows, "grid.columns": columns})
 
 
 class SharedRates(Rates):
     """Rates whose states are held against one GPU's before they are timed."""
 
     def _time(self, store: Store, summary: Summary, group: Sequence[Case], repeats: int) -> None:
-        alone, *shared = group
-        assert isinstance(alone, SharedCase)
-        wanted = _end_of(alone)
-        for case in shared:
+        ends: dict[Scene, np.ndarray | None] = {}  # of one GPU
+        for case in group:
             assert isinstance(case, SharedCase)
-            found = _end_of(case)
+            if case.gpus == 1:
+                continue
+            if case.scene not in ends:
+                ends[case.scene] = _end_of(replace(case, gpus=1))
+            wanted, found = ends[case.scene], _end_of(case)
             numbers: Measures = {DIFFERENCE: (None, "m", f"over {CHECKED} masses no states are compared")}
             if found is not None and wanted is not None:
                 off = float(np.abs(np.subtract(found, wanted, dtype=np.float64)).max())
@@ -166,10 +175,22 @@ def speedups(found: Sequence[ScalingPoint]) -> list[tuple[ScalingPoint, float, f
     return result
 
 
+def shares(found: Sequence[ScalingPoint]) -> dict[int, float]:
+    """{id of a point: masses a second of each of its GPUs, over those of one GPU with such a share alone} (weak scaling), of
+    points whose share was measured on one."""
+    alone = {(p.machine, p.precision, p.rows, p.columns): p for p in found if p.gpus == 1}
+    result = {}
+    for p in found:
+        one = alone.get((p.machine, p.precision, p.rows // p.gpus, p.columns))
+        if p.gpus > 1 and p.rows % p.gpus == 0 and one is not None and not p.link.endswith(BY_TURNS):
+            result[id(p)] = p.rate / (p.gpus * one.rate)
+    return result
+
+
 def print_scaling(console: Console, store: Store, machine: str) -> None:
     """A table of what was timed on a machine, beside what the model says."""
     found = points(measures(store, machine=machine))
-    told = {id(p): (faster, model) for p, faster, model in speedups(found)}
+    told, weak = {id(p): (faster, model) for p, faster, model in speedups(found)}, shares(found)
     rows = []
     for p in found:
         faster, model = told.get(id(p), (None, None))
@@ -178,7 +199,8 @@ def print_scaling(console: Console, store: Store, machine: str) -> None:
         rows.append((
             grid, *ways, f"{1e6 * p.step:.1f}", f"{p.rate / 1e9:.1f}",
             "" if faster is None else f"{faster:.2f}", "" if faster is None else f"{100 * faster / p.gpus:.1f} %",
-            "" if model is None else f"{model:.2f}", same,
+            "" if model is None else f"{model:.2f}", f"{100 * weak[id(p)]:.1f} %" if id(p) in weak else "", same,
         ))  # fmt: skip
-    heads = "grid", "", "GPUs", "link", "kernel", "step / us", "G masses / s", "x one", "of ideal", "model", "off / m"
-    print_table(console, heads, rows, "off: from one GPU's state in exact math, 0 the same bits; model: softlab scale")
+    heads = "grid", "", "GPUs", "link", "kernel", "step / us", "G masses / s", "x one", "of ideal", "model", "weak", "off / m"
+    note = "weak: of one GPU's rate with such a share; off: from one GPU's state in exact math, 0 the same bits; model: scale"
+    print_table(console, heads, rows, note)
