@@ -104,7 +104,7 @@ def run(
         int | None, typer.Option(help="Steps between two exchanges of borders (default: as it suits).")
     ] = None,
     link: Annotated[
-        str, typer.Option(help="How GPUs send: peer, flags (one process), nccl (a process each, by mpiexec).")
+        str, typer.Option(help="How GPUs send: peer, flags, nccl (also a process each, started by mpiexec).")
     ] = "peer",
     judge: Annotated[
         bool, typer.Option(help="Hold the end state against a converged reference, where affordable.")

@@ -62,9 +62,9 @@ def shares(simulation: Simulation) -> dict[str, Any]:
     }
 
 
-def check_shared(ranks: int, link: str, render: Path | None, export: str | None) -> None:
+def check_shared(processes: int, render: Path | None, export: str | None) -> None:
     """Raise SceneError for what a run of several processes does not write: what goes on stepping while it is drawn."""
-    if ranks == 1 and link != "nccl":
+    if processes == 1:
         return
     if render and render.suffix.lower() == ".mp4":
         raise SceneError("--render", str(render), "draws a clip of one process alone; run it with --ranks 1")
