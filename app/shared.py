@@ -56,7 +56,7 @@ def shares(simulation: Simulation) -> dict[str, Any]:
     name = "ranks" if simulation.backend == "cpu" else "gpus"
     return {
         name: cut.count,
-        "exchange_every": cut.steps,
+        "exchange_every": cut.interval,
         "rows_each": cut.least_rows,
         "repeated_rows": cut.repeated - 1,
     }

@@ -181,14 +181,12 @@ class FlagSimulation(PeerSimulation):
 
         return Graphs(window.stream, launch if bands is None else launch_bands, lambda count: None)
 
-    def _run(self, steps: int) -> None:
-        cycles = steps // self.decomposition.steps
-        done = self._replay_cycles(cycles) if self._cycles else 0
-        if steps > done:
-            super()._run(steps - done)
+    def _run_windows(self, first: int, steps: int) -> None:
+        done = self._replay_cycles(steps // self.decomposition.steps) if self._cycles else 0
+        super()._run_windows(first + done, steps - done)
 
     def _replay_cycles(self, cycles: int) -> int:
-        """Steps done in graphs of an even number of cycles, after which every buffer is back in its place."""
+        """Steps of windows done in graphs of an even number of cycles, after which every buffer is back in its place."""
         left = cycles
         for chunk in CHUNKS:
             if left < chunk:

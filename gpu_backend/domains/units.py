@@ -6,9 +6,14 @@ from typing import Any
 
 import numpy as np
 
+from gpu_backend.core.device import simulated
 from gpu_backend.core.quads import SIZE
 from gpu_backend.domains.kernels import unit_of
 from model.domains.decomposition import Decomposition
+
+
+def _address(array: Any) -> int:
+    return int(array.ctypes.data if simulated() else array.__cuda_array_interface__["data"][0])
 
 
 class StateUnits:
@@ -27,7 +32,7 @@ class StateUnits:
         """Of either buffer the (address, bytes) of some rows: of their positions, of their velocities."""
         unit = np.dtype(self.unit).itemsize
         first, size = row * self.row * unit, rows * self.row * unit
-        return [[(int(a.__cuda_array_interface__["data"][0]) + first, size) for a in both] for both in self._both]
+        return [[(_address(array) + first, size) for array in both] for both in self._both]
 
     @property
     def now(self) -> tuple[Any, Any]:
