@@ -9,8 +9,8 @@ import numpy as np
 
 from model.core.family import ANY_SHEET, SolverFamily
 from model.core.integrators import fastest_damping
-from model.mass_spring.energy import sheet_spring_count, sheet_strain, stored_in_springs
 from model.domains.decomposition import Reach
+from model.mass_spring.energy import sheet_spring_count, sheet_strain, stored_in_springs
 from model.mass_spring.family import CLOTH, GRID, require_local
 from model.scene.cloth import COLLIDER_KINDS, CONSTRAINT_KINDS
 from model.scene.scene import Scene
@@ -44,8 +44,8 @@ def _stored_in_mesh(scene: Scene, position: np.ndarray, plastic: np.ndarray | No
 
 
 def _sheet_reach(scene: Scene) -> Reach:
-    """Of a substep, as far as its iterations lead; windows may exchange after each. Raises SceneError for what asks which mass
-    of the whole sheet one is, or leads across it."""
+    """Of a substep, as far as its iterations lead; windows may exchange after each. Raises SceneError for what asks which
+    mass of the whole sheet one is, or leads across it."""
     require_local(scene)
     parts = xpbd_parts(scene)
     rows, more = substep_rows(parts, scene.method.iterations)

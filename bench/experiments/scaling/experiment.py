@@ -1,5 +1,5 @@
-"""How much faster several GPUs are than one: `softlab sweep --gpus 1 --gpus 2 --gpus 4`, one grid for all (strong scaling), or
-a grid for each (`--weak`). All numbers of GPUs of a size are sampled in turn; each is held against one GPU's bits first, in
+"""How much faster several GPUs are than one: `softlab sweep --gpus 1 --gpus 2 --gpus 4`, one grid for all (strong scaling),
+or a grid for each (`--weak`). All numbers of GPUs of a size are sampled in turn; each is held against one GPU's bits first, in
 `exact` math."""
 
 from __future__ import annotations
@@ -201,6 +201,19 @@ def print_scaling(console: Console, store: Store, machine: str) -> None:
             "" if faster is None else f"{faster:.2f}", "" if faster is None else f"{100 * faster / p.gpus:.1f} %",
             "" if model is None else f"{model:.2f}", f"{100 * weak[id(p)]:.1f} %" if id(p) in weak else "", same,
         ))  # fmt: skip
-    heads = "grid", "", "GPUs", "link", "kernel", "step / us", "G masses / s", "x one", "of ideal", "model", "weak", "off / m"
+    heads = (
+        "grid",
+        "",
+        "GPUs",
+        "link",
+        "kernel",
+        "step / us",
+        "G masses / s",
+        "x one",
+        "of ideal",
+        "model",
+        "weak",
+        "off / m",
+    )
     note = "weak: of one GPU's rate with such a share; off: from one GPU's state in exact math, 0 the same bits; model: scale"
     print_table(console, heads, rows, note)
