@@ -23,9 +23,9 @@ SHARE = 64  # owned rows for each step between exchanges: the two halos are then
 class Reach:
     """How far a step reads along the rows. `parts`: of a step, equal, after each of which windows may exchange. `rows`: a
     force evaluation's reach; `forces`: evaluations of a part, one after another; `more`: rows that a call asks for besides,
-    however many parts it does (of velocity Verlet's last half kick). `unit`: windows begin at multiples of so many rows, after which
-    what they hold repeats. `numbered`: a window's solver knows the number of its first mass in the whole sheet
-    (Options.first_particle)."""
+    however many parts it does (of velocity Verlet's last half kick). `unit`: windows begin at multiples of so many
+    rows, after which what they hold repeats. `numbered`: a window's solver knows the number of its first mass in the whole
+    sheet (Options.first_particle)."""
 
     rows: int = 1
     forces: int = 1

@@ -1,6 +1,6 @@
 """How much faster several GPUs are than one: `softlab sweep --gpus 1 --gpus 2 --gpus 4`, one grid for all (strong scaling),
-or a grid for each (`--weak`). All numbers of GPUs of a size are sampled in turn; each is held against one GPU's bits first, in
-`exact` math."""
+or a grid for each (`--weak`). All numbers of GPUs of a size are sampled in turn; each is held against one GPU's bits first,
+in `exact` math."""
 
 from __future__ import annotations
 
