@@ -13,13 +13,13 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from gpu_backend.core.bands import Bands
 from gpu_backend.core.device import simulated
 from gpu_backend.core.launch import Graphs
 from gpu_backend.domains.devices import at
 from gpu_backend.domains.kernels import FLAG_STRIDE, MOST_BLOCKS, THREADS, blocks_for, make_border_kernels
 from gpu_backend.domains.peers import PeerSimulation
 from gpu_backend.domains.units import StateUnits
+from gpu_backend.mass_spring.bands import Bands
 from model.core.errors import BackendUnavailable
 from model.core.options import Options
 from model.domains.decomposition import Border, Decomposition

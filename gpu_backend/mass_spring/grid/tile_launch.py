@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from gpu_backend.core.bands import Bands, band_cuts
 from gpu_backend.core.device import simulated
 from gpu_backend.core.launch import can_capture, prepare
 from gpu_backend.core.tiling import Tile, owned, tile_count, whole_strips
+from gpu_backend.mass_spring.bands import Bands, band_cuts
 from gpu_backend.mass_spring.grid.resident import FLAG_STRIDE, make_resident
 from gpu_backend.mass_spring.grid.strips import shared_bytes
 from gpu_backend.mass_spring.grid.tiles import blocks_together, make_tile_pass
