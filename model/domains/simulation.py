@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from model.core.build import rows_of
 from model.core.errors import SceneError
 from model.core.families import family_of, scene_plan
 from model.core.options import Options
@@ -63,8 +64,9 @@ class DecomposedSimulation(Simulation):
         try:
             for place, domain in enumerate(self.mine):
                 own = replace(options, first_particle=domain.window_first * cut.columns)
-                with self._at(place):
-                    window = self._open(place, window_scene(scene, self.body.pinned, domain, cut.divided), own)
+                part = window_scene(scene, self.body.pinned, domain, cut.divided)
+                with self._at(place), rows_of(self.body, domain.window_first, domain.window_rows):
+                    window = self._open(place, part, own)
                     window._bound = self._bound
                     self.windows.append(window)
             self.kernel, self.threads = self.windows[0].kernel, self.windows[0].threads
