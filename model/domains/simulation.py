@@ -101,6 +101,12 @@ class DecomposedSimulation(Simulation):
     def rank(self) -> int:
         return self.exchange.rank
 
+    @property
+    def whole_steps(self) -> int:
+        """Steps that end with an exchange, an even number of them: what graphs replay."""
+        cut = self.decomposition
+        return 2 * cut.steps if cut.divided == 1 else 1 + cut.divided % 2
+
     def slowest(self, seconds: float) -> float:
         return self.exchange.largest(seconds)
 

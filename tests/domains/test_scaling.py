@@ -99,7 +99,8 @@ def test_the_model_is_held_against_what_was_measured():
     """Twice as fast on two as on one; what has no single GPU beside it is left out."""
 
     def point(gpus, step, rows=4096):
-        return ScalingPoint("m", "gpu", "float32", "tiles", step, rows * rows / step, rows, rows, gpus, "peer", 0.0)
+        rate = rows * rows / step
+        return ScalingPoint("m", "gpu", "float32", "tiles", step, rate, "grid", rows, rows, gpus, "peer", 0.0, None)
 
     ((p, faster, model),) = speedups([point(1, 4.0), point(2, 2.0), point(2, 1.0, rows=8192)])
     assert (p.gpus, faster) == (2, 2.0) and 1.5 < model < 2.0
