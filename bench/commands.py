@@ -207,7 +207,8 @@ def hard(
     """Run the hard cases: grids collapsed, flipped, poked, far away, bodies squashed, shot, stacked (--integrator
     shape-matching); pass, fail, or refused with a diagnosis."""
     from bench.stress.experiment import run_hard
-    from bench.stress.results import failed, print_hard
+    from bench.stress.results import failed
+    from bench.stress.told import print_hard
 
     summary = measure(
         store, run_hard, tell=print_hard, quick=quick, cases=case, integrators=integrator, backends=backend,

@@ -124,7 +124,7 @@ def test_the_status_tells_how_it_ended(
     for path in ("bench.store.tables.print_sweep", "bench.store.tables.print_kernels", "bench.peers.results.print_peers",
                  "bench.experiments.throughput.print_throughput", "bench.experiments.fluids.print_fluids",
                  "bench.experiments.advise.ablation_results.print_ablation",
-                 "bench.stress.results.print_hard"):  # fmt: skip
+                 "bench.stress.told.print_hard"):  # fmt: skip
         monkeypatch.setattr(path, lambda *_: None)
     if work != EVERY["run lab-grid --no-judge"]:
         monkeypatch.setattr("app.command.run.run_scene", lambda *_: ran())
