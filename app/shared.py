@@ -13,8 +13,8 @@ from model.domains.simulation import DecomposedSimulation
 from model.scene.scene import Scene
 
 LINKS = {  # of GPUs: the class that opens a sheet which they share
-    "peer": "gpu_backend.domains.peers:PeerSimulation",
     "flags": "gpu_backend.domains.flags:FlagSimulation",
+    "peer": "gpu_backend.domains.peers:PeerSimulation",
     "nccl": "gpu_backend.domains.nccl:NcclSimulation",
 }
 

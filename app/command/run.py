@@ -68,7 +68,7 @@ class Request:
     gpus: int = 1
     ranks: int = 1
     exchange_every: int | None = None
-    link: str = "peer"
+    link: str = "flags"
     look: tuple[str, ...] = ()
 
 

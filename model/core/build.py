@@ -146,7 +146,9 @@ def _build(scene: Scene) -> Body:
         inverse_mass = np.where(waiting, 0.0, 1 / grid.clusters.mass)
         return Body(1, count, grid.position.copy(), grid.velocity, inverse_mass, np.flatnonzero(waiting), grid.extent)
     cloth, fold = scene.cloth, scene.fold
-    position = folded_positions(cloth, fold) if cloth and fold else rest_positions(grid).copy()
+    position = folded_positions(cloth, fold) if cloth and fold else rest_positions(grid)
+    if not isinstance(grid, Grid):  # whose arrays are its own; a sheet's are made anew
+        position = position.copy()
     velocity = (
         grid.velocity.copy() if isinstance(grid, TetrahedraSet | FluidSet | WorldSet) else np.zeros_like(position)
     )

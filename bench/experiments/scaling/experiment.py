@@ -44,7 +44,7 @@ class SharedCase(Case):
     """A sheet on `gpus` GPUs, linked as `link` says."""
 
     gpus: int = 1
-    link: str = "peer"
+    link: str = "flags"
     exchange_every: int | None = None
 
     def open(self, math: str | None = None) -> Simulation:

@@ -73,7 +73,7 @@ class MassSpring(SheetPasses):
 
     def new_array(self) -> Any:
         """A complex (particles,) device array of zeros."""
-        return self.on_device(np.zeros(self.particle_count, self._pair))
+        return self.zeros(self.particle_count, self._pair)
 
     def _allocate(self) -> None:
         self._integers = np.zeros(3, np.uint64)  # of model/core/own_forces.py
