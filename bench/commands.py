@@ -59,7 +59,7 @@ def sweep(
         list[str] | None,
         typer.Option(
             help="With --peers: only grid, cloth, xpbd, implicit (-16, -4, -1), tetrahedra (-1e5 ...) or rigid (repeatable); "
-            "with --gpus: grid or xpbd."
+            "with --gpus: grid, xpbd or xpbd-jacobi."
         ),
     ] = None,
     gpus: Annotated[

@@ -31,9 +31,9 @@ CHUNKS = (16, 4, 2)  # cycles of a graph: even, so that buffers are back in plac
 
 
 class FlagExchange(Exchange):
-    """See Exchange. `windows`: as of PeerExchange. Of each border the receiver's GPU has an inbox and flags, each end's GPU
-    how often its blocks have exchanged; of each window its GPU has whether an exchange failed. `alone`: each has its own
-    GPU."""
+    """See Exchange. `windows`: as of PeerExchange. Of each border the receiver's GPU has an inbox, flags, and how many
+    exchanges it took, the sender's how many its blocks sent; of each window its GPU has whether an exchange failed. `alone`:
+    each has its own GPU."""
 
     def __init__(self, windows: Sequence[Any], decomposition: Decomposition, devices: Sequence[int]):
         self.windows, self.decomposition, self.devices = windows, decomposition, devices
@@ -45,7 +45,7 @@ class FlagExchange(Exchange):
         self._inbox = {b: self._on(b.target, np.zeros(4 * self._count(b), self.states[0].unit)) for b in borders}
         self._flags = {b: self._on(b.target, np.zeros(MOST_BLOCKS * FLAG_STRIDE, np.int32)) for b in borders}
         self._sent = {b: self._on(b.source, zeros) for b in borders}
-        self._taken = {b: self._on(b.target, zeros) for b in borders}
+        self._taken = {b: self._on(b.target, zeros[:1]) for b in borders}
         self.out = [[b for b in borders if b.source == k] for k in places]
         self.into = [[b for b in borders if b.target == k] for k in places]
         self.failed = [self._on(k, np.zeros(1, np.int32)) for k in places]
@@ -85,10 +85,13 @@ class FlagExchange(Exchange):
     def take(self, border: Border, stream: Any, nothing: bool = False) -> None:
         """A halo from the inbox, once it is there; asked of its target's GPU."""
         state, count = self.states[border.target], 0 if nothing else self._count(border)
-        self._kernels.take[self._launch(border, stream)](
-            *state.now, np.int32(border.to_row * state.row), np.int32(count), self._inbox[border], self._flags[border],
-            self._taken[border], self.failed[border.target],
-        )  # fmt: skip
+        launch = self._launch(border, stream)
+        self._kernels.wait[1, MOST_BLOCKS, stream](
+            self._flags[border], np.int32(launch[0]), self._taken[border], self.failed[border.target]
+        )
+        self._kernels.take[launch](
+            *state.now, np.int32(border.to_row * state.row), np.int32(count), self._inbox[border], self._taken[border]
+        )
 
     def post(self) -> None:
         for place, window in enumerate(self.windows):

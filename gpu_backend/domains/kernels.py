@@ -2,9 +2,8 @@
 positions and one of the velocities: they are moved as they are, in units of 16 bytes, whatever numbers they hold.
 
 `pull`: a window reads its halo from its neighbour's state, once events say that it is there. `push`: it writes its border
-into the neighbour's inbox and raises flags there; `take`: it waits for its own flags and reads its inbox. Block b of `take`
-reads what block b of `push` wrote, since both are launched alike, so that each block has a flag of its own, and a count of
-its own exchanges.
+into the neighbour's inbox, each block raises a flag of its own there, and counts its exchanges; `wait`: it waits for its own
+flags; `take`, launched behind it: it reads its inbox.
 
 Two halves of an inbox in turn are enough: a window pushes number n + 2 only after it took number n + 1, which the neighbour
 pushed after it had taken number n.
@@ -43,8 +42,8 @@ def blocks_for(units: int) -> int:
 
 @cache
 def make_border_kernels(unit: Any) -> SimpleNamespace:
-    """`pull`, `push`, `take`; see the inner functions. Arrays of positions and velocities are flat, of the complex type
-    `unit` (see `unit_of`), in which all counts are; an inbox is too, for two exchanges both."""
+    """`pull`, `push`, `wait`, `take`; see the inner functions. Arrays of positions and velocities are flat, of the complex
+    type `unit` (see `unit_of`), in which all counts are; an inbox is too, for two exchanges both."""
 
     def pull(position, velocity, first, new_position, new_velocity, to, count):
         """Units `first` ... of a neighbour's state become units `to` ... of one's own."""
@@ -71,29 +70,32 @@ def make_border_kernels(unit: Any) -> SimpleNamespace:
             raise_system_flag(flags, np.int32(block * FLAG_STRIDE), number)
             sent[block] = number
 
-    def take(position, velocity, to, count, inbox, flags, taken, failed):
-        """What the neighbour pushed becomes units `to` ...; `failed` (1,) is set to 1 where it never comes. The exchange's
-        number is one more than the block has `taken`."""
-        block = np.int32(cuda.blockIdx.x)
-        number = np.int32(taken[block] + 1)
-        half = np.int32((number & 1) * 2 * count)
-        if cuda.threadIdx.x == 0:
+    def wait(flags, count, taken, failed):
+        """Until all `count` flags of the exchange after the last one `taken` are there, which it then is; `failed` (1,) is
+        set to 1 where they never come. One block of as many threads, so that little is kept from what else could run."""
+        number = np.int32(taken[0] + 1)
+        flag = np.int32(cuda.threadIdx.x)
+        if flag < count:
             begin = nanoseconds()
             looks = np.int32(0)
-            while np.int32(read_system_flag(flags, np.int32(block * FLAG_STRIDE)) - number) < 0:
+            while np.int32(read_system_flag(flags, np.int32(flag * FLAG_STRIDE)) - number) < 0:
                 looks = np.int32(looks + 1)
                 if (looks & LOOKS) == 0:
                     if failed[0] != 0 or nanoseconds() - begin > PATIENCE:
                         failed[0] = 1
                         break
         cuda.syncthreads()
+        if flag == 0:
+            taken[0] = number
+
+    def take(position, velocity, to, count, inbox, taken):
+        """What the neighbour pushed for the last exchange `taken` becomes units `to` ... of the state."""
+        half = np.int32((taken[0] & 1) * 2 * count)
         k = np.int32(cuda.grid(1))
         while k < count:
             p, v = load_fresh_pair(inbox, np.int32(half + k)), load_fresh_pair(inbox, np.int32(half + count + k))
             store_pair(position, np.int32(to + k), p.real, p.imag)
             store_pair(velocity, np.int32(to + k), v.real, v.imag)
             k = np.int32(k + cuda.gridsize(1))
-        if cuda.threadIdx.x == 0:
-            taken[block] = number
 
-    return make_kernels((pull, push, take), variant_name(unit))
+    return make_kernels((pull, push, wait, take), variant_name(unit))

@@ -150,7 +150,7 @@ def _build(scene: Scene) -> Body:
     if not isinstance(grid, Grid):  # whose arrays are its own; a sheet's are made anew
         position = position.copy()
     velocity = (
-        grid.velocity.copy() if isinstance(grid, TetrahedraSet | FluidSet | WorldSet) else np.zeros_like(position)
+        grid.velocity.copy() if isinstance(grid, TetrahedraSet | FluidSet | WorldSet) else np.zeros(position.shape)
     )
     pinned = pinned_indices(grid)
     inverse_mass = 1 / np.broadcast_to(masses(scene), (count, 1))[:, 0]

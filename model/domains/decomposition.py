@@ -15,7 +15,7 @@ from itertools import pairwise
 
 from model.core.errors import SceneError
 
-MOST_STEPS = 16  # between two exchanges: beyond it their price is small beside the rows computed twice
+MOST_STEPS = 32  # between two exchanges: beyond it their price is small beside the rows computed twice
 SHARE = 64  # owned rows for each step between exchanges: the two halos are then a thirty-second of the rows
 
 

@@ -19,7 +19,8 @@ def text(name: str, unit: Any) -> str:
     signatures = {
         "pull": (units, units, number, units, units, number, number),
         "push": (units, units, number, number, units, counts, counts),
-        "take": (units, units, number, number, units, counts, counts, counts),
+        "wait": (counts, number, counts, counts),
+        "take": (units, units, number, number, units, counts),
     }
     return entry_of(getattr(make_border_kernels(unit), name).py_func, signatures[name], "exact")
 
@@ -35,11 +36,9 @@ def test_borders_travel_whole(unit: Any, bytes_each: int, name: str) -> None:
 
 
 def test_flags_are_seen_by_other_gpus() -> None:
-    """A release after the block's barrier, which follows all that it wrote; an acquire before the inbox is read past the
-    first-level cache, and a clock that ends the wait."""
-    push, take = text("push", np.complex128), text("take", np.complex128)
+    """A release after the block's barrier, which follows all that it wrote; an acquire, and a clock that ends the wait; then
+    the inbox is read past the first-level cache."""
+    push, wait, take = (text(name, np.complex128) for name in ("push", "wait", "take"))
     assert push.rindex("st.global.v2") < push.rindex("bar.sync") < push.index("st.release.sys.global.s32")
-    assert (
-        take.index("ld.acquire.sys.global.s32") < take.rindex("bar.sync") < take.index("ld.relaxed.gpu.global.v2.f64")
-    )
-    assert "%globaltimer" in take
+    assert wait.index("ld.acquire.sys.global.s32") < wait.rindex("bar.sync") and "%globaltimer" in wait
+    assert take.count("ld.relaxed.gpu.global.v2.f64") == 2

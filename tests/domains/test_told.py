@@ -19,7 +19,7 @@ def plan_of(rows, columns, gpus, every=None):
 
 def test_the_plan_says_who_owns_what_and_what_is_sent():
     """16 rows of 100 masses of 16 bytes (x, y, vx, vy in float32) every 16 steps."""
-    found = plan_of(4096, 100, 2).as_dict()
+    found = plan_of(4096, 100, 2, every=16).as_dict()
     assert [(d["first_row"], d["end_row"], d["window_rows"]) for d in found["domains"]] == [
         (0, 2048, 2064), (2048, 4096, 2064),
     ]  # fmt: skip

@@ -32,10 +32,17 @@ RATE = "shared_masses_per_second"
 KERNEL = "shared_kernel"  # its name is the reason
 DIFFERENCE = "shared_difference"  # m: the largest from one GPU's state, in exact math
 JOULES = "shared_joules"  # J: what all GPUs take for a step
-SCENES = {"grid": "lab-grid", "xpbd": "cloth-small-steps"}  # sheets that are shared, by the word of `--scene`
+SCENES = {  # sheets that are shared, by the word of `--scene`: catalogue name, ordering of constraints
+    "grid": ("lab-grid", None),
+    "xpbd": ("cloth-small-steps", "gauss-seidel"),
+    "xpbd-jacobi": ("cloth-small-steps", "jacobi"),
+}
 SIZES, QUICK_SIZES = (2048, 8192, 16384), (512,)
 CHECKED = 4096 * 4096  # masses up to which the bits are compared
-CHECK_STEPS = {"grid": 37, "xpbd": 3}  # of a grid two exchanges and a rest, at the usual 16 steps
+CHECK_STEPS, CHECK_SUBSTEPS = (
+    69,
+    90,
+)  # with two exchanges and a rest of a grid, at the usual steps; of 30 substeps a step
 BY_TURNS = " by turns"  # of a link: there were fewer GPUs than windows
 
 
@@ -106,13 +113,20 @@ def groups(
 
 def sheet_of(scene: str, rows: int, columns: int) -> Scene:
     """One of SCENES with so many masses."""
-    name = "grid" if scene == "grid" else "cloth"
-    return load_scene(SCENES[scene]).replace({f"{name}.rows": rows, f"{name}.columns": columns})
+    name, ordering = SCENES[scene]
+    kind = "cloth" if ordering else "grid"
+    changes: dict[str, Any] = {f"{kind}.rows": rows, f"{kind}.columns": columns}
+    return load_scene(name).replace(changes | ({"method.ordering": ordering} if ordering else {}))
 
 
 def word_of(scene: Scene) -> str:
     """Which of SCENES it is."""
-    return "xpbd" if scene.cloth else "grid"
+    ordering = scene.method.ordering if scene.cloth else None
+    return next(word for word, (_, known) in SCENES.items() if known == ordering)
+
+
+def _check_steps(scene: Scene) -> int:
+    return CHECK_STEPS if word_of(scene) == "grid" else CHECK_SUBSTEPS // scene.method.substeps
 
 
 class SharedRates(Rates):
@@ -130,7 +144,7 @@ class SharedRates(Rates):
             numbers: Measures = {DIFFERENCE: (None, "m", f"over {CHECKED} masses no states are compared")}
             if found is not None and wanted is not None:
                 off = float(np.abs(np.subtract(found, wanted, dtype=np.float64)).max())
-                steps = CHECK_STEPS[word_of(case.scene)]
+                steps = _check_steps(case.scene)
                 numbers = {DIFFERENCE: (off, "m", f"largest, from one GPU, after {steps} steps in exact math")}
             keep(store, summary.run, case.description, case.sources, numbers)
         super()._time(store, summary, group, repeats)
@@ -149,7 +163,7 @@ def _end_of(case: SharedCase) -> np.ndarray | None:
     if case.scene.grid.particle_count > CHECKED:
         return None
     with case.open("exact") as simulation:
-        simulation.advance(CHECK_STEPS[word_of(case.scene)])
+        simulation.advance(_check_steps(case.scene))
         return simulation.state().position
 
 

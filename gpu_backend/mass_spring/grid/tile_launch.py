@@ -112,14 +112,17 @@ class TileLauncher(TileLaunches):
         return (*states, s.record, s.integers, s._counter, np.int64(number), *tail, *place)
 
     def bands(self, above: int = 0, below: int = 0) -> Bands | None:
-        """Bands in which the kernel `tiles` goes over the grid, None where it is too small for several. `above`, `below`: so
-        many rows of masses at cut edges are read or written between passes: bands of their own (0: no such edge)."""
+        """Bands in which the kernel `tiles` goes over the grid, None where they would not pay: where all its blocks run at
+        once, and there is nothing to wait for. `above`, `below`: so many rows of masses at cut edges are read or written
+        between passes: bands of their own (0: no such edge)."""
         (across, down), tile = self.tiles, self.tile
+        if not above and not below and across * down <= self.together:
+            return None
         touched = [
             sum(_owns(tile, k, down, self.simulation.body.rows, rows, end) for k in range(down)) if rows else 0
             for rows, end in ((above, 0), (below, 1))
         ]
-        cuts = band_cuts(down, max(1, self.together // (2 * across)), *touched)
+        cuts = band_cuts(down, max(1, self.together // (3 * across)), *touched)
         return Bands(self.simulation.stream, cuts, above > 0, below > 0) if len(cuts) > 2 else None
 
     def launch_captured(self, parity: int, count: int) -> None:
