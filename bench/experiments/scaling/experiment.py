@@ -12,7 +12,7 @@ import numpy as np
 from rich.console import Console
 
 from app.driver import open_simulation
-from bench.experiments.scaling.model import Cluster, predicted
+from bench.experiments.scaling.model import WAYS, Cluster, predicted
 from bench.measure.case_timing import Case, RatePoint, Rates, Summary
 from bench.measure.costs_timing import Measures
 from bench.measure.energy import joules_of_all, nvml_counter
@@ -24,6 +24,7 @@ from bench.store.results import Measure, configuration, measures
 from bench.store.tables import print_table
 from model.core.errors import SceneError
 from model.core.simulation import Simulation
+from model.domains.decomposition import Reach, decompose
 from model.scene.scene import Scene, load_scene
 
 STAGE = "shared"  # of the samples
@@ -177,13 +178,15 @@ RATES = run_scaling = SharedRates("sweep", STAGE, STEP, RATE, KERNEL, masses, gr
 
 @dataclass(frozen=True)
 class ScalingPoint(RatePoint):
-    """Of a sheet on `gpus` GPUs, one of SCENES. `difference` [m] from one GPU's state, `joules` of a step; None: not told."""
+    """Of a sheet on `gpus` GPUs, one of SCENES. `exchange_every`: steps, as asked for; `difference` [m] from one GPU's state,
+    `joules` of a step; None: not told."""
 
     scene: str
     rows: int
     columns: int
     gpus: int
     link: str
+    exchange_every: int | None
     difference: float | None
     joules: float | None
 
@@ -201,9 +204,15 @@ def points(held: Iterable[Measure]) -> list[ScalingPoint]:
         key = rate.machine, rate.configuration
         found.append(ScalingPoint(
             **vars(point), scene=word_of(scene), rows=grid.rows, columns=grid.columns, gpus=what["gpus"],
-            link=what.get("link", ""), difference=off.get(key), joules=joules.get(key),
+            link=what.get("link", ""), exchange_every=what.get("exchange_every"), difference=off.get(key),
+            joules=joules.get(key),
         ))  # fmt: skip
     return sorted(found, key=lambda p: (p.scene, p.precision, p.rows, p.columns, p.gpus, p.link))
+
+
+def _every(p: ScalingPoint) -> int:
+    """Steps between two exchanges: as asked for, or as the lab chooses."""
+    return p.exchange_every or decompose(p.rows, p.columns, p.gpus, Reach()).steps
 
 
 def _sheet(p: ScalingPoint) -> tuple[Any, ...]:
@@ -222,8 +231,10 @@ def speedups(found: Sequence[ScalingPoint]) -> list[tuple[ScalingPoint, float, f
             continue
         model = None
         if p.precision == "float32" and p.scene == "grid":
-            first, many = (predicted(p.rows, p.columns, count, Cluster()) for count in (1, p.gpus))
-            model = first.step / many.step
+            one_by, many = (
+                predicted(p.rows, p.columns, n, Cluster(), steps=_every(p), way=WAYS[p.link]) for n in (1, p.gpus)
+            )
+            model = one_by.step / many.step
         result.append((p, one.step / p.step, model))
     return result
 
@@ -248,16 +259,15 @@ def print_scaling(console: Console, store: Store, machine: str) -> None:
     for p in found:
         faster, model = told.get(id(p), (None, None))
         same = "" if p.gpus == 1 else "not compared" if p.difference is None else f"{p.difference:.2g}"
-        sheet, ways = f"{p.scene} {p.rows} x {p.columns}", (p.precision, str(p.gpus), p.link, p.kernel)
+        double = " float64" if p.precision == "float64" else ""
         rows.append((
-            sheet, *ways, f"{1e6 * p.step:.1f}", f"{p.rate / 1e9:.1f}",
-            "" if faster is None else f"{faster:.2f}", "" if faster is None else f"{100 * faster / p.gpus:.1f} %",
-            "" if model is None else f"{model:.2f}", f"{100 * weak[id(p)]:.1f} %" if id(p) in weak else "",
-            "" if p.joules is None else f"{p.joules:.3g}", same,
+            f"{p.scene} {p.rows} x {p.columns}{double}", str(p.gpus), p.link, p.kernel, f"{1e6 * p.step:.1f}",
+            f"{p.rate / 1e9:.1f}", "" if faster is None else f"{faster:.2f}", "" if model is None else f"{model:.2f}",
+            f"{100 * weak[id(p)]:.1f} %" if id(p) in weak else "", "" if p.joules is None else f"{p.joules:.3g}", same,
         ))  # fmt: skip
-    heads = (
-        "sheet", "", "GPUs", "link", "kernel", "step / us", "G masses / s", "x one", "of ideal", "model", "weak", "J / step",
-        "off / m",
-    )  # fmt: skip
-    note = "weak: of one GPU's rate with such a share; off: from one GPU's state in exact math, 0 the same bits; model: scale"
+    heads = "sheet", "GPUs", "link", "kernel", "step / us", "G / s", "x one", "model", "weak", "J / step", "off / m"
+    note = (
+        "G / s: masses; x one: one GPU with the same sheet; weak: of one GPU's rate with such a share; model: softlab scale; "
+        "off: from one GPU's state in exact math, 0 the same bits"
+    )
     print_table(console, heads, rows, note)
