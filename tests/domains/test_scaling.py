@@ -51,10 +51,10 @@ def test_a_cycle_is_no_shorter_than_its_host_takes():
 
 
 def test_the_steps_between_exchanges_are_the_quickest():
-    """Of a slow link the deepest halo, of an ideal one the shallowest."""
+    """Of a slow link the deepest halo, of an ideal one the shallowest that lasts for a pass."""
     slow = Cluster(inside=Link("slow", 1e-3, 1e12, "a test"), **NOTHING)
     assert predicted(4096, 100, 2, slow, seconds=linear, way=OPEN).decomposition.steps == 64
-    assert predicted(4096, 100, 2, IDEAL, seconds=linear, way=OPEN).decomposition.steps == 1
+    assert predicted(4096, 100, 2, IDEAL, seconds=linear, way=OPEN).decomposition.steps == 4
 
 
 def test_hosts_are_linked_by_the_network():
@@ -89,7 +89,7 @@ def test_weak_scaling_keeps_each_share_and_strong_scaling_ends_with_the_rows():
     weak = table(64, 1000, IDEAL, None, True, linear)
     assert [count for count, _, _ in weak] == counts(1000)
     assert all(p.decomposition.least_rows == 64 for _, p, _ in weak)
-    assert weak[-1][2] == pytest.approx(64 / 66)  # a row of halo on both sides
+    assert weak[-1][2] == pytest.approx(64 / 72)  # four rows of halo on both sides
     assert [count for count, _, _ in table(64, 1000, IDEAL, None, False, linear)] == [1, 2, 4, 8, 16, 32, 64]
 
 

@@ -106,10 +106,11 @@ def predicted(
     seconds: Seconds = window_seconds,
     way: Way = WAYS["flags"],
 ) -> Predicted:
-    """A step of a grid on `count` GPUs that exchange every `steps` steps (None: whatever of EVERY is quickest). Raises
-    SceneError where its rows do not do."""
+    """A step of a grid on `count` GPUs that exchange every `steps` steps (None: whatever of EVERY is quickest, of whole
+    passes where shares have rows for them). Raises SceneError where its rows do not do."""
     if count > 1 and steps is None:
         able = [n for n in EVERY if n == 1 or Reach().halo(n) <= rows // count]
+        able = [n for n in able if n >= PASS] or able[-1:]
         found = [predicted(rows, columns, count, cluster, n, seconds, way) for n in able]
         return min(found, key=lambda one: one.step)
     cut = decompose(rows, columns, count, Reach(), steps)
@@ -118,7 +119,7 @@ def predicted(
         return Predicted(cut, compute, 0.0, 0.0)
     exchange = cluster.exchange(count, cut.bytes_sent(MASS_BYTES))
     cycle = compute * cut.steps
-    exchange = max(0.0, exchange - PASS * compute) if way.hidden else exchange + cluster.ends
+    exchange = max(0.0, exchange - min(PASS, cut.steps) * compute) if way.hidden else exchange + cluster.ends
     exchange = max(exchange, way.host - cycle)
     late = waiting(count, cycle, exchange, cluster.jitter) - cycle * (1 + cluster.jitter) - exchange
     return Predicted(cut, compute, exchange / cut.steps, late / cut.steps)
