@@ -104,8 +104,8 @@ def run(
         int | None, typer.Option(help="Steps between two exchanges of borders (default: as it suits).")
     ] = None,
     link: Annotated[
-        str, typer.Option(help="How GPUs send: peer, flags (one process), nccl (a process each, by mpiexec).")
-    ] = "peer",
+        str, typer.Option(help="How GPUs send: flags, peer, nccl (also a process each, started by mpiexec).")
+    ] = "flags",
     judge: Annotated[
         bool, typer.Option(help="Hold the end state against a converged reference, where affordable.")
     ] = True,

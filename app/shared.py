@@ -13,8 +13,8 @@ from model.domains.simulation import DecomposedSimulation
 from model.scene.scene import Scene
 
 LINKS = {  # of GPUs: the class that opens a sheet which they share
-    "peer": "gpu_backend.domains.peers:PeerSimulation",
     "flags": "gpu_backend.domains.flags:FlagSimulation",
+    "peer": "gpu_backend.domains.peers:PeerSimulation",
     "nccl": "gpu_backend.domains.nccl:NcclSimulation",
 }
 
@@ -56,15 +56,15 @@ def shares(simulation: Simulation) -> dict[str, Any]:
     name = "ranks" if simulation.backend == "cpu" else "gpus"
     return {
         name: cut.count,
-        "exchange_every": cut.steps,
+        "exchange_every": cut.interval,
         "rows_each": cut.least_rows,
         "repeated_rows": cut.repeated - 1,
     }
 
 
-def check_shared(ranks: int, link: str, render: Path | None, export: str | None) -> None:
+def check_shared(processes: int, render: Path | None, export: str | None) -> None:
     """Raise SceneError for what a run of several processes does not write: what goes on stepping while it is drawn."""
-    if ranks == 1 and link != "nccl":
+    if processes == 1:
         return
     if render and render.suffix.lower() == ".mp4":
         raise SceneError("--render", str(render), "draws a clip of one process alone; run it with --ranks 1")

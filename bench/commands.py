@@ -58,13 +58,15 @@ def sweep(
     scene: Annotated[
         list[str] | None,
         typer.Option(
-            help="With --peers: only grid, cloth, xpbd, implicit (-16, -4, -1), tetrahedra (-1e5 ...) or rigid. Repeatable."
+            help="With --peers: only grid, cloth, xpbd, implicit (-16, -4, -1), tetrahedra (-1e5 ...) or rigid (repeatable); "
+            "with --gpus: grid, xpbd or xpbd-jacobi."
         ),
     ] = None,
     gpus: Annotated[
-        list[int] | None, typer.Option(help="A grid on so many GPUs, beside one, instead. Repeatable; see also --link.")
+        list[int] | None,
+        typer.Option(help="A sheet on so many GPUs, beside one, instead. Repeatable; see also --link."),
     ] = None,
-    link: Annotated[str, typer.Option(help="With --gpus: peer or flags.")] = "peer",
+    link: Annotated[list[str] | None, typer.Option(help="With --gpus: flags (usual), peer, nccl. Repeatable.")] = None,
     exchange_every: Annotated[int | None, typer.Option(help="With --gpus: steps between two exchanges.")] = None,
     weak: Annotated[
         bool, typer.Option("--weak", help="With --gpus: N x N masses for each GPU (weak scaling).")
@@ -82,8 +84,8 @@ def sweep(
         raise SceneError("--peers", True, "is a sweep of its own; leave out --kernels and --kernel")
     if threads and (peers or kernels):
         raise SceneError("--threads", threads[0], "is for the ordinary sweep; leave out --kernels and --peers")
-    if scene and not peers:
-        raise SceneError("--scene", scene[0], "chooses among those of --peers; add --peers")
+    if scene and not (peers or gpus):
+        raise SceneError("--scene", scene[0], "chooses among those of --peers or --gpus; add one of them")
     if kernel and not kernels:
         raise SceneError("--kernel", kernel[0], "chooses among those of --kernels; add --kernels")
     if cluster and peers:
@@ -91,8 +93,9 @@ def sweep(
             "--cluster", cluster, "does not go with --peers, which are built on the machine that times them"
         )
     check_positive("--min-ms", min_ms)
-    if weak and not gpus:
-        raise SceneError("--weak", True, "is for a grid on several GPUs; add --gpus")
+    for option, value in (("--weak", weak), ("--link", link)):
+        if value and not gpus:
+            raise SceneError(option, value, "is for a sheet on several GPUs; add --gpus")
     where = where_asked(cluster, workers, sbatch)
     if gpus:
         from bench.experiments.scaling.experiment import print_scaling, run_scaling
@@ -101,17 +104,14 @@ def sweep(
             raise SceneError(
                 "--gpus", gpus, "is a sweep of its own; leave out --peers, --kernels, --threads and --cluster"
             )
-        shared: dict[str, Any] = {
-            "gpus": gpus,
-            "sizes": size,
-            "link": link,
-            "exchange_every": exchange_every,
-            "weak": weak,
-        }
+        shared: dict[str, Any] = {"gpus": gpus, "sizes": size, "exchange_every": exchange_every, "weak": weak}
+        shared |= {"links": link} if link else {}
         chosen = precisions_of(precision, "float32")
-        measure(
-            store, run_scaling, print_scaling, quick=quick, backends=backend or ["gpu"], precisions=chosen, **shared
-        )
+        for word in scene or ["grid"]:
+            measure(
+                store, run_scaling, print_scaling, quick=quick, backends=backend or ["gpu"], precisions=chosen, scene=word,
+                **shared,
+            )  # fmt: skip
         return
     how: dict[str, Any] = {
         "quick": quick, "backends": backend, "sizes": size, "max_seconds": max_seconds, "total_seconds": total_seconds,

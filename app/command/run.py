@@ -34,6 +34,7 @@ from model.core.energy import energies, spring_strain
 from model.core.errors import Diverged, InputError, SceneError
 from model.core.memory import available_bytes, require
 from model.core.simulation import Simulation, State
+from model.domains.launched import launched_ranks
 from model.fluid.foam import FoamPoints
 from model.geometry.overlaps import overlap_lines
 from model.scene.scene import Scene
@@ -67,7 +68,7 @@ class Request:
     gpus: int = 1
     ranks: int = 1
     exchange_every: int | None = None
-    link: str = "peer"
+    link: str = "flags"
     look: tuple[str, ...] = ()
 
 
@@ -94,7 +95,7 @@ def check_targets(scene: Scene, request: Request, steps: int, notes: list[str]) 
     if request.render:
         check_render(request.render)
     check_look(scene, request.look)
-    check_shared(request.ranks, request.link, request.render, request.export)
+    check_shared(max(request.ranks, launched_ranks()), request.render, request.export)
     if request.record:
         check_state_target(request.record)
         frames = steps // request.record_every + 1

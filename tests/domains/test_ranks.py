@@ -163,7 +163,9 @@ def test_a_cloth_has_the_bits_of_one(name, integrator, halo):
 @pytest.mark.parametrize(
     "name, changes, said",
     [
-        ("cloth-xpbd", {}, "not shared"),
+        ("cloth-mesh", {}, "not shared"),
+        ("cloth-flamenco", {}, "pins anywhere"),
+        ("cloth-self", {}, "meet from anywhere"),
         ("jelly-block", {}, "not shared"),
         ("cloth-twist", {}, "moves pins"),
         ("cloth-hanging", {"external.magnitude": 0.1}, "not shared"),
