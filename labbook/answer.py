@@ -22,14 +22,18 @@ def answer_tables(results: Results) -> list[Table]:
     """One table: a row for each scene and error, from the first machine that timed most methods there (the reader's own
     before committed ones); nothing where no accuracy runs were timed."""
     sources = {label: source for label in ORDER if (source := answering(results, label))}
+    letters = {source: chr(ord("a") + n) for n, source in enumerate(dict.fromkeys(sources.values()))}
     rows = []
     for label, source in sources.items():
         found = [*points(source, label), *points(source, label, "exact")]
-        rows += [[*(_scene(label) if target == TARGETS[0] else ("", "")), *_row(found, target)] for target in TARGETS]
+        mark = f" ({letters[source]})" if len(letters) > 1 else ""
+        rows += [
+            [*(_scene(label) if target == TARGETS[0] else ("", "")), *_row(found, target, mark)] for target in TARGETS
+        ]
     title = (
         "The soonest way to an error (root mean square over the free masses, in spacings), as wall time of a simulated "
         "second without the copy of the end state, and from which step size on the same method diverged in that scene. "
-        + _processors(sources)
+        + _processors(sources, letters)
     )
     return [table(title, HEAD, rows, left=1)] if rows else []
 
@@ -43,7 +47,8 @@ def _scene(label: str) -> tuple[str, str]:
     return f"{(scene.title or base).partition(' (')[0]} ({base})", words.count(masses)
 
 
-def _row(found: list[Point], target: float) -> list[str]:
+def _row(found: list[Point], target: float, mark: str) -> list[str]:
+    """`mark`: of the machine, behind its processor."""
     able = reaching(found, target)
     if not able:
         return [number(target, 1), *_unanswered(found, target)]
@@ -51,7 +56,7 @@ def _row(found: list[Point], target: float) -> list[str]:
     exact = "" if best.math == "fast" else f", {best.math}"
     return [
         number(target, 1), method_words(best.integrator, best.iterations), f"{1000 * best.dt:.3g}{words.SPACE}ms",
-        f"{best.precision}{exact}", best.backend.upper(), seconds(best.seconds or 0.0, 2), _breaks(found, best),
+        f"{best.precision}{exact}", best.backend.upper() + mark, seconds(best.seconds or 0.0, 2), _breaks(found, best),
     ]  # fmt: skip
 
 
@@ -64,16 +69,16 @@ def _unanswered(found: list[Point], target: float) -> list[str]:
     return [told, *[DASH] * 5]
 
 
-def _processors(sources: Mapping[str, Source]) -> str:
+def _processors(sources: Mapping[str, Source], letters: Mapping[Source, str]) -> str:
     """Which processors the rows are of, with a word where they are not the reader's: `CPU: Some CPU, 2 cores`; where rows
-    are of several machines, of which scenes."""
+    are of several machines, by the letters of the rows, and that their times are not to be held against each other."""
     told = []
     for source in dict.fromkeys(sources.values()):
-        mine = [label for label in sources if sources[label] == source]
-        scenes = f"{', '.join(mine)}: " if len(mine) < len(sources) else ""
+        letter = f"({letters[source]}) " if len(letters) > 1 else ""
         names = f"GPU {source.gpu}, CPU {source.processor}" if source.gpu else f"CPU {source.processor}"
-        told.append(f"{scenes}{names}{source.bracket}")
-    return "; ".join(told)
+        told.append(f"{letter}{names}{source.bracket}")
+    several = ". Rows of different letters are of different machines" if len(letters) > 1 else ""
+    return "; ".join(told) + several
 
 
 def _breaks(found: list[Point], best: Point) -> str:

@@ -12,10 +12,11 @@ from __future__ import annotations
 import json
 import shutil
 import tempfile
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
+from bench.stress.results import rows_of
 from labbook.answer import answer_tables
 from labbook.claims import (
     ablation,
@@ -42,10 +43,10 @@ from labbook.claims import (
 )
 from labbook.facts import facts
 from labbook.rungs import rung_tables
-from labbook.tables import machine_table, region_tables, scene_table
+from labbook.tables import Table, machine_table, region_tables, scene_table
 from model.core.errors import BackendUnavailable, InputError
 from model.core.files import replacing
-from plots.core.data import Origin, Results, is_suspect
+from plots.core.data import Origin, Results, Source, is_suspect
 from plots.core.draw import FigureFiles, draw_figures
 from plots.core.files import without_footer
 from plots.core.read import load
@@ -79,6 +80,7 @@ CLAIMS = {  # every sentence that the measurements make, by name
     )
     for name, made in module.CLAIMS.items()
 }  # fmt: skip
+TABLES = {"answer": answer_tables, "regions": region_tables, "rungs": rung_tables}
 TITLE = "Soft-body lab book"
 
 
@@ -133,12 +135,13 @@ def write_book(
 
 def book_data(results: Results) -> dict[str, Any]:
     """Everything the template prints, but for the figures' files."""
-    claims = {name: made(results) for name, made in CLAIMS.items()}
+    claims = {name: told(results, name) for name in CLAIMS}
     machines, scene = machine_table(results), scene_table(results)
     return {
         "title": TITLE,
         "subtitle": "The mass-spring grid on CPU threads and on CUDA: how fast, and how wrong",
         "provenance": [f"{source.provenance}" for source in results.sources],
+        "changed": any("+" in source.code for source in results.sources),
         "notices": notices(results),
         "chapters": list(MAIN),
         "own-page": list(OWN_PAGE),
@@ -147,14 +150,27 @@ def book_data(results: Results) -> dict[str, Any]:
         "facts": facts(),
         "claims": {name: made.sentence for name, made in claims.items()},
         "unmeasured": {name: claims[name].sentence for name in OPTIONAL if not claims[name].numbers},
+        "measured": [name for name, made in claims.items() if made.numbers],
         "tables": {
             "machines": [machines] if machines else [],
             "scene": [scene] if scene else [],
-            "answer": answer_tables(results),
-            "regions": region_tables(results),
-            "rungs": rung_tables(results),
+            **{name: _tables(made, results) for name, made in TABLES.items()},
         },
     }
+
+
+def told(results: Results, name: str) -> claim.Claim:
+    """A claim of the results; where what is featured holds nothing of it, of the committed measurements, by name."""
+    made = CLAIMS[name](results)
+    if not made.numbers and results.committed:
+        committed = CLAIMS[name](results.committed)
+        made = committed if committed.numbers else made
+    return made
+
+
+def _tables(made: Callable[[Results], list[Table]], results: Results) -> list[Table]:
+    """As `told`, of tables."""
+    return made(results) or (made(results.committed) if results.committed else [])
 
 
 def notices(results: Results) -> list[str]:
@@ -180,6 +196,9 @@ def notices(results: Results) -> list[str]:
                 "others of their kind, and are left out: what is compared is of one version. The command that measured "
                 "them measures them again (softlab sweep, accuracy, ...)."
             )
+    failed = _failed(results, own)
+    if failed:
+        found.append(f"A bug of this lab: hard cases that were run here failed ({failed}). softlab hard tells why.")
     for source in own:
         disturbed = sum(is_suspect(timing) for timing in source.timings)
         if 2 * disturbed > len(source.timings):
@@ -188,6 +207,14 @@ def notices(results: Results) -> list[str]:
                 "was busy. Read its comparisons with care, or measure again on a quiet machine."
             )
     return found
+
+
+def _failed(results: Results, own: Sequence[Source]) -> str:
+    """The failed hard cases of the user's own that the chapter does not tell of, since a fuller set stands in their place."""
+    told_of = {(row.case, row.integrator, row.precision) for row in hard.found_rows(results) if row.verdict == "fail"}
+    rows = [row for source in own for row in rows_of(m for m in source.measures if "hard" in m.description)]
+    lost = [row for row in rows if row.verdict == "fail" and (row.case, row.integrator, row.precision) not in told_of]
+    return ", ".join(dict.fromkeys(row.case for row in lost))
 
 
 def write_sources(

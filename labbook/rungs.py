@@ -23,7 +23,17 @@ BELOW = {  # each kernel, its backend, and the kernel that it is held against
     "tiled": ("cpu", "fused"),
     "team": ("cpu", "fused"),
 }
-HEAD = ("Kernel", "Held against", "Masses", "Its step", "The other's", "Times as fast", "The fastest of all at")
+HEAD = (
+    "Kernel",
+    "Held against",
+    "Masses",
+    "Its step",
+    "The other's",
+    "Times as fast",
+    "Fastest at",
+    "Least",
+    "Largest",
+)
 
 
 @dataclass(frozen=True)
@@ -70,8 +80,8 @@ def rung_tables(results: Results) -> list[Table]:
         machines.append(f"{backend.upper()}: {source.device(backend)}{source.bracket}" if source else "")
     marked = " Starred: from times that are marked as suspect." if any(made.suspect for made in found) else ""
     title = (
-        "Each kernel against the one whose cost it removes, float32, at the size where it gains most, and the sizes at "
-        f"which none is faster. {'; '.join(machines)}.{marked}"
+        "Each kernel against the one whose cost it removes, float32, at the size where it gains most, and at "
+        f"how many of the sizes none is faster, of which the least and the largest. {'; '.join(machines)}.{marked}"
     )
     return [table(title, HEAD, [_row(made) for made in found], left=2)] if found else []
 
@@ -84,8 +94,7 @@ def _row(made: Rung) -> list[str]:
             words.count(made.best.particles), words.seconds(made.best.median), words.seconds(made.under.median),
             words.number(made.gain, 2),
         ]  # fmt: skip
-    where = f"none of {made.sizes} sizes"
+    where = [f"none of {made.sizes}", DASH, DASH]
     if made.first:
-        ends = [words.count(n) for n in dict.fromkeys((made.first[0], made.first[-1]))]
-        where = f"{len(made.first)} of {made.sizes}: {' to '.join(ends)}"
-    return [name, made.below, *told, where]
+        where = [f"{len(made.first)} of {made.sizes}", *(words.count(n) for n in (made.first[0], made.first[-1]))]
+    return [name, made.below, *told, *where]

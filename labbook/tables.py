@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from typing import Any
 
@@ -42,7 +43,10 @@ def machine_table(results: Results) -> Table | None:
     names.sort(key=[*RECORD.values(), *MEASURED].index)
     rows = [[name, *(told.get(name, DASH) for told in machines)] for name in names]
     head = ["Property", *(source.place for source in results.sources)]
-    return table("The machines of the measurements", head, rows, left=len(head)) if machines else None
+    title = "The machines of the measurements"
+    if any(re.search(r" [A-Z], \d+ cores?\b", source.machine.label) for source in results.sources):
+        title += "; a letter tells those apart that have one name"
+    return table(title, head, rows, left=len(head)) if machines else None
 
 
 def _machine(source: Source) -> dict[str, str]:
@@ -50,8 +54,10 @@ def _machine(source: Source) -> dict[str, str]:
     record = source.machine.record
     told = {label: str(record[name]) for name, label in RECORD.items() if record.get(name) is not None}
     layer, policy = source.threading
+    disturbed = " (disturbed: other programs ran)" if record.get("limits_suspect") else ""
     limits = [
-        words.bandwidth(record[name]) if record.get(name) else "" for name in ("copy_bandwidth", "gpu_copy_bandwidth")
+        f"{words.bandwidth(record[name])}{disturbed}" if record.get(name) else ""
+        for name in ("copy_bandwidth", "gpu_copy_bandwidth")
     ]
     more = (f"{layer}, {policy}" if layer else "", *limits, source.code, source.date)
     return told | {name: value for name, value in zip(MEASURED, more, strict=True) if value}
@@ -87,6 +93,10 @@ def region_tables(results: Results) -> list[Table]:
             rows.append([str(count), *(DASH if cost is None else number(1e6 * cost) for cost in here)])
         head = ["Threads", *(f"{name} / \N{MICRO SIGN}s" for name in names.values())]
         found.append(
-            table(f"An empty parallel region, idle threads spinning or sleeping. {source.processor}", head, rows)
+            table(
+                f"An empty parallel region, idle threads spinning or sleeping. {source.processor}{source.bracket}",
+                head,
+                rows,
+            )
         )
     return found

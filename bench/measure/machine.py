@@ -22,6 +22,7 @@ import numpy as np
 import psutil
 
 from bench.measure.gpu import gpu_facts, gpu_or_reason, gpu_simulated
+from bench.measure.timing import Neighbours
 from bench.store.database import Store
 from bench.store.schema import canonical
 from cpu_backend.core.threads import MULTIPLES, core_count, threading_layer, wait_policy
@@ -92,11 +93,12 @@ def enter_machine(store: Store) -> str:
 
 
 def measured_limits() -> dict[str, Any]:
-    """What is measured: copy_bandwidth and gpu_copy_bandwidth [B/s], region_seconds {threads: s}, gpu_launch_seconds.
+    """What is measured: copy_bandwidth and gpu_copy_bandwidth [B/s], region_seconds {threads: s}, gpu_launch_seconds;
+    limits_suspect: why not to trust them.
 
-    None where it cannot be had.
+    None where it cannot be had, or is not so.
     """
-    size = copy_bytes()
+    size, neighbours = copy_bytes(), Neighbours()
     bandwidth = None
     with suppress(MemoryError):  # of a machine that has none left, a limit is not known, and all else is
         bandwidth = copy_bandwidth(size)
@@ -104,6 +106,7 @@ def measured_limits() -> dict[str, Any]:
         "copy_bandwidth": bandwidth,
         "copy_bytes": 2 * size,
         "region_seconds": region_costs(),
+        "limits_suspect": neighbours.suspicion(core_count()),
     }
     return limits | _gpu_limits()
 

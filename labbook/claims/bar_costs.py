@@ -7,7 +7,7 @@ import re
 
 from bench.experiments.bar_costs import CLOSE, Cost
 from labbook import words
-from labbook.claims.claim import Claim, Claims, where
+from labbook.claims.claim import SUSPECT, Claim, Claims, where
 from plots.core.backends import on_backends
 from plots.core.data import Results
 from plots.figures.bar_costs import on
@@ -17,6 +17,7 @@ def costs_of(results: Results) -> Claim:
     """What a frame costs of each method that is CLOSE to the rod, with the fewest substeps that are; and which never are."""
     parts: list[str] = []
     numbers: dict[str, float] = {}
+    busy = False
     for backend, source, found in on_backends(results, on):
         near: dict[str, Cost] = {}
         for cost in sorted((c for c in found if c.close), key=lambda c: c.frame):
@@ -25,16 +26,26 @@ def costs_of(results: Results) -> Claim:
             numbers |= {f"{backend} {name}": cost.frame for name, cost in near.items()}
             told = [f"{words.seconds(cost.frame)} ({name}, {_substeps(cost)})" for name, cost in near.items()]
             parts.append(f"on {where(backend, source)} {words.listed(told)}")
-            never = [name for name in dict.fromkeys(c.solver for c in found) if name not in near]
+            busy = busy or any(cost.suspect for cost in near.values())
+            judged = {c.solver for c in found if None not in (c.sag, c.frequency)}
+            never = [name for name in dict.fromkeys(c.solver for c in found) if name in judged - near.keys()]
             if never:
-                named = [re.sub(r"^(.*), (.*)$", r"\1 (\2)", name) for name in never]
-                parts[-1] += f"; {words.listed(named)} {'is' if len(never) == 1 else 'are'} not so near"
+                parts[-1] += f"; {_named(never)} {'is' if len(never) == 1 else 'are'} not so near"
+            timed = [name for name in dict.fromkeys(c.solver for c in found) if name not in judged]
+            if timed:
+                parts[-1] += f"; of {_named(timed)} the time alone was measured"
     if not parts:
         return Claim("What the bar costs by each method was not measured.")
+    suspect = SUSPECT if busy else ""
     return Claim(
-        f"Where sag and frequency are within {words.percent(CLOSE)} of the rod's, a frame takes {'; '.join(parts)}.",
+        f"Where sag and frequency are within {words.percent(CLOSE)} of the rod's, a frame takes {'; '.join(parts)}{suspect}.",
         numbers, True,
     )  # fmt: skip
+
+
+def _named(solvers: list[str]) -> str:
+    """`tetrahedra (newton) and xpbd`: a comma parts methods alone."""
+    return words.listed([re.sub(r"^(.*), (.*)$", r"\1 (\2)", name) for name in solvers])
 
 
 def _substeps(cost: Cost) -> str:

@@ -86,7 +86,7 @@ def iterations(results: Results) -> Claim:
     found = {name: _strips(results, name) for name in ("xpbd", "xpbd, converged")}
     few = [bar for bar in found["xpbd"] if bar.fine == SOME_LINKS and SAG in bar.values]
     fine = [bar for bar in found["xpbd"] if bar.substeps == FINEST and SAG in bar.values]
-    if len(few) < 2 or len(fine) < 2:
+    if len(few) < 2 or len({bar.fine for bar in fine} | {SOME_LINKS}) < 2 or _one(few, SOME_LINKS, FINEST) is None:
         return Claim("One iteration of XPBD a substep was not measured on the bar.")
     worst, finest = min(few, key=lambda b: b.substeps), max(fine, key=lambda b: b.fine)
     right = _one(found["xpbd, converged"], worst.fine, worst.substeps)
@@ -238,7 +238,7 @@ def tetrahedra(results: Results) -> Claim:
     )
     rows, newton = finest["xpbd"], finest["newton"]
     if few is None or rows is None or newton is None or not {SAG, FREQUENCY} <= set(rows.values) & set(newton.values):
-        return Claim("A bar of tetrahedra was not measured beside the others.")
+        return Claim("A bar of tetrahedra was not held against the same rod.")
     numbers = {
         "few": few.part(SAG) or 0.0, "rows": rows.part(SAG) or 0.0, "newton": newton.part(SAG) or 0.0,
         "frequency": newton.part(FREQUENCY) or 0.0,

@@ -63,6 +63,7 @@ def where(backend: str, source: Source) -> str:
     return f"the {backend.upper()} ({source.device(backend)}{source.label and ', '}{source.label})"
 
 
+DISTURBED_COPY = ", which other programs disturbed"
 SUSPECT = " (from times that are marked as suspect)"
 
 
@@ -172,7 +173,7 @@ def bandwidth_reached(source: Source | None, backend: str, word: str | None) -> 
     text = (
         f"{on(source, backend)}{threads}, a step of {masses(largest[0].particles)} has an effective bandwidth (the bytes "
         f"that one step a pass would move, over its time) of {words.bandwidth(share * limit)}, {percent(share)} of the "
-        f"measured copy bandwidth{beyond}{suspect}."
+        f"measured copy bandwidth{DISTURBED_COPY if source.machine.record.get('limits_suspect') else ''}{beyond}{suspect}."
     )
     return Claim(text, {"share": share, "masses": largest[0].particles}, True)
 

@@ -74,16 +74,24 @@ def per_projection(results: Results) -> Claim:
 def published(results: Results) -> Claim:
     """Published frames over ours, on each backend."""
     parts: list[str] = []
+    told: dict[tuple[str, str], None] = {}
     numbers: dict[str, float] = {}
     for backend, source, found in panels(results):
-        ratios = [entry.seconds / point.step for entry, point in beside_published(found)]
+        pairs = beside_published(found)
+        ratios = [entry.seconds / point.step for entry, point in pairs]
+        told |= {(entry.source, entry.processor): None for entry, _ in pairs}
         if ratios:
             numbers |= {f"{backend} least": min(ratios), f"{backend} most": max(ratios)}
             span = f"{words.number(min(ratios), 2)} to {words.times(max(ratios))}"
             parts.append(f"{span} the time of a step on {where(backend, source)}")
     if not parts:
         return Claim("No published cloth was timed.")
-    return Claim(f"The published frames took {words.listed(parts)}.", numbers, True)
+    of = words.listed([f"{source} (on a {processor})" for source, processor in told])
+    return Claim(
+        f"Frames of cloths as large, with as many iterations, were published: {of}. They took {words.listed(parts)}; what "
+        "else was computed in them is not known, so that this is an order of magnitude.",
+        numbers, True,
+    )  # fmt: skip
 
 
 def discretisation(results: Results) -> Claim:

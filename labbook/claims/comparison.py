@@ -5,14 +5,17 @@ See labbook/claims/claim.py for the rules.
 
 from __future__ import annotations
 
+from bench.peers.registry import label
 from labbook import words
-from labbook.claims.claim import SUSPECT, Claim, Claims, cpu_source, named, on, on_gpu, trusted
+from labbook.claims.claim import SUSPECT, Claim, Claims, cpu_source, named, on, on_gpu, trusted, where
 from labbook.words import masses, percent, times
 from plots.core.apart import apart
+from plots.core.backends import on_backends
 from plots.core.data import Results, Source, is_suspect, is_wrong
 from plots.core.pairs import shape_ratios
 from plots.figures.crossover import Pair, crossing, pairs
 from plots.figures.graphics import drawing_costs, skipped_reason
+from plots.figures.peers import square_ratios
 
 
 def compared(results: Results, graphics: bool = False) -> tuple[Source | None, list[Pair], str]:
@@ -35,21 +38,21 @@ def overtakes(results: Results) -> Claim:
     if source is None:
         return Claim(f"GPU and CPU were not compared: {NOT_COMPARED}.")
     first, last = found[0], found[-1]
-    where, everything = crossing(found), pairs(source)
+    crossed, everything = crossing(found), pairs(source)
     smallest, largest = (
         f"the {word} size{'' if one.gpu is other.gpu else ' that was timed undisturbed'}"
         for word, one, other in (("smallest", first, everything[0]), ("largest", last, everything[-1]))
     )
-    numbers = {"ratio": last.ratio, "masses": last.gpu.particles, "crossing": where or 0.0, "first": first.ratio}
+    numbers = {"ratio": last.ratio, "masses": last.gpu.particles, "crossing": crossed or 0.0, "first": first.ratio}
     start = f"{on_gpu(source)}, against the fastest thread count of the {source.processor} and at the same step:"
     at_last = f"at {masses(last.gpu.particles)}, {largest},"
     if not last.clear:
         return Claim(f"{start} {at_last} there is no difference beyond the spread{suspect}.", numbers, False)
     if last.ratio < 1:
         text = f"{start} {at_last} the GPU's step takes {times(1 / last.ratio)} as long as the CPU's"
-    elif where:
+    elif crossed:
         text = (
-            f"{start} the GPU overtakes at about {masses(where, exact=False)}, and {at_last} its step is "
+            f"{start} the GPU overtakes at about {masses(crossed, exact=False)}, and {at_last} its step is "
             f"{times(last.ratio)} as fast"
         )
     else:
@@ -147,7 +150,31 @@ def trust(results: Results) -> Claim:
     return Claim(text, numbers, True)
 
 
+def peers(results: Results) -> Claim:
+    """What a step of the grid takes by others, over ours: at the largest size that most of them ran on each backend."""
+    parts: list[str] = []
+    numbers: dict[str, float] = {}
+    for backend, source, found in on_backends(results, square_ratios):
+        right = [one for one in found if not one.wrong]
+        sizes = [one.particles for one in right]
+        size = max(sizes, key=lambda n: (sizes.count(n), n), default=0)
+        here = sorted((one for one in right if one.particles == size), key=lambda one: one.ratio)
+        told = []
+        for one in here:
+            numbers[f"{backend} {one.peer}"] = one.ratio
+            same = one.low <= 1 <= one.high
+            mark = " (suspect)" if one.suspect and not all(each.suspect for each in here) else ""
+            told.append(f"{'as long, within the spread,' if same else times(one.ratio)} by {label(one.peer)}{mark}")
+        if told:
+            suspect = SUSPECT if all(one.suspect for one in here) else ""
+            parts.append(f"on {where(backend, source)}, at {masses(size)}, {words.listed(told)}{suspect}")
+    if not parts:
+        return Claim("Nothing was timed beside the lab.")
+    return Claim(f"A step of the grid takes, over the lab's time, {'; '.join(parts)}.", numbers, True)
+
+
 CLAIMS: Claims = {
+    "peers": peers,
     "overtakes": overtakes,
     "drawing": drawing,
     "overtakes-drawing": overtakes_drawing,

@@ -38,7 +38,7 @@ def iterations_or_substeps(results: Results) -> Claim:
     counts = sorted({p.iterations or 0 for p in mine})
     sizes = sorted({p.dt for p in mine}, reverse=True)
     if len(counts) < 3 or len(sizes) < 2 or not all((sizes[0], n) in at for n in counts):
-        return Claim("What iterations of xpbd are worth was not measured.")
+        return Claim("What iterations of xpbd are worth to a whole motion was not measured.")
     few, some, many = (at[sizes[0], n] for n in (counts[0], counts[-2], counts[-1]))
     same = abs(some.error / many.error - 1) < EQUAL
     text = (
@@ -124,7 +124,7 @@ def against_integrators(results: Results, target: float = 1e-2) -> Claim:
             ways = [next((p for p in able if (p.integrator in XPBD) is xpbd), None) for xpbd in (True, False)]
             if ways[0] is not None and ways[1] is not None:
                 numbers[scene] = ratio = (ways[0].seconds or 0.0) / (ways[1].seconds or 1.0)
-                way, machine = method_words(ways[0].integrator, ways[0].iterations), source.machine.label
+                way, machine = method_words(ways[0].integrator, ways[0].iterations), source.place
                 told = f"in {scene} {way} takes {words.times(ratio)} as long as {ways[1].integrator} ({machine})"
                 parts.append(told)
                 break

@@ -114,7 +114,7 @@ def viscosity(results: Results) -> Claim:
         more = ""
         if coarse.spacing > fine.spacing:
             numbers[f"{who} ratio"] = ratio = coarse.numbers[laws.VISCOSITY] / fine.numbers[laws.VISCOSITY]
-            more = f", {ratio:.2g} times as much {coarse.spacing / fine.spacing:.2g} times as far apart"
+            more = f" ({ratio:.2g} times as much with particles {coarse.spacing / fine.spacing:.2g} times as far apart)"
         parts.append(f"{numbers[who]:.2g} m²/s by {who}{more}")
     fine = min(held[2], key=lambda r: r.spacing)
     text = (

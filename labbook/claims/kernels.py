@@ -24,6 +24,7 @@ def choice(results: Results, backend: str) -> Claim:
     best = [t for t in fastest(source, backend) if t.particles in chosen] if source else []
     if source is None or not best:
         return Claim(f"Whether the {backend.upper()} chooses its fastest kernel was not measured.")
+    timed = len(fastest(source, backend))
     pairs, suspect = trusted([(chosen[t.particles], t) for t in best])
     best = [t for _, t in pairs]
     slower = [(mine.median / t.median, t) for mine, t in pairs if apart(mine, t) > 0]
@@ -32,6 +33,8 @@ def choice(results: Results, backend: str) -> Claim:
         f"{on(source, backend)}, the kernel that is chosen by itself is the fastest, or not slower beyond the spread, at "
         f"{good} of the {len(best)} sizes"
     )
+    if len(best) < timed:
+        text += f" at which it was timed beside the others undisturbed, of {timed}"
     numbers: dict[str, float] = {"good": good, "sizes": len(best)}
     if slower:
         ratio, worst = max(slower, key=lambda found: found[0])
@@ -131,7 +134,11 @@ def crowded(results: Results, kernel: str, against: str | None = None) -> Claim:
     numbers = {"ratio": ratio, "masses": packed.particles}
     verdict = apart(packed, base)
     if verdict == 0:
-        return Claim(f"{at} {seconds(packed.median)}, no other than {name} beyond the spread{suspect}.", numbers, False)
+        return Claim(
+            f"{at} {seconds(packed.median)}, which differs from {name} by no more than the spread{suspect}.",
+            numbers,
+            False,
+        )
     factor = f"{times(ratio)} as long as" if verdict > 0 else f"{percent(ratio)} of what it takes"
     return Claim(f"{at} {seconds(packed.median)}, {factor} {name}{suspect}.", numbers, True)
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from functools import partial
 
-from labbook.build import CLAIMS
+from labbook.build import told
 from labbook.film import stills
 from labbook.film.bodies import SLOWED, draw_bodies
 from labbook.film.canvas import Format
@@ -25,7 +25,7 @@ LOOK = 8.0  # s of a race, at least
 
 def claimed(results: Results, *names: str, rank: int = 1) -> list[Line]:
     """The sentences of these claims that the data support."""
-    made = [CLAIMS[name](results) for name in names]
+    made = [told(results, name) for name in names]
     return [Line(claim.sentence, rank) for claim in made if claim.supported]
 
 

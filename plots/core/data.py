@@ -20,6 +20,9 @@ from bench.store.versions import Version
 Origin = Store | str | Path
 THREAD_WORDS = ("1x", "2x", "4x")
 NO_GPU = "no GPU"  # in a machine's label
+FULL = (
+    0.9  # of the largest set of an experiment's configurations: so many count as all, whatever the version of the lab
+)
 WRONG = ("wrong answer", "state not finite")  # suspect marks that say more than "noisy"
 
 
@@ -92,7 +95,11 @@ class Source:
     def code(self) -> str:
         """Of which versions its runs were, each once, in order of time: `commits 9613136a2b1c, 555bb0d37fcd`."""
         commits = list(dict.fromkeys(version.commit for version in self.versions if version.commit))
-        others = dict.fromkeys(str(version) for version in self.versions if not version.commit)
+        others = dict.fromkeys(
+            str(version) if version.cpu else "others of a commit that was not recorded"
+            for version in self.versions
+            if not version.commit
+        )
         told = [f"commit{'s' * (len(commits) > 1)} {', '.join(commits)}"] if commits else []
         return ", ".join([*told, *others]) or str(Version(None))
 
@@ -170,6 +177,12 @@ class Results:
         """In the order in which they are asked: the featured ones first."""
         return (*self.featured, *self.background)
 
+    @property
+    def committed(self) -> Results | None:
+        """The committed sources alone, where they stand beside a user's own: what tells of that which those do not hold."""
+        found = tuple(source for source in self.sources if not source.own)
+        return Results(found) if found and len(found) < len(self.sources) else None
+
     def first(self, holds: Callable[[Source], object]) -> Source | None:
         """The first source that `holds` something."""
         return next((source for source in self.everyone if holds(source)), None)
@@ -182,18 +195,38 @@ class Results:
 def judgements(results: Results, belongs: Callable[[Measure], bool]) -> tuple[list[Measure], tuple[Source, ...]]:
     """The measures that `belongs` takes and that do not hang on a machine's speed (verdicts, outcomes), and their sources.
 
-    Those of the first source that has any, and for each backend which that one lacks, those of the next one that has it:
-    a machine without a GPU is read beside one with.
+    Of each backend, and of each experiment (`finding`) in it, those of the first source whose set is full: no smaller than
+    FULL of the largest. So a machine without a GPU is read beside one with, and a user's full set stands before committed
+    ones, but a quick one does not take their place.
     """
+    sets: list[tuple[Source, dict[tuple[Any, Any], list[Measure]]]] = []
+    for source in results.everyone:
+        mine: dict[tuple[Any, Any], list[Measure]] = {}
+        for measure in filter(belongs, source.measures):
+            mine.setdefault((measure.description.get("backend"), measure.description.get("finding")), []).append(
+                measure
+            )
+        sets.append((source, mine))
+    largest: dict[tuple[Any, Any], int] = {}
+    for _, mine in sets:
+        for key, of_set in mine.items():
+            largest[key] = max(largest.get(key, 0), _configurations(of_set))
     found: list[Measure] = []
     sources: list[Source] = []
-    for source in results.everyone:
-        held = {measure.description.get("backend") for measure in found}
-        more = [m for m in source.measures if belongs(m) and m.description.get("backend") not in held]
-        if more:
-            found += more
+    for source, mine in sets:
+        full = [
+            key for key, of_set in mine.items() if key in largest and _configurations(of_set) >= FULL * largest[key]
+        ]
+        for key in full:
+            del largest[key]
+            found += mine[key]
+        if full:
             sources.append(source)
     return found, tuple(sources)
+
+
+def _configurations(found: Iterable[Measure]) -> int:
+    return len({measure.configuration for measure in found})
 
 
 def provenance(sources: Sequence[Source]) -> str:

@@ -138,6 +138,9 @@ def draw_figures(
 
 def _draw(results: Results, name: str, folder: Path, footer: bool, suffixes: Sequence[str]) -> FigureFiles:
     drawing = FIGURES[name](results)
+    if isinstance(drawing, str) and results.committed:
+        committed = FIGURES[name](results.committed)
+        drawing = drawing if isinstance(committed, str) else committed
     if isinstance(drawing, str):
         for suffix in suffixes:
             _remove(folder / f"{name}.{suffix}")

@@ -54,7 +54,26 @@ def load(own: Origin | Sequence[Origin] | None, committed: Iterable[str | Path] 
             found += _sources(stack.enter_context(open_readonly(path)), own=False)
     found.sort(key=lambda source: (not source.own, not source.has_gpu_times))
     alone = not any(source.own for source in found)
-    return Results(tuple(replace(source, alone=alone) for source in found))
+    return Results(tuple(replace(source, alone=alone) for source in _told_apart(found)))
+
+
+def _told_apart(found: list[Source]) -> list[Source]:
+    """The sources, with a letter in the names of machines that would share one: `AMD EPYC A, 2 cores`."""
+    keys: dict[tuple[bool, str], list[str]] = {}
+    for source in found:
+        named = keys.setdefault((source.own, source.machine.label), [])
+        if source.machine.key not in named:
+            named.append(source.machine.key)
+    told = []
+    for source in found:
+        named = keys[source.own, source.machine.label]
+        if len(named) > 1:
+            processor, *rest = source.machine.label.split(",")
+            letter = chr(ord("A") + named.index(source.machine.key))
+            label = ",".join((f"{processor} {letter}", *rest))
+            source = replace(source, machine=replace(source.machine, label=label))
+        told.append(source)
+    return told
 
 
 def _sources(store: Store, own: bool) -> list[Source]:

@@ -37,6 +37,7 @@ SETTINGS: dict[str, Any] = {
     "axes.spines.right": False,
     "axes.grid": True,
     "axes.grid.which": "major",
+    "axes.axisbelow": True,  # a line of reference often lies on one of the grid's
     "grid.color": "#DDDDDD",
     "grid.linewidth": 0.6,
     "lines.linewidth": 1.4,

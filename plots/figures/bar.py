@@ -25,6 +25,17 @@ CURVES = {  # solver: label, colour, marker, line
     "tetrahedra, newton": ("tetrahedra, Newton", BLACK, "x", "--"),
 }
 SOME = {JELLY: (SOME_OVERLAP, SOME_LAYERS), **{name: (1.0, SOME_VOXELS) for name in TETRAHEDRA}}  # size, along it
+TETRAHEDRAL = tuple(name for name in CURVES if name.startswith("tetrahedra"))
+BARS = {  # what stands or hangs: its solvers
+    "a strip of the lab's grid that hangs, under each solver": (
+        "mass-spring",
+        "xpbd, converged",
+        "xpbd",
+        "shape-matching",
+    ),
+    "a jelly bar of clusters, which stands": (JELLY,),
+    "one of tetrahedra that hangs": TETRAHEDRAL,
+}
 REGIONS = {1: (ORANGE, "^"), 2: (GREEN, "s"), 3: (BLUE, "o"), 4: (PURPLE, "v")}
 ROWS = {SAG: "sag / a rod's", FREQUENCY: "first frequency / a rod's"}
 
@@ -62,10 +73,12 @@ def draw(results: Results) -> Drawing | str:
     _doubling(axes[1][0], drawn, _fine, "masses along the bar")
     _doubling(axes[1][1], drawn, _substeps, "substeps of a frame")
     legend_below(figure, list(axes.ravel()), columns=3)
+    shown = {bar.solver for bar in drawn}
+    held = [text for text, solvers in BARS.items() if shown & set(solvers)]
     caption = (
-        "One bar of one material: a strip of the lab's grid that hangs, under each solver, and a jelly bar of clusters, "
-        f"which stands, and one of tetrahedra that hangs. Left: at {FINEST} substeps of a frame of a sixtieth of a second, "
-        f"against the masses along it. Right: at {SOME_LINKS} along it, of tetrahedra {SOME_VOXELS} voxels, against the "
+        f"One bar of one material: {'; '.join(held)}. Left: at {FINEST} substeps of a frame of a sixtieth of a second, "
+        f"against the masses along it. Right: at {SOME_LINKS} along it"
+        f"{f', of tetrahedra {SOME_VOXELS} voxels' if shown & set(TETRAHEDRAL) else ''}, against the "
         "substeps; mass-spring, whose steps are the substeps, is refused where there is no mark. Over "
         "the closed form of a rod of the material (grey); float64, exact math."
     )
@@ -84,7 +97,8 @@ def draw_clusters(results: Results) -> Drawing | str:
         wide = 2 * region + 1
         _curve(left, mine, _fine, SAG, color=colour, marker=marker, label=f"windows of {wide} x {wide}")
         _curve(left, mine, _fine, ACROSS, color=colour, marker=marker, linestyle=":", markersize=3)
-    if any(bar.solver == "shape-matching" and ACROSS in bar.values for bar in found):
+    across = any(bar.solver == "shape-matching" and ACROSS in bar.values for bar in found)
+    if across:
         left.plot([], [], ":", color=GREY, label="loaded across")
     overlaps = series(found, JELLY, _size, substeps=FINEST, fine=SOME_LAYERS)
     for name, colour, marker in ((SAG, VERMILLION, "D"), (FREQUENCY, SKY, "v")):
@@ -100,9 +114,10 @@ def draw_clusters(results: Results) -> Drawing | str:
     right.set_xlabel("overlap: cluster radius / cluster spacing")
     right.set_ylabel("over a rod's")
     legend_below(figure, [left, right], columns=3)
+    ways = "that hangs (solid) or is held at its side (dotted, over a beam's)" if across else "that hangs"
     caption = (
-        "Left: the strip's windows, all as stiff in a long even stretch, and the sag of the strip that hangs (solid) or is "
-        "held at its side (dotted, over a beam's): windows that the strip's ends cut off are softer. Right: the jelly bar, "
+        f"Left: the strip's windows, all as stiff in a long even stretch, and the sag of the strip {ways}: windows that the "
+        "strip's ends cut off are softer. Right: the jelly bar, "
         "its clusters' stiffness chosen so that the material is one; clusters that hardly overlap do not make it one."
     )
     return Drawing(figure, CLUSTERS_TITLE, caption, sources)

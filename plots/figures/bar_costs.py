@@ -20,9 +20,14 @@ def on(source: Source, backend: str) -> list[Cost]:
     return [cost for cost in costs(source.measures) if cost.backend == backend]
 
 
+def judged(source: Source, backend: str) -> list[Cost]:
+    """Those of which it is known, too, how far they are off."""
+    return [cost for cost in on(source, backend) if None not in (cost.sag, cost.frequency)]
+
+
 def draw(results: Results) -> Drawing | str:
     """A panel each of PARTS, a line a method over its substeps, dashed on the CPU; or why not."""
-    chosen = on_backends(results, on)
+    chosen = on_backends(results, judged)
     if not chosen:
         return MISSING
     figure, axes = new_figure(len(PARTS), 3.4, share_y=False)
@@ -47,8 +52,9 @@ def draw(results: Results) -> Drawing | str:
     for backend, source, _ in chosen:
         axes[0].plot([], [], LINES[backend], color=GREY, label=name_of(backend, source))
     legend_below(figure, axes, columns=3)
+    counts = ", ".join(str(n) for n in sorted({cost.substeps for _, _, found in chosen for cost in found}))
     caption = (
-        "The bar of every method, 1, 2, 4, 8 and 16 substeps of a frame of 1/60 s along each line: how far it is off the "
+        f"The bar by each method, {counts} substeps of a frame of 1/60 s along each line: how far it is off the "
         f"closed form of a rod of its material. Black: {CLOSE:.0%}. float64, exact math."
     )
     return Drawing(figure, TITLE, caption, sources_of(chosen))

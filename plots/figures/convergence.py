@@ -45,6 +45,12 @@ def converging(source: Source, backend: str | None = None) -> list[Converging]:
     return sorted(found, key=lambda e: (e.backend, XPBD.index(e.name), e.side, e.iterations))
 
 
+def lines(source: Source, backend: str | None = None) -> bool:
+    """Whether any ordering was followed over several numbers of iterations: one alone is no line."""
+    found = [(e.backend, e.name, e.side) for e in converging(source, backend)]
+    return len(set(found)) < len(found)
+
+
 def _entry(numbers: dict[str, Measure]) -> Converging | None:
     value = {name: measure.value for name, measure in numbers.items() if measure.value is not None}
     if not value.keys() >= {RESIDUAL, BEFORE, SECONDS, RATIO, LEAST, MOST}:
@@ -68,10 +74,10 @@ def _entry(numbers: dict[str, Measure]) -> Converging | None:
 
 def draw(results: Results) -> Drawing | str:
     """The figure: by iterations, and by time on each backend; or why there is none."""
-    source = results.first(lambda s: converging(s, "gpu")) or results.first(converging)
+    source = results.first(lambda s: lines(s, "gpu")) or results.first(lines)
     if source is None:
-        return "the orderings of position-based solvers were not timed"
-    backends = [name for name in ("cpu", "gpu") if converging(source, name)]
+        return "the orderings of position-based solvers were not timed with several numbers of iterations"
+    backends = [name for name in ("cpu", "gpu") if lines(source, name)]
     figure, axes = new_figure(1 + len(backends), 3.8)
     _panel(axes[0], converging(source, backends[0]), lambda entry: entry.iterations)
     axes[0].set_xlabel("iterations of a step")

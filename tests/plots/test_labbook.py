@@ -208,6 +208,7 @@ def entry_text(name: str, data: dict[str, Any]) -> str:
     text = re.sub(r"^(#import|=|#fig|#sheets).*$", "", text, flags=re.MULTILINE)
     text = re.sub(r'#fact\("([^"]+)"\)', lambda found: data["facts"][found[1]], text)
     text = re.sub(r'#claim\("([^"]+)"\)', lambda found: data["claims"][found[1]], text)
+    text = re.sub(r"#see\([^)]*\)", " (Figure 1)", text)
     return " ".join(text.replace("*", "").split(" ")).strip()
 
 
@@ -247,7 +248,10 @@ def test_every_name_in_the_entries_is_known(variants: dict[str, Results]) -> Non
     used: dict[str, set[str]] = {kind: set() for kind in (*known, "see")}
     for name in CHAPTERS:
         text = (FOLDER / "entries" / f"{name}.typ").read_text(encoding="utf-8")
-        found = re.findall(r'#(fact|claim|fig|sheets|see)\("([^"]+)"', text)
+        found = re.findall(r'\b(fact|claim|fig|sheets)\("([^"]+)"', text)
+        found += [("claim", word) for word in re.findall(r'#when\("([^"]+)"', text)]
+        for call in re.findall(r"#(?:see|shows)\(([^)]*)\)", text):
+            found += [("see", word) for word in re.findall(r'"([^"]+)"', call)]
         for kind, word in found:
             assert word in known["fig" if kind == "see" else kind], f"{name}: {kind} {word}"
             used[kind].add(word)
