@@ -49,6 +49,29 @@ app = typer.Typer(
     rich_markup_mode="rich",
     pretty_exceptions_enable=False,
 )
+
+
+def tell_version(asked: bool) -> None:
+    """Of --version: which lab this is, and which commit where one is known."""
+    if asked:
+        from importlib.metadata import version
+
+        from bench.store.versions import code_version
+
+        commit = code_version().split()[0]
+        out.print(f"softlab {version('softlab')}" + (f", commit {commit}" if commit != "-" else ""), markup=False)
+        raise typer.Exit
+
+
+@app.callback()
+def softlab(
+    version: Annotated[
+        bool, typer.Option("--version", callback=tell_version, is_eager=True, help="Which version this is.")
+    ] = False,
+) -> None:
+    """A soft-body lab: the same scenes on CPU threads and on CUDA, how fast and how wrong each run was."""
+
+
 Folder = Annotated[Path, typer.Option("--out", help="The folder to write to.")]
 DEFAULT_FIGURES = Path("softlab-results") / "figures"
 DEFAULT_BOOK = Path("softlab-results") / "labbook.pdf"

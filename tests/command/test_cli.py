@@ -149,6 +149,11 @@ def test_what_only_tells(command, name: str) -> None:
     assert outcome.status == 0 and outcome.out
 
 
+def test_a_version_is_told(command) -> None:
+    told = command("--version")
+    assert told.status == 0 and told.out.startswith("softlab 0."), told.out
+
+
 def test_help_needs_no_heavy_library() -> None:
     import subprocess
 
