@@ -172,9 +172,9 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """The dearest first. Without --thorough leave out what ONLY_THOROUGH and OVER_A_SECOND list, windows, and what THINNED does
-    not need, but nothing that is for a real GPU. With it the variants that THINNED does not need, and OVER_A_SECOND's that are
-    not COMPILED, run as plain Python."""
+    """The dearest first. Without --thorough leave out what ONLY_THOROUGH and OVER_A_SECOND list, windows, and what THINNED
+    does not need, but nothing that is for a real GPU. With it the variants that THINNED does not need, and OVER_A_SECOND's
+    that are not COMPILED, run as plain Python."""
     rest = config.getoption("--rest")
     thorough = config.getoption("--thorough") or rest
     items.sort(key=lambda item: item.path.name not in DEAR)

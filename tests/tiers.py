@@ -255,8 +255,8 @@ test_tetrahedra_soup.py test_ten_thousand*
 test_mistakes.py test_mistakes_are_noticed*
 """)
 
-# Tests for --rest alone, where they run as they would by default: each took more than a second of a core, by measurement, and of
-# each room and law quicker ones stay.
+# Tests for --rest alone, where they run as they would by default: each took more than a second of a core, by measurement,
+# and of each room and law quicker ones stay.
 OVER_A_SECOND = table("""
 test_accuracy.py test_the_cloth_belongs_to_the_full_mode
 test_accuracy_s6.py test_implicit_euler_of_a_loaded_rope
