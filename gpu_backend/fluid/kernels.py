@@ -87,6 +87,15 @@ def make_move(real: Any, math: str, parts: frozenset[str], repeats: frozenset[st
 
 
 @cache
+def _make_nothing_added() -> Any:
+    @inlined("exact")
+    def visit(sums, k, p, j, position, fluids, parameters):
+        return sums
+
+    return visit
+
+
+@cache
 def make_density_kernels(
     real: Any, math: str, parts: frozenset[str], repeats: frozenset[str], neighbours: int
 ) -> SimpleNamespace:
@@ -99,8 +108,11 @@ def make_density_kernels(
     `relaxed`: factors, multipliers, constraints, gradients; `world`: bodies, integers, counter, place, substeps, substep."""
     variant = real, math, parts
     sums, move, relax = make_sums(*variant, repeats), make_move(*variant, repeats), make_relax(*variant)
-    sum_factor, sum_density = sums.sum_factor, sums.sum_density
-    search = make_search(real, 2 if "flat" in parts else 3, neighbours, repeats, "solids" in parts)
+    sum_factor, sum_density, factor_of, none = sums.sum_factor, sums.sum_density, sums.factor_of, real(0)
+    weights_of = sums.weights_of
+    shape = real, 2 if "flat" in parts else 3, neighbours, repeats
+    search = make_search(*shape, _make_nothing_added(), none, "solids" in parts)
+    search_and_sum = make_search(*shape, sums.both_added, (none, none, none, none, none), "solids" in parts)
     walls, clock = make_walls(*variant), make_clock(math, parts)
     has_walls, zero, axes, extent = "walls" in parts, real(0), np.int32(WALL), make_extent(parts)
 
@@ -119,7 +131,7 @@ def make_density_kernels(
         particles, there = extent(found)
         if k < there:
             p = load_quad(position, k)
-            found[k] = search(k, p, position, record[0], keys[k], numbers, begins, table, particles, beyond)
+            found[k] = search(k, p, position, record[0], keys[k], numbers, begins, table, particles, beyond, None)[0]
 
     def prepare(
         position, record, keys, numbers, begins, table, found, beyond, factors, multipliers, constraints, gradients, fluids,
@@ -129,15 +141,15 @@ def make_density_kernels(
         particles, there = extent(found)
         if k < there:
             parameters, p = record[0], load_quad(position, k)
-            count = search(k, p, position, parameters, keys[k], numbers, begins, table, particles, beyond)
+            count, sums = search_and_sum(
+                k, p, position, parameters, keys[k], numbers, begins, table, particles, beyond, weights_of(fluids)
+            )
             found[k] = count
             _, number = clock(counter, place, substeps, substep)
             wall = meet_walls(k, p, gradients, World(parameters, bodies, integers), number)
-            near_by = List(table, count, particles)
-            factor = sum_factor(k, p, position, near_by, wall, fluids, parameters)
+            factor = factor_of(p, sums, wall, fluids, parameters)
             factors[k] = factor
-            total = sum_density(k, p, position, near_by, parameters)
-            delta = relax(k, total, wall[0], factor, multipliers, constraints, parameters, True)
+            delta = relax(k, sums[4], wall[0], factor, multipliers, constraints, parameters, True)
             store_quad(into, k, p[0], p[1], p[2], delta)
 
     def factors(

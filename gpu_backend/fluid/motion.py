@@ -161,7 +161,7 @@ def make_settle(real: Any, math: str, parts: frozenset[str], repeats: frozenset[
         new_velocity,
     ):  # fmt: skip
         k = np.int32(cuda.grid(1))
-        if k < position.size // SIZE:
+        if k < new_position.size // SIZE:
             p, b = load_quad(position, k), load_quad(before, k)
             _, number = clock(counter, place, substeps, substep)
             world = World(record[0], bodies, integers)

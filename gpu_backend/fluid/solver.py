@@ -22,6 +22,7 @@ from gpu_backend.fluid.cells import Cells, cell_bytes
 from gpu_backend.fluid.extent import FLOWS
 from gpu_backend.fluid.flow import Flow
 from gpu_backend.fluid.kernels import WALL, make_density_kernels
+from gpu_backend.fluid.lists import LANES, TOGETHER
 from gpu_backend.fluid.motion import make_begin, make_settle
 from gpu_backend.fluid.smoothing import make_smoothing
 from gpu_backend.fluid.sort_kernels import THREADS as SORT_THREADS
@@ -37,7 +38,7 @@ from model.fluid.samples import Samples
 from model.mass_spring.cloth_parameters import collider_numbers
 from model.scene.scene import Scene
 
-THREADS = 128  # a block
+THREADS = LANES  # a block
 FEWER = {8192: 32, 32768: 64}  # of so many particles at most: so that each multiprocessor has some
 QUADS = 10  # of a particle: the state twice and put aside, and what a substep needs
 
@@ -83,7 +84,8 @@ class Fluid(SubstepSimulation):
         self.particle = [self.on_device(self._numbers), self.on_device(self._numbers)]
         self.kept_particle = self.on_device(self._numbers)
         self.fluids = self.on_device(self._rows)
-        self.sorted, self.corrected, self.before, self.meant = (self.new_array() for _ in range(4))
+        self.sorted = self.on_device(np.zeros(SIZE * max(count, TOGETHER), real))  # so many at least are looked at
+        self.corrected, self.before, self.meant = (self.new_array() for _ in range(3))
         parts, walls = self.plan.parts, WALL * count
         self.relaxed = tuple(
             self.on_device(np.zeros(size, real))

@@ -7,12 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from gpu_backend.core.compile import inlined
-from gpu_backend.core.formulas import device_formulas
-from gpu_backend.core.integers import BOXES, CAPSULES, FIELDS, MESHES, PLANES, SPHERES
-from model.formulas import cloth, colliders
-from model.formulas.fluid import density, surfaces
-from model.mass_spring.cloth_parameters import (
+from gpu_backend.contact.rows import (
     B_RADIUS,
     B_SPIN,
     B_THICKNESS,
@@ -27,8 +22,14 @@ from model.mass_spring.cloth_parameters import (
     B_X,
     B_Y,
     B_Z,
-    COLLIDER_FIELDS,
+    FIRST_ROW,
+    ROW,
 )
+from gpu_backend.core.compile import inlined
+from gpu_backend.core.formulas import device_formulas
+from gpu_backend.core.integers import BOXES, CAPSULES, FIELDS, MESHES, PLANES, SPHERES
+from model.formulas import cloth, colliders
+from model.formulas.fluid import density, surfaces
 
 
 @cache
@@ -66,37 +67,37 @@ def make_walls(real: Any, math: str, parts: frozenset[str]) -> Any:
     @inline
     def walls(p, world, step):
         parameters, bodies, integers = world.parameters, world.colliders, world.integers
-        found, at = (zero, zero, zero, zero), np.int32(0)
+        found, at = (zero, zero, zero, zero), FIRST_ROW
         end = instant(step + next_one, parameters.dt, parameters.first_step, parameters.first_time)
         if has_planes:
             for _ in range(np.int32(integers[PLANES])):
                 dx, dy, dz = way(p, bodies, at, end)
                 surface = plane(dx, dy, dz, bodies[at + B_U], bodies[at + B_V], bodies[at + B_W])
-                found, at = joined(found, surface, bodies, at, parameters), np.int32(at + COLLIDER_FIELDS)
+                found, at = joined(found, surface, bodies, at, parameters), np.uint64(at + ROW)
         if has_spheres:
             for _ in range(np.int32(integers[SPHERES])):
                 dx, dy, dz = way(p, bodies, at, end)
                 surface = sphere(dx, dy, dz, bodies[at + B_RADIUS])
-                found, at = joined(found, surface, bodies, at, parameters), np.int32(at + COLLIDER_FIELDS)
+                found, at = joined(found, surface, bodies, at, parameters), np.uint64(at + ROW)
         if has_capsules:
             for _ in range(np.int32(integers[CAPSULES])):
                 dx, dy, dz = way(p, bodies, at, end)
                 ex, ey, ez = bodies[at + B_U], bodies[at + B_V], bodies[at + B_W]
                 surface = capsule(dx, dy, dz, ex, ey, ez, bodies[at + B_RADIUS])
-                found, at = joined(found, surface, bodies, at, parameters), np.int32(at + COLLIDER_FIELDS)
+                found, at = joined(found, surface, bodies, at, parameters), np.uint64(at + ROW)
         if has_boxes:
             for _ in range(np.int32(integers[BOXES])):
                 dx, dy, dz = way(p, bodies, at, end)
                 surface = box(dx, dy, dz, bodies[at + B_U], bodies[at + B_V], bodies[at + B_W])
-                found, at = joined(found, surface, bodies, at, parameters), np.int32(at + COLLIDER_FIELDS)
+                found, at = joined(found, surface, bodies, at, parameters), np.uint64(at + ROW)
         if has_meshes:
             for _ in range(np.int32(integers[MESHES])):
                 found = joined(found, mesh(p, bodies, at, end, parameters), bodies, at, parameters)
-                at = np.int32(at + COLLIDER_FIELDS)
+                at = np.uint64(at + ROW)
         if has_fields:
             for _ in range(np.int32(integers[FIELDS])):
                 found = joined(found, field(p, bodies, at, end, parameters), bodies, at, parameters)
-                at = np.int32(at + COLLIDER_FIELDS)
+                at = np.uint64(at + ROW)
         return found
 
     return walls
@@ -111,8 +112,8 @@ def surfaces_of(real: Any, math: str) -> tuple[Any, Any]:
         @inline
         def surface(p, bodies, at, time, parameters):
             return away(
-                bodies, np.int32(at + np.int32(bodies[at + B_TREE])), bodies[at + B_X], bodies[at + B_Y], bodies[at + B_Z],
-                bodies[at + B_VX], bodies[at + B_VY], bodies[at + B_VZ], bodies[at + B_U], bodies[at + B_V],
+                bodies, np.int32(np.int32(at) + np.int32(bodies[at + B_TREE])), bodies[at + B_X], bodies[at + B_Y],
+                bodies[at + B_Z], bodies[at + B_VX], bodies[at + B_VY], bodies[at + B_VZ], bodies[at + B_U], bodies[at + B_V],
                 bodies[at + B_W], bodies[at + B_SPIN], bodies[at + B_TURNS], time, p[0], p[1], p[2],
                 parameters.support + bodies[at + B_THICKNESS],
             )  # fmt: skip

@@ -13,6 +13,7 @@ from numba import cuda
 from gpu_backend.fluid.cells import Cells
 from gpu_backend.fluid.kernels import make_density_kernels
 from gpu_backend.fluid.sort_kernels import CELLS, WRAPS
+from model.fluid.parameters import FLUID_PARAMETERS
 
 SUPPORT, NEIGHBOURS, PERIOD = 0.1, 6, 0.5
 SCATTERED, CROWDED, TORN, LOST, ROUND = "scattered", "crowded", "torn", "lost", "round"
@@ -35,7 +36,7 @@ def cloud(kind: str, axes: int) -> np.ndarray:
 def record_for(kind: str, real: Any) -> Any:
     """What the kernels read of the constants. The first axis repeats from -0.2 m on."""
     cells = int(PERIOD / SUPPORT)
-    values = {
+    values = dict.fromkeys(FLUID_PARAMETERS, 0.0) | {
         "support": SUPPORT, "inverse_cell": 1 / SUPPORT, "low_x": -0.2, "side_x": PERIOD, "half_x": PERIOD / 2,
         "cells_x": cells, "inverse_side_x": cells / PERIOD,
     }  # fmt: skip
