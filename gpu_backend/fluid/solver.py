@@ -111,8 +111,9 @@ class Fluid(SubstepSimulation):
     def _make_kernels(self) -> None:
         variant = self.real, self.options.math, self.plan.parts
         self._tools = make_fluid_tools(self.real, self.scene.dimensions, self.plan.parts & FLOWS)
-        self.begin, self.settling = make_begin(*variant, self.repeats), make_settle(*variant, self.repeats)
-        self.relaxing = make_density_kernels(*variant, self.repeats, self.neighbours)
+        staged = not self.repeats
+        self.begin, self.settling = make_begin(*variant, self.repeats), make_settle(*variant, self.repeats, staged)
+        self.relaxing = make_density_kernels(*variant, self.repeats, self.neighbours, staged)
         self.free = divergence_free.DivergenceFree(self) if "divergence-free" in self.plan.parts else None
         self.smoothing = None
         if self.plan.parts & SMOOTHING and not self.free:
@@ -154,6 +155,11 @@ class Fluid(SubstepSimulation):
         """The table of neighbours, and how many each particle has."""
         return self.cells.table, self.cells.found
 
+    @property
+    def near(self) -> tuple[Any, ...]:
+        """Where cells and their particles are, and `lists`."""
+        return self.cells.sorted_keys, self.cells.numbers, self.cells.begins, *self.lists
+
     def _substep(self, place: int, substep: int) -> None:
         """Launch one substep, from the current buffers into the others; `place`: the step's after the counter."""
         time = self._counter, np.int64(place), np.int64(self.scene.method.substeps), np.int64(substep)
@@ -169,16 +175,15 @@ class Fluid(SubstepSimulation):
         self.cells.sort(self.record, given, (self.sorted, self.before, self.meant, self.particle[now]))
         world, a, b = (self.bodies, self.integers, *time), self.corrected, self.sorted
         relaxing.prepare[flat](
-            b, self.record, self.cells.sorted_keys, self.cells.numbers, self.cells.begins, *self.lists, self.cells.beyond,
-            *self.relaxed, self.fluids, *world, a,
+            b, self.record, *self.near, self.cells.beyond, *self.relaxed, self.fluids, *world, a
         )  # fmt: skip
         for _ in range(self.scene.method.iterations - 1):
-            relaxing.correct[flat](self.before, a, self.record, *self.lists, self.gradients, self.fluids, *world, b)
-            relaxing.density[flat](b, self.record, *self.lists, *self.relaxed, *world)
+            relaxing.correct[flat](self.before, a, self.record, *self.near, self.gradients, self.fluids, *world, b)
+            relaxing.density[flat](b, self.record, *self.near, *self.relaxed, *world)
             a, b = b, a
         position, velocity = self.position[now], self.velocity[now]
         self.settling.settle[flat](
-            self.before, self.meant, a, self.record, *self.lists, self.constraints, self.gradients, self.fluids, *world,
+            self.before, self.meant, a, self.record, *self.near, self.constraints, self.gradients, self.fluids, *world,
             position, self.meant if self.smoothing else velocity,
         )  # fmt: skip
         if self.smoothing:

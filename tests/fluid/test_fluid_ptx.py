@@ -22,16 +22,16 @@ SORT = {  # of each kernel's arguments, see kernel_text.py
 TIME = "RULlll"  # bodies, integers, counter, place, substeps, substep
 STEP = {
     "begin": "RRIrFR" + TIME[1:] + "RRRR",
-    "find": "RFIIIIIL",
-    "prepare": "RFIIIIILRRRRR" + TIME + "R",
-    "factors": "RFIIRRRRR" + TIME,
-    "density": "RFIIRRRR" + TIME,
-    "correct": "RRFIIRR" + TIME + "R",
-    "settle": "RRRFIIRRR" + TIME + "RR",
+    "find": "RFIIITIL",
+    "prepare": "RFIIITILRRRRR" + TIME + "R",
+    "factors": "RFTIRRRRR" + TIME,
+    "density": "RFIIITIRRRR" + TIME,
+    "correct": "RRFIIITIRR" + TIME + "R",
+    "settle": "RRRFIIITIRRR" + TIME + "RR",
     "update": "RRRFR" + TIME + "RR",
     "limit": "RRRFR",
-    "shape": "RRFIIRR",
-    "smooth": "RRFIIRRRRR",
+    "shape": "RRFTIRR",
+    "smooth": "RRFTIRRRRR",
 }
 FLOW = {
     "due": "LlllFRIR",
@@ -47,18 +47,18 @@ SOLIDS = {
     "gather": "IiI",
     "follow": "IIRRR",
     "push": "RIIRRR",
-    "factors": "RFIIIiRRRRRR" + TIME,
-    "density": "RFIIIiRRRRR" + TIME,
-    "correct": "RRFIIIiRRR" + TIME + "RR",
+    "factors": "RFTIIiRRRRRR" + TIME,
+    "density": "RFTIIiRRRRR" + TIME,
+    "correct": "RRFTIIiRRR" + TIME + "RR",
 }
 FREE = {  # of the scheme divergence-free
     "gather": "RFR",
-    "survey": "RRFIIRRR" + TIME,
-    "relax": "RRFIIRRRRRii",
-    "push": "RRFIIRRRi",
+    "survey": "RRFTIRRR" + TIME,
+    "relax": "RRFTIRRRRRii",
+    "push": "RRFTIRRRi",
     "take_up": "RRRFR",
     "accelerate": "RRIRFR" + TIME[1:] + "R",
-    "foresee": "RRFIIRRR",
+    "foresee": "RRFTIRRR",
     "move": "RRRRRFR" + TIME + "RR",
 }
 COUNTED = {"hash_particles", "find", "prepare", "take"}  # by atomics
@@ -110,10 +110,10 @@ def kernel(name: str, real: Any, math: str, parts: frozenset[str]) -> Any:
     if name == "begin":
         return make_begin(real, math, parts, repeats)
     if name in ("settle", "update", "limit"):
-        return getattr(make_settle(real, math, parts, repeats), name)
+        return getattr(make_settle(real, math, parts, repeats, not repeats), name)
     if name in ("shape", "smooth"):
         return getattr(make_smoothing(real, math, parts, repeats, True), name)
-    return getattr(make_density_kernels(real, math, parts, repeats, 64), name)
+    return getattr(make_density_kernels(real, math, parts, repeats, 64, not repeats), name)
 
 
 @pytest.mark.parametrize("parts", [PLAIN, ALL, COMING], ids=["plain", "all", "coming"])
