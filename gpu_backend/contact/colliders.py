@@ -36,20 +36,27 @@ from gpu_backend.core.integers import BOXES, CAPSULES, COLLIDERS, FIELDS, MESHES
 from model.formulas import cloth, colliders, distance_field, triangle_tree
 
 
-def _make_answers(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
-    """Of a collider whose numbers begin at `at`: `place_of`; `answer`, the velocity of a mass that touches it; `push`."""
-    formulas, sums = device_formulas(colliders.make, real, math), device_formulas(cloth.make, real, math)
-    respond, rebound, moved, pushed = formulas.respond, formulas.rebound, sums.moved, sums.pushed
-    bounces, has_friction, zero, inline = "restitution" in parts, "friction" in parts, real(0), inlined(math)
+@cache
+def make_place_of(real: Any, math: str) -> Any:
+    """place_of(bodies, at, time) -> (x, y, z): the point [m] at `time` [s] of a collider whose numbers begin at `at`."""
+    moved = device_formulas(cloth.make, real, math).moved
 
-    @inline
+    @inlined(math)
     def place_of(bodies, at, time):
-        """The collider's point at `time`."""
         return (
             moved(bodies[at + B_X], bodies[at + B_VX], time),
             moved(bodies[at + B_Y], bodies[at + B_VY], time),
             moved(bodies[at + B_Z], bodies[at + B_VZ], time),
         )
+
+    return place_of
+
+
+def _make_answers(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
+    """Of a collider whose numbers begin at `at`: `place_of`; `answer`, the velocity of a mass that touches it; `push`."""
+    formulas, place_of = device_formulas(colliders.make, real, math), make_place_of(real, math)
+    respond, rebound, pushed = formulas.respond, formulas.rebound, device_formulas(cloth.make, real, math).pushed
+    bounces, has_friction, zero, inline = "restitution" in parts, "friction" in parts, real(0), inlined(math)
 
     @inline
     def answer(vx, vy, vz, nx, ny, nz, slow, bodies, at):

@@ -19,7 +19,7 @@ from gpu_backend.core.compile import inlined, kernel_options, make_kernels, vari
 from gpu_backend.core.device import simulated
 from gpu_backend.core.formulas import device_formulas
 from gpu_backend.core.quads import load_quad, store_quad
-from gpu_backend.core.scan import make_before
+from gpu_backend.core.scan import make_before, make_strips
 from gpu_backend.fluid.sort_kernels import DEPTH, HEIGHT, INVERSE, KEPT, LOW, WIDTH
 from gpu_backend.xpbd.kernels import make_clock
 from model.fluid.flow import (
@@ -67,6 +67,7 @@ def _make_emission(real: Any, math: str, parts: frozenset[str]) -> tuple[Any, ..
     f, clock = device_formulas(flow.make, real, math), make_clock(math, parts)
     instant = device_formulas(cloth.make, real, math).instant
     passed, begun, emitted, before = f.passed, f.begun, f.emitted, make_before(THREADS)
+    strips = make_strips(THREADS)
     one, zero, fields, row_size = np.int32(1), np.int32(0), np.int32(DUE_FIELDS), np.int32(EMITTER_FIELDS)
     threads, next_one, axes = np.int32(THREADS), np.int64(1), np.int32(3)
 
@@ -105,18 +106,9 @@ def _make_emission(real: Any, math: str, parts: frozenset[str]) -> tuple[Any, ..
                 sums[cuda.blockIdx.x] = np.int32(start + own)
 
     def totals(due_now, sums):
-        """The sums of all blocks before each, in place: one block, each thread a strip."""
+        """The sums of all blocks before each, in place: one block."""
         if due_now[due_now.size - fields + D_NEEDED] > zero:
-            strip = np.int32((sums.size + threads - one) // threads)
-            first = np.int32(strip * cuda.threadIdx.x)
-            last, own = min(np.int32(first + strip), np.int32(sums.size)), zero
-            for k in range(first, last):
-                own = np.int32(own + sums[k])
-            start = before(own)
-            for k in range(first, last):
-                number = sums[k]
-                sums[k] = start
-                start = np.int32(start + number)
+            strips(sums, np.int32(sums.size))
 
     @inlined("exact")
     def waiting_before(n, ranks, sums):

@@ -119,7 +119,7 @@ def make_density_kernels(
     move, places = make_move(*variant, repeats, staged), make_around(real, axes, staged)
     sum_factor, sum_density, factor_of, weights_of = alone.sum_factor, sums.sum_density, sums.factor_of, sums.weights_of
     zero, walls, clock, around_of = real(0), make_walls(*variant), make_clock(math, parts), places.around
-    shape = real, axes, neighbours, repeats, places.four_of
+    shape = real, math, axes, neighbours, repeats, places.four_of
     search = make_search(*shape, _make_nothing_added(), zero, "solids" in parts)
     search_and_sum = make_search(*shape, sums.both_added, (zero, zero, zero, zero, zero), "solids" in parts)
     has_walls, numbers_each = "walls" in parts, np.int32(WALL)

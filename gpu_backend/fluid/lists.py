@@ -111,39 +111,42 @@ def _make_steps() -> SimpleNamespace:
 
 
 @cache
-def _make_look(real: Any, repeats: frozenset[str], solids: bool, four_of: Any) -> Any:
+def _make_look(real: Any, math: str, repeats: frozenset[str], solids: bool, four_of: Any) -> Any:
     """look(k, p, e, end, row, around, parameters) -> (bits, first): which of the particles from e to before `end`, WORD at
     most, of a row around, are neighbours of particle k at p, a bit each from particle `first` on; with `solids`, two samples
     of solids are none."""
-    formulas, way = device_formulas(density.make, real, "exact"), make_ways(real, "exact", repeats)
-    squared, within, inline = formulas.squared, formulas.within, inlined("exact")
+    formulas, way = device_formulas(density.make, real, math), make_ways(real, math, repeats)
+    squared, within, inline = formulas.squared, formulas.within, inlined(math)
     word, all_bits, together = np.int32(WORD), np.uint32(0xFFFFFFFF), np.int32(TOGETHER)
+    none, one, two, four, eight = (np.uint32(bit) for bit in (0, 1, 2, 4, 8))
 
     @inline
-    def bit_of(p, q, parameters):
+    def bit_of(p, q, bit, parameters):
         dx, dy, dz = way(p, q, parameters)
         if solids and p[3] == parameters.sampled and q[3] == parameters.sampled:
-            return np.uint32(0)
-        return np.uint32(within(squared(dx, dy, dz), parameters.support))
+            return none
+        return bit if within(squared(dx, dy, dz), parameters.support) else none
 
     @inline
     def look(k, p, e, end, row, around, parameters):
         # the last TOGETHER before `end` are looked at as they are, so that loads lie at fixed places behind one another
         last = np.int32(max(end - together, 0))
-        first, bits = np.int32(min(e, last)), np.uint32(0)
-        for begin in range(first, end, together):
-            g = np.int32(min(np.int32(begin), last))
+        first, bits = np.int32(min(e, last)), none
+        begin = first
+        while begin < end:
+            g = min(begin, last)
             q, r, s, t = four_of(around, g, row)
             found = np.uint32(
-                bit_of(p, q, parameters) | bit_of(p, r, parameters) << np.uint32(1)
-                | bit_of(p, s, parameters) << np.uint32(2) | bit_of(p, t, parameters) << np.uint32(3)
+                bit_of(p, q, one, parameters) | bit_of(p, r, two, parameters) | bit_of(p, s, four, parameters)
+                | bit_of(p, t, eight, parameters)
             )  # fmt: skip
             bits = np.uint32(bits | found << np.uint32(g - first))
+            begin = np.int32(begin + together)
         # what lies before e or behind the run, where that is shorter than TOGETHER, is another run's
         bits = np.uint32(bits & (all_bits << np.uint32(e - first)))
         bits = np.uint32(bits & (all_bits >> np.uint32(max(word - (end - first), 0))))
         if first <= k and k < end:
-            bits = np.uint32(bits & ~(np.uint32(1) << np.uint32(k - first)))
+            bits = np.uint32(bits & ~(one << np.uint32(k - first)))
         return bits, first
 
     return look
@@ -151,14 +154,14 @@ def _make_look(real: Any, repeats: frozenset[str], solids: bool, four_of: Any) -
 
 @cache
 def make_search(
-    real: Any, axes: int, neighbours: int, repeats: frozenset[str], four_of: Any, visit: Any, begun: Any,
+    real: Any, math: str, axes: int, neighbours: int, repeats: frozenset[str], four_of: Any, visit: Any, begun: Any,
     solids: bool = False,
 ) -> Any:  # fmt: skip
     """search(k, p, around, parameters, key, numbers, begins, table, particles, lost, fluids) -> (how many neighbours particle
     k at p has in its list now, `neighbours` at most; sums over them); the others are counted in `lost`. `four_of`: of
     gpu_backend/fluid/around.py; `begun`: sums of none; visit(sums, k, p, entry, around, fluids, parameters) -> the sums with
-    a neighbour. Who is one is found out in exact math, so that lists are the CPU's. In blocks of LANES threads at most."""
-    whole, look, scales_of = _make_steps(), _make_look(real, repeats, solids, four_of), _make_scales_of()
+    a neighbour. In exact math lists are the CPU's. In blocks of LANES threads at most."""
+    whole, look, scales_of = _make_steps(), _make_look(real, math, repeats, solids, four_of), _make_scales_of()
     beside, first_piece, second_piece = whole.beside, whole.first_piece, whole.second_piece
     most, one, rows, solid, goes_round = np.int32(neighbours), np.int32(1), rows_around(axes), axes == 3, "x" in repeats
     pieces = np.int32(rows * (2 if goes_round else 1))

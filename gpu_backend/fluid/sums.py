@@ -68,9 +68,9 @@ def make_over_list(math: str, added: Any, begun: Any, places: SimpleNamespace) -
             last, k_ = np.int32(count - one), np.uint32(k)
             a, b = entry(table, k_, np.int32(0), last, particles), entry(table, k_, one, last, particles)
             c, d = entry(table, k_, two, last, particles), entry(table, k_, three, last, particles)
-            for s in range(np.int32(0), np.int32(count - three), four):
+            row = four  # of the entries after a, b, c, d
+            while row <= count:
                 q, r, t, u = quad_of(around, a), quad_of(around, b), quad_of(around, c), quad_of(around, d)
-                row = np.int32(s + four)
                 e, f = entry(table, k_, row, last, particles), entry(table, k_, np.int32(row + one), last, particles)
                 g = entry(table, k_, np.int32(row + two), last, particles)
                 h = entry(table, k_, np.int32(row + three), last, particles)
@@ -78,7 +78,7 @@ def make_over_list(math: str, added: Any, begun: Any, places: SimpleNamespace) -
                 sums = added(sums, k, p, place_of(b), r, fluids, parameters)
                 sums = added(sums, k, p, place_of(c), t, fluids, parameters)
                 sums = added(sums, k, p, place_of(d), u, fluids, parameters)
-                a, b, c, d = e, f, g, h
+                a, b, c, d, row = e, f, g, h, np.int32(row + four)
             left = np.int32(count & three)
             q, r, t = quad_of(around, a), quad_of(around, b), quad_of(around, c)
             if left > 0:

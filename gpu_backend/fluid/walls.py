@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from gpu_backend.contact.colliders import make_place_of
 from gpu_backend.contact.rows import (
     B_RADIUS,
     B_SPIN,
@@ -40,19 +41,21 @@ def make_walls(real: Any, math: str, parts: frozenset[str]) -> Any:
     plane, sphere, capsule, box = distances.plane, distances.sphere, distances.capsule, distances.box
     wall_density, wall_slope, wall_near, beyond = sums.wall_density, sums.wall_slope, sums.wall_near, sums.beyond
     joined_density, joined_gradient = sums.joined_density, sums.joined_gradient
-    times = device_formulas(cloth.make, real, math)
-    instant, moved, inline, zero, next_one = times.instant, times.moved, inlined(math), real(0), np.int64(1)
+    instant, inline, zero, next_one = (
+        device_formulas(cloth.make, real, math).instant,
+        inlined(math),
+        real(0),
+        np.int64(1),
+    )
+    place_of = make_place_of(real, math)
     has_planes, has_spheres, has_capsules, has_boxes = (kind in parts for kind in ("plane", "sphere", "capsule", "box"))
     (mesh, field), has_meshes, has_fields = surfaces_of(real, math), "mesh_collider" in parts, "distance_field" in parts
 
     @inline
     def way(p, bodies, at, time):
         """From the collider's point at `time` to the particle."""
-        return (
-            p[0] - moved(bodies[at + B_X], bodies[at + B_VX], time),
-            p[1] - moved(bodies[at + B_Y], bodies[at + B_VY], time),
-            p[2] - moved(bodies[at + B_Z], bodies[at + B_VZ], time),
-        )
+        x, y, z = place_of(bodies, at, time)
+        return p[0] - x, p[1] - y, p[2] - z
 
     @inline
     def joined(so_far, surface, bodies, at, parameters):
