@@ -9,7 +9,8 @@ import numpy as np
 
 from cpu_backend.core.compile import Compiler
 from cpu_backend.fluid.cells import make_row_of
-from cpu_backend.fluid.lists import LANES, make_wrap
+from cpu_backend.fluid.lists import make_wrap
+from cpu_backend.fluid.quads import LANES
 from model.fluid.parameters import F_COHESION, F_CONFINEMENT, F_TENSION, F_VISCOSITY, F_WEIGHT
 from model.formulas.fluid import density, motion
 

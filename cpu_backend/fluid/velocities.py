@@ -11,7 +11,7 @@ from cpu_backend.contact.colliders import make_collide_mass
 from cpu_backend.core.compile import Compiler
 from cpu_backend.core.layout import row_at
 from cpu_backend.fluid.cells import AXES, make_row_of
-from cpu_backend.fluid.lists import LANES
+from cpu_backend.fluid.quads import LANES
 from cpu_backend.fluid.smoothing import make_smoothing
 from model.fluid.parameters import F_CHANGE, F_DRAG, F_SPEED, F_SURFACE_DRAG, MAX_NEIGHBOURS
 from model.fluid.plan import SMOOTHING
