@@ -26,19 +26,11 @@ from model.formulas.fluid import density, divergence, motion
 from model.scene.cloth import COLLIDER_KINDS
 
 
-def make_solve(compiler: Compiler, real: Any, parts: frozenset[str], sides_of: Any) -> SimpleNamespace:
-    """`survey`, `foresee`, `relax`, `push`: phases over slices of LANES particles, that take (part, parts, ..., world, ...);
-    `second`: whether of the second solve."""
-    compiled, f, g = compiler.compiled, density.make(real, compiler.compiled), divergence.make(real, compiler.compiled)
-    constraint, wall_added, moved, of_wall = f.constraint, f.wall_added, f.moved, g.approach_of_wall
-    compressed, foreseen, pressed, lead, led = g.compressed, g.foreseen, g.pressed, g.lead, g.led
-    most = MAX_NEIGHBOURS[2 if "flat" in parts else 3]
-    pairs, approaches = make_pairs(compiler, real, parts), make_approaches(compiler, real, parts)
-    densities, corrections, scratch_of = pairs.densities, pairs.corrections, make_scratch(compiler)
-    sums_of, numbers_of, own_of = scratch_of.sums_of, scratch_of.numbers_of, scratch_of.own
-    wall_rows, instants = make_wall_rows(compiler, real, parts), make_instants(compiler, real, parts)
-    has_walls, moving = "walls" in parts, "moving" in parts
-    row_of, zero = compiled(make_row_of(parts)), real(0)
+def make_approach(compiler: Compiler, real: Any, parts: frozenset[str], sides_of: Any) -> SimpleNamespace:
+    """`approach(s, many, world, parameters, vector, total)`, `rest_of(i, room, wall, vector, total)`."""
+    compiled, approaches = compiler.compiled, make_approaches(compiler, real, parts)
+    of_wall = divergence.make(real, compiled).approach_of_wall
+    most, has_walls, zero = MAX_NEIGHBOURS[2 if "flat" in parts else 3], "walls" in parts, real(0)
 
     @compiled
     def approach(s, many, world, parameters, vector, total):
@@ -63,6 +55,23 @@ def make_solve(compiler: Compiler, real: Any, parts: frozenset[str], sides_of: A
                 total, wall[i], wall[room + i], wall[2 * room + i], vector[i], vector[room + i], vector[2 * room + i]
             )
         return total
+
+    return SimpleNamespace(approach=approach, rest_of=rest_of)
+
+
+def make_solve(compiler: Compiler, real: Any, parts: frozenset[str], sides_of: Any) -> SimpleNamespace:
+    """`survey`, `foresee`, `relax`: phases over slices of LANES particles, that take (part, parts, ..., world, ...);
+    `second`: whether of the second solve."""
+    compiled, f, g = compiler.compiled, density.make(real, compiler.compiled), divergence.make(real, compiler.compiled)
+    constraint, along = f.constraint, make_approach(compiler, real, parts, sides_of)
+    approach, rest_of = along.approach, along.rest_of
+    compressed, foreseen, pressed, lead, led = g.compressed, g.foreseen, g.pressed, g.lead, g.led
+    most = MAX_NEIGHBOURS[2 if "flat" in parts else 3]
+    densities, scratch_of = make_pairs(compiler, real, parts).densities, make_scratch(compiler)
+    sums_of, numbers_of, own_of = scratch_of.sums_of, scratch_of.numbers_of, scratch_of.own
+    wall_rows, instants = make_wall_rows(compiler, real, parts), make_instants(compiler, real, parts)
+    has_walls, moving = "walls" in parts, "moving" in parts
+    zero = real(0)
 
     @compiled
     def survey(part, shared, number, world, parameters, bodies, kinds):
@@ -133,6 +142,17 @@ def make_solve(compiler: Compiler, real: Any, parts: frozenset[str], sides_of: A
                 delta[i], iterate[i] = ahead[i] - before, found
                 quads[QUAD * i + 3] = delta[i]
 
+    return SimpleNamespace(survey=survey, foresee=foresee, relax=relax)
+
+
+def make_push(compiler: Compiler, real: Any, parts: frozenset[str], sides_of: Any) -> SimpleNamespace:
+    """`push(part, parts, turn, world, parameters, fluids)`: the phase of an iteration that follows `relax`."""
+    compiled, f, scratch_of = compiler.compiled, density.make(real, compiler.compiled), make_scratch(compiler)
+    wall_added, moved, corrections = f.wall_added, f.moved, make_pairs(compiler, real, parts).corrections
+    sums_of, numbers_of, own_of = scratch_of.sums_of, scratch_of.numbers_of, scratch_of.own
+    most, has_walls = MAX_NEIGHBOURS[2 if "flat" in parts else 3], "walls" in parts
+    row_of, zero = compiled(make_row_of(parts)), real(0)
+
     @compiled
     def push(part, shared, turn, world, parameters, fluids):
         """Shifts by what multipliers changed."""
@@ -161,7 +181,7 @@ def make_solve(compiler: Compiler, real: Any, parts: frozenset[str], sides_of: A
                 shift[i], shift[room + i] = moved(ex, weight, x), moved(ey, weight, y)
                 shift[2 * room + i] = moved(ez, weight, z)
 
-    return SimpleNamespace(survey=survey, foresee=foresee, relax=relax, push=push)
+    return SimpleNamespace(push=push)
 
 
 def make_take_up(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:

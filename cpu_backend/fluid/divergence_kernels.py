@@ -11,7 +11,7 @@ from typing import Any
 from cpu_backend.core.compile import Compiler
 from cpu_backend.core.progress import shares
 from cpu_backend.fluid.constraint import make_search_phases, make_sides_of
-from cpu_backend.fluid.divergence import make_solve, make_take_up
+from cpu_backend.fluid.divergence import make_push, make_solve, make_take_up
 from cpu_backend.fluid.divergence_pairs import make_accelerate, make_gather
 from cpu_backend.fluid.kernels import fluid_compiler, make_sort
 from cpu_backend.fluid.phases import make_order
@@ -25,6 +25,7 @@ def _phases(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNames
     order = make_order(compiler, real, parts)
     sides_of, searches = make_sides_of(compiler, real, parts), make_search_phases(compiler, real, parts, order.cells_in)
     found = vars(order) | vars(make_solve(compiler, real, parts, sides_of))
+    found |= vars(make_push(compiler, real, parts, sides_of))
     found |= vars(make_take_up(compiler, real, parts))
     found |= vars(make_accelerate(compiler, real, parts, sides_of))
     shape = make_velocities(compiler, real, parts, sides_of).shape

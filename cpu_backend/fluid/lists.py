@@ -7,115 +7,21 @@ and each lane's sum goes in the order of its own list.
 
 from __future__ import annotations
 
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
-from llvmlite import ir
-from numba import types
-from numba.extending import intrinsic
 
 from cpu_backend.core.compile import Compiler
 from cpu_backend.core.layout import row_at
-from cpu_backend.core.plain import in_python
+from cpu_backend.fluid.bits import WORD, bits_below, bits_of, lowest_bit, without, without_lowest
 from cpu_backend.fluid.quads import LANES
 from model.formulas.fluid import density
 
 AROUND = 1024  # particles of the cells around one that are gathered; where there are more, they are looked at in place
 RUNS = 64  # numbers: the ends of runs around a cell
 FAR = 1e15  # m: nobody's place; its square is still a number in float32
-
-
-WORD = 64  # distances that are looked at in one go, a bit each
-TOGETHER = 4  # of their bits that are followed in one go, whether so many are left or not
-
-_built_in: Any = intrinsic  # typed by numba when it is compiled
-
-
-@_built_in
-def bits_below(typing_context, array, offset, limit):
-    """Of the WORD numbers of a flat array from `offset` on, those that are less than `limit`, a bit each."""
-    if not (isinstance(array, types.Array) and array.ndim == 1 and array.layout == "C" and array.dtype == limit):
-        return None
-
-    def build(context, builder, signature, arguments):
-        whole = context.make_array(array)(context, builder, arguments[0])
-        element = context.get_data_type(array.dtype)
-        vector = ir.VectorType(element, WORD)
-        here = builder.bitcast(builder.gep(whole.data, [arguments[1]]), vector.as_pointer())
-        numbers = builder.load(here, align=array.dtype.bitwidth // 8)
-        limits = builder.insert_element(ir.Constant(vector, ir.Undefined), arguments[2], ir.Constant(ir.IntType(32), 0))
-        limits = builder.shuffle_vector(limits, limits, ir.Constant(ir.VectorType(ir.IntType(32), WORD), [0] * WORD))
-        return builder.bitcast(builder.fcmp_ordered("<", numbers, limits), ir.IntType(WORD))
-
-    return types.uint64(array, types.int64, array.dtype), build
-
-
-@in_python(bits_below)
-def _bits_below(array: np.ndarray, offset: int, limit: Any) -> int:
-    return sum(1 << k for k in range(WORD) if array[offset + k] < limit)
-
-
-@_built_in
-def lowest_bit(typing_context, word):
-    """Where the lowest bit of a uint64 that is set lies; of 0 WORD."""
-
-    def build(context, builder, signature, arguments):
-        return builder.cttz(arguments[0], context.get_constant(types.boolean, False))
-
-    return types.int64(types.uint64), build
-
-
-@in_python(lowest_bit)
-def _lowest_bit(word: Any) -> int:
-    return (int(word) & -int(word)).bit_length() - 1 if word else WORD
-
-
-@_built_in
-def bits_of(typing_context, word):
-    """How many bits of a uint64 are set."""
-
-    def build(context, builder, signature, arguments):
-        return builder.ctpop(arguments[0])
-
-    return types.int64(types.uint64), build
-
-
-@in_python(bits_of)
-def _bits_of(word: Any) -> int:
-    return int(word).bit_count()
-
-
-@_built_in
-def without(typing_context, word, bit):
-    """A uint64 without that bit, if it has one of that number."""
-
-    def build(context, builder, signature, arguments):
-        one, last = ir.Constant(ir.IntType(WORD), 1), ir.Constant(ir.IntType(WORD), WORD - 1)
-        there = builder.icmp_unsigned("<=", arguments[1], last)
-        mask = builder.not_(builder.shl(one, builder.and_(arguments[1], last)))
-        return builder.select(there, builder.and_(arguments[0], mask), arguments[0])
-
-    return types.uint64(types.uint64, types.int64), build
-
-
-@in_python(without)
-def _without(word: Any, bit: Any) -> int:
-    return int(word) & ~(1 << int(bit)) if 0 <= bit < WORD else int(word)
-
-
-@_built_in
-def without_lowest(typing_context, word):
-    """A uint64 without the lowest of its bits."""
-
-    def build(context, builder, signature, arguments):
-        return builder.and_(arguments[0], builder.sub(arguments[0], ir.Constant(ir.IntType(WORD), 1)))
-
-    return types.uint64(types.uint64), build
-
-
-@in_python(without_lowest)
-def _without_lowest(word: Any) -> int:
-    return int(word) & (int(word) - 1)
+TOGETHER = 4  # bits that are followed in one go, whether so many are left or not
 
 
 def make_wrap(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
@@ -134,15 +40,9 @@ def make_wrap(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
     return wrap
 
 
-def make_find(compiler: Compiler, real: Any, parts: frozenset[str], most: int) -> Any:
-    """find(first, last, count, room, nobody, place, cell, order, starts, counts, sides, parameters, lists, around, fluid)
-    -> neighbours that no list holds: of the slices `first` to before `last`. `counts`: of cells along x, y, z; `most`:
-    neighbours of a particle; `around`: room for those that lie in a cell's 27, whom its particles are all held against:
-    their places (three planes), which they are, and the runs that they come in."""
-    formulas, wrap = density.make(real, compiler.compiled), make_wrap(compiler, real, parts)
-    squared = formulas.squared
-    repeats, flat, has_solids = "repeats" in parts, "flat" in parts, "solids" in parts
-    zero, far = real(0), real(FAR)
+def _make_picked(compiler: Compiler, real: Any, parts: frozenset[str], most: int) -> Any:
+    squared, wrap = density.make(real, compiler.compiled).squared, make_wrap(compiler, real, parts)
+    has_solids = "solids" in parts
 
     @compiler.row
     def distances(x, y, z, sides, xs, ys, zs, squares):
@@ -179,6 +79,12 @@ def make_find(compiler: Compiler, real: Any, parts: frozenset[str], most: int) -
             found = end
         return found
 
+    return picked
+
+
+def _make_runs_around(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
+    repeats, flat, zero = "repeats" in parts, "flat" in parts, real(0)
+
     @compiler.compiled
     def runs_around(c, nx, ny, nz, starts, sides, runs):
         """The runs of places of the 27 cells around one, their ends in `runs`; returned: how many numbers."""
@@ -206,6 +112,12 @@ def make_find(compiler: Compiler, real: Any, parts: frozenset[str], most: int) -
                 n += 2
         return n
 
+    return runs_around
+
+
+def _make_gathered(compiler: Compiler, real: Any) -> SimpleNamespace:
+    far = real(FAR)
+
     @compiler.row
     def copied(many, first, x, y, z, near_x, near_y, near_z, who):
         for k in range(many):
@@ -226,6 +138,18 @@ def make_find(compiler: Compiler, real: Any, parts: frozenset[str], most: int) -
         """Nobody in what the last WORD of those gathered lacks."""
         for k in range(many, (many + WORD - 1) // WORD * WORD):
             near_x[k] = far
+
+    return SimpleNamespace(gathered=gathered, filled_up=filled_up)
+
+
+def make_find(compiler: Compiler, real: Any, parts: frozenset[str], most: int) -> Any:
+    """find(first, last, count, room, nobody, place, cell, order, starts, counts, sides, parameters, lists, around, fluid)
+    -> neighbours that no list holds: of the slices `first` to before `last`. `counts`: of cells along x, y, z; `most`:
+    neighbours of a particle; `around`: room for those that lie in a cell's 27, whom its particles are all held against:
+    their places (three planes), which they are, and the runs that they come in."""
+    squared, zero, gather = density.make(real, compiler.compiled).squared, real(0), _make_gathered(compiler, real)
+    picked, runs_around = _make_picked(compiler, real, parts, most), _make_runs_around(compiler, real, parts)
+    gathered, filled_up = gather.gathered, gather.filled_up
 
     @compiler.compiled
     def find(

@@ -64,12 +64,42 @@ def make_around(real: Any, axes: int, staged: bool) -> SimpleNamespace:
     """`around(position, keys, numbers, begins, there)` -> Around, for a block of consecutive particles, to be called by all
     of its threads; `quad_of(around, entry)`; `four_of(around, place, row)`: quads of four places that
     follow each other. Not `staged`: everything is read from where it lies."""
+    row_bit, inline = np.uint32(ROW_BIT), inlined("exact")
+
+    @inline
+    def around_nobody(position, keys, numbers, begins, there):
+        return read_in_place(position)
+
+    @inline
+    def quad_of(around, entry):
+        if staged and around.fits:
+            return load_quad(around.quads, np.int32(place_of(entry) + around.shifts[entry >> row_bit]))
+        return load_quad(around.position, place_of(entry))
+
+    @inline
+    def four_of(around, place, row):
+        if staged and around.fits:
+            at, quads = np.int32(place + around.shifts[np.uint32(row)]), around.quads
+            return (
+                load_quad(quads, at), load_quad(quads, np.int32(at + 1)), load_quad(quads, np.int32(at + 2)),
+                load_quad(quads, np.int32(at + 3)),
+            )  # fmt: skip
+        quads = around.position
+        return (
+            load_quad(quads, place), load_quad(quads, np.int32(place + 1)), load_quad(quads, np.int32(place + 2)),
+            load_quad(quads, np.int32(place + 3)),
+        )  # fmt: skip
+
+    around = _make_block(real, axes) if staged else around_nobody
+    return SimpleNamespace(around=around, quad_of=quad_of, four_of=four_of)
+
+
+def _make_block(real: Any, axes: int) -> Any:
+    """`around` of a block that reads what lies around."""
     rows, room = rows_around(axes), SIMULATED_ROOM if simulated() else BYTES // (SIZE * np.dtype(real).itemsize)
     scalars, row_count, rows_and_one = SIZE * room, np.uint32(rows), rows + 1
-    warp, warp_bits = np.int32(WARP), np.uint32(5)
     inline, margin, one, width_of = inlined("exact"), np.int32(TOGETHER), np.int32(1), np.int32(3)
-    row_bit, most = np.uint32(ROW_BIT), np.int32(room - TOGETHER)
-    centre = np.int32(1 if axes == 3 else 0)
+    warp, warp_bits, most, centre = np.int32(WARP), np.uint32(5), np.int32(room - TOGETHER), np.int32(axes == 3)
 
     @inline
     def run_of(row, first, last, numbers, begins):
@@ -130,29 +160,4 @@ def make_around(real: Any, axes: int, staged: bool) -> SimpleNamespace:
         cuda.syncthreads()
         return Around(position, quads, shifts, fits)
 
-    @inline
-    def around_nobody(position, keys, numbers, begins, there):
-        return read_in_place(position)
-
-    @inline
-    def quad_of(around, entry):
-        if staged and around.fits:
-            return load_quad(around.quads, np.int32(place_of(entry) + around.shifts[entry >> row_bit]))
-        return load_quad(around.position, place_of(entry))
-
-    @inline
-    def four_of(around, place, row):
-        if staged and around.fits:
-            at, quads = np.int32(place + around.shifts[np.uint32(row)]), around.quads
-            return (
-                load_quad(quads, at), load_quad(quads, np.int32(at + 1)), load_quad(quads, np.int32(at + 2)),
-                load_quad(quads, np.int32(at + 3)),
-            )  # fmt: skip
-        quads = around.position
-        return (
-            load_quad(quads, place), load_quad(quads, np.int32(place + 1)), load_quad(quads, np.int32(place + 2)),
-            load_quad(quads, np.int32(place + 3)),
-        )  # fmt: skip
-
-    around = around_block if staged else around_nobody
-    return SimpleNamespace(around=around, quad_of=quad_of, four_of=four_of)
+    return around_block

@@ -22,7 +22,7 @@ from gpu_backend.core.quads import SIZE, load_quad, store_quad
 from gpu_backend.core.world import World
 from gpu_backend.fluid.around import place_of, read_in_place
 from gpu_backend.fluid.kernels import WALL
-from gpu_backend.fluid.sums import List, make_row, make_sums
+from gpu_backend.fluid.sums import List, make_pair, make_row, make_sums
 from gpu_backend.fluid.walls import make_walls
 from gpu_backend.xpbd.kernels import make_clock
 from model.fluid.parameters import F_WEIGHT
@@ -38,7 +38,7 @@ def make_approach(real: Any, math: str, parts: frozenset[str], repeats: frozense
         g.approach_added,
         g.approach_of_wall,
         f.slope,
-        make_sums(real, math, parts, repeats).pair,
+        make_pair(real, math, repeats),
     )
     has_walls, zero = "walls" in parts, real(0)
 

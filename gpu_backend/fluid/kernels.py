@@ -103,26 +103,10 @@ def _make_nothing_added() -> Any:
 
 
 @cache
-def make_density_kernels(
-    real: Any, math: str, parts: frozenset[str], repeats: frozenset[str], neighbours: int, staged: bool
-) -> SimpleNamespace:
-    """`find(position, record, *near, *list, beyond)`; `prepare(position, record, *near, *list, beyond, *relaxed, fluids,
-    *world, into)`; `factors(position, record, *list, *relaxed, fluids, *world)`; `density(position, record, *near, *list,
-    *relaxed, *world)`, which writes into the fourth numbers of positions; `correct(before, position, record, *near, *list,
-    gradients, fluids, *world, into)`. In blocks of LANES threads at most. `near`: keys, numbers, begins, of
-    gpu_backend/fluid/cells.py; `list`: table, found; `staged`: see gpu_backend/fluid/around.py.
-
-    `relaxed`: factors, multipliers, constraints, gradients; `world`: bodies, integers, counter, place, substeps, substep."""
-    variant = real, math, parts
-    axes, extent = 2 if "flat" in parts else 3, make_extent(parts)
-    sums, alone, relax = make_sums(*variant, repeats, staged), make_sums(*variant, repeats), make_relax(*variant)
-    move, places = make_move(*variant, repeats, staged), make_around(real, axes, staged)
-    sum_factor, sum_density, factor_of, weights_of = alone.sum_factor, sums.sum_density, sums.factor_of, sums.weights_of
-    zero, walls, clock, around_of = real(0), make_walls(*variant), make_clock(math, parts), places.around
-    shape = real, math, axes, neighbours, repeats, places.four_of
-    search = make_search(*shape, _make_nothing_added(), zero, "solids" in parts)
-    search_and_sum = make_search(*shape, sums.both_added, (zero, zero, zero, zero, zero), "solids" in parts)
-    has_walls, numbers_each = "walls" in parts, np.int32(WALL)
+def make_meet_walls(real: Any, math: str, parts: frozenset[str]) -> Any:
+    """meet_walls(k, p, gradients, world, number) -> (density, gx, gy, gz): the walls' share at p, where particle k is; their
+    gradient is kept."""
+    walls, has_walls, numbers_each, zero = make_walls(real, math, parts), "walls" in parts, np.int32(WALL), real(0)
 
     @inlined(math)
     def meet_walls(k, p, gradients, world, number):
@@ -133,6 +117,36 @@ def make_density_kernels(
             at = np.int64(k) * numbers_each
             gradients[at], gradients[at + 1], gradients[at + 2] = wall[1], wall[2], wall[3]
         return wall
+
+    return meet_walls
+
+
+@cache
+def make_density_kernels(
+    real: Any, math: str, parts: frozenset[str], repeats: frozenset[str], neighbours: int, staged: bool
+) -> SimpleNamespace:
+    """`find(position, record, *near, *list, beyond)`; `prepare(position, record, *near, *list, beyond, *relaxed, fluids,
+    *world, into)`; `factors(position, record, *list, *relaxed, fluids, *world)`; `density(position, record, *near, *list,
+    *relaxed, *world)`, which writes into the fourth numbers of positions; `correct(before, position, record, *near, *list,
+    gradients, fluids, *world, into)`. In blocks of LANES threads at most. `near`: keys, numbers, begins, of
+    gpu_backend/fluid/cells.py; `list`: table, found; `staged`: see gpu_backend/fluid/around.py.
+
+    `relaxed`: factors, multipliers, constraints, gradients; `world`: bodies, integers, counter, place, substeps, substep."""
+    searching = _make_searching(real, math, parts, repeats, neighbours, staged)
+    return SimpleNamespace(**vars(searching), **vars(_make_walking(real, math, parts, repeats, staged)))
+
+
+def _make_searching(
+    real: Any, math: str, parts: frozenset[str], repeats: frozenset[str], neighbours: int, staged: bool
+) -> SimpleNamespace:
+    """`find`, `prepare`."""
+    variant, axes, extent = (real, math, parts), 2 if "flat" in parts else 3, make_extent(parts)
+    sums, relax, places = make_sums(*variant, repeats, staged), make_relax(*variant), make_around(real, axes, staged)
+    factor_of, weights_of, around_of, zero = sums.factor_of, sums.weights_of, places.around, real(0)
+    meet_walls, clock = make_meet_walls(*variant), make_clock(math, parts)
+    shape = real, math, axes, neighbours, repeats, places.four_of
+    search = make_search(*shape, _make_nothing_added(), zero, "solids" in parts)
+    search_and_sum = make_search(*shape, sums.both_added, (zero, zero, zero, zero, zero), "solids" in parts)
 
     def find(position, record, keys, numbers, begins, table, found, beyond):
         k = np.int32(cuda.grid(1))
@@ -161,6 +175,18 @@ def make_density_kernels(
             factors[k] = factor
             delta = relax(k, sums[4], wall[0], factor, multipliers, constraints, parameters, True)
             store_quad(into, k, p[0], p[1], p[2], delta)
+
+    return make_kernels((find, prepare), f"fluid_{variant_name(*variant, repeats)}", **kernel_options(math))
+
+
+def _make_walking(
+    real: Any, math: str, parts: frozenset[str], repeats: frozenset[str], staged: bool
+) -> SimpleNamespace:
+    """`factors`, `density`, `correct`."""
+    variant, extent, zero = (real, math, parts), make_extent(parts), real(0)
+    sum_factor, sum_density = make_sums(*variant, repeats).sum_factor, make_sums(*variant, repeats, staged).sum_density
+    relax, move, meet_walls = make_relax(*variant), make_move(*variant, repeats, staged), make_meet_walls(*variant)
+    clock, around_of = make_clock(math, parts), make_around(real, 2 if "flat" in parts else 3, staged).around
 
     def factors(
         position, record, table, found, factors_, multipliers, constraints, gradients, fluids, bodies, integers, counter,
@@ -205,7 +231,5 @@ def make_density_kernels(
             x, y, z = move(k, p, b, around, near_by, gradients, fluids, world, number)
             store_quad(into, k, x, y, z, b[3])
 
-    name = f"fluid_{variant_name(real, math, parts, repeats)}"
-    searching = make_kernels((find, prepare), name, **kernel_options(math))
-    walking = make_kernels((factors, density, correct), name, **walk_options(real, math))
-    return SimpleNamespace(**vars(searching), **vars(walking))
+    name = f"fluid_{variant_name(*variant, repeats)}"
+    return make_kernels((factors, density, correct), name, **walk_options(real, math))

@@ -93,28 +93,32 @@ def make_over_list(math: str, added: Any, begun: Any, places: SimpleNamespace) -
 
 
 @cache
-def make_sums(
-    real: Any, math: str, parts: frozenset[str], repeats: frozenset[str], staged: bool = False
-) -> SimpleNamespace:
-    """`pair(k, p, j, q, parameters)` -> (dx, dy, dz, squared) of two that must not lie in one place; of particle k at p:
-    `sum_factor(k, p, around, list, wall, fluids, parameters)`; `sum_density(k, p, around, list, parameters)`;
-    `sum_correction(k, p, around, list, wall, parameters)` -> (x, y, z). `wall`: (density, gx, gy, gz) of `make_walls`;
-    `around`, `staged`: of gpu_backend/fluid/around.py. And what a search sums up, `both_added` with `weights_of(fluids)`, of
-    which the last is the density's sum, and `factor_of(p, sums, wall, fluids, parameters)` of the rest."""
+def make_pair(real: Any, math: str, repeats: frozenset[str]) -> Any:
+    """pair(k, p, j, q, parameters) -> (dx, dy, dz, squared) of two that must not lie in one place."""
     formulas, inline, way = device_formulas(density.make, real, math), inlined(math), make_ways(real, math, repeats)
-    squared, apart, near, slope = formulas.squared, formulas.apart, formulas.near, formulas.slope
-    gradient_added, own_added, factor = formulas.gradient_added, formulas.own_added, formulas.factor
-    density_added, crowded, correction_added = formulas.density_added, formulas.crowded, formulas.correction_added
-    wall_added, row = formulas.wall_added, make_row(parts)
-    is_tensile, has_walls, zero, weight_field = "tensile" in parts, "walls" in parts, real(0), np.int32(F_WEIGHT)
-    places, several = make_around(real, 2 if "flat" in parts else 3, staged), "fluids" in parts
-    quad_of = places.quad_of
+    squared, apart = formulas.squared, formulas.apart
 
     @inline
     def pair(k, p, j, q, parameters):
         dx, dy, dz = way(p, q, parameters)
         dy = apart(dy, squared(dx, dy, dz), parameters.support, k < j)
         return dx, dy, dz, squared(dx, dy, dz)
+
+    return pair
+
+
+def _make_added(real: Any, math: str, parts: frozenset[str], repeats: frozenset[str]) -> SimpleNamespace:
+    """What neighbour j at q adds to sums of particle k at p, as `make_over_list` wants it."""
+    f, inline, way, row = (
+        device_formulas(density.make, real, math),
+        inlined(math),
+        make_ways(real, math, repeats),
+        make_row(parts),
+    )
+    squared, near, slope, pair = f.squared, f.near, f.slope, make_pair(real, math, repeats)
+    gradient_added, own_added, density_added, crowded = f.gradient_added, f.own_added, f.density_added, f.crowded
+    correction_added, weight_field = f.correction_added, np.int32(F_WEIGHT)
+    is_tensile, several = "tensile" in parts, "fluids" in parts
 
     @inline
     def factor_added(sums, k, p, j, q, fluids, parameters):
@@ -131,14 +135,6 @@ def make_sums(
         return density_added(total, near(squared(dx, dy, dz), parameters.inverse_support))
 
     @inline
-    def both_added(sums, k, p, entry, around, fluids, parameters):
-        """Of `factor_added` and `total_added`, as a search visits a neighbour."""
-        gx, gy, gz, own, total = sums
-        j, q = place_of(entry), quad_of(around, entry)
-        gx, gy, gz, own = factor_added((gx, gy, gz, own), k, p, j, q, fluids, parameters)
-        return gx, gy, gz, own, total_added(total, k, p, j, q, fluids, parameters)
-
-    @inline
     def correction_and_more(sums, k, p, j, q, fluids, parameters):
         x, y, z = sums
         dx, dy, dz, r = pair(k, p, j, q, parameters)
@@ -147,10 +143,43 @@ def make_sums(
             both = both - crowded(near(r, parameters.inverse_support), parameters.inverse_tensile, parameters.tensile)
         return correction_added(x, both, s, dx), correction_added(y, both, s, dy), correction_added(z, both, s, dz)
 
+    return SimpleNamespace(
+        factor_added=factor_added, total_added=total_added, correction_and_more=correction_and_more
+    )  # fmt: skip
+
+
+@cache
+def make_sums(
+    real: Any, math: str, parts: frozenset[str], repeats: frozenset[str], staged: bool = False
+) -> SimpleNamespace:
+    """Of particle k at p: `sum_factor(k, p, around, list, wall, fluids, parameters)`; `sum_density(k, p, around, list,
+    parameters)`; `sum_correction(k, p, around, list, wall, parameters)` -> (x, y, z). `wall`: (density, gx, gy, gz) of
+    `make_walls`; `around`, `staged`: of gpu_backend/fluid/around.py. And what a search sums up, `both_added` with
+    `weights_of(fluids)`, of which the last is the density's sum, and `factor_of(p, sums, wall, fluids, parameters)` of the
+    rest."""
+    formulas, inline, added = (
+        device_formulas(density.make, real, math),
+        inlined(math),
+        _make_added(real, math, parts, repeats),
+    )
+    factor, wall_added, row, zero = formulas.factor, formulas.wall_added, make_row(parts), real(0)
+    factor_added, total_added = added.factor_added, added.total_added
+    has_walls, weight_field = "walls" in parts, np.int32(F_WEIGHT)
+    places = make_around(real, 2 if "flat" in parts else 3, staged)
+    quad_of = places.quad_of
+
+    @inline
+    def both_added(sums, k, p, entry, around, fluids, parameters):
+        """Of `factor_added` and `total_added`, as a search visits a neighbour."""
+        gx, gy, gz, own, total = sums
+        j, q = place_of(entry), quad_of(around, entry)
+        gx, gy, gz, own = factor_added((gx, gy, gz, own), k, p, j, q, fluids, parameters)
+        return gx, gy, gz, own, total_added(total, k, p, j, q, fluids, parameters)
+
     over_factors = make_over_list(math, factor_added, (zero, zero, zero, zero), places)
     over_totals, over_corrections = (
         make_over_list(math, total_added, zero, places),
-        make_over_list(math, correction_and_more, (zero, zero, zero), places),
+        make_over_list(math, added.correction_and_more, (zero, zero, zero), places),
     )
 
     @inline
@@ -182,6 +211,6 @@ def make_sums(
         return x, y, z
 
     return SimpleNamespace(
-        pair=pair, weights_of=weights_of, factor_of=factor_of, both_added=both_added, sum_factor=sum_factor,
-        sum_density=sum_density, sum_correction=sum_correction,
+        weights_of=weights_of, factor_of=factor_of, both_added=both_added, sum_factor=sum_factor, sum_density=sum_density,
+        sum_correction=sum_correction,
     )  # fmt: skip
