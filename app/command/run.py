@@ -241,7 +241,7 @@ def _report(
     simulation: Simulation, state: State, steps: int, seconds: float, compile_seconds: float, diverged: Diverged | None
 ) -> dict[str, Any]:
     scene = simulation.scene
-    energy = energies(scene, state.position, state.velocity, state.plastic, state.inverse_mass)
+    energy = energies(scene, state.position, state.velocity, state.plastic, state.inverse_mass, state.wetness)
     strained = scene.springs or scene.cloth or scene.bodies or scene.tetrahedra or scene.is_world
     strain = spring_strain(scene, state.position, plastic=state.plastic) if strained else np.zeros(0)
     speed = (state.velocity.astype("float64") ** 2).sum(axis=1)
@@ -294,7 +294,7 @@ def _write_results(
     if request.render and not clip:
         state = result.state
         how: dict[str, Any] = {"time": state.time, "inverse_mass": state.inverse_mass, "picture": picture}
-        how |= {"velocity": state.velocity, "foam": foam}
+        how |= {"velocity": state.velocity, "foam": foam, "wetness": state.wetness}
         result.written.append(render(state.position, request.render, scene=simulation.scene, **how))
     elif request.render:
         steps = result.state.step - start.step

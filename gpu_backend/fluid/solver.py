@@ -22,6 +22,7 @@ from gpu_backend.fluid.cells import Cells, cell_bytes
 from gpu_backend.fluid.extent import FLOWS
 from gpu_backend.fluid.flow import Flow
 from gpu_backend.fluid.kernels import WALL, make_density_kernels
+from gpu_backend.fluid.lists import LANES, TOGETHER
 from gpu_backend.fluid.motion import make_begin, make_settle
 from gpu_backend.fluid.smoothing import make_smoothing
 from gpu_backend.fluid.sort_kernels import THREADS as SORT_THREADS
@@ -37,7 +38,7 @@ from model.fluid.samples import Samples
 from model.mass_spring.cloth_parameters import collider_numbers
 from model.scene.scene import Scene
 
-THREADS = 128  # a block
+THREADS = LANES  # a block
 FEWER = {8192: 32, 32768: 64}  # of so many particles at most: so that each multiprocessor has some
 QUADS = 10  # of a particle: the state twice and put aside, and what a substep needs
 
@@ -83,7 +84,8 @@ class Fluid(SubstepSimulation):
         self.particle = [self.on_device(self._numbers), self.on_device(self._numbers)]
         self.kept_particle = self.on_device(self._numbers)
         self.fluids = self.on_device(self._rows)
-        self.sorted, self.corrected, self.before, self.meant = (self.new_array() for _ in range(4))
+        self.sorted = self.on_device(np.zeros(SIZE * max(count, TOGETHER), real))  # so many at least are looked at
+        self.corrected, self.before, self.meant = (self.new_array() for _ in range(3))
         parts, walls = self.plan.parts, WALL * count
         self.relaxed = tuple(
             self.on_device(np.zeros(size, real))
@@ -109,8 +111,9 @@ class Fluid(SubstepSimulation):
     def _make_kernels(self) -> None:
         variant = self.real, self.options.math, self.plan.parts
         self._tools = make_fluid_tools(self.real, self.scene.dimensions, self.plan.parts & FLOWS)
-        self.begin, self.settling = make_begin(*variant, self.repeats), make_settle(*variant, self.repeats)
-        self.relaxing = make_density_kernels(*variant, self.repeats, self.neighbours)
+        staged = not self.repeats
+        self.begin, self.settling = make_begin(*variant, self.repeats), make_settle(*variant, self.repeats, staged)
+        self.relaxing = make_density_kernels(*variant, self.repeats, self.neighbours, staged)
         self.free = divergence_free.DivergenceFree(self) if "divergence-free" in self.plan.parts else None
         self.smoothing = None
         if self.plan.parts & SMOOTHING and not self.free:
@@ -152,6 +155,11 @@ class Fluid(SubstepSimulation):
         """The table of neighbours, and how many each particle has."""
         return self.cells.table, self.cells.found
 
+    @property
+    def near(self) -> tuple[Any, ...]:
+        """Where cells and their particles are, and `lists`."""
+        return self.cells.sorted_keys, self.cells.numbers, self.cells.begins, *self.lists
+
     def _substep(self, place: int, substep: int) -> None:
         """Launch one substep, from the current buffers into the others; `place`: the step's after the counter."""
         time = self._counter, np.int64(place), np.int64(self.scene.method.substeps), np.int64(substep)
@@ -167,16 +175,15 @@ class Fluid(SubstepSimulation):
         self.cells.sort(self.record, given, (self.sorted, self.before, self.meant, self.particle[now]))
         world, a, b = (self.bodies, self.integers, *time), self.corrected, self.sorted
         relaxing.prepare[flat](
-            b, self.record, self.cells.sorted_keys, self.cells.numbers, self.cells.begins, *self.lists, self.cells.beyond,
-            *self.relaxed, self.fluids, *world, a,
+            b, self.record, *self.near, self.cells.beyond, *self.relaxed, self.fluids, *world, a
         )  # fmt: skip
         for _ in range(self.scene.method.iterations - 1):
-            relaxing.correct[flat](self.before, a, self.record, *self.lists, self.gradients, self.fluids, *world, b)
-            relaxing.density[flat](b, self.record, *self.lists, *self.relaxed, *world)
+            relaxing.correct[flat](self.before, a, self.record, *self.near, self.gradients, self.fluids, *world, b)
+            relaxing.density[flat](b, self.record, *self.near, *self.relaxed, *world)
             a, b = b, a
         position, velocity = self.position[now], self.velocity[now]
         self.settling.settle[flat](
-            self.before, self.meant, a, self.record, *self.lists, self.constraints, self.gradients, self.fluids, *world,
+            self.before, self.meant, a, self.record, *self.near, self.constraints, self.gradients, self.fluids, *world,
             position, self.meant if self.smoothing else velocity,
         )  # fmt: skip
         if self.smoothing:

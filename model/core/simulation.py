@@ -166,7 +166,8 @@ class Simulation(Backend):
         inverse_mass = self.body.inverse_mass.copy()
         bodies = self._download_rotation(), every_plastic(self._download_plastic(), self._cluster_count())
         taps = self._taps.copy() if len(self._taps) else None
-        return State(position, velocity, inverse_mass, self.time, self.step, *bodies, self._clock, taps)
+        wetness = self._download_wetness()
+        return State(position, velocity, inverse_mass, self.time, self.step, *bodies, self._clock, taps, wetness)
 
     def load(self, state: State) -> None:
         """Continue from `state` (bit for bit, if it was this scene's in the same precision and `exact` math).
@@ -264,9 +265,10 @@ class Simulation(Backend):
         unit normals for drawing it; of bodies `rotation` (clusters, 4), unit quaternions (w, x, y, z), and `centre`
         (clusters, 3) [m], of mass, with particles where they are now, for skins; `deformation` (clusters, 3, 3): the
         rotation, or whatever else takes rest offsets to where a cluster wants them; of plastic ones `plastic`, as in State:
-        what has bent their rest offsets; of fluids `strain`, density over that at rest less 1, and `pressure` [Pa]. Computed
-        when asked. `into`: a host array, or (GPU, position and normal) anything with `__cuda_array_interface__`; None: a new
-        one. Does not check for divergence: it is what the window draws.
+        what has bent their rest offsets; of fluids `strain`, density over that at rest less 1, and `pressure` [Pa]; of a
+        cloth that drinks `wetness`, 0 to 1. Computed when asked. `into`: a host array, or (GPU, position and normal)
+        anything with `__cuda_array_interface__`; None: a new one. Does not check for divergence: it is what the window
+        draws.
         """
         if name == "position":
             return self._read_position(into)
@@ -282,6 +284,8 @@ class Simulation(Backend):
             result = self._read_deformation()
         elif name == "plastic" and "plastic" in self.plan.parts:
             result = np.asarray(every_plastic(self._download_plastic(), self._cluster_count()))
+        elif name == "wetness" and "wetting" in self.plan.parts:
+            result = np.asarray(self._download_wetness())
         elif self.scene.bodies:
             names = "position, velocity, rotation, centre, deformation"
             raise SceneError("read", name, f"must be one of {names}{', plastic' * ('plastic' in self.plan.parts)}")
@@ -340,4 +344,4 @@ class Simulation(Backend):
         See model/core/energy.py. float64 on the host. Raises Diverged.
         """
         state = self.state()
-        return energies(self.scene, state.position, state.velocity, state.plastic, state.inverse_mass)
+        return energies(self.scene, state.position, state.velocity, state.plastic, state.inverse_mass, state.wetness)

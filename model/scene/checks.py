@@ -45,7 +45,7 @@ def check_fit(scene: SceneParts) -> None:
     if scene.fluids:
         _check_fluids(scene)
         return
-    _refuse(scene, ("domain", "emitter", "sink", "foam"), "is for fluids; leave it out")
+    _refuse(scene, ("domain", "emitter", "sink", "foam", "wetting"), "is for fluids; leave it out")
     if scene.tetrahedra:
         _check_tetrahedra(scene)
         return

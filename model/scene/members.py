@@ -46,6 +46,9 @@ MEMBERS = {
 }  # in the order of a world's particles
 
 
+OF_THE_WORLD = "wetting"  # of no member: of a cloth and the fluid that it is in
+
+
 def members_of(kinds: Mapping[str, str]) -> tuple[str, ...]:
     """Of parts with such kinds, by name: the members of a world, at least two; none, where one family solves the scene."""
     there = set(kinds.values())
@@ -61,7 +64,11 @@ def member_tables(kinds: Mapping[str, str], tables: Mapping[str, Any], method: M
     names = members_of(kinds)
     for name, kind in kinds.items():
         owners = [one for one in names if kind in (*MEMBERS[one].kinds, *MEMBERS[one].takes)]
-        if kind not in SHARED and not owners:
+        if kind == OF_THE_WORLD:
+            if not {"cloth", "fluid"} <= set(names) or "contact" in kinds.values():
+                told = "is of a [mesh] in a fluid, without bodies of tetrahedra and without a [contact]; leave it out"
+                raise SceneError(f"{name}.kind", kind, told)
+        elif kind not in SHARED and not owners:
             told = f"does not go with a world of {' and '.join(names)}; leave it out"
             raise SceneError(f"{name}.kind", kind, told)
     return {name: _tables_of(MEMBERS[name], kinds, tables, method) for name in names}

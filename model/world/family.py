@@ -72,7 +72,7 @@ def _strain(scene: Scene, position: np.ndarray, kind: str, plastic: np.ndarray |
 
 WORLD = SolverFamily(
     name="world",
-    knows=frozenset().union(*(family.knows for family in OF_MEMBERS.values())),  # each member refuses what it does not
+    knows=frozenset({"wetting"}).union(*(family.knows for family in OF_MEMBERS.values())),  # members refuse the others'
     accepts=lambda scene: scene.is_world,
     plan=_plan,
     record=_record,
