@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from gpu_backend.core.quads import SIZE
+from gpu_backend.core.quads import SIZE, pack
 from gpu_backend.core.substeps import launched_kernel
 from gpu_backend.tetrahedra.descent_kernels import make_accelerate, make_visits
 from gpu_backend.tetrahedra.solver import Tetrahedra
@@ -74,7 +74,7 @@ class VertexBlockDescent(Tetrahedra):
         """Put the stages of a material among those of a step."""
         damped, real, count = DAMPED in self.plan.parts, self.real, np.int32(len(found.corners))
         kernels = make_visits(real, self.options.math, found.number, damped, visited(self.plan.parts))
-        corners, values = self.on_device(found.corners.T), self.on_device(found.values.T.astype(real))
+        corners, values = self.on_device(pack(found.corners)), self.on_device(pack(found.values.astype(real)))
         lists = tuple(self.on_device(one) for one in (found.order, found.offsets, found.entries))
         stresses = self.on_device(np.zeros(STRESSES * len(found.corners) if damped else 1, real))
         all_of, every = self._over(len(found.corners), THREADS), np.int32(len(found.order))

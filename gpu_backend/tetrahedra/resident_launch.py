@@ -8,8 +8,10 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
+from gpu_backend.core.constraints import device_corners
 from gpu_backend.core.launch import prepare
 from gpu_backend.core.messages import message_size
+from gpu_backend.core.quads import pack
 from gpu_backend.mass_spring.grid import tile_launch
 from gpu_backend.tetrahedra.resident import make_tetrahedra_resident
 from gpu_backend.tetrahedra.slabs import MOST_THREADS, Slabs, make_slabs
@@ -108,8 +110,9 @@ class ResidentSet:
             real, simulation.options.math, forces_of(simulation.plan.parts), projection
         )
         multipliers = np.zeros(max(1, projection.soft * projection.multipliers * len(one.corners)), real)
+        corners = device_corners(projection, slabs.corners, one.run * slabs.starts)
         self._arrays = (
-            put(slabs.tables), put(slabs.corners.T), put(one.values[slabs.order].T.astype(real)), put(multipliers),
+            put(slabs.tables), put(corners), put(pack(one.values[slabs.order].astype(real))), put(multipliers),
             put(np.zeros(3 * max(1, slabs.borders) * message_size(real), real)),
         )  # fmt: skip
         self._failed = cuda.to_device(np.zeros(1, np.int32), stream=simulation.stream)

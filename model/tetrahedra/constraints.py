@@ -70,7 +70,10 @@ def projections_of(parts: frozenset[str]) -> tuple[Projection, ...]:
         Projection(
             f"tetrahedra_{name.replace('-', '_')}", tetrahedron.make, 4, tetrahedron.COUNT, multipliers, damped=damped,
             soft=ITERATED in parts, constants=CONSTANTS,
-            flags=(("material", tetrahedron.MATERIALS.index(name)), ("damped", damped), ("blocks", blocks)), run=run,
+            flags=(
+                ("material", tetrahedron.MATERIALS.index(name)), ("damped", damped), ("blocks", blocks),
+                ("kept", ITERATED in parts),
+            ), run=run,
         )
         for name in runs for run in runs[name] or [1]
     )  # fmt: skip
@@ -108,14 +111,13 @@ def _coloured(found: TetrahedraSet, chosen: np.ndarray) -> tuple[ConstraintSet, 
     good as any other: only places count."""
     run = int(found.run[chosen[0]])
     if run > 1:
-        order, starts = voxel_order(found, chosen, run)
+        order, starts, corners = voxel_order(found, chosen, run)
     else:
         colours = colour(found.tetrahedra[chosen], found.particle_count)
-        order, starts = colours.order, colours.starts
+        order, starts, corners = colours.order, colours.starts, found.tetrahedra[chosen[colours.order]]
     chosen = chosen[order]
     name = found.parts[found.body[chosen[0]]].material
-    corners = np.ascontiguousarray(found.tetrahedra[chosen])
-    return ConstraintSet(KINDS[run], name, corners, constraint_values(found, chosen), starts, run), chosen
+    return ConstraintSet(KINDS[run], name, corners, constraint_values(found, chosen, corners), starts, run), chosen
 
 
 def through_note(scene: Scene) -> str:

@@ -98,17 +98,36 @@ def rest_ratio(mu: np.ndarray, lame: np.ndarray) -> np.ndarray:
     return 1 + mu / (lame + mu)
 
 
-def constraint_values(found: TetrahedraSet, chosen: np.ndarray) -> np.ndarray:
-    """(n, COUNT) float64: what the two constraints of the `chosen` tetrahedra (n,) read (see the formula)."""
+def stiffnesses(found: TetrahedraSet, chosen: np.ndarray) -> np.ndarray:
+    """(n, 4) float64: V k_D, V k_H [J] of the `chosen` tetrahedra (n,), alpha, or 1, and a damper's time [s]."""
     mu, lame = (one[chosen] for one in found.lame())
-    body, volume = found.body[chosen], found.volume[chosen]
-    hookean = np.array([part.material == "neo-hookean" for part in found.parts])[body]
-    damping = found.matter.damping[chosen]
+    hookean = np.array([part.material == "neo-hookean" for part in found.parts])[found.body[chosen]]
     shape, pressure = np.where(hookean, mu, 2 * mu), np.where(hookean, lame + mu, lame)
     pressure = np.maximum(pressure, LEAST_PRESSURE * shape)
-    values = np.column_stack([
-        found.rest_inverse[chosen].reshape(-1, 9), 1 / (shape * volume), 1 / (pressure * volume),
-        np.where(hookean, rest_ratio(mu, lame), 1.0), damping,
-    ])  # fmt: skip
+    volume, alpha = found.volume[chosen], np.where(hookean, rest_ratio(mu, lame), 1.0)
+    return np.column_stack([shape * volume, pressure * volume, alpha, found.matter.damping[chosen]])
+
+
+def constraint_values(found: TetrahedraSet, chosen: np.ndarray, corners: np.ndarray) -> np.ndarray:
+    """(n, COUNT) float64: what the two constraints of the `chosen` tetrahedra (n,) read (see the formula), their corners
+    being in the order of `corners` (n, 4)."""
+    stiff = stiffnesses(found, chosen)
+    values = np.column_stack([framed_rest(found.position[corners]), 1 / stiff[:, :2], stiff[:, 2:]])
     assert values.shape[1] == COUNT
     return values
+
+
+def framed_rest(corners: np.ndarray) -> np.ndarray:
+    """(n, 6) float64 [1/m]: the rows of B of tetrahedra with such corners (n, 4, 3) [m] at rest, in the frame of each one's
+    first edge and first two edges (model/formulas/elastic/deformation.py)."""
+    e, f, g = (corners[:, k] - corners[:, 0] for k in (1, 2, 3))
+    xx = np.linalg.norm(e, axis=1)
+    x = e / xx[:, None]
+    xy, xz = (x * f).sum(axis=1), (x * g).sum(axis=1)
+    across = f - xy[:, None] * x
+    yy = np.linalg.norm(across, axis=1)
+    y = across / yy[:, None]
+    yz, zz = (y * g).sum(axis=1), (np.cross(x, y) * g).sum(axis=1)
+    return np.column_stack(
+        [1 / xx, -xy / (xx * yy), (xy * yz - xz * yy) / (xx * yy * zz), 1 / yy, -yz / (yy * zz), 1 / zz]
+    )

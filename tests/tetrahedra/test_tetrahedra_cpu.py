@@ -16,7 +16,7 @@ from model.core.build import build
 from model.core.simulation import State
 from model.formulas.elastic import deformation
 from model.scene.scene import Scene
-from model.tetrahedra.constraints import constraint_sets
+from model.tetrahedra.constraints import constraint_sets, tetrahedra_of_sets
 from model.tetrahedra.material import energies, stretches
 
 STEPS = 2
@@ -36,8 +36,8 @@ def test_states_are_the_references(name: str) -> None:
     1e-12 m; velocities 1/h = 300 times that."""
     scene = tetrahedra_scene(name)
     found, part, begin = scene.tetrahedra_set, scene.tetrahedra["body"], moving(scene)
-    (rows,) = constraint_sets(scene)
-    body = Body.of(found.position, rows.corners, part.material, part.young_modulus, part.poisson_ratio)
+    (rows,), (chosen,) = constraint_sets(scene), tetrahedra_of_sets(found)
+    body = Body.of(found.position, found.tetrahedra[chosen], part.material, part.young_modulus, part.poisson_ratio)
     method = scene.method
     position, velocity = reference.simulate(
         body, begin.position, begin.velocity, begin.inverse_mass, rows.sweep, method.dt, method.substeps, method.iterations,
