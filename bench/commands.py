@@ -66,7 +66,9 @@ def sweep(
     ] = None,
     link: Annotated[str, typer.Option(help="With --gpus: peer or flags.")] = "peer",
     exchange_every: Annotated[int | None, typer.Option(help="With --gpus: steps between two exchanges.")] = None,
-    weak: Annotated[bool, typer.Option("--weak", help="With --gpus: N x N masses for each GPU (weak scaling).")] = False,
+    weak: Annotated[
+        bool, typer.Option("--weak", help="With --gpus: N x N masses for each GPU (weak scaling).")
+    ] = False,
     cluster: Cluster = None,
     workers: Workers = None,
     sbatch: Sbatch = None,
@@ -99,7 +101,13 @@ def sweep(
             raise SceneError(
                 "--gpus", gpus, "is a sweep of its own; leave out --peers, --kernels, --threads and --cluster"
             )
-        shared: dict[str, Any] = {"gpus": gpus, "sizes": size, "link": link, "exchange_every": exchange_every, "weak": weak}
+        shared: dict[str, Any] = {
+            "gpus": gpus,
+            "sizes": size,
+            "link": link,
+            "exchange_every": exchange_every,
+            "weak": weak,
+        }
         chosen = precisions_of(precision, "float32")
         measure(
             store, run_scaling, print_scaling, quick=quick, backends=backend or ["gpu"], precisions=chosen, **shared

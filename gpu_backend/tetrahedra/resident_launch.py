@@ -20,12 +20,12 @@ from model.core.constraints import ConstraintSet, Projection
 from model.core.errors import BackendUnavailable, SceneError
 from model.scene.scene import Scene
 from model.tetrahedra.attachments import CORNERS, part_of
-from model.tetrahedra.constraints import CLOTH, SLEEPING, constraint_sets, tetrahedra_of_sets
+from model.tetrahedra.constraints import CLOTH, SLEEPING, WHOLE, constraint_sets, tetrahedra_of_sets
 from model.xpbd.mesh_plan import BODY_DAMPING
 
 RUNS = 1 << 17  # voxels of a set that one is tried to be cut into slabs at most
 
-LAUNCHED_ONLY = ("wind", "motion", CLOTH, BODY_DAMPING, SLEEPING, *map(part_of, CORNERS))  # parts of a plan
+LAUNCHED_ONLY = ("wind", "motion", CLOTH, BODY_DAMPING, SLEEPING, WHOLE, *map(part_of, CORNERS))  # parts of a plan
 
 
 def launched_only(scene: Scene, parts: Collection[str]) -> str | None:

@@ -141,6 +141,12 @@ def _check_tetrahedra(scene: SceneParts) -> None:
                 raise SceneError(
                     f"{name}.material", part.material, "has no blocks: its rows balance each other at rest"
                 )
+    for name, part in scene.tetrahedra.items():
+        if part.volume == "voxels" and scene.method.solver not in ("xpbd", "world"):
+            told = (
+                f"goes with xpbd alone, and not with {scene.method.solver}: --set method.solver=xpbd, or leave it out"
+            )
+            raise SceneError(f"{name}.volume", part.volume, told)
     if scene.mesh and scene.method.solver != "xpbd":
         told = f"goes with tetrahedral bodies under xpbd alone, and not under {scene.method.solver}: "
         raise SceneError(f"{scene.name_of('mesh')}.kind", "mesh", told + "--set method.solver=xpbd, or leave it out")

@@ -201,6 +201,19 @@ def print_scaling(console: Console, store: Store, machine: str) -> None:
             "" if faster is None else f"{faster:.2f}", "" if faster is None else f"{100 * faster / p.gpus:.1f} %",
             "" if model is None else f"{model:.2f}", f"{100 * weak[id(p)]:.1f} %" if id(p) in weak else "", same,
         ))  # fmt: skip
-    heads = "grid", "", "GPUs", "link", "kernel", "step / us", "G masses / s", "x one", "of ideal", "model", "weak", "off / m"
+    heads = (
+        "grid",
+        "",
+        "GPUs",
+        "link",
+        "kernel",
+        "step / us",
+        "G masses / s",
+        "x one",
+        "of ideal",
+        "model",
+        "weak",
+        "off / m",
+    )
     note = "weak: of one GPU's rate with such a share; off: from one GPU's state in exact math, 0 the same bits; model: scale"
     print_table(console, heads, rows, note)

@@ -68,9 +68,9 @@ def operations(material: int, item: int) -> int:
     return rows + turns * OPERATIONS_ROTATION[item] + volume
 
 
-def make(real, compiled=plain, material=FIXED, damped=False, blocks=False, kept=True):
+def make(real, compiled=plain, material=FIXED, damped=False, blocks=False, kept=True, alone=True):
     """See the package; `material`: which of MATERIALS; `damped`: a damper counts; `blocks`: see the head of the file; `kept`:
-    multipliers may be other than 0."""
+    multipliers may be other than 0; `alone`: C_H is there, and not that of a voxel (voxel_volume.py)."""
     softness, gradient, zero = make_bending(real, compiled).softness, make_framed(real, compiled).gradient, real(0)
     terms, one_row = make_terms(real, compiled, material), make_row(real, compiled, damped, kept)
     distortion, dilation, scaled = terms.distortion, terms.dilation, one_row.scaled
@@ -78,28 +78,31 @@ def make(real, compiled=plain, material=FIXED, damped=False, blocks=False, kept=
     block: Any = make_block(real, compiled, damped) if blocks else None
 
     @compiled
-    def project_block(points, before, weights, values, multipliers, constants):
-        gamma = zero
-        if damped:
-            gamma = scaled(constants[1], values[TIME])
-        compliance = softness(constants[0], values[SOFT_SHAPE])
-        points, first = block(points, before, weights, values, compliance, multipliers, gamma)
+    def damper(values, constants):
+        return scaled(constants[1], values[TIME]) if damped else zero
+
+    @compiled
+    def with_volume(points, before, weights, values, multiplier, gamma, constants):
+        """The corners after C_H, and its multiplier."""
+        if not alone:
+            return points, zero
         violation, g = dilation(gradient(points[0], points[1], points[2], points[3], values), values[ALPHA])
         compliance = softness(constants[0], values[SOFT_VOLUME])
-        points, second = row(points, before, weights, values, violation, g, compliance, multipliers[9], gamma)
+        return row(points, before, weights, values, violation, g, compliance, multiplier, gamma)
+
+    @compiled
+    def project_block(points, before, weights, values, multipliers, constants):
+        gamma, compliance = damper(values, constants), softness(constants[0], values[SOFT_SHAPE])
+        points, first = block(points, before, weights, values, compliance, multipliers, gamma)
+        points, second = with_volume(points, before, weights, values, multipliers[9], gamma, constants)
         return points, (*first, second)
 
     @compiled
     def project(points, before, weights, values, multipliers, constants):
-        gamma = zero
-        if damped:
-            gamma = scaled(constants[1], values[TIME])
+        gamma, compliance = damper(values, constants), softness(constants[0], values[SOFT_SHAPE])
         squared, g = distortion(gradient(points[0], points[1], points[2], points[3], values))
-        compliance = softness(constants[0], values[SOFT_SHAPE])
         points, first = row_of_length(points, before, weights, values, squared, g, compliance, multipliers[0], gamma)
-        violation, g = dilation(gradient(points[0], points[1], points[2], points[3], values), values[ALPHA])
-        compliance = softness(constants[0], values[SOFT_VOLUME])
-        points, second = row(points, before, weights, values, violation, g, compliance, multipliers[1], gamma)
+        points, second = with_volume(points, before, weights, values, multipliers[1], gamma, constants)
         return points, (first, second)
 
     return SimpleNamespace(project=project_block if blocks else project)
