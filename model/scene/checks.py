@@ -79,6 +79,8 @@ def _check_world(scene: SceneParts) -> None:
     elif method.solver != OF_WORLDS:
         told = f"must be {OF_WORLDS} where {' and '.join(members_of(scene.kinds))} are in one scene"
         raise SceneError("method.solver", method.solver, told)
+    elif method.tetrahedra != "xpbd" and "tetrahedra" not in members_of(scene.kinds):
+        raise SceneError("method.tetrahedra", method.tetrahedra, "is for tetrahedral bodies, of which here are none")
     for name, part in scene.all_of(*BODY_KINDS).items():
         if part.spare:
             raise SceneError(f"{name}.spare", part.spare, "bodies wait in scenes of bodies alone; leave it out")
