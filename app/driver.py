@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from app.auto_threads import AUTO, open_quickest
-from app.shared import open_shared
+from app.shared import USUAL_LINK, open_shared
 from model.core.diagnosis import refusal
 from model.core.errors import SceneError
 from model.core.families import family_of
@@ -31,7 +31,7 @@ def open_simulation(
     gpus: int = 1,
     ranks: int = 1,
     exchange_every: int | None = None,
-    link: str = "peer",
+    link: str = USUAL_LINK,
 ) -> Simulation:
     """Open a scene on a backend; use it as a context manager.
 
@@ -40,8 +40,8 @@ def open_simulation(
     what may change while running, of gravity, poke, dt, stiffness, damping; only those parts are compiled to be
     changeable. `initial`: start from a state. `gpus`: that share the sheet, by its rows; `ranks`: processes of MPI on
     CPUs that do, of which this is one; every `exchange_every` steps they tell each other of their borders (None: as suits).
-    `link`: how GPUs do, `peer` (one process, from each other's memory), `flags` (into it, kernels wait for kernels) or `nccl`
-    (a process of MPI for each).
+    `link`: how GPUs do, `flags` (into each other's memory, kernels wait for kernels), `peer` (from it) or `nccl` (also where
+    this is one of several processes of MPI, with a GPU each).
 
     Raises SceneError or InputError (bad input), UnstableTimeStep (dt over the limit, unless `allow_unstable`),
     BackendUnavailable (no GPU).

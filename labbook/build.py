@@ -31,6 +31,7 @@ from labbook.claims import (
     costs,
     findings,
     fluids,
+    gpus,
     hard,
     hard_bodies,
     hard_tetrahedra,
@@ -68,13 +69,13 @@ OWN_PAGE = ("answer", "gpu-design")  # begin on a new one
 NOT_PRINTED = ("hard-states",)  # figures for who runs the hard cases: a page of small pictures
 OPTIONAL = ("fluids-rate", "hard-tetrahedra")  # claims whose paragraph stands only where they were measured
 FLUSHED = ("references",)  # begin when every figure before them is placed
-APPENDIX = ("rungs", "threads", "findings", "cloth", "bodies")
+APPENDIX = ("rungs", "threads", "gpus", "findings", "cloth", "bodies")
 CHAPTERS = (*MAIN, *APPENDIX)
 CLAIMS = {  # every sentence that the measurements make, by name
     name: made
     for module in (
         claim, comparison, kernels, accuracy, findings, costs, convergence, stability, hard, ablation, cloth, throughput,
-        bodies, bar_costs, body_laws, hard_bodies, hard_tetrahedra, busy, tetrahedra, fluids,
+        bodies, bar_costs, body_laws, hard_bodies, hard_tetrahedra, busy, tetrahedra, fluids, gpus,
     )
     for name, made in module.CLAIMS.items()
 }  # fmt: skip

@@ -153,7 +153,7 @@ def _measurements(console: Console, store: Any, quick: bool, command: str) -> di
     from bench.experiments.throughput import run_throughput
     from bench.store.tables import print_sweep
     from bench.stress.experiment import run_hard
-    from bench.stress.results import print_hard
+    from bench.stress.told import print_hard
     from model.scene.scene import load_scene
 
     def told(

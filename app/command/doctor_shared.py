@@ -44,7 +44,8 @@ def ranks_of_mpi() -> Finding:
 
 def gpus_by_nccl() -> Finding:
     """Of `--link nccl`."""
-    name = "gpus of several processes (nccl)"
+    name = "several gpus by nccl"
     if find_spec("nccl") is None:
-        return Finding(name, False, "nccl4py is not installed", f'pip install "nccl4py[cu13]"; and {INSTALL}')
+        also = f"for several processes also {INSTALL}"
+        return Finding(name, False, "nccl4py is not installed", f'pip install "nccl4py[cu13]"; {also}')
     return Finding(name, True, "nccl4py is installed; softlab run --gpus N --link nccl")

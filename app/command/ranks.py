@@ -12,7 +12,7 @@ from tempfile import TemporaryDirectory
 
 from app.command.run import Request
 from app.command.run_length import step_count
-from app.shared import check_shared
+from app.shared import check_asked, check_shared
 from model.core.errors import BackendUnavailable, SceneError
 from model.domains.launched import STATUS_FILE, launched_rank, launched_ranks
 from model.domains.processes import abort, mpi_installed, mpiexec
@@ -23,19 +23,21 @@ from model.scene.scene import Scene
 def among_ranks(scene: Scene, request: Request) -> tuple[Request, int]:
     """(the request of this process, how many processes are to be started for it: 0, it runs by itself). What cannot be shared
     is refused before anything is started. Raises SceneError."""
+    check_asked(request.backend, request.gpus, request.ranks, request.exchange_every, request.link)
     launched = launched_ranks()
-    option, wanted = ("--gpus", request.gpus) if request.link == "nccl" else ("--ranks", request.ranks)
-    if launched == 1 and wanted <= 1:
+    by_nccl = request.link == "nccl"
+    option, wanted = ("--gpus", request.gpus) if by_nccl else ("--ranks", request.ranks)
+    if launched == 1 and (by_nccl or wanted <= 1):
         return request, 0  # which says what is wrong with a number under 1
     if wanted not in (1, launched) and launched > 1:
         raise SceneError(
             option, wanted, f"{launched} processes were started; leave it out, or start mpiexec -n {wanted}"
         )
     many = max(wanted, launched)
-    check_shared(many, request.link, request.render, request.export)
+    check_shared(many, request.render, request.export)
     cut(scene, many, request.exchange_every, option)
     step_count(scene, request.steps, request.time, [])
-    shared = replace(request, gpus=many) if request.link == "nccl" else replace(request, ranks=many)
+    shared = replace(request, gpus=many) if by_nccl else replace(request, ranks=many)
     return shared, many if launched == 1 else 0
 
 

@@ -27,13 +27,14 @@ from app.output.export import Exporter, Target, check_export
 from app.output.files import check_state_target, read_state, write_state, write_trajectory
 from app.output.offscreen import check_look
 from app.output.video import Picture, check_render, render
-from app.shared import check_shared, shares
+from app.shared import USUAL_LINK, check_asked, check_shared, shares
 from cpu_backend.core.threads import core_count, wait_policy
 from model.core.divergence import MIN_INTERVAL
 from model.core.energy import energies, spring_strain
 from model.core.errors import Diverged, InputError, SceneError
 from model.core.memory import available_bytes, require
 from model.core.simulation import Simulation, State
+from model.domains.launched import launched_ranks
 from model.fluid.foam import FoamPoints
 from model.geometry.overlaps import overlap_lines
 from model.scene.scene import Scene
@@ -67,7 +68,7 @@ class Request:
     gpus: int = 1
     ranks: int = 1
     exchange_every: int | None = None
-    link: str = "peer"
+    link: str | None = None
     look: tuple[str, ...] = ()
 
 
@@ -94,7 +95,8 @@ def check_targets(scene: Scene, request: Request, steps: int, notes: list[str]) 
     if request.render:
         check_render(request.render)
     check_look(scene, request.look)
-    check_shared(request.ranks, request.link, request.render, request.export)
+    check_asked(request.backend, request.gpus, request.ranks, request.exchange_every, request.link)
+    check_shared(max(request.ranks, launched_ranks()), request.render, request.export)
     if request.record:
         check_state_target(request.record)
         frames = steps // request.record_every + 1
@@ -119,7 +121,7 @@ def run_scene(scene: Scene, request: Request, *, progress: bool = True) -> Resul
     simulation = open_simulation(
         scene, request.backend, threads=request.threads, precision=request.precision, math=request.math,
         kernel=request.kernel, initial=initial, allow_unstable=request.allow_unstable, gpus=request.gpus,
-        ranks=request.ranks, exchange_every=request.exchange_every, link=request.link,
+        ranks=request.ranks, exchange_every=request.exchange_every, link=request.link or USUAL_LINK,
     )  # fmt: skip
     with simulation:
         start = simulation.state()

@@ -31,7 +31,7 @@ class SharedPlan:
     @property
     def bytes_per_step(self) -> float:
         """The same of a step."""
-        return self.message / self.decomposition.steps
+        return self.message / self.decomposition.interval
 
     @property
     def exchange_seconds(self) -> float:
@@ -41,7 +41,7 @@ class SharedPlan:
     @property
     def step_seconds(self) -> float:
         """What it adds to a step."""
-        return self.exchange_seconds / self.decomposition.steps
+        return self.exchange_seconds / self.decomposition.interval
 
     @property
     def most_masses(self) -> float:
@@ -53,7 +53,7 @@ class SharedPlan:
         """For `--json`."""
         found = self.decomposition
         return {
-            "gpus": found.count, "exchange_every": found.steps, "halo_rows": found.halo,
+            "gpus": found.count, "exchange_every": found.interval, "halo_rows": found.halo,
             "repeated_rows": found.repeated - 1,
             "domains": [{"first_row": d.first, "end_row": d.end, "window_rows": d.window_rows} for d in found.domains],
             "bytes_per_exchange": self.message, "bytes_per_step": self.bytes_per_step,
@@ -72,7 +72,7 @@ def shared_plan(scene: Scene, gpus: int, exchange_every: int | None, item: int) 
 def shared_lines(plan: SharedPlan) -> list[str]:
     """For a person."""
     found = plan.decomposition
-    lines = [f"shared by {found.count} GPUs, by rows; halos of {found.halo} rows, exchanged every {found.steps} steps"]
+    lines = [f"shared by {found.count} GPUs, by rows; halos of {found.halo} rows, exchanged {found.told}"]
     for domain in found.domains[:LINES]:
         state = readable(domain.window_rows * found.columns * plan.mass_bytes)
         held = f"holds {domain.window_first} to {domain.window_end - 1} ({state} a state)"

@@ -17,7 +17,9 @@ from bench.experiments import bar_body, bar_strip, body_laws
 from bench.experiments.bar_body import bar, measured_tetrahedra, stand, sway, tetrahedra
 from bench.experiments.bar_strip import ACROSS, FREQUENCY, SAG, bend, hang, method_of, strip, swing
 from bench.experiments.body_laws import DROP, ENERGY, FLIGHT, KEPT, SPIN, hold, law_scene
-from bench.measure.experiment import Experiment, Items, Measures, described, source_hash
+from bench.measure.costs_timing import Measures
+from bench.measure.experiment import described, source_hash
+from bench.measure.items import Experiment, Items
 from bench.store.database import Store
 from model.core.digest import source_digest
 from model.scene.scene import Scene

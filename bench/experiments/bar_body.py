@@ -45,7 +45,7 @@ from bench.experiments.bar_strip import (
     swing_of,
     told,
 )
-from bench.measure.experiment import Measures
+from bench.measure.costs_timing import Measures
 from model.assets.soft_body import DENSITY, SoftBody
 from model.core.build import build
 from model.core.simulation import State

@@ -29,7 +29,8 @@ from bench.experiments.bar_rows import JELLY, Bar, is_bar, rows
 from bench.experiments.bar_strip import FRAME, FREQUENCY, OPTIONS, SAG, method_of, strip
 from bench.measure import costs_timing
 from bench.measure.costs_timing import RATIO, SECONDS, Effort, Measures, Record, in_turn
-from bench.measure.experiment import Group, Items, cost_sources, described
+from bench.measure.experiment import described
+from bench.measure.items import Group, Items, cost_sources
 from bench.measure.timing import Subject, prepare
 from bench.store.database import Store
 from bench.store.results import Measure, by_configuration, measures

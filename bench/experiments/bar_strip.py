@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 
 from app.driver import open_simulation
-from bench.measure.experiment import Measures
+from bench.measure.costs_timing import Measures
 from model.core.build import build, rest_positions
 from model.core.errors import BackendUnavailable, Diverged, UnstableTimeStep
 from model.core.simulation import Simulation, State

@@ -18,7 +18,7 @@ import numpy as np
 
 from app.driver import open_simulation
 from bench.experiments.bar_strip import FRAME, OPTIONS, SHARED, told
-from bench.measure.experiment import Measures
+from bench.measure.costs_timing import Measures
 from model.scene.scene import Scene
 
 SPIN, FLIGHT, DROP = "spin", "flight", "drop"

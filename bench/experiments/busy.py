@@ -21,7 +21,8 @@ from rich.console import Console
 from app.driver import open_simulation
 from bench.measure.costs_timing import FULL, RATIO, SECONDS, Effort, Measures, Record, in_turn
 from bench.measure.costs_timing import QUICK as SHORT
-from bench.measure.experiment import Group, Items, cost_sources, described
+from bench.measure.experiment import described
+from bench.measure.items import Group, Items, cost_sources
 from bench.measure.timing import Subject, prepare
 from bench.store.database import Store
 from bench.store.results import Measure, measures

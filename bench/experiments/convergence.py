@@ -26,7 +26,8 @@ import numpy as np
 from app.driver import open_simulation
 from bench.experiments.accuracy.methods import XPBD, changes
 from bench.measure.costs_timing import FULL, QUICK, Effort, Measures, Record, in_turn
-from bench.measure.experiment import Group, Items, cost_sources, described
+from bench.measure.experiment import described
+from bench.measure.items import Group, Items, cost_sources
 from bench.measure.timing import Subject, prepare
 from bench.reference.mass_spring import start
 from bench.store.database import Store

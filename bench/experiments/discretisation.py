@@ -11,7 +11,9 @@ from __future__ import annotations
 import numpy as np
 
 from app.driver import open_simulation
-from bench.measure.experiment import Experiment, Measures, described, source_hash
+from bench.measure.costs_timing import Measures
+from bench.measure.experiment import described, source_hash
+from bench.measure.items import Experiment
 from model.core.build import rest_positions
 from model.core.simulation import State
 from model.scene.scene import Scene

@@ -23,7 +23,9 @@ from bench.experiments.accuracy.judge import distance
 from bench.experiments.accuracy.points import END, SCENES
 from bench.experiments.accuracy.references import references
 from bench.measure.case_timing import Case, StepTimes
-from bench.measure.experiment import Experiment, Item, Items, Measures, described, source_hash
+from bench.measure.costs_timing import Measures
+from bench.measure.experiment import described, source_hash
+from bench.measure.items import Experiment, Item, Items
 from bench.reference import cache
 from bench.reference import mass_spring as reference
 from bench.store.database import Store

@@ -16,7 +16,8 @@ from typing import Any
 
 from app.driver import open_simulation
 from bench.measure.costs_timing import FULL, QUICK, QUICKEST, Effort, Measures, Record, in_turn
-from bench.measure.experiment import Group, Items, cost_sources, described
+from bench.measure.experiment import described
+from bench.measure.items import Group, Items, cost_sources
 from bench.measure.timing import Subject, prepare
 from bench.store.database import Store
 from model.core import simulation as contract

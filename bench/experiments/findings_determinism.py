@@ -25,7 +25,8 @@ from app.driver import open_simulation
 from bench.experiments import checks, gather_cpu, scatter_cpu
 from bench.experiments.checks import compare, displaced
 from bench.measure.costs_timing import RATIO, Effort, Measures, Record, in_turn
-from bench.measure.experiment import Group, cost_sources, described
+from bench.measure.experiment import described
+from bench.measure.items import Group, cost_sources
 from bench.measure.timing import Subject, prepare
 from model.core.simulation import PRECISIONS, Simulation, State
 from model.scene.scene import Scene, load_scene

@@ -41,7 +41,8 @@ from bench.experiments.tetrahedral.cantilever import (
 )
 from bench.experiments.tetrahedral.promised import promised
 from bench.measure.costs_timing import FULL, QUICK, RATIO, SECONDS, Effort, Measures, Record, in_turn
-from bench.measure.experiment import Group, Items, cost_sources, described
+from bench.measure.experiment import described
+from bench.measure.items import Group, Items, cost_sources
 from bench.measure.timing import Subject, prepare
 from bench.store.database import Store
 from model.core.build import build

@@ -147,9 +147,13 @@ class Rates:
                     summary.skipped.append(f"{case}: {error}")
             for subject, samples in in_turns(store, summary.run, self.stage, subjects, repeats):
                 case, step = subject.name, statistics.median(s.seconds / s.steps for s in samples)
-                numbers = self.numbers(case.scene, step, subject.simulation.kernel)
+                numbers = self.besides(subject) | self.numbers(case.scene, step, subject.simulation.kernel)
                 experiment.keep(store, summary.run, case.description, case.sources, numbers)
                 summary.measured += 1
+
+    def besides(self, subject: Subject) -> Measures:
+        """Further measures of a case that has just been timed."""
+        return {}
 
     def numbers(self, scene: Scene, step: float, kernel: str) -> Measures:
         """The measures of a case whose step took so many seconds; the rate last: then all is there."""

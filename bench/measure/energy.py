@@ -9,7 +9,7 @@ no joules, and no error: most processors hide theirs from users.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -54,9 +54,10 @@ def energy_counter(backend: str) -> Counter | None:
     return nvml_counter() if backend == "gpu" else rapl_counter()
 
 
-def nvml_counter() -> Counter | None:
-    """The total-energy counter of the GPU in use; None without nvidia-ml-py, or where the GPU has none."""
-    library, handle = nvml()
+def nvml_counter(number: int | None = None) -> Counter | None:
+    """The total-energy counter of the GPU in use, or of device `number`; None without nvidia-ml-py, or where the GPU has
+    none."""
+    library, handle = nvml(number)
     with suppress(Exception):  # it fails in as many ways as drivers do
         library.nvmlDeviceGetTotalEnergyConsumption(handle)
         return lambda: 1e-3 * library.nvmlDeviceGetTotalEnergyConsumption(handle)
@@ -119,6 +120,18 @@ def measure_energy(subject: Subject, counter: Counter, seconds: float = LOOP_SEC
     if last is None:
         return None
     return Energy(last.joules - first.joules, last.clock - first.clock, loop + last.steps)
+
+
+def joules_of_all(subject: Subject, counters: Sequence[Counter | None]) -> float | None:
+    """What a step takes of all devices together [J], each looked at by itself, since counters do not jump together; None
+    where one of them does not tell. Raises Diverged."""
+    total = 0.0
+    for counter in counters:
+        found = counter and measure_energy(subject, counter)
+        if not found:
+            return None
+        total += found.joules / found.steps
+    return total
 
 
 @dataclass(frozen=True)

@@ -13,11 +13,8 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from pathlib import Path
-from typing import Any, Protocol, Self, TypeVar
+from typing import Any, Self, TypeVar
 
-from bench.measure import costs_timing
-from bench.measure.costs_timing import RATIO, Measures, Record
 from bench.measure.gpu import gpu_or_reason, gpu_simulated
 from bench.measure.machine import enter_machine
 from bench.measure.progress import progress_bar
@@ -27,12 +24,8 @@ from bench.store.database import Store
 from bench.store.results import configuration
 from bench.store.versions import code_version, digest_of
 from cpu_backend.core.threads import thread_count, threading_layer, wait_policy
-from model.core.digest import source_digest
 from model.core.errors import BackendUnavailable, SceneError
 from model.scene.scene import Scene
-
-COSTS_VERSION = 1  # part of the resume key of every cost: raise it when how they are sampled changes
-
 
 # ---------------------------------------------------------------------- what is measured, and where
 
@@ -204,107 +197,3 @@ def keep(
     with store.transaction():
         for name, (value, unit, reason) in numbers.items():
             store.add_measure(run, description, sources, name, value, unit, reason)
-
-
-# ---------------------------------------------------------------------- experiments of single items
-
-
-class Item(Protocol):
-    """What is measured at one go; `worth`: its share of the bar."""
-
-    @property
-    def worth(self) -> int: ...
-    def held(self, store: Store, machine: str) -> bool: ...
-    def run(self, store: Store, run: str) -> None: ...
-
-
-@dataclass(frozen=True)
-class Items:
-    """An experiment of single items. `of(store, backends, quick, ...)`: all of them, or fewer, or measured in less time;
-    `doing`: what the bar says before each; `command`: that measures them."""
-
-    name: str
-    of: Callable[..., Sequence[Item]]
-    command: str
-    doing: str = ""
-
-    def __call__(
-        self,
-        store: Store,
-        *,
-        quick: bool = False,
-        backends: Sequence[str] | None = None,
-        progress: bool = True,
-        command: str = "",
-        **chosen: Any,
-    ) -> Summary:
-        """Measure what the store lacks, one after another. `backends`: None: all that are here; `chosen`: what `of` takes
-        besides. Ctrl-C ends cleanly.
-
-        Raises SceneError (what cannot be chosen), BackendUnavailable, InputError (the store).
-        """
-        items = self.of(store, backends_here(backends), quick, **chosen)
-        summary = Summary.begun(store, self.name)
-
-        def measure(group: Sequence[Item], tell: Tell) -> None:
-            for item in group:
-                tell(f"{self.doing}{item}", 0)
-                item.run(store, summary.run)
-                summary.measured += 1
-                tell(f"{self.doing}{item}", item.worth)
-
-        return resume(
-            store, summary, [[item] for item in items], lambda item: item.held(store, summary.machine), measure,
-            progress=progress, command=command or self.command, worth=lambda item: item.worth,
-        )  # fmt: skip
-
-
-@dataclass(frozen=True)
-class Experiment:
-    """One configuration of one finding. `name`: the measure by which the store knows that it is done."""
-
-    name: str
-    description: dict[str, Any]
-    sources: str
-    measure: Callable[[], Measures]
-    worth: int = 1
-
-    def __str__(self) -> str:
-        return str(self.description["finding"])
-
-    def held(self, store: Store, machine: str) -> bool:
-        return store.has_measure(self.description, machine, self.sources, self.name)
-
-    def run(self, store: Store, run: str) -> None:
-        """Measure it, and put its numbers into the store, all or none."""
-        keep(store, run, self.description, self.sources, self.measure())
-
-
-@dataclass(frozen=True)
-class Group:
-    """What is sampled in turn. `descriptions`: of each way; the last one's RATIO, stored last, tells that all is done.
-    `measure`: samples into a record, the measures of each way out."""
-
-    name: str
-    descriptions: tuple[dict[str, Any], ...]
-    sources: str
-    measure: Callable[[Record], list[Measures]]
-    worth: int = 1
-
-    def __str__(self) -> str:
-        return self.name
-
-    def held(self, store: Store, machine: str) -> bool:
-        return store.has_measure(self.descriptions[-1], machine, self.sources, RATIO)
-
-    def run(self, store: Store, run: str) -> None:
-        found = self.measure(Record(store, run, self.sources))
-        with store.transaction():
-            for description, numbers in zip(self.descriptions, found, strict=True):
-                keep(store, run, description, self.sources, numbers)
-
-
-def cost_sources(backend: str, *files: str) -> str:
-    """The hash of what a cost depends on: the backend's sources, what is timed beside them, and how."""
-    paths = [Path(file) for file in (*files, str(costs_timing.__file__))]
-    return f"{source_hash(backend)}-{source_digest(*paths)}-c{COSTS_VERSION}"

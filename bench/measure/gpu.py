@@ -49,9 +49,9 @@ def gpu_facts() -> dict[str, Any]:
     }
 
 
-def nvml() -> tuple[Any, Any]:
-    """(NVML, its handle of the device that numba uses: the only one, or the one of its name); None both, which can do
-    nothing, where it cannot be had."""
+def nvml(number: int | None = None) -> tuple[Any, Any]:
+    """(NVML, its handle of the device that numba uses: the only one, or the one of its name; or of numba's device `number`);
+    None both, which can do nothing, where it cannot be had."""
     try:
         import pynvml
 
@@ -60,7 +60,8 @@ def nvml() -> tuple[Any, Any]:
             return pynvml, pynvml.nvmlDeviceGetHandleByIndex(0)
         from numba import cuda
 
-        return pynvml, pynvml.nvmlDeviceGetHandleByUUID(cuda.get_current_device().uuid)
+        device: Any = cuda.get_current_device() if number is None else cuda.gpus[number]
+        return pynvml, pynvml.nvmlDeviceGetHandleByUUID(device.uuid)
     except Exception:  # the library is optional, and fails in as many ways as drivers do
         return None, None
 

@@ -115,7 +115,8 @@ class Subject:
 
     @property
     def least_steps(self) -> int:
-        return DRAW_EVERY if self.renderer else 1
+        """A sample has whole multiples of it: a picture's steps; of a sheet that several share, those of whole exchanges."""
+        return DRAW_EVERY if self.renderer else int(getattr(self.simulation, "whole_steps", 1))
 
     def restore(self) -> None:
         """Back to the state that every repeat starts from: by a copy on the device while that is put aside there."""

@@ -17,8 +17,9 @@ from app.output.offscreen import OffscreenRenderer, opengl_available
 from app.render import cuda_vertices, sheet_view, vertices
 from app.render.sheet_view import SheetView
 from bench.measure.costs_timing import RATIO, Effort, Measures, Record, in_turn
-from bench.measure.experiment import Group, cost_sources, described
+from bench.measure.experiment import described
 from bench.measure.gpu import gpu_simulated
+from bench.measure.items import Group, cost_sources
 from bench.measure.timing import Subject, prepare
 from model.core.simulation import PRECISIONS
 from model.scene.scene import load_scene

@@ -144,7 +144,8 @@ class Measure:
 
 def open_readonly(path: str | Path = DEFAULT_PATH) -> Store:
     """A store to read from: a .sqlite file, or a .csv or .csv.gz export (which is read into memory). Raises InputError."""
-    from bench.store.transfer import is_text, load_text
+    from bench.store.text import is_text
+    from bench.store.transfer import load_text
 
     if is_text(path):
         return load_text([path])

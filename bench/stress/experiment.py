@@ -26,7 +26,8 @@ from bench.store.database import Store
 from bench.store.results import configuration, measures_of
 from bench.stress.case import HardCase
 from bench.stress.cases import CASES
-from bench.stress.results import CHECK, CODES, SHAPE, VERDICT, HardSummary, as_text, bodies_as_text, rows_of
+from bench.stress.results import CHECK, CODES, SHAPE, VERDICT, HardSummary, rows_of
+from bench.stress.shapes import as_text, bodies_as_text
 from bench.stress.tetrahedral_cases import tetrahedral_budget
 from bench.stress.trial import Check, Endless, SilentNaN, Trial
 from model.core.digest import source_digest

@@ -68,6 +68,14 @@ class Layout:
         planes = state.reshape(self.planes, self.plane)[:, : self.rows * self.stride]
         return planes.reshape(self.planes, self.rows, self.stride)[:, :, : columns or self.columns]
 
+    def rows_of(self, state: np.ndarray, held: slice) -> np.ndarray:
+        """(planes, rows, columns) of the rows `held` of a flat state, columns in their order."""
+        return self.view(state)[:, held]
+
+    def put_rows(self, state: np.ndarray, held: slice, rows: np.ndarray) -> None:
+        """Take such rows as the rows `held` of a flat state."""
+        self.view(state)[:, held] = rows
+
 
 def plain(rows: int, columns: int, planes: int = PLANES) -> Layout:
     """No padding: planes as NumPy would have them, for kernels that take arrays of (rows, columns)."""

@@ -271,13 +271,13 @@ class RowsSimulation(CpuSimulation):
         current[axes:] = velocity.T.reshape(current[axes:].shape)
 
     def rows(self, first: int, count: int) -> np.ndarray:
-        """(2 x dimensions, count, columns): positions, then velocities of some rows now; a view of the storage."""
-        return self.current[:, first : first + count]
+        """(2 x dimensions, count, columns): positions, then velocities of some rows now, to be read only."""
+        return self._layout.rows_of(self._flat, slice(first, first + count))
 
     def take_rows(self, first: int, rows: np.ndarray) -> None:
         """Put those in the place of what is there."""
         held = slice(first, first + rows.shape[1])
-        self.current[:, held] = rows
+        self._layout.put_rows(self._flat, held, rows)
         self._place_ghosts(held)
 
     def _place_ghosts(self, rows: slice) -> None:

@@ -8,9 +8,8 @@ import numpy as np
 
 from cpu_backend.core.simulation import RowsSimulation
 from cpu_backend.domains.ranks import RankExchange, Ranks
-from model.core.errors import SceneError
 from model.domains.decomposition import Decomposition
-from model.domains.processes import await_request, gather_rows, largest_of, mpi
+from model.domains.processes import await_request, gather_rows, largest_of, world_of
 
 
 class MpiExchange(RankExchange):
@@ -46,14 +45,12 @@ class MpiExchange(RankExchange):
 
 
 class MpiRanks(Ranks):
-    """All processes that MPI knows of. Raises BackendUnavailable without MPI, SceneError for another number of them than
-    `count`."""
+    """All processes that MPI knows of. Raises BackendUnavailable without MPI or with another than the launcher's, SceneError
+    for another number of them than `count`."""
 
     def __init__(self, count: int):
-        self._world = mpi().COMM_WORLD
-        self.rank, self.count = self._world.Get_rank(), self._world.Get_size()
-        if self.count != count:
-            raise SceneError("--ranks", count, f"MPI has {self.count}; start the run with mpiexec -n {count}")
+        self._world = world_of(count, "--ranks")
+        self.rank, self.count = self._world.Get_rank(), count
 
     def exchange(self, window: RowsSimulation, decomposition: Decomposition) -> RankExchange:
         return MpiExchange(window, decomposition, self.rank, self._world)

@@ -100,6 +100,18 @@ class Combed(Layout):
             whole[:, :, k :: self.classes] = part
         return whole
 
+    def rows_of(self, state: np.ndarray, held: slice) -> np.ndarray:
+        """See Layout; a copy."""
+        found = np.empty((self.planes, len(range(self.rows)[held]), self.columns), state.dtype)
+        for k, part in enumerate(self.by_class(state)):
+            found[:, :, k :: self.classes] = part[:, held]
+        return found
+
+    def put_rows(self, state: np.ndarray, held: slice, rows: np.ndarray) -> None:
+        """See Layout."""
+        for k, part in enumerate(self.by_class(state)):
+            part[:, held] = rows[:, :, k :: self.classes]
+
     def put(self, state: np.ndarray, first: int, values: np.ndarray) -> None:
         """Take `values` (planes, rows, columns) as the planes from number `first` on of a flat state."""
         for k, part in enumerate(self.by_class(state)):

@@ -24,7 +24,7 @@ class QuadSimulation(CudaSimulation):
 
     def new_array(self) -> Any:
         """A device array of quads, zeros."""
-        return self.on_device(np.zeros(SIZE * self.particle_count, self.real))
+        return self.zeros(SIZE * self.particle_count, self.real)
 
     def _allocate_quads(self, rows: np.ndarray) -> None:
         """The state, the constants, and `bodies` of such rows."""

@@ -95,6 +95,14 @@ class CudaSimulation(Simulation):
         flat = np.ascontiguousarray(array).reshape(-1)
         return cuda.to_device(flat if flat.size else np.zeros(4, array.dtype), stream=self.stream)
 
+    def zeros(self, count: int, dtype: Any) -> Any:
+        """A flat device array of zeros, which are made there."""
+        if simulated():
+            return self.on_device(np.zeros(count, dtype))
+        found: Any = cuda.device_array(count, dtype, stream=self.stream)
+        found.gpu_data.memset(0, stream=self.stream)
+        return found
+
     @abstractmethod
     def new_array(self) -> Any:
         """A device array of zeros for one quantity of every particle."""

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import atexit
 import os
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import AbstractContextManager
+from functools import cache
 from itertools import pairwise
 from typing import Any
 
@@ -29,14 +31,45 @@ def sharing() -> bool:
 
 
 def devices_for(count: int) -> list[int]:
-    """The number of the GPU of each of `count` windows. Raises BackendUnavailable where there are not so many."""
+    """The number of the GPU of each of `count` windows. Raises BackendUnavailable where there are not so many.
+
+    Where there are several, what numba would free twice at the end of the process is freed once.
+    """
     here = gpu_count()
     if count > here and not sharing():
         raise BackendUnavailable(
             f"{count} GPUs were asked for, and {here} {'is' if here == 1 else 'are'} here",
             f"use --gpus {here}, or {SHARE}=1, with which windows take turns on one GPU, to try it",
         )
+    if min(count, here) > 1:
+        _unload_once_at_exit()
     return [k % here for k in range(count)]
+
+
+@cache
+def _unload_once_at_exit() -> None:
+    """Before numba's own end: what was registered last is called first."""
+
+    def end() -> None:
+        used = (gpu.primary_context for gpu in cuda.gpus)
+        unload_once(context.modules for context in used if context is not None)
+
+    atexit.register(end)
+
+
+def unload_once(modules: Iterable[Mapping[Any, Any]]) -> None:
+    """See to it that each library of kernels is unloaded by one GPU alone; `modules`: what each GPU has loaded.
+
+    numba-cuda 0.30.4 loads a library of kernels once for all GPUs, but notes it as loaded by each that runs one, and unloads
+    it at the end of the process as often: "double free or corruption".
+    """
+    seen = set()
+    for loaded in modules:
+        for module in loaded.values():
+            library = int(module.handle)
+            if library in seen:
+                module._finalizer.detach()
+            seen.add(library)
 
 
 def at(device: int) -> AbstractContextManager[Any]:

@@ -16,8 +16,10 @@ from numba import cuda
 from gpu_backend.core.device import simulated
 from gpu_backend.core.launch import Graphs
 from gpu_backend.domains.devices import at
-from gpu_backend.domains.kernels import BLOCKS, FLAG_STRIDE, THREADS, make_border_kernels, make_moves
+from gpu_backend.domains.kernels import FLAG_STRIDE, MOST_BLOCKS, THREADS, blocks_for, make_border_kernels
 from gpu_backend.domains.peers import PeerSimulation
+from gpu_backend.domains.units import StateUnits
+from gpu_backend.mass_spring.bands import Bands
 from model.core.errors import BackendUnavailable
 from model.core.options import Options
 from model.domains.decomposition import Border, Decomposition
@@ -29,27 +31,28 @@ CHUNKS = (16, 4, 2)  # cycles of a graph: even, so that buffers are back in plac
 
 
 class FlagExchange(Exchange):
-    """See Exchange. `windows`: as of PeerExchange. Of each border the receiver's GPU has an inbox and flags, of each window
-    its own has the number of exchanges done (`epochs`) and whether one failed (`failed`). `alone`: each has its own GPU."""
+    """See Exchange. `windows`: as of PeerExchange. Of each border the receiver's GPU has an inbox, flags, and how many
+    exchanges it took, the sender's how many its blocks sent; of each window its GPU has whether an exchange failed. `alone`:
+    each has its own GPU."""
 
     def __init__(self, windows: Sequence[Any], decomposition: Decomposition, devices: Sequence[int]):
         self.windows, self.decomposition, self.devices = windows, decomposition, devices
         self.alone = len(set(devices)) == len(windows)
-        real, axes = windows[0].real, windows[0].scene.dimensions
-        self._kernels = make_border_kernels(real, axes)
-        pair = np.complex64 if real is np.float32 else np.complex128
-        numbers = 4 * make_moves(axes).pairs  # of a mass in an inbox: both halves, position and velocity
+        self.states = [StateUnits(window, decomposition) for window in windows]
+        self._kernels = make_border_kernels(self.states[0].unit)
         borders, places = decomposition.borders, range(len(windows))
-        self._inbox = {b: self._on(b.target, np.zeros(numbers * self._count(b), pair)) for b in borders}
-        self._flags = {b: self._on(b.target, np.zeros(BLOCKS * FLAG_STRIDE, np.int32)) for b in borders}
-        self._out = [[b for b in borders if b.source == k] for k in places]
-        self._in = [[b for b in borders if b.target == k] for k in places]
-        self.epochs = [self._on(k, np.zeros(1, np.int32)) for k in places]
+        zeros = np.zeros(MOST_BLOCKS, np.int32)
+        self._inbox = {b: self._on(b.target, np.zeros(4 * self._count(b), self.states[0].unit)) for b in borders}
+        self._flags = {b: self._on(b.target, np.zeros(MOST_BLOCKS * FLAG_STRIDE, np.int32)) for b in borders}
+        self._sent = {b: self._on(b.source, zeros) for b in borders}
+        self._taken = {b: self._on(b.target, zeros[:1]) for b in borders}
+        self.out = [[b for b in borders if b.source == k] for k in places]
+        self.into = [[b for b in borders if b.target == k] for k in places]
         self.failed = [self._on(k, np.zeros(1, np.int32)) for k in places]
         self._load()
 
     def _count(self, border: Border) -> int:
-        return border.rows * self.decomposition.columns
+        return border.rows * self.states[0].row
 
     def _on(self, place: int, array: np.ndarray) -> Any:
         with at(self.devices[place]):
@@ -60,57 +63,50 @@ class FlagExchange(Exchange):
     def _load(self) -> None:
         """Compile and load every kernel on every GPU, by an exchange that moves nothing: a kernel that is loaded while
         another one waits could hold up what it waits for."""
-        for place, window in enumerate(self.windows):
-            with at(self.devices[place]):
-                for border in self._in[place]:
-                    nothing = (np.int32(0), np.int32(0), self._inbox[border], self._flags[border], self.epochs[place])
-                    now = window._current
-                    self._kernels.push[self._launch(window)](window.position[now], window.velocity[now], *nothing)
-                    self._kernels.take[self._launch(window)](
-                        window.position[now], window.velocity[now], *nothing, self.failed[place]
-                    )
-                self._kernels.count_on[1, 1, window.stream](self.epochs[place])
-                window.synchronize()
+        for give in (True, False):
+            for place, window in enumerate(self.windows):
+                with at(self.devices[place]):
+                    for border in self.out[place] if give else self.into[place]:
+                        (self.push if give else self.take)(border, window.stream, nothing=True)
+                    window.synchronize()
 
-    @staticmethod
-    def _launch(window: Any) -> tuple[int, int, Any]:
+    def _launch(self, border: Border, stream: Any) -> tuple[int, int, Any]:
         """Under the simulator, which runs every thread of every block, two small ones."""
-        return (2, 8, window.stream) if simulated() else (BLOCKS, THREADS, window.stream)
+        return (2, 8, stream) if simulated() else (blocks_for(self._count(border)), THREADS, stream)
+
+    def push(self, border: Border, stream: Any, nothing: bool = False) -> None:
+        """A border into the inbox of its target; asked of its source's GPU."""
+        state, count = self.states[border.source], 0 if nothing else self._count(border)
+        self._kernels.push[self._launch(border, stream)](
+            *state.now, np.int32(border.from_row * state.row), np.int32(count), self._inbox[border], self._flags[border],
+            self._sent[border],
+        )  # fmt: skip
+
+    def take(self, border: Border, stream: Any, nothing: bool = False) -> None:
+        """A halo from the inbox, once it is there; asked of its target's GPU."""
+        state, count = self.states[border.target], 0 if nothing else self._count(border)
+        launch = self._launch(border, stream)
+        self._kernels.wait[1, MOST_BLOCKS, stream](
+            self._flags[border], np.int32(launch[0]), self._taken[border], self.failed[border.target]
+        )
+        self._kernels.take[launch](
+            *state.now, np.int32(border.to_row * state.row), np.int32(count), self._inbox[border], self._taken[border]
+        )
 
     def post(self) -> None:
-        for place in range(len(self.windows)):
-            self.post_of(place)
+        for place, window in enumerate(self.windows):
+            with at(self.devices[place]):
+                for border in self.out[place]:
+                    self.push(border, window.stream)
         if not self.alone:
             for window in self.windows:  # nothing may wait on a GPU for what it keeps from running there
                 window.synchronize()
 
     def wait(self) -> None:
-        for place in range(len(self.windows)):
-            self.wait_of(place)
-
-    def post_of(self, place: int) -> None:
-        """The borders of one window into the inboxes of its neighbours."""
-        window, columns = self.windows[place], self.decomposition.columns
-        now = window._current
-        with at(self.devices[place]):
-            for border in self._out[place]:
-                self._kernels.push[self._launch(window)](
-                    window.position[now], window.velocity[now], np.int32(border.from_row * columns),
-                    np.int32(self._count(border)), self._inbox[border], self._flags[border], self.epochs[place],
-                )  # fmt: skip
-
-    def wait_of(self, place: int) -> None:
-        """One window's halos from its inboxes, once they are there."""
-        window, columns = self.windows[place], self.decomposition.columns
-        now = window._current
-        with at(self.devices[place]):
-            for border in self._in[place]:
-                self._kernels.take[self._launch(window)](
-                    window.position[now], window.velocity[now], np.int32(border.to_row * columns),
-                    np.int32(self._count(border)), self._inbox[border], self._flags[border], self.epochs[place],
-                    self.failed[place],
-                )  # fmt: skip
-            self._kernels.count_on[1, 1, window.stream](self.epochs[place])
+        for place, window in enumerate(self.windows):
+            with at(self.devices[place]):
+                for border in self.into[place]:
+                    self.take(border, window.stream)
 
     def require_answers(self) -> None:
         """Raises BackendUnavailable where a window waited in vain."""
@@ -128,6 +124,7 @@ class FlagSimulation(PeerSimulation):
     where they share one, on which windows of kernels that do not fill it run beside one another (for tests)."""
 
     exchange: FlagExchange
+    _bands: Sequence[Bands | None] = ()
     _cycles: Sequence[Graphs] = ()
 
     def __init__(
@@ -142,32 +139,57 @@ class FlagSimulation(PeerSimulation):
         wanted = exchange.alone if self._graphs_asked is None else self._graphs_asked
         if wanted and not simulated() and not frozen:
             self.exchange = exchange
+            self._bands = [self._bands_of(place) for place in range(len(self.windows))]
             self._cycles = [self._graphs_of(place) for place in range(len(self.windows))]
         return exchange
 
+    def _bands_of(self, place: int) -> Bands | None:
+        """Bands of a window, so that an exchange holds up only the rows at its edge."""
+        window, touched = self.windows[place], 2 * self.decomposition.halo
+        if window.kernel != "tiles" or not hasattr(window._tiles, "bands") or "middle" in window._passes:
+            return None
+        above, below = place > 0, place < len(self.windows) - 1
+        with self._at(place):
+            found: Bands | None = window._tiles.bands(touched * above, touched * below)
+            return found
+
     def _graphs_of(self, place: int) -> Graphs:
+        window, bands = self.windows[place], self._bands[place]
+
         def launch(parity: int, count: int) -> None:
-            window = self.windows[place]
             window._current = parity
             kept, window._graphs = window._graphs, None  # whose launches are captured one by one
             try:
                 for _ in range(count):
                     window._run(self.decomposition.steps)
-                    self.exchange.post_of(place)
-                    self.exchange.wait_of(place)
+                    for border in self.exchange.out[place]:
+                        self.exchange.push(border, window.stream)
+                    for border in self.exchange.into[place]:
+                        self.exchange.take(border, window.stream)
             finally:
                 window._graphs = kept
 
-        return Graphs(self.windows[place].stream, launch, lambda count: None)
+        def launch_bands(parity: int, count: int) -> None:
+            assert bands is not None
+            window._current = parity
+            bands.fork()
+            for _ in range(count):
+                for steps in window._tiles.parts_of(self.decomposition.steps):
+                    window._tiles.launch_in(bands, 0, steps)
+                for border in self.exchange.out[place]:
+                    self.exchange.push(border, bands.streams[_edge(border.target > place)])
+                for border in self.exchange.into[place]:
+                    self.exchange.take(border, bands.streams[_edge(border.source > place)])
+            bands.join()
 
-    def _run(self, steps: int) -> None:
-        cycles = steps // self.decomposition.steps
-        done = self._replay_cycles(cycles) if self._cycles else 0
-        if steps > done:
-            super()._run(steps - done)
+        return Graphs(window.stream, launch if bands is None else launch_bands, lambda count: None)
+
+    def _run_windows(self, first: int, steps: int) -> None:
+        done = self._replay_cycles(steps // self.decomposition.steps) if self._cycles else 0
+        super()._run_windows(first + done, steps - done)
 
     def _replay_cycles(self, cycles: int) -> int:
-        """Steps done in graphs of an even number of cycles, after which every buffer is back in its place."""
+        """Steps of windows done in graphs of an even number of cycles, after which every buffer is back in its place."""
         left = cycles
         for chunk in CHUNKS:
             if left < chunk:
@@ -193,5 +215,13 @@ class FlagSimulation(PeerSimulation):
             with self._at(place):
                 self.windows[place].synchronize()
                 graphs.close()
-        self._cycles = ()
+                bands = self._bands[place]
+                if bands is not None:
+                    bands.close()
+        self._cycles = self._bands = ()
         super().close()
+
+
+def _edge(below: bool) -> int:
+    """Which of a window's bands lies at its edge below, or above."""
+    return -1 if below else 0

@@ -1,8 +1,9 @@
-"""The kernels that carry borders of a sheet between windows. A border is neighbouring rows: one run of masses.
+"""The kernels that carry borders of a sheet between windows. A border is neighbouring rows, and so one run of bytes of the
+positions and one of the velocities: they are moved as they are, in units of 16 bytes, whatever numbers they hold.
 
 `pull`: a window reads its halo from its neighbour's state, once events say that it is there. `push`: it writes its border
-into the neighbour's inbox and raises a flag there; `take`: it waits for its own flags and reads its inbox. Block b of `take`
-reads what block b of `push` wrote, since both are launched alike, so that each block has a flag of its own.
+into the neighbour's inbox, each block raises a flag of its own there, and counts its exchanges; `wait`: it waits for its own
+flags; `take`, launched behind it: it reads its inbox.
 
 Two halves of an inbox in turn are enough: a window pushes number n + 2 only after it took number n + 1, which the neighbour
 pushed after it had taken number n.
@@ -18,108 +19,83 @@ import numpy as np
 from numba import cuda
 
 from gpu_backend.core.blocks import load_fresh_pair
-from gpu_backend.core.compile import inlined, make_kernels, variant_name
+from gpu_backend.core.compile import make_kernels, variant_name
 from gpu_backend.core.pairs import load_pair, store_pair
-from gpu_backend.core.quads import load_quad, store_quad
 from gpu_backend.domains.system_flags import nanoseconds, raise_system_flag, read_system_flag
 
 FLAG_STRIDE = 32  # int32 between two flags: a 128-byte line each
-BLOCKS, THREADS = 32, 256  # of push and take: few enough to run beside all else
+THREADS = 512  # of a block of push and take
+MOST_BLOCKS = 64  # of them: what is on its way at once fills the link, and few places are taken from all else
 PATIENCE = 20_000_000_000  # ns that a block waits for a neighbour
 LOOKS = 255  # at a flag between two at the clock; of a binary number, all ones
 
 
-@cache
-def make_moves(axes: int) -> SimpleNamespace:
-    """Device functions that copy one mass: `carry(source, i, target, j)` between states; `pack(source, i, inbox, j)`,
-    `unpack(inbox, j, target, i)` to and from an inbox of pairs; `pairs`: of a mass. A state holds pairs in a plane (`axes`
-    2), quads in space."""
-    inline = inlined("exact")
-    one, two = np.int32(1), np.int32(2)
-    if axes == 2:
+def unit_of(real: Any, dimensions: int, columns: int) -> Any:
+    """The type as which a border's bytes are moved: 16 bytes, or 8 where rows of pairs of float32 are not whole ones."""
+    return np.complex64 if dimensions == 2 and real is np.float32 and columns % 2 else np.complex128
 
-        @inline
-        def carry(source, i, target, j):
-            p = load_pair(source, i)
-            store_pair(target, j, p.real, p.imag)
 
-        @inline
-        def unpack(inbox, j, target, i):
-            p = load_fresh_pair(inbox, j)
-            store_pair(target, i, p.real, p.imag)
-
-        return SimpleNamespace(carry=carry, pack=carry, unpack=unpack, pairs=1)
-
-    @inline
-    def carry_quad(source, i, target, j):
-        x, y, z, w = load_quad(source, i)
-        store_quad(target, j, x, y, z, w)
-
-    @inline
-    def pack_quad(source, i, inbox, j):
-        x, y, z, w = load_quad(source, i)
-        store_pair(inbox, np.int32(two * j), x, y)
-        store_pair(inbox, np.int32(two * j + one), z, w)
-
-    @inline
-    def unpack_quad(inbox, j, target, i):
-        p, q = load_fresh_pair(inbox, np.int32(two * j)), load_fresh_pair(inbox, np.int32(two * j + one))
-        store_quad(target, i, p.real, p.imag, q.real, q.imag)
-
-    return SimpleNamespace(carry=carry_quad, pack=pack_quad, unpack=unpack_quad, pairs=2)
+def blocks_for(units: int) -> int:
+    """Of push and take, for a border of so many units of each array."""
+    return max(1, min(MOST_BLOCKS, -(-units // THREADS)))
 
 
 @cache
-def make_border_kernels(real: Any, axes: int) -> SimpleNamespace:
-    """`pull`, `push`, `take`, `count_on`; see the inner functions. Positions and velocities are complex (masses,) in a plane,
-    flat quads in space; an inbox is complex, for two exchanges both."""
-    moves = make_moves(axes)
-    carry, pack, unpack = moves.carry, moves.pack, moves.unpack
+def make_border_kernels(unit: Any) -> SimpleNamespace:
+    """`pull`, `push`, `wait`, `take`; see the inner functions. Arrays of positions and velocities are flat, of the complex
+    type `unit` (see `unit_of`), in which all counts are; an inbox is too, for two exchanges both."""
 
     def pull(position, velocity, first, new_position, new_velocity, to, count):
-        """Masses `first` ... of a neighbour's state become masses `to` ... of one's own."""
+        """Units `first` ... of a neighbour's state become units `to` ... of one's own."""
         k = np.int32(cuda.grid(1))
         if k < count:
-            carry(position, np.int32(first + k), new_position, np.int32(to + k))
-            carry(velocity, np.int32(first + k), new_velocity, np.int32(to + k))
+            p, v = load_pair(position, np.int32(first + k)), load_pair(velocity, np.int32(first + k))
+            store_pair(new_position, np.int32(to + k), p.real, p.imag)
+            store_pair(new_velocity, np.int32(to + k), v.real, v.imag)
 
-    def push(position, velocity, first, count, inbox, flags, epoch):
-        """Masses `first` ... into the neighbour's `inbox` (4 x count masses), its half told by the exchange's number."""
-        number = np.int32(epoch[0] + 1)
+    def push(position, velocity, first, count, inbox, flags, sent):
+        """Units `first` ... into the neighbour's `inbox` (4 x count units), its half told by the exchange's number, which is
+        one more than the block has `sent`."""
+        block = np.int32(cuda.blockIdx.x)
+        number = np.int32(sent[block] + 1)
         half = np.int32((number & 1) * 2 * count)
         k = np.int32(cuda.grid(1))
         while k < count:
-            pack(position, np.int32(first + k), inbox, np.int32(half + k))
-            pack(velocity, np.int32(first + k), inbox, np.int32(half + count + k))
+            p, v = load_pair(position, np.int32(first + k)), load_pair(velocity, np.int32(first + k))
+            store_pair(inbox, np.int32(half + k), p.real, p.imag)
+            store_pair(inbox, np.int32(half + count + k), v.real, v.imag)
             k = np.int32(k + cuda.gridsize(1))
-        cuda.threadfence_system()
-        cuda.syncthreads()
+        cuda.syncthreads()  # the release that follows is of what all threads of the block wrote
         if cuda.threadIdx.x == 0:
-            raise_system_flag(flags, np.int32(cuda.blockIdx.x * FLAG_STRIDE), number)
+            raise_system_flag(flags, np.int32(block * FLAG_STRIDE), number)
+            sent[block] = number
 
-    def take(position, velocity, to, count, inbox, flags, epoch, failed):
-        """What the neighbour pushed becomes masses `to` ...; `failed` (1,) is set to 1 where it never comes."""
-        number = np.int32(epoch[0] + 1)
-        half = np.int32((number & 1) * 2 * count)
-        if cuda.threadIdx.x == 0:
+    def wait(flags, count, taken, failed):
+        """Until all `count` flags of the exchange after the last one `taken` are there, which it then is; `failed` (1,) is
+        set to 1 where they never come. One block of as many threads, so that little is kept from what else could run."""
+        number = np.int32(taken[0] + 1)
+        flag = np.int32(cuda.threadIdx.x)
+        if flag < count:
             begin = nanoseconds()
             looks = np.int32(0)
-            while np.int32(read_system_flag(flags, np.int32(cuda.blockIdx.x * FLAG_STRIDE)) - number) < 0:
+            while np.int32(read_system_flag(flags, np.int32(flag * FLAG_STRIDE)) - number) < 0:
                 looks = np.int32(looks + 1)
                 if (looks & LOOKS) == 0:
                     if failed[0] != 0 or nanoseconds() - begin > PATIENCE:
                         failed[0] = 1
                         break
         cuda.syncthreads()
+        if flag == 0:
+            taken[0] = number
+
+    def take(position, velocity, to, count, inbox, taken):
+        """What the neighbour pushed for the last exchange `taken` becomes units `to` ... of the state."""
+        half = np.int32((taken[0] & 1) * 2 * count)
         k = np.int32(cuda.grid(1))
         while k < count:
-            unpack(inbox, np.int32(half + k), position, np.int32(to + k))
-            unpack(inbox, np.int32(half + count + k), velocity, np.int32(to + k))
+            p, v = load_fresh_pair(inbox, np.int32(half + k)), load_fresh_pair(inbox, np.int32(half + count + k))
+            store_pair(position, np.int32(to + k), p.real, p.imag)
+            store_pair(velocity, np.int32(to + k), v.real, v.imag)
             k = np.int32(k + cuda.gridsize(1))
 
-    def count_on(epoch):
-        """The exchange is over."""
-        if cuda.grid(1) == 0:
-            epoch[0] += 1
-
-    return make_kernels((pull, push, take, count_on), variant_name(real, axes))
+    return make_kernels((pull, push, wait, take), variant_name(unit))

@@ -47,8 +47,9 @@ def _started(library: Any) -> Iterator[None]:
 
 
 def _reach(library: Any, one: Any, other: Any) -> bool:
-    """Whether both read and write each other's memory."""
-    kinds = library.NVML_P2P_CAPS_INDEX_READ, library.NVML_P2P_CAPS_INDEX_WRITE
+    """Whether both read and write each other's memory. pynvml 13.615 has a tuple, by a comma too many, for one of these."""
+    named = library.NVML_P2P_CAPS_INDEX_READ, library.NVML_P2P_CAPS_INDEX_WRITE
+    kinds = [kind[0] if isinstance(kind, tuple) else kind for kind in named]
     ways = ((one, other), (other, one))
     found = [library.nvmlDeviceGetP2PStatus(*way, kind) for way in ways for kind in kinds]
     return all(status == library.NVML_P2P_STATUS_OK for status in found)

@@ -1,36 +1,36 @@
-"""A sheet on several GPUs of one host or of many: a process of MPI for each, borders sent by NCCL.
+"""A sheet on several GPUs, borders sent by NCCL: by one process for all GPUs of its host, or, where MPI started several, by
+each for its own, on one host or many (NVIDIA, "NCCL4Py": Communicator.init, init_all; ncclSend, ncclRecv in a group).
 
-Written against the documentation of nccl4py 0.6 (NVIDIA, "NCCL4Py": Communicator.init, send, recv, group; get_unique_id). It
-has never run: it was written where there is no GPU. What is the same for every way of sending (model/domains, the windows)
-is tested without it. NVLink multicast is left off (NCCL_NVLS_ENABLE=0), since a group of two asks for nothing of it.
+NVLink multicast is left off (NCCL_NVLS_ENABLE=0), since a group of two asks for nothing of it. What is sent is resolved once:
+an exchange is a few calls of NCCL's bindings with numbers.
 """
 
 from __future__ import annotations
 
 import os
 import time
-from contextlib import AbstractContextManager
+from collections.abc import Sequence
 from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
 
 from gpu_backend.core.device import require_gpu
-from gpu_backend.core.quads import SIZE
-from gpu_backend.domains.devices import at, gpu_count, new_event, sharing
-from model.core.errors import BackendUnavailable, SceneError
-from model.core.families import family_of
-from model.core.family import named
+from gpu_backend.domains.devices import at, devices_for, gpu_count, new_event, sharing
+from gpu_backend.domains.peers import GpuWindows
+from gpu_backend.domains.units import StateUnits
+from model.core.errors import BackendUnavailable
 from model.core.options import Options
-from model.core.simulation import Simulation
-from model.domains.decomposition import Border, Decomposition
+from model.domains.decomposition import Decomposition
 from model.domains.exchange import PATIENCE, Exchange
-from model.domains.processes import gather_rows, largest_of, lost, mpi
-from model.domains.simulation import DecomposedSimulation, cut
+from model.domains.launched import launched_ranks
+from model.domains.processes import gather_rows, largest_of, lost, mpi, world_of
+from model.domains.simulation import cut
 from model.scene.scene import Scene
 
-INSTALL = 'pip install "nccl4py[cu13]" (or [cu12]) and the lab\'s extra mpi'
+INSTALL = 'pip install "nccl4py[cu13]" (or [cu12]); for several processes also the lab\'s extra mpi'
 NAP = 1e-4  # s, between two looks at an event
+Call = tuple[int, int, int, int, Any, int]  # address, bytes, type, neighbour, communicator, stream
 
 
 def nccl() -> Any:
@@ -46,96 +46,119 @@ def nccl() -> Any:
 
 
 class NcclExchange(Exchange):
-    """See Exchange. All that is sent and received in an exchange is one group on the window's stream, which orders it with
-    the steps before and after."""
+    """See Exchange. `windows`: of this process, window k is domain `mine[k]`, on GPU `devices[k]`; `world`: MPI's processes,
+    a window each; None: this one has all. All that is sent and received in an exchange is one group on the windows' streams,
+    which order it with the steps before and after."""
 
-    def __init__(self, window: Any, decomposition: Decomposition, world: Any):
-        self.window, self.decomposition, self._world, self.rank = window, decomposition, world, world.Get_rank()
-        self._out = [border for border in decomposition.borders if border.source == self.rank]
-        self._in = [border for border in decomposition.borders if border.target == self.rank]
-        self._nccl = nccl()
-        mine = self._nccl.get_unique_id() if self.rank == 0 else None
-        self._group = self._nccl.Communicator.init(world.Get_size(), self.rank, world.bcast(mine, root=0))
-        handle = window.stream.handle
-        self._stream = int(getattr(handle, "value", handle) or 0)
-        self._done = new_event()
+    def __init__(
+        self,
+        windows: Sequence[Any],
+        mine: Sequence[int],
+        decomposition: Decomposition,
+        devices: Sequence[int],
+        world: Any,
+    ):
+        self.decomposition, self._world = decomposition, world
+        self.rank = world.Get_rank() if world else 0
+        self._windows, self._devices, module = windows, devices, nccl()
+        if world is None:
+            self._groups = list(module.Communicator.init_all(list(devices)))
+        else:
+            told = module.get_unique_id() if self.rank == 0 else None
+            self._groups = [module.Communicator.init(world.Get_size(), self.rank, world.bcast(told, root=0))]
+        from nccl.bindings import nccl as bindings
 
-    def _run_of(self, array: Any, row: int, border: Border) -> Any:
-        """The rows of a border as real numbers, which NCCL knows: of pairs in a plane, of quads in space."""
-        numbers = self.decomposition.columns * (2 if self.window.scene.dimensions == 2 else SIZE)
-        return array.view(self.window.real)[row * numbers : (row + border.rows) * numbers]
+        self._bindings, self._bytes = bindings, int(module.UINT8)
+        self._calls = []  # of each window: sent, received
+        for window, place, group in zip(windows, mine, self._groups, strict=True):
+            out = [(b.from_row, b.rows, b.target) for b in decomposition.borders if b.source == place]
+            into = [(b.to_row, b.rows, b.source) for b in decomposition.borders if b.target == place]
+            self._calls.append((self._resolved(window, group, out), self._resolved(window, group, into)))
+        self._done = [self._event(device) for device in devices]
+
+    def _resolved(self, window: Any, group: Any, ends: Sequence[tuple[int, int, int]]) -> list[list[Call]]:
+        """Of either buffer the calls for the borders' `ends`: (first row, rows, neighbour)."""
+        state, how = StateUnits(window, self.decomposition), (self._bindings.Comm(group.ptr), int(window.stream))
+        found: list[list[Call]] = [[], []]
+        for row, rows, neighbour in ends:
+            for calls, spans in zip(found, state.spans(row, rows), strict=True):
+                calls += [(address, size, self._bytes, neighbour, *how) for address, size in spans]
+        return found
+
+    @staticmethod
+    def _event(device: int) -> Any:
+        with at(device):
+            return new_event()
 
     def post(self) -> None:
-        now = self.window._current
-        state = self.window.position[now], self.window.velocity[now]
-        with self._nccl.group():
-            for border in self._out:
-                for array in state:
-                    self._group.send(self._run_of(array, border.from_row, border), border.target, stream=self._stream)
-            for border in self._in:
-                for array in state:
-                    self._group.recv(self._run_of(array, border.to_row, border), border.source, stream=self._stream)
+        send, receive = self._bindings.send, self._bindings.recv
+        self._bindings.group_start()
+        try:
+            for window, (out, into) in zip(self._windows, self._calls, strict=True):
+                for call in out[window._current]:
+                    send(*call)
+                for call in into[window._current]:
+                    receive(*call)
+        finally:
+            self._bindings.group_end()
 
     def wait(self) -> None:
-        """The stream waits by itself; `require_answers` for how long."""
+        """The streams wait by themselves; `require_answers` for how long."""
 
     def require_answers(self) -> None:
         """Return when all that was asked for has been done. Raises BackendUnavailable after PATIENCE."""
-        self._done.record(self.window.stream)
         end = time.monotonic() + PATIENCE
-        while not self._done.query():
-            if time.monotonic() > end:
-                self._group.abort()
-                raise lost("another GPU", PATIENCE)
-            time.sleep(NAP)
+        for window, device, done in zip(self._windows, self._devices, self._done, strict=True):
+            if done is None:
+                continue
+            with at(device):
+                done.record(window.stream)
+                while not done.query():
+                    if time.monotonic() > end:
+                        for group in self._groups:
+                            group.abort()
+                        raise lost("another GPU", PATIENCE)
+                    time.sleep(NAP)
 
     def gather(self, owned: np.ndarray) -> np.ndarray:
-        return gather_rows(self._world, owned, self.decomposition)
+        return gather_rows(self._world, owned, self.decomposition) if self._world else owned
 
     def largest(self, number: float) -> float:
-        return largest_of(self._world, number)
+        return largest_of(self._world, number) if self._world else number
 
     def close(self) -> None:
-        self._group.destroy()
+        for group in self._groups:
+            group.destroy()
 
 
-class NcclSimulation(DecomposedSimulation):
-    """This process's window of a sheet that `count` processes share; see model/domains/simulation.py."""
+class NcclSimulation(GpuWindows):
+    """The windows of this process of a sheet that `count` GPUs share; see model/domains/simulation.py."""
 
-    backend = "gpu"
     exchange: NcclExchange
 
     def __init__(self, scene: Scene, options: Options, count: int, steps: int | None = None):
         require_gpu()
         nccl()
-        self._world = mpi().COMM_WORLD
-        if self._world.Get_size() != count:
-            raise SceneError("--gpus", count, f"MPI has {self._world.Get_size()} processes; start mpiexec -n {count}")
-        place = self._world.Split_type(mpi().COMM_TYPE_SHARED).Get_rank()  # among the processes of this host
-        if place >= gpu_count() and not sharing():
-            raise BackendUnavailable(
-                f"process {place} of this host has no GPU: {gpu_count()} are here",
-                "start as many on each as it has GPUs",
-            )
-        self._device = place % gpu_count()
-        super().__init__(scene, options, cut(scene, count, steps, "--gpus"), [self._world.Get_rank()])
+        if launched_ranks() > 1:
+            self._world = world_of(count, "--gpus")
+            place = self._world.Split_type(mpi().COMM_TYPE_SHARED).Get_rank()  # among the processes of this host
+            if place >= gpu_count() and not sharing():
+                raise BackendUnavailable(
+                    f"process {place} of this host has no GPU: {gpu_count()} are here",
+                    "start as many on each as it has GPUs",
+                )
+            mine, devices = [self._world.Get_rank()], [place % gpu_count()]
+        else:
+            self._world, mine, devices = None, list(range(count)), devices_for(count)
+            if len(set(devices)) < count:
+                raise BackendUnavailable("NCCL takes a GPU for each window, and windows share one", "use --link peer")
+        super().__init__(scene, options, cut(scene, count, steps, "--gpus"), mine, devices)
 
-    def _at(self, place: int) -> AbstractContextManager[Any]:
-        return at(self._device)
-
-    def _open(self, place: int, scene: Scene, options: Options) -> Simulation:
-        window: Simulation = named(family_of(scene).solvers["gpu"])(scene, options)
-        return window
-
-    def _connect(self) -> Exchange:
-        with at(self._device):
-            return NcclExchange(self.windows[0], self.decomposition, self._world)
-
-    def _run(self, steps: int) -> None:
-        with at(self._device):
-            super()._run(steps)
+    def _connect(self) -> NcclExchange:
+        with at(self.devices[0]):
+            return NcclExchange(self.windows, [domain.number for domain in self.mine], self.decomposition, self.devices,
+                                self._world)  # fmt: skip
 
     def _first_diverged(self) -> int:
-        with at(self._device):
-            self.exchange.require_answers()
+        self.exchange.require_answers()
         return super()._first_diverged()

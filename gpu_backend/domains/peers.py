@@ -17,11 +17,12 @@ from gpu_backend.core.device import require_gpu
 from gpu_backend.core.simulation import CudaSimulation
 from gpu_backend.domains.devices import at, connect, devices_for, new_event
 from gpu_backend.domains.kernels import make_border_kernels
+from gpu_backend.domains.units import StateUnits
 from model.core.families import family_of
 from model.core.family import named
 from model.core.options import Options
 from model.core.simulation import Simulation
-from model.domains.decomposition import Decomposition
+from model.domains.decomposition import Border, Decomposition
 from model.domains.exchange import Exchange
 from model.domains.simulation import DecomposedSimulation, cut
 from model.scene.scene import Scene
@@ -33,7 +34,8 @@ class PeerExchange(Exchange):
     def __init__(self, windows: Sequence[Any], decomposition: Decomposition, devices: Sequence[int]):
         self.windows, self.decomposition, self.devices = windows, decomposition, devices
         self._into = [[b for b in decomposition.borders if b.target == k] for k in range(len(windows))]
-        self._kernels = make_border_kernels(windows[0].real, windows[0].scene.dimensions)
+        self._states = [StateUnits(window, decomposition) for window in windows]
+        self._kernels = make_border_kernels(self._states[0].unit)
         self._stepped = [self._event(k) for k in range(len(windows))]
         self._pulled = [self._event(k) for k in range(len(windows))]
 
@@ -49,21 +51,19 @@ class PeerExchange(Exchange):
             with at(self.devices[place]):
                 for border in self._into[place]:
                     self._await(self._stepped[border.source], window)
-                    self._pull(self.windows[border.source], window, border)
+                    self._pull(window, border)
         self._record(self._pulled)
         for place, window in enumerate(self.windows):
             with at(self.devices[place]):
                 for border in self._into[place]:  # whom it reads from reads from it
                     self._await(self._pulled[border.source], window)
 
-    def _pull(self, source: Any, window: Any, border: Any) -> None:
-        columns = self.decomposition.columns
-        count = border.rows * columns
-        now, mine = source._current, window._current
+    def _pull(self, window: Any, border: Border) -> None:
+        source, mine = self._states[border.source], self._states[border.target]
+        count, row = border.rows * mine.row, mine.row
         self._kernels.pull[window._over(count, 256)](
-            source.position[now], source.velocity[now], np.int32(border.from_row * columns),
-            window.position[mine], window.velocity[mine], np.int32(border.to_row * columns), np.int32(count),
-        )  # fmt: skip
+            *source.now, np.int32(border.from_row * row), *mine.now, np.int32(border.to_row * row), np.int32(count)
+        )
 
     def _record(self, events: Sequence[Any]) -> None:
         for place, window in enumerate(self.windows):
@@ -77,21 +77,15 @@ class PeerExchange(Exchange):
             event.wait(window.stream)
 
 
-class PeerSimulation(DecomposedSimulation):
-    """Windows on the GPUs of this machine, `count` of them; see model/domains/simulation.py."""
+class GpuWindows(DecomposedSimulation):
+    """Windows on GPUs, the domain `mine[k]` on GPU `devices[k]`; see model/domains/simulation.py."""
 
     backend = "gpu"
     windows: list[Any]
 
-    def __init__(self, scene: Scene, options: Options, count: int, steps: int | None = None):
-        require_gpu()
-        found = cut(scene, count, steps, "--gpus")
-        self.devices = devices_for(count)
-        connect(self.devices)
-        super().__init__(scene, options, found, range(count))
-        here = len(set(self.devices))
-        if here < count:
-            self.device = f"{count} windows on {here} x {self.windows[0].device}"
+    def __init__(self, scene: Scene, options: Options, cut: Decomposition, mine: Sequence[int], devices: Sequence[int]):
+        self.devices = devices
+        super().__init__(scene, options, cut, mine)
 
     def _at(self, place: int) -> AbstractContextManager[Any]:
         return at(self.devices[place])
@@ -99,6 +93,20 @@ class PeerSimulation(DecomposedSimulation):
     def _open(self, place: int, scene: Scene, options: Options) -> Simulation:
         window: CudaSimulation = named(family_of(scene).solvers["gpu"])(scene, options)
         return window
+
+
+class PeerSimulation(GpuWindows):
+    """Windows on the GPUs of this machine, `count` of them."""
+
+    def __init__(self, scene: Scene, options: Options, count: int, steps: int | None = None):
+        require_gpu()
+        found = cut(scene, count, steps, "--gpus")
+        devices = devices_for(count)
+        connect(devices)
+        super().__init__(scene, options, found, range(count), devices)
+        here = len(set(devices))
+        if here < count:
+            self.device = f"{count} windows on {here} x {self.windows[0].device}"
 
     def _connect(self) -> Exchange:
         return PeerExchange(self.windows, self.decomposition, self.devices)

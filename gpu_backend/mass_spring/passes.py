@@ -94,6 +94,11 @@ class SheetPasses(CudaSimulation):
             self._tiles.require_exchange()
         return super()._first_diverged()
 
+    def close(self) -> None:
+        super().close()
+        if self._tiles is not None:
+            self._tiles.close()
+
 
 class TileLaunches:
     """The launches of a `kernel` on tiles for one simulation, whose arrays it reads and writes: from the current state into
@@ -123,6 +128,9 @@ class TileLaunches:
         self.simulation._current = parity
         for number in range(count):
             self.launch(number * self.tile.halo, self.tile.halo)
+
+    def close(self) -> None:
+        """Free what it holds; nothing may be under way."""
 
     def require_exchange(self) -> None:
         """Raises BackendUnavailable if a block of `resident` waited in vain for others."""

@@ -57,7 +57,7 @@ class Bodies(SubstepSimulation):
     # ------------------------------------------------------------------ arrays
 
     def _zeros(self, count: int) -> Any:
-        return self.on_device(np.zeros(count, self.real))
+        return self.zeros(count, self.real)
 
     def _allocate(self) -> None:
         scene, real, clusters = self.scene, self.real, self.clusters

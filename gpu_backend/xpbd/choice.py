@@ -17,11 +17,12 @@ from typing import Any
 from gpu_backend.core.launch import can_capture
 from gpu_backend.mass_spring.grid.tile_launch import device_limits
 from gpu_backend.xpbd.sweep import shared_bytes
-from gpu_backend.xpbd.tile import PERIOD, SheetTile, span, whole
+from gpu_backend.xpbd.tile import SheetTile, span, whole
 from model.core.errors import SceneError
 from model.core.options import unknown_kernel
 from model.scene.scene import Scene
 from model.xpbd.plan import colour_order, families
+from model.xpbd.reach import PERIOD
 
 XPBD_KERNELS = ("one-block", "tiled", "graph", "launch", "stages")
 MAX_THREADS = 1024

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import cuda
 
 from gpu_backend.core.launch import prepare
 from gpu_backend.xpbd.choice import Choice
@@ -60,7 +59,7 @@ class TiledLauncher:
         self._blocks = (tile.columns.count(columns), tile.rows.count(rows))
         more = max(1, multiplier_planes(parts) * simulation.particle_count)
         self._planes = [
-            simulation.multipliers, cuda.to_device(np.zeros(more, simulation.real), stream=simulation.stream)
+            simulation.multipliers, simulation.zeros(more, simulation.real)
         ]  # fmt: skip
         prepare(self._kernel, self._arguments(0, 0, 0, 1), self._shared)
 

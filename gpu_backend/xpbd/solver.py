@@ -98,7 +98,7 @@ class PositionBased(SubstepSimulation):
         if scene.self_collision:
             self.contacts = Contacts(scene, self.body, self.real, self.options.math, self._weight, self.stream)
         planes = multiplier_planes(self.plan.parts)
-        self.multipliers = self.on_device(np.zeros(max(1, planes * self.particle_count), self.real))
+        self.multipliers = self.zeros(max(1, planes * self.particle_count), self.real)
         self.attachments = 0  # of a mass
         self.anchors, self.reaches = self.on_device(np.zeros(1, np.int32)), self.on_device(np.zeros(1, self.real))
         if "attachments" in self.plan.parts:

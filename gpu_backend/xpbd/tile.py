@@ -1,10 +1,8 @@
 """How a sheet is cut into tiles whose blocks project all colours of an iteration on their own: pure arithmetic.
 
-A mass depends on those that its constraints reached, colour by colour backwards: `dependencies`. What a block owns would be
-wrong after an iteration without the masses around it, so it loads these, too, and does their constraints again: the halo.
-Colours alternate every 2 or 4 masses, so that it matters where a tile begins: with all twelve families and an owned part
-that begins at a multiple of 4 plus 2 (then the last colour ends inside), the halo of an iteration is 4 rows and 8 columns on
-either side; beginning at a multiple of 4 it would be 6 and 8.
+What a block owns would be wrong after an iteration without the masses that it depends on (model/xpbd/reach.py), so it loads
+these, too, and does their constraints again: the halo. With all twelve families and an owned part that begins at a multiple
+of 4 plus 2 (then the last colour ends inside), the halo of an iteration is 4 rows and 8 columns on either side.
 """
 
 from __future__ import annotations
@@ -12,9 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cache
 
-from model.xpbd.plan import Family, colour_order, families
-
-PERIOD = 4  # colours repeat after so many masses along either axis
+from model.xpbd.reach import PERIOD, dependencies
 
 
 @dataclass(frozen=True)
@@ -60,35 +56,6 @@ class SheetTile:
         sizes = f"{self.rows.size}x{self.columns.size}_{self.rows.owned}x{self.columns.owned}"
         begins = f"{self.rows.before}b{-self.rows.start}_{self.columns.before}b{-self.columns.start}"
         return f"{sizes}_{begins}_{self.threads}"
-
-
-def partners(family: Family, colour: int, along_rows: bool, place: int) -> tuple[int, ...]:
-    """Where along an axis the constraints of a colour lead to from a mass at `place` of it. Diagonals go both ways along
-    the columns: which, hangs on the row."""
-    stride = family.rows if along_rows else abs(family.columns)
-    if stride == 0:
-        return ()
-    if not along_rows and family.rows:
-        return place - stride, place + stride
-    first = (place // stride) % 2 == colour
-    return (place + stride,) if first else (place - stride,)
-
-
-def dependencies(parts: frozenset[str], along_rows: bool, first: int, end: int, iterations: int = 1) -> tuple[int, int]:
-    """(first, end) of the masses along an axis whose positions before `iterations` of all colours decide those of the
-    masses first ... end - 1 after them."""
-    if "gauss-seidel" not in parts:
-        reach = max((max(f.rows, abs(f.columns)) for f in families(parts)), default=0)
-        return first - reach * iterations, end + reach * iterations
-    for _ in range(iterations):
-        for family, colour in reversed(colour_order(parts)):
-            found = [
-                other
-                for place in {*range(first, min(first + 4, end)), *range(max(first, end - 4), end)}
-                for other in partners(family, colour, along_rows, place)
-            ]
-            first, end = min([first, *found]), max([end, *(place + 1 for place in found)])
-    return first, end
 
 
 @cache

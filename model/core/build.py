@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass
 from weakref import WeakValueDictionary
 
@@ -98,6 +101,7 @@ def wave(grid: Grid, amplitude: float, time: float = 0.0) -> np.ndarray:
 
 
 _built: WeakValueDictionary[str, Body] = WeakValueDictionary()  # those that an open simulation holds
+_given: ContextVar[Body | None] = ContextVar("given", default=None)  # see rows_of
 
 
 def build(scene: Scene) -> Body:
@@ -105,11 +109,31 @@ def build(scene: Scene) -> Body:
 
     Raises SceneError where they would not fit into memory or into 32-bit indices.
     """
+    given = _given.get()
+    if given is not None:
+        return given
     key = scene.canonical()
     body = _built.get(key)
     if body is None:
         body = _built[key] = _build(scene)
     return body
+
+
+@contextmanager
+def rows_of(whole: Body, first_row: int, rows: int) -> Iterator[None]:
+    """What is built within are rows of another sheet's masses: where these are, and no new arrays."""
+    held = slice(first_row * whole.columns, (first_row + rows) * whole.columns)
+    inverse_mass = whole.inverse_mass[held]
+    token = _given.set(
+        Body(
+            rows, whole.columns, whole.position[held], whole.velocity[held], inverse_mass,
+            np.flatnonzero(inverse_mass == 0), whole.size,
+        )
+    )  # fmt: skip
+    try:
+        yield
+    finally:
+        _given.reset(token)
 
 
 def _build(scene: Scene) -> Body:
@@ -122,9 +146,11 @@ def _build(scene: Scene) -> Body:
         inverse_mass = np.where(waiting, 0.0, 1 / grid.clusters.mass)
         return Body(1, count, grid.position.copy(), grid.velocity, inverse_mass, np.flatnonzero(waiting), grid.extent)
     cloth, fold = scene.cloth, scene.fold
-    position = folded_positions(cloth, fold) if cloth and fold else rest_positions(grid).copy()
+    position = folded_positions(cloth, fold) if cloth and fold else rest_positions(grid)
+    if not isinstance(grid, Grid):  # whose arrays are its own; a sheet's are made anew
+        position = position.copy()
     velocity = (
-        grid.velocity.copy() if isinstance(grid, TetrahedraSet | FluidSet | WorldSet) else np.zeros_like(position)
+        grid.velocity.copy() if isinstance(grid, TetrahedraSet | FluidSet | WorldSet) else np.zeros(position.shape)
     )
     pinned = pinned_indices(grid)
     inverse_mass = 1 / np.broadcast_to(masses(scene), (count, 1))[:, 0]

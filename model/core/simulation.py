@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from math import isqrt
+from numbers import Integral
 from typing import Any
 
 import numpy as np
@@ -48,6 +49,7 @@ class Simulation(Backend):
     _executor: Executor
 
     threads_reason: str | None = None  # of so many threads, where they were asked for as `auto`
+    closed = False  # left as a context manager
 
     def __init__(self, scene: Scene, options: Options):
         self.scene = scene
@@ -85,15 +87,19 @@ class Simulation(Backend):
 
     def __exit__(self, *_: object) -> None:
         self.close()
+        self.closed = True
 
     def advance(self, steps: int) -> None:
         """Do `steps` steps of `method.dt` each. Raises Diverged (then the state is the last checked finite one).
 
         The state is looked at every `check_interval` steps, and whenever it is read; the interval in which it went bad is
-        then replayed to name the first bad step and particle.
+        then replayed to name the first bad step and particle. Raises SceneError for steps that are no number of them, and
+        InputError when it was closed.
         """
-        if steps < 0:
-            raise SceneError("steps", steps, "must be at least 0")
+        if self.closed:
+            raise InputError("this simulation is closed; open another one")
+        if not isinstance(steps, Integral) or steps < 0:
+            raise SceneError("steps", steps, "must be a whole number of at least 0")
         while steps > 0:
             batch = min(steps, self.check_interval - (self.step - self._kept_step))
             self._run(batch)

@@ -44,8 +44,9 @@ def checked_arrays(state: State, shape: tuple[int, ...], precision: str) -> tupl
             raise InputError(f"{name} holds {array.dtype}, this needs real numbers")
         with np.errstate(over="ignore"):
             arrays[name] = np.ascontiguousarray(array, dtype=PRECISIONS[precision])
-        odd = np.argwhere(~np.isfinite(arrays[name]))
-        if len(odd):
+        finite = np.isfinite(arrays[name])
+        if not finite.all():
+            odd = np.argwhere(~finite)
             value = f"{name} of particle {odd[0][0]} is {float(array[tuple(odd[0])]):g}"
             if np.isfinite(array[tuple(odd[0])]):
                 remedy = "see grid.spacing or a body's origin, or use float64"

@@ -11,9 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from model.core.errors import BackendUnavailable
+from model.core.errors import BackendUnavailable, SceneError
 from model.domains.decomposition import Decomposition
 from model.domains.exchange import PATIENCE
+from model.domains.launched import launched_ranks
 
 INSTALL = "pip install -e \".[mpi]\" in the lab's folder, or the system's MPI and mpi4py"
 LOOKS = 1000  # at a message before a process that waits lets others have its core
@@ -27,6 +28,22 @@ def mpi() -> Any:
     except (ImportError, RuntimeError) as error:  # the second where there is mpi4py without a library of MPI
         raise BackendUnavailable(f"MPI is not installed ({error})", INSTALL) from None
     return MPI
+
+
+def world_of(count: int, option: str) -> Any:
+    """All processes that MPI knows of, `count` of them. Raises SceneError, naming the `option`, for another number of them,
+    BackendUnavailable where the launcher started more than MPI sees."""
+    world = mpi().COMM_WORLD
+    size, started = world.Get_size(), launched_ranks()
+    if size < started:
+        raise BackendUnavailable(
+            f"{started} processes were started, and MPI sees {size}: mpi4py speaks to the library of another MPI than the "
+            "launcher's",
+            "start them with that MPI's own mpiexec, or name the launcher's library in MPI4PY_LIBMPI",
+        )
+    if size != count:
+        raise SceneError(option, count, f"MPI has {size} processes; start the run with mpiexec -n {count}")
+    return world
 
 
 def mpi_installed() -> None:

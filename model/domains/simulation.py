@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from model.core.build import rows_of
 from model.core.errors import SceneError
 from model.core.families import family_of, scene_plan
 from model.core.options import Options
@@ -25,18 +26,24 @@ def cut(scene: Scene, count: int, steps: int | None, option: str) -> Decompositi
     """The scene's sheet in `count` domains. Raises SceneError where its family, or a part of it, cannot be cut yet."""
     family = family_of(scene)
     if family.reach is None:
-        raise SceneError(option, count, f"a {family.name} is not shared by several yet; use 1")
+        raise SceneError(
+            option, count, f"shares sheets of springs or constraints alone so far, no {family.name}; use 1"
+        )
     return decompose(scene.grid.rows, scene.grid.columns, count, family.reach(scene), steps, option)
 
 
-def window_scene(scene: Scene, pinned: np.ndarray, domain: Domain) -> Scene:
+def window_scene(scene: Scene, pinned: np.ndarray, domain: Domain, divided: int = 1) -> Scene:
     """The scene of a window; `pinned`: flat indices of the whole sheet's pinned masses. Where its masses begin is of no
-    matter: its state is loaded."""
+    matter: its state is loaded, and its constants are the sheet's. Its step is one of `divided` parts of the sheet's."""
     columns, name = scene.grid.columns, scene.name_of("grid", "cloth", default="grid")
     first, end = domain.window_first * columns, domain.window_end * columns
     mine = pinned[(pinned >= first) & (pinned < end)] - first
     places = [(int(k) // columns, int(k) % columns) for k in mine]
-    return scene.replace({f"{name}.rows": domain.window_rows, f"{name}.pinned": places or "none"})
+    changes: dict[str, Any] = {f"{name}.rows": domain.window_rows, f"{name}.pinned": places or "none"}
+    if divided > 1:
+        method = scene.method
+        changes |= {"method.dt": method.dt / divided, "method.substeps": method.substeps // divided}
+    return scene.replace(changes)
 
 
 class DecomposedSimulation(Simulation):
@@ -59,13 +66,15 @@ class DecomposedSimulation(Simulation):
         try:
             for place, domain in enumerate(self.mine):
                 own = replace(options, first_particle=domain.window_first * cut.columns)
-                with self._at(place):
-                    window = self._open(place, window_scene(scene, self.body.pinned, domain), own)
+                part = window_scene(scene, self.body.pinned, domain, cut.divided)
+                with self._at(place), rows_of(self.body, domain.window_first, domain.window_rows):
+                    window = self._open(place, part, own)
                     window._bound = self._bound
                     self.windows.append(window)
             self.kernel, self.threads = self.windows[0].kernel, self.windows[0].threads
             self.device = f"{cut.count} x {self.windows[0].device}"
             self.exchange = self._connect()
+            self._parameters_changed()
             self.reset()
         except BaseException:
             self.close()
@@ -94,17 +103,28 @@ class DecomposedSimulation(Simulation):
     def rank(self) -> int:
         return self.exchange.rank
 
+    @property
+    def whole_steps(self) -> int:
+        """Steps that end with an exchange, an even number of them: what graphs replay."""
+        cut = self.decomposition
+        return 2 * cut.steps if cut.divided == 1 else 1 + cut.divided % 2
+
     def slowest(self, seconds: float) -> float:
         return self.exchange.largest(seconds)
 
     # ------------------------------------------------------------------ the contract
 
     def _run(self, steps: int) -> None:
+        divided = self.decomposition.divided
+        self._run_windows(divided * self.step, divided * steps)
+
+    def _run_windows(self, first: int, steps: int) -> None:
+        """So many steps of the windows, which count them from `first` on."""
         done = 0
         while done < steps:
             now = min(self.decomposition.steps, steps - done)
             for place, window in enumerate(self.windows):
-                window.step = self.step + done
+                window.step = first + done
                 with self._at(place):
                     window._run(now)
             self.exchange.post()

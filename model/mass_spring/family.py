@@ -16,11 +16,13 @@ from model.mass_spring.plan import mass_spring_plan
 from model.scene.cloth import COLLIDER_KINDS, SPRING_KINDS
 from model.scene.scene import Scene
 
-WHOLE_CLOTH = {  # kinds of tables that name masses by their place in it
+WHOLE_CLOTH = {  # kinds of tables that name masses by their place in it, or tie them together across it
     "load": "lies at a place of the whole cloth",
     "motion": "moves pins of the whole cloth",
     "fold": "lays the whole cloth",
     "external": "draws a number for each mass of the whole cloth",
+    "attachments": "holds masses by pins anywhere in the whole cloth",
+    "self_collision": "lets masses meet from anywhere in the whole cloth",
 }
 
 
@@ -40,21 +42,29 @@ def _grid_reach(scene: Scene) -> Reach:
         )
     integrator = integrators_for(scene)[scene.method.integrator]
     alternate = scene.springs is not None and scene.springs.alternate
-    return Reach(1, integrator.forces, scene.method.integrator == "velocity-verlet", alternate, numbered=True)
+    verlet = scene.method.integrator == "velocity-verlet"
+    return Reach(1, integrator.forces, int(verlet), 2 if alternate else 1, numbered=True)
+
+
+def require_local(scene: Scene) -> None:
+    """Raises SceneError for what asks which mass of the whole sheet one is."""
+    idle = scene.external is not None and scene.external.magnitude == 0
+    for kind, what in WHOLE_CLOTH.items():
+        if scene.all_of(kind) and not (kind == "external" and idle):
+            raise SceneError(scene.name_of(kind), None, f"{what}: run it as one, not shared")
 
 
 def _cloth_reach(scene: Scene) -> Reach:
     """Springs reach the next row, those against bending the one after it; velocity Verlet asks for forces twice where its
     kicks do not meet. Raises SceneError for what asks which mass of the whole cloth one is, and for implicit Euler."""
-    for kind, what in WHOLE_CLOTH.items():
-        if scene.all_of(kind):
-            raise SceneError(scene.name_of(kind), None, f"{what}: run it as one, not shared")
+    require_local(scene)
     name = scene.method.integrator
     if name in IMPLICIT:
         raise SceneError("method.integrator", name, "solves for the whole cloth at once: choose another to share it")
     apart = name == "velocity-verlet" and not kicks_meet(cloth_parts(scene))
     forces = 2 if apart else integrators_for(scene)[name].forces
-    return Reach(2 if "bending" in scene.cloth_springs else 1, forces, name == "velocity-verlet" and not apart)
+    rows = 2 if "bending" in scene.cloth_springs else 1
+    return Reach(rows, forces, rows if name == "velocity-verlet" and not apart else 0)
 
 
 GRID = SolverFamily(

@@ -33,6 +33,7 @@ WINDOWS = replace(
         "gpu": SHEET.solvers["gpu"],
     },
     reference="bench.reference.shape_matching",
+    reach=None,
     unknown="clusters have no converged reference: they are another material than springs; --set method.solver=mass-spring "
     "asks about the springs, softlab bar tells how the two differ",
 )
@@ -49,6 +50,7 @@ BODIES = replace(
     solvers={"cpu": "cpu_backend.shape_matching.solver:Bodies", "gpu": "gpu_backend.shape_matching.solver:Bodies"},
     passes={"cpu": "app.plan.xpbd:bodies_on_cpu", "gpu": "app.plan.xpbd:bodies_on_gpu"},
     reference="bench.reference.shape_matching",
+    reach=None,
     unknown="no error can be told of bodies: clusters are their material, and have no converged reference; softlab bar holds "
     "that material against closed forms, softlab throughput times bodies",
 )

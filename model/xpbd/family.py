@@ -9,14 +9,16 @@ import numpy as np
 
 from model.core.family import ANY_SHEET, SolverFamily
 from model.core.integrators import fastest_damping
+from model.domains.decomposition import Reach
 from model.mass_spring.energy import sheet_spring_count, sheet_strain, stored_in_springs
-from model.mass_spring.family import CLOTH, GRID
+from model.mass_spring.family import CLOTH, GRID, require_local
 from model.scene.cloth import COLLIDER_KINDS, CONSTRAINT_KINDS
 from model.scene.scene import Scene
 from model.xpbd.mesh_constraints import constraint_sets, edge_strain, mesh_energy
 from model.xpbd.mesh_plan import xpbd_mesh_plan
 from model.xpbd.parameters import xpbd_record
-from model.xpbd.plan import xpbd_plan
+from model.xpbd.plan import xpbd_parts, xpbd_plan
+from model.xpbd.reach import period, substep_rows
 
 
 def projection_limit(scene: Scene, frequency: float | None = None) -> float:
@@ -41,6 +43,15 @@ def _stored_in_mesh(scene: Scene, position: np.ndarray, plastic: np.ndarray | No
     return sum(by_kind.values()), by_kind
 
 
+def _sheet_reach(scene: Scene) -> Reach:
+    """Of a substep, as far as its iterations lead; windows may exchange after each. Raises SceneError for what asks which
+    mass of the whole sheet one is, or leads across it."""
+    require_local(scene)
+    parts = xpbd_parts(scene)
+    rows, more = substep_rows(parts, scene.method.iterations)
+    return Reach(rows, more=more, unit=period(parts), parts=scene.method.substeps)
+
+
 SHEET = SolverFamily(
     name="position-based sheet",
     knows=(GRID.knows | CLOTH.knows | {"load", "attachments", "self_collision"}) - {"manufactured"},
@@ -59,6 +70,7 @@ SHEET = SolverFamily(
     solvers={"cpu": "cpu_backend.xpbd.solver:PositionBased", "gpu": "gpu_backend.xpbd.solver:PositionBased"},
     passes={"cpu": "app.plan.xpbd:xpbd_on_cpu", "gpu": "app.plan.xpbd:xpbd_on_gpu"},
     reference="bench.reference.xpbd",
+    reach=_sheet_reach,
 )
 
 MESH = replace(
@@ -74,6 +86,7 @@ MESH = replace(
     solvers={"cpu": "cpu_backend.xpbd.mesh:MeshPositionBased", "gpu": "gpu_backend.xpbd.mesh:MeshPositionBased"},
     passes={"cpu": "app.plan.mesh:mesh_on_cpu", "gpu": "app.plan.mesh:mesh_on_gpu"},
     reference="bench.reference.xpbd_mesh",
+    reach=None,
     unknown="a mesh has no converged reference: those of grids and cloths are made for rows and columns of springs; a "
     "[cloth] is such a sheet",
 )

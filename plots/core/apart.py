@@ -2,9 +2,10 @@
 
 Of seven repeats or more, taken in turn: the bootstrap interval of the ratio of medians must leave out 1 (Efron and
 Tibshirani, An introduction to the bootstrap, 1993, chapter 13; LEVEL of it between the percentiles). Of fewer, down to five,
-no repeat of one may lie among those of the other: chance alone does that to one pair in 126. Of fewer still each range counts
-as three times as wide. And what one session measured says nothing about less than SMALL: where a process's pages lie moves
-times by up to a tenth for as long as it lives.
+no repeat of one may lie among those of the other: chance alone does that to one pair in 126. Of fewer still each range
+counts as three times as wide, in ratios: a disturbed repeat takes a multiple of its time, whatever that is compared with.
+And what one session measured says nothing about less than SMALL: where a process's pages lie moves times by up to a tenth
+for as long as it lives.
 """
 
 from __future__ import annotations
@@ -39,9 +40,9 @@ def small(ratio: float) -> bool:
 
 
 def _range(timing: Timing) -> tuple[float, float]:
-    """Least and most [s]; of few repeats as far again on both sides, at least nothing."""
-    width = timing.high - timing.low if timing.count < FEW else 0.0
-    return max(timing.low - width, 1e-3 * timing.low), timing.high + width
+    """Least and most [s]; of few repeats by the same factor further on both sides."""
+    width = timing.high / timing.low if timing.count < FEW else 1.0
+    return timing.low / width, timing.high * width
 
 
 @lru_cache(maxsize=1024)  # claims ask again and again

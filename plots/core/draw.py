@@ -41,19 +41,19 @@ from plots.figures import (
     tetrahedra,
     tetrahedra_decides,
     tetrahedra_mesh,
-    thread_scaling,
     throughput,
     time_per_step,
     work_precision,
 )
 from plots.figures.fluids import phases as fluid_phases
 from plots.figures.fluids import truth as fluid_truth
+from plots.figures.scaling import gpus, threads
 from plots.findings import determinism as findings_determinism
 from plots.findings import float32 as findings_float32
 
 DRAWN: dict[str, tuple[str, Callable[[Results], Drawing | str]]] = {  # name -> title, what draws it
     "time-per-step": (time_per_step.TITLE, time_per_step.draw),
-    "thread-scaling": (thread_scaling.TITLE, thread_scaling.draw),
+    "thread-scaling": (threads.TITLE, threads.draw),
     "crossover": (crossover.TITLE, crossover.draw),
     "graphics": (graphics.TITLE, graphics.draw),
     "work-precision": (work_precision.TITLE, work_precision.draw),
@@ -61,6 +61,7 @@ DRAWN: dict[str, tuple[str, Callable[[Results], Drawing | str]]] = {  # name -> 
     "lab-step": (lab_step.TITLE, lab_step.draw),
     "kernels": (kernels.TITLE, kernels.draw),
     "roofline": (roofline.TITLE, roofline.draw),
+    "gpus": (gpus.TITLE, gpus.draw),
     "joules": (joules.TITLE, joules.draw),
     "peers": (peers.TITLE, peers.draw),
     "peers-sheets": (peers.SHEETS_TITLE, peers.draw_sheets),

@@ -71,7 +71,7 @@ def save(
     width, height = figure.get_size_inches()
     above = 0.0
     if footer:
-        text = "\n".join(drawing.provenance)
+        text = "\n".join(drawing.footer)
         figure.text(0.995, 1.0, text, fontsize=FOOTER_SIZE, color="#555555", ha="right", va="bottom")
         above = drawing.footer_height / 72
     written = []

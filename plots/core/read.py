@@ -13,6 +13,7 @@ from typing import Any
 
 from bench.experiments import projections, throughput
 from bench.experiments.accuracy.experiment import STAGE as ACCURACY_STAGE
+from bench.experiments.scaling import experiment as scaling
 from bench.measure.case_timing import FINDINGS
 from bench.measure.energy import STAGE as ENERGY_STAGE
 from bench.peers.results import ratios
@@ -24,7 +25,9 @@ from plots.core.data import Origin, Results, Run, Source
 
 SIMULATOR = "CUDA simulator"  # in a suspect mark: no time of a GPU at all
 STAGES = (ACCURACY_STAGE, ENERGY_STAGE, FINDINGS)
-RATES = tuple((experiment.STEP, experiment.RATE, experiment.KERNEL) for experiment in (projections, throughput))
+RATES = tuple(
+    (experiment.STEP, experiment.RATE, experiment.KERNEL) for experiment in (projections, throughput, scaling)
+)
 
 
 @contextmanager

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from textwrap import wrap
 from typing import Any
 
 import numpy as np
@@ -23,6 +24,7 @@ HEIGHT = 3.0  # inch
 MAX_PANELS = 3
 FOOTER_SIZE = 6  # point
 FOOTER_LINE = 1.3 * FOOTER_SIZE  # point
+LETTER = 0.54  # width of one in its size
 
 SETTINGS: dict[str, Any] = {
     "font.size": 9,
@@ -89,9 +91,15 @@ class Drawing:
         return list(dict.fromkeys(source.provenance for source in self.sources))
 
     @property
+    def footer(self) -> list[str]:
+        """The provenance in lines that are no wider than the figure."""
+        fit = int(72 * self.figure.get_size_inches()[0] / (LETTER * FOOTER_SIZE))
+        return [line for source in self.provenance for line in wrap(source, fit)]
+
+    @property
     def footer_height(self) -> float:
         """Points that the provenance takes above the figure."""
-        return FOOTER_LINE * (len(self.provenance) + 0.5) if self.sources else 0.0
+        return FOOTER_LINE * (len(self.footer) + 0.5) if self.sources else 0.0
 
 
 @contextmanager

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from app.render.camera3d import Camera3D
-from bench.stress.results import BODIES, IN_FULL, OF_FLUIDS, OF_TETRAHEDRA, HardRow, rows_of, table_of
+from bench.stress.results import BODIES, IN_FULL, OF_FLUIDS, OF_TETRAHEDRA, HardRow, rows_of
+from bench.stress.told import table_of
 from plots.core.colours import BLUE, GREEN, GREY, ORANGE, SKY, VERMILLION
 from plots.core.data import Results, Source, judgements
 from plots.core.style import Drawing, new_sheet

@@ -29,7 +29,7 @@ def draw(results: Results) -> Drawing | str:
     chosen = panels(results)
     if not chosen:
         return "projections were not timed (softlab projections)"
-    figure, axes = new_figure(len(chosen), 3.8, share_y=False)
+    figure, axes = new_figure(len(chosen), 3.0, share_y=False)
     for ax, (backend, source, found) in zip(axes, chosen, strict=True):
         squares = [p for p in found if p.rows == p.columns and p.substeps == SUBSTEPS]
         draw_rates(ax, squares, LOOKS, LINES, lambda p: ((p.ordering, p.neighbours), p.iterations))

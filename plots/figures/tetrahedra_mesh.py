@@ -22,7 +22,7 @@ def draw(results: Results) -> Drawing | str:
     made, stepped = meshes(found), steps(found)
     if not made and not stepped:
         return "meshes of tetrahedra were not measured (softlab tetrahedra)"
-    figure, (left, right) = new_figure(2, 3.6, share_y=False)
+    figure, (left, right) = new_figure(2, 2.9, share_y=False)
     _meshes(left, made)
     _steps(right, [step for step in stepped if step.backend == stepped[0].backend])
     legend_below(figure, [left, right], columns=3)

@@ -29,7 +29,7 @@ def draw(results: Results) -> Drawing | str:
     chosen = panels(results)
     if not chosen:
         return "bodies were not timed (softlab throughput)"
-    figure, axes = new_figure(len(chosen), 3.8, share_y=False)
+    figure, axes = new_figure(len(chosen), 3.0, share_y=False)
     for ax, (backend, source, found) in zip(axes, chosen, strict=True):
         draw_rates(ax, found, LOOKS, LINES, lambda p: (p.kind, p.region))
         log_axes(ax, x_label="particles")

@@ -27,7 +27,7 @@ def draw(results: Results) -> Drawing | str:
     chosen = on_backends(results, lambda source, backend: costs(source, DETERMINISM, backend))
     if not chosen:
         return "gather and scatter were not timed side by side"
-    figure, axes = new_figure(len(chosen), 3.8, share_y=False)
+    figure, axes = new_figure(len(chosen), 3.0, share_y=False)
     for ax, (backend, _, found) in zip(axes, chosen, strict=True):
         _panel(ax, backend, found)
     axes[0].set_ylabel("time / time of the lab's gather")

@@ -9,7 +9,8 @@ from typing import Any
 import pytest
 
 from bench.measure import experiment
-from bench.measure.experiment import Experiment, Items, Summary, Tell, ending_cleanly, group_name, keep, resume
+from bench.measure.experiment import Summary, Tell, ending_cleanly, group_name, keep, resume
+from bench.measure.items import Experiment, Items
 from bench.measure.share import Alone, sharing
 from bench.store.database import Store
 from bench.store.results import measures

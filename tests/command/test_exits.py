@@ -124,7 +124,7 @@ def test_the_status_tells_how_it_ended(
     for path in ("bench.store.tables.print_sweep", "bench.store.tables.print_kernels", "bench.peers.results.print_peers",
                  "bench.experiments.throughput.print_throughput", "bench.experiments.fluids.print_fluids",
                  "bench.experiments.advise.ablation_results.print_ablation",
-                 "bench.stress.results.print_hard"):  # fmt: skip
+                 "bench.stress.told.print_hard"):  # fmt: skip
         monkeypatch.setattr(path, lambda *_: None)
     if work != EVERY["run lab-grid --no-judge"]:
         monkeypatch.setattr("app.command.run.run_scene", lambda *_: ran())
@@ -167,6 +167,19 @@ def test_a_process_that_is_asked_to_end_tidies_up_as_for_ctrl_c() -> None:
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120)
     assert (done.returncode, done.stdout, done.stderr.strip()) == (130, "tidied\n", "softlab: stopped")
+
+
+def test_ctrl_c_is_answered_before_all_is_imported() -> None:
+    code = (
+        "import os, signal, sys\n"
+        "sys.argv[0] = 'bin/softlab'\n"
+        "from app.command.stopping import answer_at_once\n"
+        "answer_at_once()\n"
+        "os.kill(os.getpid(), signal.SIGINT)\n"
+        "print('went on')"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120)
+    assert (done.returncode, done.stdout, done.stderr.strip()) == (130, "", "softlab: stopped")
 
 
 @pytest.mark.parametrize(

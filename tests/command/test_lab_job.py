@@ -55,7 +55,7 @@ def everything_is_made_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> It
         monkeypatch.setattr(path, run(name))
     for path in (
         "bench.store.tables.print_sweep",
-        "bench.stress.results.print_hard",
+        "bench.stress.told.print_hard",
         "bench.experiments.advise.ablation_results.print_ablation",
     ):
         monkeypatch.setattr(path, lambda *_: None)

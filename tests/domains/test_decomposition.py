@@ -11,10 +11,11 @@ from model.domains.decomposition import Reach, decompose
 REACHES = [
     Reach(),
     Reach(forces=4),
-    Reach(closing=True),
+    Reach(more=1),
     Reach(rows=2),
-    Reach(even=True),
-    Reach(closing=True, even=True),
+    Reach(unit=2),
+    Reach(more=1, unit=2),
+    Reach(rows=4, more=2, unit=4, parts=6),
 ]
 
 SIZES, COUNTS, STEPS = st.integers(1, 400), st.integers(1, 40), st.none() | st.integers(1, 20)
@@ -41,7 +42,7 @@ def test_every_row_has_one_owner(rows, count, steps, reach):
     owned = [row for domain in found.domains for row in range(domain.first, domain.end)]
     assert owned == list(range(rows))
     sizes = [domain.end - domain.first for domain in found.domains]
-    assert max(sizes) - min(sizes) <= (3 if reach.even else 1)  # an odd last row besides a pair
+    assert max(sizes) - min(sizes) <= 2 * reach.unit - 1  # a unit, and rows that are no whole one
 
 
 @given(
@@ -66,8 +67,7 @@ def test_an_exchange_fills_every_halo_with_what_its_neighbour_owns(rows, count, 
         held[border.target][border.to_row : border.to_row + border.rows] = rows_sent
     for domain, window in zip(found.domains, held, strict=True):
         assert (window == whole[domain.window_first : domain.window_end]).all()
-        if reach.even:
-            assert domain.window_first % 2 == 0
+        assert domain.window_first % reach.unit == 0
 
 
 @given(
@@ -77,24 +77,37 @@ def test_an_exchange_fills_every_halo_with_what_its_neighbour_owns(rows, count, 
     reach=st.sampled_from(REACHES),
 )
 def test_the_halo_lasts_until_the_next_exchange(rows, count, steps, reach):
-    """What is bad spreads by `reach.rows` rows an evaluation of the forces, from each cut edge."""
+    """What is bad spreads by `reach.rows` rows an evaluation of the forces, and once by `reach.more`, from each cut edge."""
     found = cut(rows, count, reach, steps)
     if found is None:
         return
-    evaluations = reach.forces * found.steps + reach.closing
+    parts = found.steps * reach.parts // found.divided
+    assert found.divided == 1 or (found.steps == 1 and reach.parts % found.divided == 0)
     for domain in found.domains:
         good = np.ones(domain.window_rows, bool)
-        for _ in range(evaluations):
+        for spread in [reach.rows] * (reach.forces * parts) + [reach.more]:
             edges = good.copy()
             if domain.window_first > 0:
-                edges[: reach.rows] = False
+                edges[:spread] = False
             if domain.window_end < rows:
-                edges[-reach.rows :] = False
-            for far in range(1, reach.rows + 1):
+                edges[len(edges) - spread :] = False
+            for far in range(1, min(spread, len(good) - 1) + 1):
                 edges[far:] &= good[:-far]
                 edges[:-far] &= good[far:]
             good = edges
         assert good[domain.owned].all()
+
+
+def test_a_step_that_reaches_too_far_is_shared_in_parts():
+    """30 substeps of 4 rows, and 2 more: 122 rows for a whole step, rounded up to 124 of a share's 2048; 6 of them ask for
+    26, so 28: a sixty-fourth at most. --exchange-every counts whole steps."""
+    reach = Reach(rows=4, more=2, unit=4, parts=30)
+    found = decompose(4096, 10, 2, reach)
+    assert (found.divided, found.steps, found.halo, found.interval) == (5, 1, 28, pytest.approx(1 / 5))
+    whole = decompose(4096, 10, 2, reach, 1)
+    assert (whole.divided, whole.steps, whole.halo, whole.interval) == (1, 1, 124, 1)
+    with pytest.raises(SceneError, match="leave it out"):
+        decompose(200, 10, 2, reach, 1)
 
 
 @pytest.mark.parametrize("rows, count", [(3, 4), (1, 2), (16, 17)])

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
 from app.driver import open_simulation
+from gpu_backend.core.device import gpu_available
+from gpu_backend.domains.devices import gpu_count
 from gpu_backend.domains.flags import FlagSimulation
 from model.core.integrators import INTEGRATORS
 from model.core.options import Options
@@ -16,6 +21,7 @@ from model.scene.scene import Scene, load_scene
 
 pytestmark = pytest.mark.gpu
 LINKS = ("peer", "flags")
+ROOT = Path(__file__).resolve().parents[2]
 
 
 @pytest.fixture(autouse=True)
@@ -118,3 +124,47 @@ def test_a_cloth_has_the_bits_of_one_gpu(integrator: str, name: str, link: str) 
     settings = {"cloth.rows": 200, "cloth.columns": 61, "method.integrator": integrator, "method.dt": 1e-4}
     scene = load_scene(name).replace(settings)
     same(end(scene, 500, backend="gpu", gpus=3, link=link), end(scene, 500, backend="gpu"))
+
+
+@pytest.mark.parametrize("link", LINKS)
+@pytest.mark.parametrize("ordering", ["gauss-seidel", "jacobi", "averaged-jacobi"])
+def test_a_cloth_of_constraints_has_the_bits_of_one_gpu(ordering: str, link: str) -> None:
+    """Windows exchange after some substeps; on tiles and by a launch a colour."""
+    settings = {"cloth.rows": 300, "cloth.columns": 61, "method.substeps": 6, "method.ordering": ordering}
+    scene = load_scene("cloth-small-steps").replace(settings)
+    wanted = end(scene, 60, backend="gpu")
+    for kernel in (None, "tiled", "graph"):
+        same(end(scene, 60, backend="gpu", gpus=3, link=link, kernel=kernel), wanted)
+
+
+@pytest.mark.parametrize("precision", ["float32", "float64"])
+def test_passes_in_bands_have_the_bits_of_a_launch_a_step(precision: str) -> None:
+    """64 launches of four steps, captured in bands of rows of tiles."""
+    scene = scene_of(rows=1500, columns=1100)
+    how: dict[str, Any] = {"backend": "gpu", "precision": precision}
+    same(end(scene, 600, kernel="tiles", **how), end(scene, 600, kernel="launch", **how))
+
+
+def two_gpus() -> bool:
+    return gpu_available()[0] and gpu_count() > 1
+
+
+needs_two = pytest.mark.skipif(not two_gpus(), reason="needs two GPUs")
+
+
+@needs_two
+def test_nccl_has_the_bits_of_one_gpu() -> None:
+    pytest.importorskip("nccl")
+    for scene in (scene_of(rows=2048, columns=301), load_scene("cloth-small-steps")):
+        same(end(scene, 60, backend="gpu", gpus=2, link="nccl"), end(scene, 60, backend="gpu"))
+
+
+@needs_two
+@pytest.mark.parametrize("link", LINKS)
+def test_a_process_that_used_two_gpus_ends_as_others_do(link: str) -> None:
+    """What both have loaded is freed once: exit status 0."""
+    command = ["softlab.py", "run", "lab-grid", "--backend", "gpu", "--gpus", "2", "--link", link, "--steps", "50"]
+    done = subprocess.run(
+        [sys.executable, *command, "--no-judge"], cwd=ROOT, capture_output=True, text=True, timeout=100
+    )
+    assert done.returncode == 0, done.stderr

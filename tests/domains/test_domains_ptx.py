@@ -9,39 +9,36 @@ from kernel_text import entry_of
 pytestmark = pytest.mark.usefixtures("ptx_compiler")
 
 
-def text(name: str, real: Any, axes: int = 2) -> str:
+def text(name: str, unit: Any) -> str:
     from numba import types
 
     from gpu_backend.domains.kernels import make_border_kernels
 
-    pair = (types.complex64 if real is np.float32 else types.complex128)[::1]
-    state = pair if axes == 2 else (types.float32 if real is np.float32 else types.float64)[::1]
-    epoch, flags, number = types.int32[::1], types.int32[::1], types.int32
+    units = (types.complex64 if unit is np.complex64 else types.complex128)[::1]
+    counts, number = types.int32[::1], types.int32
     signatures = {
-        "pull": (state, state, number, state, state, number, number),
-        "push": (state, state, number, number, pair, flags, epoch),
-        "take": (state, state, number, number, pair, flags, epoch, flags),
-        "count_on": (epoch,),
+        "pull": (units, units, number, units, units, number, number),
+        "push": (units, units, number, number, units, counts, counts),
+        "wait": (counts, number, counts, counts),
+        "take": (units, units, number, number, units, counts),
     }
-    kernel = getattr(make_border_kernels(real, axes), name)
-    return entry_of(kernel.py_func, signatures[name], "exact")
+    return entry_of(getattr(make_border_kernels(unit), name).py_func, signatures[name], "exact")
 
 
-@pytest.mark.parametrize("name", ["pull", "push", "take", "count_on"])
-@pytest.mark.parametrize("real", [np.float32, np.float64])
-@pytest.mark.parametrize("axes", [2, 3])
-def test_borders_travel_whole(axes: int, name: str, real: Any) -> None:
-    """A mass in a plane is one access of both axes; float32 has no double, nothing lies in local memory."""
-    found = text(name, real, axes)
+@pytest.mark.parametrize("name", ["pull", "push", "take"])
+@pytest.mark.parametrize("unit, bytes_each", [(np.complex64, 8), (np.complex128, 16)])
+def test_borders_travel_whole(unit: Any, bytes_each: int, name: str) -> None:
+    """A unit is one access, of a position and of a velocity; nothing lies in local memory, nothing is computed of it."""
+    found, word = text(name, unit), f"v2.{'f32' if bytes_each == 8 else 'f64'}"
     assert ".local" not in found
-    assert real is np.float64 or ".f64" not in found
-    if name in ("pull", "push") and axes == 2:
-        assert found.count("ld.global.v2.") == 2 and found.count("st.global.v2.") == 2
+    assert found.count(f".global.{word}") == 4, "two loads and two stores"
+    assert not any(f"{operation}.f" in found for operation in ("add", "mul", "fma", "cvt"))
 
 
 def test_flags_are_seen_by_other_gpus() -> None:
-    """A release after a fence of the whole system, an acquire before the inbox is read past the first-level cache."""
-    push, take = text("push", np.float32), text("take", np.float32)
-    assert push.index("membar.sys" if "membar.sys" in push else "fence") < push.index("st.release.sys.global.s32")
-    assert take.index("ld.acquire.sys.global.s32") < take.index("ld.relaxed.gpu.global.v2.f32")
-    assert "%globaltimer" in take
+    """A release after the block's barrier, which follows all that it wrote; an acquire, and a clock that ends the wait; then
+    the inbox is read past the first-level cache."""
+    push, wait, take = (text(name, np.complex128) for name in ("push", "wait", "take"))
+    assert push.rindex("st.global.v2") < push.rindex("bar.sync") < push.index("st.release.sys.global.s32")
+    assert wait.index("ld.acquire.sys.global.s32") < wait.rindex("bar.sync") and "%globaltimer" in wait
+    assert take.count("ld.relaxed.gpu.global.v2.f64") == 2

@@ -4,13 +4,15 @@ import pytest
 from rich.console import Console
 
 from bench.experiments.scaling.experiment import ScalingPoint, speedups
-from bench.experiments.scaling.model import MASS_BYTES, Cluster, predicted, restart, waiting, window_seconds
+from bench.experiments.scaling.model import MASS_BYTES, Cluster, Way, predicted, restart, waiting, window_seconds
 from bench.experiments.scaling.told import counts, print_checked, print_predicted, table
 from model.core.errors import SceneError
 from model.domains.link import Link
 
 FAST = Link("none", 1e-30, 1e30, "a test")
-IDEAL = Cluster(inside=FAST, across=FAST, launches=0.0, jitter=0.0)
+NOTHING = {"launches": 0.0, "copying": 1e30, "ends": 0.0, "jitter": 0.0}
+IDEAL = Cluster(inside=FAST, across=FAST, **NOTHING)
+OPEN = Way(hidden=False, host=0.0)
 
 
 def linear(rows, columns):
@@ -26,17 +28,33 @@ def test_an_ideal_link_leaves_the_rows_computed_twice():
 
 
 def test_an_exchange_costs_its_message_once_in_so_many_steps():
-    link = Link("test", 1e-5, 1e9, "a test")
-    found = predicted(1024, 100, 2, Cluster(inside=link, launches=2e-6, jitter=0.0), 8, linear)
-    assert found.exchange == pytest.approx((1e-5 + 2e-6 + 8 * 100 * MASS_BYTES / 1e9) / 8)
+    link, size = Link("test", 1e-5, 1e9, "a test"), 8 * 100 * MASS_BYTES
+    cluster = Cluster(inside=link, launches=2e-6, copying=2e9, ends=3e-6, jitter=0.0)
+    found = predicted(1024, 100, 2, cluster, 8, linear, OPEN)
+    assert found.exchange == pytest.approx((1e-5 + 2e-6 + 3e-6 + size / 1e9 + size / 2e9) / 8)
     assert found.waiting == pytest.approx(0.0, abs=1e-15)
 
 
+def test_what_is_hidden_costs_what_a_pass_does_not_cover():
+    """A pass of four steps of 520 x 100 masses takes 208 us: an exchange of 200 us costs nothing, one of 300 us the rest."""
+    for seconds, cost in ((200e-6, 0.0), (300e-6, 92e-6)):
+        link = Link("test", seconds, 1e30, "a test")
+        found = predicted(1024, 100, 2, Cluster(inside=link, **NOTHING), 8, linear)
+        assert found.exchange == pytest.approx(cost / 8, rel=1e-9, abs=1e-12)
+
+
+def test_a_cycle_is_no_shorter_than_its_host_takes():
+    """8 steps of 520 x 100 masses take 416 us of a GPU."""
+    for host in (4e-4, 5e-4):
+        found = predicted(1024, 100, 2, IDEAL, 8, linear, Way(False, host))
+        assert found.step == pytest.approx(max(416e-6, host) / 8)
+
+
 def test_the_steps_between_exchanges_are_the_quickest():
-    """Of a slow link the deepest halo, of an ideal one the shallowest."""
-    slow = Cluster(inside=Link("slow", 1e-3, 1e12, "a test"), launches=0.0, jitter=0.0)
-    assert predicted(4096, 100, 2, slow, seconds=linear).decomposition.steps == 64
-    assert predicted(4096, 100, 2, IDEAL, seconds=linear).decomposition.steps == 1
+    """Of a slow link the deepest halo, of an ideal one the shallowest that lasts for a pass."""
+    slow = Cluster(inside=Link("slow", 1e-3, 1e12, "a test"), **NOTHING)
+    assert predicted(4096, 100, 2, slow, seconds=linear, way=OPEN).decomposition.steps == 64
+    assert predicted(4096, 100, 2, IDEAL, seconds=linear, way=OPEN).decomposition.steps == 4
 
 
 def test_hosts_are_linked_by_the_network():
@@ -71,7 +89,7 @@ def test_weak_scaling_keeps_each_share_and_strong_scaling_ends_with_the_rows():
     weak = table(64, 1000, IDEAL, None, True, linear)
     assert [count for count, _, _ in weak] == counts(1000)
     assert all(p.decomposition.least_rows == 64 for _, p, _ in weak)
-    assert weak[-1][2] == pytest.approx(64 / 66)  # a row of halo on both sides
+    assert weak[-1][2] == pytest.approx(64 / 72)  # four rows of halo on both sides
     assert [count for count, _, _ in table(64, 1000, IDEAL, None, False, linear)] == [1, 2, 4, 8, 16, 32, 64]
 
 
@@ -99,7 +117,10 @@ def test_the_model_is_held_against_what_was_measured():
     """Twice as fast on two as on one; what has no single GPU beside it is left out."""
 
     def point(gpus, step, rows=4096):
-        return ScalingPoint("m", "gpu", "float32", "tiles", step, rows * rows / step, rows, rows, gpus, "peer", 0.0)
+        rate = rows * rows / step
+        return ScalingPoint(
+            "m", "gpu", "float32", "tiles", step, rate, "grid", rows, rows, gpus, "flags", None, 0.0, None
+        )
 
     ((p, faster, model),) = speedups([point(1, 4.0), point(2, 2.0), point(2, 1.0, rows=8192)])
     assert (p.gpus, faster) == (2, 2.0) and 1.5 < model < 2.0

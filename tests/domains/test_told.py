@@ -19,7 +19,7 @@ def plan_of(rows, columns, gpus, every=None):
 
 def test_the_plan_says_who_owns_what_and_what_is_sent():
     """16 rows of 100 masses of 16 bytes (x, y, vx, vy in float32) every 16 steps."""
-    found = plan_of(4096, 100, 2).as_dict()
+    found = plan_of(4096, 100, 2, every=16).as_dict()
     assert [(d["first_row"], d["end_row"], d["window_rows"]) for d in found["domains"]] == [
         (0, 2048, 2064), (2048, 4096, 2064),
     ]  # fmt: skip
@@ -51,9 +51,9 @@ def test_a_link_has_a_latency_and_a_bandwidth():
 
 
 class Nvml:
-    """A driver with so many NVLinks a GPU, and the pairs that are apart."""
+    """A driver with so many NVLinks a GPU, and the pairs that are apart; a name that is a tuple, as in pynvml 13.615."""
 
-    NVML_P2P_CAPS_INDEX_READ, NVML_P2P_CAPS_INDEX_WRITE, NVML_P2P_STATUS_OK, NVML_FEATURE_ENABLED = 0, 1, 0, 1
+    NVML_P2P_CAPS_INDEX_READ, NVML_P2P_CAPS_INDEX_WRITE, NVML_P2P_STATUS_OK, NVML_FEATURE_ENABLED = (0,), 1, 0, 1
     NVML_NVLINK_MAX_LINKS = 18
     NVMLError = LookupError
 
@@ -73,6 +73,7 @@ class Nvml:
         return index
 
     def nvmlDeviceGetP2PStatus(self, one, other, kind):
+        assert kind in (0, 1), "as ctypes converts no tuple"
         return int({one, other} in map(set, self.apart))
 
     def nvmlDeviceGetNvLinkState(self, handle, link):

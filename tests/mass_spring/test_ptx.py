@@ -54,7 +54,7 @@ def tile_text(kernel: Any, rung: str, real: Any, math: str) -> str:
     if rung == "resident":
         arguments = (*(pairs,) * 6, flags, types.int32, flags, *constants, *tail)
     else:
-        arguments = (*(pairs,) * 4, *constants, types.int64, *tail)
+        arguments = (*(pairs,) * 4, *constants, types.int64, *tail, types.int32, types.int32)
     return ptx_of(kernel.py_func, arguments, math)
 
 

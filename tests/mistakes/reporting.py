@@ -39,7 +39,7 @@ FIGURES: tuple[Mistake, ...] = (
         {"milliseconds that are seconds": ("lambda entry: 1e3 * entry.seconds", "lambda entry: entry.seconds")},
     ),
     *in_file(
-        "plots/figures/thread_scaling.py", "test_figure_axes.py",
+        "plots/figures/scaling/threads.py", "test_figure_axes.py",
         {"a speed-up upside down": ("return lambda timing, seconds: held[timing.rows, timing.columns].median / seconds", "return lambda timing, seconds: seconds / held[timing.rows, timing.columns].median")},
     ),
     *in_file(

@@ -17,7 +17,9 @@ from bench.store.results import configuration, measures
 from bench.stress.case import FORCES, HardCase
 from bench.stress.cases import CASES
 from bench.stress.numbers import far_away
-from bench.stress.results import CODES, IN_FULL, as_text, disagreements, print_hard, rounding_differences, rows_of
+from bench.stress.results import CODES, IN_FULL, disagreements, rounding_differences, rows_of
+from bench.stress.shapes import as_text
+from bench.stress.told import print_hard
 from bench.stress.trial import Check, SilentNaN, Trial
 from labbook.claims import hard as hard_claims
 from labbook.claims.claim import Claim

@@ -23,7 +23,9 @@ from bench.store.results import measures
 from bench.stress.body_cases import BODY_CASES
 from bench.stress.cases import CASES
 from bench.stress.experiment import judge_case, run_hard
-from bench.stress.results import Told, bodies_as_text, disagreements, print_hard, rows_of
+from bench.stress.results import Told, disagreements, rows_of
+from bench.stress.shapes import bodies_as_text
+from bench.stress.told import print_hard
 from bench.stress.trial import Trial
 from labbook.build import build
 from labbook.claims import hard as hard_claims

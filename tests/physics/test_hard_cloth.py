@@ -12,7 +12,8 @@ from bench.stress.case import HardCase
 from bench.stress.cases import CASES
 from bench.stress.cloth import ball_inside, fast_ball
 from bench.stress.experiment import Outcome, judge_case, run_hard
-from bench.stress.results import as_text, rows_of
+from bench.stress.results import rows_of
+from bench.stress.shapes import as_text
 from bench.stress.trial import Trial
 from model.core.simulation import Simulation
 from model.scene.scene import Scene, load_scene

@@ -147,7 +147,7 @@ def test_one_neighbour_that_is_not_told_is_seen() -> None:
 def test_verdicts_go_into_the_store_and_the_table(capsys: pytest.CaptureFixture[str]) -> None:
     from rich.console import Console
 
-    from bench.stress.results import print_hard
+    from bench.stress.told import print_hard
 
     with Store(":memory:") as store:
         how: dict[str, Any] = {"cases": ["F2", "F3 alone"], "integrators": FLUIDS[:1], "precisions": ["float64"]}

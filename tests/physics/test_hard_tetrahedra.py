@@ -101,7 +101,7 @@ def test_a_solver_that_a_backend_has_not_is_left_out(monkeypatch: pytest.MonkeyP
 def test_verdicts_go_into_the_store_and_the_table(capsys: pytest.CaptureFixture[str]) -> None:
     from rich.console import Console
 
-    from bench.stress.results import print_hard
+    from bench.stress.told import print_hard
 
     with Store(":memory:") as store:
         how: dict[str, Any] = {

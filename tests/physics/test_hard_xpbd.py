@@ -9,7 +9,8 @@ from bench.experiments.accuracy.methods import FLUIDS, MATCHING, METHODS, TETRAH
 from bench.store.results import Measure, configuration
 from bench.stress.case import FORCES, POSITIONS, HardCase
 from bench.stress.cases import CASES
-from bench.stress.results import rows_of, table_of
+from bench.stress.results import rows_of
+from bench.stress.told import table_of
 from model.scene.scene import load_scene
 
 MINE = [case for case in CASES if set(POSITIONS) <= set(case.methods)]

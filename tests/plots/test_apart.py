@@ -30,6 +30,12 @@ def test_three_repeats_must_be_further_apart() -> None:
     assert apart(base, timed(1.9, 2.0, 2.1)) == -1
 
 
+def test_a_disturbed_repeat_hides_no_hundredfold_difference() -> None:
+    """One of three took twice as long: of a time a hundred times as large that is a hundred times as many seconds."""
+    quick, slow = timed(1.0, 1.5, 1.8), timed(200.0, 210.0, 400.0)
+    assert (apart(quick, slow), apart(slow, quick)) == (-1, 1)
+
+
 def test_one_session_does_not_bear_a_small_difference() -> None:
     first, second = (timed(*(t * k for k in (0.999, 1.0, 1.0, 1.0, 1.001)), sessions=2) for t in (1.0, 1.1))
     assert apart(first, second) == -1

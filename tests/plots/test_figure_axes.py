@@ -48,6 +48,7 @@ ELSEWHERE = {  # figure -> the file whose test holds its labels to the table
     **dict.fromkeys(["bar-solvers", "bar-clusters"], "test_bar.py"),
     "bar-costs": "test_bar_costs.py",
     **dict.fromkeys(["fluids-truth", "fluids-phases"], "test_fluid_figures.py"),
+    "gpus": "test_gpu_figure.py",
 }
 LARGE = (*SIZES, 1024, 2048, 4096)
 GPU_SQUARES = np.array(sorted([n * n for n in LARGE] + [100 * 100]), float)  # of the sweep

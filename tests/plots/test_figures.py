@@ -25,11 +25,12 @@ from plots.core.data import Results, is_suspect, is_wrong
 from plots.core.draw import FIGURES, TITLES, draw_figures, figures_folder
 from plots.core.read import load
 from plots.core.style import settings
-from plots.figures import crossover, thread_scaling, time_per_step, work_precision
+from plots.figures import crossover, time_per_step, work_precision
 from plots.figures.energies import draw_energies, read_energies
+from plots.figures.scaling.threads import baseline
 
 # What the made-up stores hold. The others are drawn by test_hard.py, test_findings.py, test_ablate.py, test_bar.py,
-# test_throughput.py, test_fluid_figures.py.
+# test_throughput.py, test_fluid_figures.py, test_gpu_figure.py.
 ELSEWHERE = (
     "hard-",
     "findings-",
@@ -41,6 +42,7 @@ ELSEWHERE = (
     "regimes",
     "tetrahedra",
     "fluids-",
+    "gpus",
 )
 MADE_UP = [name for name in FIGURES if not name.startswith(ELSEWHERE)]
 
@@ -261,7 +263,7 @@ def test_shapes_are_held_against_squares_of_as_many_masses(cpu: Store) -> None:
 
 def test_pairs_of_precisions_and_baselines(cpu: Store) -> None:
     source = load(cpu).featured[0]
-    assert thread_scaling.baseline(source) == "1x"
+    assert baseline(source) == "1x"
     assert all(single.particles == double.particles for single, double in pairs.float64_pairs(source, "cpu", "1x"))
 
 

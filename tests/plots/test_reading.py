@@ -10,6 +10,7 @@ import pytest
 
 from bench.experiments import projections, throughput
 from bench.experiments.projections import sheet
+from bench.experiments.scaling import experiment as scaling
 from bench.experiments.stability import points as stability_points
 from bench.experiments.throughput import bodies, cube, heap, jelly
 from labbook.build import book_data, committed_data
@@ -41,6 +42,7 @@ READERS: dict[str, Callable[[Any], Any]] = {
     "accuracy": accuracy_points.points,
     "throughput": lambda source: throughput.points(source.measures),
     "projections": lambda source: projections.points(source.measures),
+    "gpus": lambda source: scaling.points(source.measures),
     "stability": lambda source: stability_points.stability_of(source.measures),
     "ceilings": lambda source: roofline.ceilings(source, "cpu"),
 }

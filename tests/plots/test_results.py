@@ -16,7 +16,8 @@ from hypothesis import strategies as st
 from bench.store.database import Store
 from bench.store.results import Timing, configuration, machines, measures, open_readonly, timings
 from bench.store.schema import SCHEMA_VERSION, TABLES, canonical, configuration_hash
-from bench.store.transfer import _flatten, _unflatten, export, load_text, merge
+from bench.store.text import flatten, unflatten
+from bench.store.transfer import export, load_text, merge
 from model.core.errors import InputError
 from model.scene.scene import Scene, load_scene
 
@@ -142,7 +143,7 @@ values = st.recursive(
 @settings(deadline=None)
 @given(st.dictionaries(names.filter(lambda name: "." not in name), values, max_size=5))
 def test_any_description_survives_being_spread_over_columns(data: dict[str, Any]) -> None:
-    assert canonical(_unflatten(_flatten(data))) == canonical(data)
+    assert canonical(unflatten(flatten(data))) == canonical(data)
 
 
 @pytest.mark.parametrize("depth", [1, 40, 900])
@@ -150,7 +151,7 @@ def test_tables_however_deep_are_spread_over_columns(depth: int) -> None:
     data: dict[str, Any] = {"a": 1}
     for _ in range(depth):
         data = {"a": data}
-    assert _unflatten(_flatten(data)) == data
+    assert unflatten(flatten(data)) == data
 
 
 text = st.text(st.characters(codec="utf-8", exclude_characters="\0"), max_size=12)
@@ -376,6 +377,7 @@ def test_a_failed_transaction_leaves_nothing(tmp_path: Path) -> None:
         ("abc123+", "abc123+,more", "line"),
         ("0.1 0.3", "0.1", "line"),
         ("0.1 0.3", "0.1 fast", "line"),
+        ("copy_bandwidth,6666666666.666667", "copy_bandwidth,banana", "copy_bandwidth"),
     ],
 )
 def test_a_text_export_that_was_damaged_changes_nothing(tmp_path: Path, old: str, new: str, message: str) -> None:

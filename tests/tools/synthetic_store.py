@@ -25,7 +25,8 @@ from bench.store.results import configuration
 from bench.stress.bodies import OFF_LAW, OFF_NEWTON, OUT_OF_SHAPE, PARTING, SPIN_KEPT
 from bench.stress.body_cases import BODY_CASES
 from bench.stress.piles import BORNE, DEPTH, LOWERED, RATIO, SINKING
-from bench.stress.results import CHECK, CODES, SHAPE, VERDICT, bodies_as_text
+from bench.stress.results import CHECK, CODES, SHAPE, VERDICT
+from bench.stress.shapes import bodies_as_text
 from model.core.families import stability_limit
 from model.core.integrators import INTEGRATORS
 from model.scene.scene import Scene, load_scene

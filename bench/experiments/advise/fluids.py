@@ -23,7 +23,8 @@ from bench.experiments.fluid_truth import laws
 from bench.experiments.fluid_truth.rows import Judged, rows
 from bench.experiments.fluid_truth.scenes import DAM, SCHEMES, WIDTH
 from bench.measure.costs_timing import QUICK, SECONDS, Record, in_turn
-from bench.measure.experiment import backends_here, cost_sources, described, keep
+from bench.measure.experiment import backends_here, described, keep
+from bench.measure.items import cost_sources
 from bench.measure.machine import enter_machine
 from bench.measure.progress import progress_bar
 from bench.measure.timing import Subject, prepare

@@ -21,7 +21,8 @@ from app.driver import open_simulation
 from bench.experiments.advise.ablation import ARITHMETIC, FINER, FULL, PART, Ablation, ablations
 from bench.experiments.advise.fluids import UNTIL
 from bench.measure.costs_timing import QUICK, SECONDS, Measures, Record, in_turn
-from bench.measure.experiment import Summary, backends_here, cost_sources, described, ending_cleanly, keep
+from bench.measure.experiment import Summary, backends_here, described, ending_cleanly, keep
+from bench.measure.items import cost_sources
 from bench.measure.progress import progress_bar
 from bench.measure.timing import Subject, prepare
 from bench.store.database import Store

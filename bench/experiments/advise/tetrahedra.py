@@ -33,7 +33,8 @@ from bench.experiments.advise.tetrahedra_laws import (
 from bench.experiments.tetrahedral.bars import Bar, bars
 from bench.experiments.tetrahedral.cantilever import DENSITY, FRAME, LENGTH, POISSON, SIDE
 from bench.measure.costs_timing import QUICK, SECONDS, Record, in_turn
-from bench.measure.experiment import backends_here, cost_sources, described
+from bench.measure.experiment import backends_here, described
+from bench.measure.items import cost_sources
 from bench.measure.machine import enter_machine
 from bench.measure.timing import Subject, prepare
 from bench.reference.finite_elements import mode_shapes

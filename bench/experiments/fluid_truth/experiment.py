@@ -18,7 +18,8 @@ from app.driver import open_simulation
 from bench.experiments.fluid_truth.laws import judged
 from bench.experiments.fluid_truth.scenes import DAM, TANK, Setting, settings
 from bench.measure.costs_timing import FULL, QUICK, RATIO, SECONDS, Effort, Measures, Record, in_turn
-from bench.measure.experiment import Group, Items, cost_sources, host_of
+from bench.measure.experiment import host_of
+from bench.measure.items import Group, Items, cost_sources
 from bench.measure.timing import Subject, prepare
 from bench.peers.base import Peer, PeerError
 from bench.peers.cases import Beside

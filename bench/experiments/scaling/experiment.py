@@ -1,6 +1,6 @@
-"""How much faster several GPUs are than one: `softlab sweep --gpus 1 --gpus 2 --gpus 4`, one grid for all (strong scaling), or
-a grid for each (`--weak`). All numbers of GPUs of a size are sampled in turn; each is held against one GPU's bits first, in
-`exact` math."""
+"""How much faster several GPUs are than one: `softlab sweep --gpus 1 --gpus 2 --gpus 4`, one sheet for all (strong scaling),
+or a sheet for each (`--weak`). All numbers of GPUs and links of a size are sampled in turn; each is held against one GPU's
+bits first, in `exact` math."""
 
 from __future__ import annotations
 
@@ -12,15 +12,19 @@ import numpy as np
 from rich.console import Console
 
 from app.driver import open_simulation
-from bench.experiments.scaling.model import Cluster, predicted
+from bench.experiments.scaling.model import WAYS, Cluster, predicted
 from bench.measure.case_timing import Case, RatePoint, Rates, Summary
 from bench.measure.costs_timing import Measures
+from bench.measure.energy import joules_of_all, nvml_counter
 from bench.measure.experiment import keep, source_hash
+from bench.measure.gpu import gpu_simulated
+from bench.measure.timing import Subject
 from bench.store.database import Store
 from bench.store.results import Measure, configuration, measures
 from bench.store.tables import print_table
 from model.core.errors import SceneError
 from model.core.simulation import Simulation
+from model.domains.decomposition import Reach, decompose
 from model.scene.scene import Scene, load_scene
 
 STAGE = "shared"  # of the samples
@@ -28,18 +32,27 @@ STEP = "shared_step"  # s: the median of a step
 RATE = "shared_masses_per_second"
 KERNEL = "shared_kernel"  # its name is the reason
 DIFFERENCE = "shared_difference"  # m: the largest from one GPU's state, in exact math
+JOULES = "shared_joules"  # J: what all GPUs take for a step
+SCENES = {  # sheets that are shared, by the word of `--scene`: catalogue name, ordering of constraints
+    "grid": ("lab-grid", None),
+    "xpbd": ("cloth-small-steps", "gauss-seidel"),
+    "xpbd-jacobi": ("cloth-small-steps", "jacobi"),
+}
 SIZES, QUICK_SIZES = (2048, 8192, 16384), (512,)
 CHECKED = 4096 * 4096  # masses up to which the bits are compared
-CHECK_STEPS = 37  # two exchanges and a rest, at the usual 16 steps
+CHECK_STEPS, CHECK_SUBSTEPS = (
+    69,
+    90,
+)  # with two exchanges and a rest of a grid, at the usual steps; of 30 substeps a step
 BY_TURNS = " by turns"  # of a link: there were fewer GPUs than windows
 
 
 @dataclass(frozen=True)
 class SharedCase(Case):
-    """A grid on `gpus` GPUs, linked as `link` says."""
+    """A sheet on `gpus` GPUs, linked as `link` says."""
 
     gpus: int = 1
-    link: str = "peer"
+    link: str = "flags"
     exchange_every: int | None = None
 
     def open(self, math: str | None = None) -> Simulation:
@@ -55,10 +68,11 @@ def shared_case(scene: Scene, precision: str, gpus: int, link: str, exchange_eve
     from gpu_backend.domains.devices import devices_for
 
     description = configuration(scene, backend="gpu", precision=precision) | {"gpus": gpus}
+    label = f"{scene.grid.rows} x {scene.grid.columns} on {gpus}"
     if gpus > 1:
         turns = BY_TURNS if len(set(devices_for(gpus))) < gpus else ""
         description |= {"link": link + turns, "exchange_every": exchange_every}
-    label = f"{scene.grid.rows} x {scene.grid.columns} on {gpus}"
+        label += f" by {link}"
     return SharedCase(scene, "gpu", description, source_hash("gpu"), label, gpus, link, exchange_every)
 
 
@@ -68,12 +82,14 @@ def groups(
     precisions: Sequence[str],
     gpus: Sequence[int] = (1, 2),
     sizes: Sequence[int] | None = None,
-    link: str = "peer",
+    links: Sequence[str] = ("flags",),
     exchange_every: int | None = None,
     weak: bool = False,
+    scene: str = "grid",
 ) -> list[list[Case]]:
-    """What is timed in turn: all numbers of GPUs of a size; `weak`: so many masses for each GPU, rows on rows. Raises
-    SceneError for a backend without GPUs, a number that is none, and BackendUnavailable for more GPUs than there are."""
+    """What is timed in turn: all numbers of GPUs and links of a size; `weak`: so many masses for each GPU, rows on rows;
+    `scene`: one of SCENES. Raises SceneError for a backend without GPUs, a number that is none, a scene that is none, and
+    BackendUnavailable for more GPUs than there are."""
     from gpu_backend.domains.devices import devices_for
 
     if "gpu" not in backends:
@@ -81,23 +97,41 @@ def groups(
     for count in gpus:
         if count < 1:
             raise SceneError("--gpus", count, "must be at least 1")
+    if scene not in SCENES:
+        raise SceneError("--scene", scene, f"with --gpus one of {', '.join(SCENES)}")
     devices_for(max(gpus))
-    counts, found = sorted({1, *gpus}), []
+    found = []
     for size in sizes or (QUICK_SIZES if quick else SIZES):
-        scenes = {n: grid_of(size * n if weak else size, size) for n in counts}
         for precision in precisions:
-            cases: list[Case] = [shared_case(scenes[n], precision, n, link, exchange_every) for n in counts]
+            cases: list[Case] = []
+            for n in sorted({1, *gpus}):
+                sheet = sheet_of(scene, size * n if weak else size, size)
+                for link in links if n > 1 else links[:1]:
+                    cases.append(shared_case(sheet, precision, n, link, exchange_every))
             found.append(cases)
     return found
 
 
-def grid_of(rows: int, columns: int) -> Scene:
-    """The lab grid of so many masses."""
-    return load_scene("lab-grid").replace({"grid.rows": rows, "grid.columns": columns})
+def sheet_of(scene: str, rows: int, columns: int) -> Scene:
+    """One of SCENES with so many masses."""
+    name, ordering = SCENES[scene]
+    kind = "cloth" if ordering else "grid"
+    changes: dict[str, Any] = {f"{kind}.rows": rows, f"{kind}.columns": columns}
+    return load_scene(name).replace(changes | ({"method.ordering": ordering} if ordering else {}))
+
+
+def word_of(scene: Scene) -> str:
+    """Which of SCENES it is."""
+    ordering = scene.method.ordering if scene.cloth else None
+    return next(word for word, (_, known) in SCENES.items() if known == ordering)
+
+
+def _check_steps(scene: Scene) -> int:
+    return CHECK_STEPS if word_of(scene) == "grid" else CHECK_SUBSTEPS // scene.method.substeps
 
 
 class SharedRates(Rates):
-    """Rates whose states are held against one GPU's before they are timed."""
+    """Rates whose states are held against one GPU's before they are timed, and which tell joules beside time."""
 
     def _time(self, store: Store, summary: Summary, group: Sequence[Case], repeats: int) -> None:
         ends: dict[Scene, np.ndarray | None] = {}  # of one GPU
@@ -111,17 +145,26 @@ class SharedRates(Rates):
             numbers: Measures = {DIFFERENCE: (None, "m", f"over {CHECKED} masses no states are compared")}
             if found is not None and wanted is not None:
                 off = float(np.abs(np.subtract(found, wanted, dtype=np.float64)).max())
-                numbers = {DIFFERENCE: (off, "m", f"largest, from one GPU, after {CHECK_STEPS} steps in exact math")}
+                steps = _check_steps(case.scene)
+                numbers = {DIFFERENCE: (off, "m", f"largest, from one GPU, after {steps} steps in exact math")}
             keep(store, summary.run, case.description, case.sources, numbers)
         super()._time(store, summary, group, repeats)
 
+    def besides(self, subject: Subject) -> Measures:
+        if gpu_simulated():
+            return {}
+        count = subject.name.gpus
+        found = joules_of_all(subject, [nvml_counter(k) for k in range(count)])
+        why = f"of {count} GPUs, by NVML" if found else "no counter, or it moves too rarely"
+        return {JOULES: (found, "J", why)}
+
 
 def _end_of(case: SharedCase) -> np.ndarray | None:
-    """Positions after some steps in exact math; None of a grid that is too large."""
+    """Positions after some steps in exact math; None of a sheet that is too large."""
     if case.scene.grid.particle_count > CHECKED:
         return None
     with case.open("exact") as simulation:
-        simulation.advance(CHECK_STEPS)
+        simulation.advance(_check_steps(case.scene))
         return simulation.state().position
 
 
@@ -135,42 +178,63 @@ RATES = run_scaling = SharedRates("sweep", STAGE, STEP, RATE, KERNEL, masses, gr
 
 @dataclass(frozen=True)
 class ScalingPoint(RatePoint):
-    """Of a grid on `gpus` GPUs. `difference` [m] from one GPU's state, None: not compared."""
+    """Of a sheet on `gpus` GPUs, one of SCENES. `exchange_every`: steps, as asked for; `difference` [m] from one GPU's state,
+    `joules` of a step; None: not told."""
 
+    scene: str
     rows: int
     columns: int
     gpus: int
     link: str
+    exchange_every: int | None
     difference: float | None
+    joules: float | None
 
 
 def points(held: Iterable[Measure]) -> list[ScalingPoint]:
     """What the measures tell, smallest first."""
     held = list(held)
-    off = {(m.machine, m.configuration): m.value for m in held if m.name == DIFFERENCE}
+    off, joules = (
+        {(m.machine, m.configuration): m.value for m in held if m.name == name} for name in (DIFFERENCE, JOULES)
+    )
     found = []
     for told, scene, point in RATES.told(held):
         rate, grid = told[RATE], scene.grid
         what: dict[str, Any] = rate.description
-        place = grid.rows, grid.columns, what["gpus"], what.get("link", "")
-        found.append(ScalingPoint(**vars(point), **dict(zip(("rows", "columns", "gpus", "link"), place, strict=True)),
-                                  difference=off.get((rate.machine, rate.configuration))))  # fmt: skip
-    return sorted(found, key=lambda p: (p.precision, p.rows, p.columns, p.gpus, p.link))
+        key = rate.machine, rate.configuration
+        found.append(ScalingPoint(
+            **vars(point), scene=word_of(scene), rows=grid.rows, columns=grid.columns, gpus=what["gpus"],
+            link=what.get("link", ""), exchange_every=what.get("exchange_every"), difference=off.get(key),
+            joules=joules.get(key),
+        ))  # fmt: skip
+    return sorted(found, key=lambda p: (p.scene, p.precision, p.rows, p.columns, p.gpus, p.link))
+
+
+def _every(p: ScalingPoint) -> int:
+    """Steps between two exchanges: as asked for, or as the lab chooses."""
+    return p.exchange_every or decompose(p.rows, p.columns, p.gpus, Reach()).steps
+
+
+def _sheet(p: ScalingPoint) -> tuple[Any, ...]:
+    """What two points have in common that may be compared, but for their rows."""
+    return p.machine, p.scene, p.precision, p.columns
 
 
 def speedups(found: Sequence[ScalingPoint]) -> list[tuple[ScalingPoint, float, float | None]]:
-    """(point, how many times as fast as one GPU, how many times the model says, None in float64) of points of more than one
-    GPU whose one was measured, too; not of windows that took turns."""
-    alone = {(p.machine, p.precision, p.rows, p.columns): p for p in found if p.gpus == 1}
+    """(point, how many times as fast as one GPU, how many times the model says, None where it knows nothing) of points of
+    more than one GPU whose one was measured, too; not of windows that took turns."""
+    alone = {(*_sheet(p), p.rows): p for p in found if p.gpus == 1}
     result = []
     for p in found:
-        one = alone.get((p.machine, p.precision, p.rows, p.columns))
+        one = alone.get((*_sheet(p), p.rows))
         if p.gpus == 1 or one is None or p.link.endswith(BY_TURNS):
             continue
         model = None
-        if p.precision == "float32":
-            first, many = (predicted(p.rows, p.columns, count, Cluster()) for count in (1, p.gpus))
-            model = first.step / many.step
+        if p.precision == "float32" and p.scene == "grid":
+            one_by, many = (
+                predicted(p.rows, p.columns, n, Cluster(), steps=_every(p), way=WAYS[p.link]) for n in (1, p.gpus)
+            )
+            model = one_by.step / many.step
         result.append((p, one.step / p.step, model))
     return result
 
@@ -178,10 +242,10 @@ def speedups(found: Sequence[ScalingPoint]) -> list[tuple[ScalingPoint, float, f
 def shares(found: Sequence[ScalingPoint]) -> dict[int, float]:
     """{id of a point: masses a second of each of its GPUs, over those of one GPU with such a share alone} (weak scaling), of
     points whose share was measured on one."""
-    alone = {(p.machine, p.precision, p.rows, p.columns): p for p in found if p.gpus == 1}
+    alone = {(*_sheet(p), p.rows): p for p in found if p.gpus == 1}
     result = {}
     for p in found:
-        one = alone.get((p.machine, p.precision, p.rows // p.gpus, p.columns))
+        one = alone.get((*_sheet(p), p.rows // p.gpus))
         if p.gpus > 1 and p.rows % p.gpus == 0 and one is not None and not p.link.endswith(BY_TURNS):
             result[id(p)] = p.rate / (p.gpus * one.rate)
     return result
@@ -195,25 +259,15 @@ def print_scaling(console: Console, store: Store, machine: str) -> None:
     for p in found:
         faster, model = told.get(id(p), (None, None))
         same = "" if p.gpus == 1 else "not compared" if p.difference is None else f"{p.difference:.2g}"
-        grid, ways = f"{p.rows} x {p.columns}", (p.precision, str(p.gpus), p.link, p.kernel)
+        double = " float64" if p.precision == "float64" else ""
         rows.append((
-            grid, *ways, f"{1e6 * p.step:.1f}", f"{p.rate / 1e9:.1f}",
-            "" if faster is None else f"{faster:.2f}", "" if faster is None else f"{100 * faster / p.gpus:.1f} %",
-            "" if model is None else f"{model:.2f}", f"{100 * weak[id(p)]:.1f} %" if id(p) in weak else "", same,
+            f"{p.scene} {p.rows} x {p.columns}{double}", str(p.gpus), p.link, p.kernel, f"{1e6 * p.step:.1f}",
+            f"{p.rate / 1e9:.1f}", "" if faster is None else f"{faster:.2f}", "" if model is None else f"{model:.2f}",
+            f"{100 * weak[id(p)]:.1f} %" if id(p) in weak else "", "" if p.joules is None else f"{p.joules:.3g}", same,
         ))  # fmt: skip
-    heads = (
-        "grid",
-        "",
-        "GPUs",
-        "link",
-        "kernel",
-        "step / us",
-        "G masses / s",
-        "x one",
-        "of ideal",
-        "model",
-        "weak",
-        "off / m",
+    heads = "sheet", "GPUs", "link", "kernel", "step / us", "G / s", "x one", "model", "weak", "J / step", "off / m"
+    note = (
+        "G / s: masses; x one: one GPU with the same sheet; weak: of one GPU's rate with such a share; model: softlab scale; "
+        "off: from one GPU's state in exact math, 0 the same bits"
     )
-    note = "weak: of one GPU's rate with such a share; off: from one GPU's state in exact math, 0 the same bits; model: scale"
     print_table(console, heads, rows, note)

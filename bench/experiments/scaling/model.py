@@ -2,7 +2,7 @@
 another, files to restart from, and a GPU that fails.
 
 A step of the largest window is taken from the table of kernels (gpu_backend/mass_spring/grid/choice.py), an exchange from a
-link (model/domains/link.py). Nothing is hidden behind anything, so that this is an upper bound of what these two cost.
+link (model/domains/link.py). What may be hidden behind what, and what the host takes, hangs on the way of sending (WAYS).
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from model.domains.decomposition import Decomposition, Reach, decompose
 from model.domains.link import NETWORK, NVLINK, Link
 
 MASS_BYTES = 16  # of a mass's state in float32
+PASS = 4  # steps of the kernel `tiles` in a pass
 CYCLES = 400  # of `waiting`
 EVERY = (1, 2, 4, 8, 16, 32, 64)  # steps between exchanges, of which the quickest is taken
 SEED = 1
@@ -24,19 +25,38 @@ Seconds = Callable[[int, int], float]
 
 
 @dataclass(frozen=True)
-class Cluster:
-    """GPUs in hosts of `per_host`, linked by `inside`, the hosts by `across`. `launches` [s]: what an exchange costs besides
-    its message. `jitter`: how much longer a cycle takes at random, of its own time, the mean of an exponential. `files`
-    [B/s]: to the file system, of all together. `mean_life` [h]: of a GPU between failures.
+class Way:
+    """How windows exchange. `hidden`: behind a pass over the inner rows, which goes on. `host` [s]: what a cycle cannot be
+    shorter than, since it is asked for from Python; of two windows and an exchange, as measured where these took longer than
+    their GPUs (2048 x 2048 on two H100s)."""
 
-    The last four are assumptions, apart from `mean_life`: 419 unexpected interruptions in 54 days on 16 384 GPUs (A. Dubey
-    and others, "The Llama 3 Herd of Models", 2024, section 3.3.4).
+    hidden: bool
+    host: float
+
+
+WAYS = {"flags": Way(True, 0.0), "peer": Way(False, 3.0e-4), "nccl": Way(False, 1.7e-4)}
+
+
+@dataclass(frozen=True)
+class Cluster:
+    """GPUs in hosts of `per_host`, linked by `inside`, the hosts by `across`. `launches` [s] and `copying` [B/s]: what an
+    exchange costs besides its message, its kernels and the way out of the inbox; `ends` [s]: what it costs that all blocks of
+    a cycle end before the next begin, where nothing is hidden. `jitter`: how much longer a cycle takes at random, of its own
+    time, the mean of an exponential. `files` [B/s]: to the file system, of all together. `mean_life` [h]: of a GPU between
+    failures.
+
+    `launches` and `copying` are from exchanges alone between two H100s, which took 8.0 us for 0.5 MB and 13.2 us for 2.1 MB,
+    `ends` from passes of one launch and in bands there, which differ by 20 to 26 us. `jitter` and `files` are assumptions.
+    `mean_life`: 419 unexpected interruptions in 54 days on 16 384 GPUs (A. Dubey and others, "The Llama 3 Herd of Models",
+    2024, section 3.3.4).
     """
 
     per_host: int = 8
     inside: Link = NVLINK
     across: Link = NETWORK
-    launches: float = 5e-6
+    launches: float = 3.4e-6
+    copying: float = 1.3e12
+    ends: float = 22e-6
     jitter: float = 0.01
     files: float = 100e9
     mean_life: float = 54 * 24 * 16384 / 419
@@ -44,6 +64,10 @@ class Cluster:
     def link(self, count: int) -> Link:
         """The slowest that `count` GPUs exchange by."""
         return self.inside if count <= self.per_host else self.across
+
+    def exchange(self, count: int, size: int) -> float:
+        """Seconds of one of `size` bytes each way, among `count` GPUs."""
+        return self.link(count).seconds(size) + self.launches + size / self.copying
 
 
 @dataclass(frozen=True)
@@ -74,20 +98,29 @@ def window_seconds(rows: int, columns: int) -> float:
 
 
 def predicted(
-    rows: int, columns: int, count: int, cluster: Cluster, steps: int | None = None, seconds: Seconds = window_seconds
+    rows: int,
+    columns: int,
+    count: int,
+    cluster: Cluster,
+    steps: int | None = None,
+    seconds: Seconds = window_seconds,
+    way: Way = WAYS["flags"],
 ) -> Predicted:
-    """A step of a grid on `count` GPUs that exchange every `steps` steps (None: whatever of EVERY is quickest). Raises
-    SceneError where its rows do not do."""
+    """A step of a grid on `count` GPUs that exchange every `steps` steps (None: whatever of EVERY is quickest, of whole
+    passes where shares have rows for them). Raises SceneError where its rows do not do."""
     if count > 1 and steps is None:
         able = [n for n in EVERY if n == 1 or Reach().halo(n) <= rows // count]
-        found = [predicted(rows, columns, count, cluster, n, seconds) for n in able]
+        able = [n for n in able if n >= PASS] or able[-1:]
+        found = [predicted(rows, columns, count, cluster, n, seconds, way) for n in able]
         return min(found, key=lambda one: one.step)
     cut = decompose(rows, columns, count, Reach(), steps)
     compute = seconds(max(domain.window_rows for domain in cut.domains), columns)
     if count == 1:
         return Predicted(cut, compute, 0.0, 0.0)
-    exchange = cluster.link(count).seconds(cut.bytes_sent(MASS_BYTES)) + cluster.launches
+    exchange = cluster.exchange(count, cut.bytes_sent(MASS_BYTES))
     cycle = compute * cut.steps
+    exchange = max(0.0, exchange - min(PASS, cut.steps) * compute) if way.hidden else exchange + cluster.ends
+    exchange = max(exchange, way.host - cycle)
     late = waiting(count, cycle, exchange, cluster.jitter) - cycle * (1 + cluster.jitter) - exchange
     return Predicted(cut, compute, exchange / cut.steps, late / cut.steps)
 

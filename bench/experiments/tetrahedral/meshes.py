@@ -26,7 +26,8 @@ from bench.experiments.bar_strip import follow, swing_of, told
 from bench.experiments.tetrahedra import FREE, SECTIONS
 from bench.experiments.tetrahedral.cantilever import BLOCKS, DENSITY, cantilever
 from bench.measure.costs_timing import Measures
-from bench.measure.experiment import Experiment, Items, cost_sources, described
+from bench.measure.experiment import described
+from bench.measure.items import Experiment, Items, cost_sources
 from bench.reference import finite_elements
 from bench.reference.finite_elements import linear_static, mode_shapes, spread_evenly
 from bench.store.database import Store

@@ -93,7 +93,9 @@ def make_resident(real: Any, math: str, integrator: str, parts: frozenset[str], 
         vx, vy = cuda.local.array(strip, real), cuda.local.array(strip, real)
         rows, columns = np.int32(rows), np.int32(columns)
         block = np.int32(cuda.blockIdx.y * cuda.gridDim.x + cuda.blockIdx.x)
-        i, j, (place, left, right, above, below), owned = place_of(rows, columns)
+        i, j, (place, left, right, above, below), owned = place_of(
+            np.int32(cuda.blockIdx.y), np.int32(cuda.gridDim.y), rows, columns
+        )
         row_first, row_end, column_first, column_end = owned
         mine, border, outside = np.int32(0), np.int32(0), np.int32(0)
         if j < columns:

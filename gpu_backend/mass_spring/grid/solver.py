@@ -73,7 +73,7 @@ class MassSpring(SheetPasses):
 
     def new_array(self) -> Any:
         """A complex (particles,) device array of zeros."""
-        return self.on_device(np.zeros(self.particle_count, self._pair))
+        return self.zeros(self.particle_count, self._pair)
 
     def _allocate(self) -> None:
         self._integers = np.zeros(3, np.uint64)  # of model/core/own_forces.py
@@ -119,7 +119,7 @@ class MassSpring(SheetPasses):
             self._graphs = Graphs(self.stream, launch, self._count_on)
         elif self.kernel == "tiles" and self._tiles is not None and can_capture():
             halo = self._tiles.tile.halo
-            self._graphs = Graphs(self.stream, self._tiles.launch_many, lambda many: self._count_on(many * halo))
+            self._graphs = Graphs(self.stream, self._tiles.launch_captured, lambda many: self._count_on(many * halo))
 
     # ------------------------------------------------------------------ passes
 

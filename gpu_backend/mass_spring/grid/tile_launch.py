@@ -8,8 +8,9 @@ import numpy as np
 from numba import cuda
 
 from gpu_backend.core.device import simulated
-from gpu_backend.core.launch import prepare
-from gpu_backend.core.tiling import Tile, tile_count, whole_strips
+from gpu_backend.core.launch import can_capture, prepare
+from gpu_backend.core.tiling import Tile, owned, tile_count, whole_strips
+from gpu_backend.mass_spring.bands import Bands, band_cuts
 from gpu_backend.mass_spring.grid.resident import FLAG_STRIDE, make_resident
 from gpu_backend.mass_spring.grid.strips import shared_bytes
 from gpu_backend.mass_spring.grid.tiles import blocks_together, make_tile_pass
@@ -78,7 +79,8 @@ class TileLauncher(TileLaunches):
         super().__init__(simulation, kernel, tile)
         rows, columns = simulation.body.rows, simulation.body.columns
         require_tile(kernel, rows, columns, simulation.real, tile)
-        across, down = blocks_of(rows, columns, tile)
+        across, down = self.tiles = blocks_of(rows, columns, tile)
+        self.together = device_limits()[0] * blocks_together(simulation.real, tile)
         cut = rows % tile.strip != 0 if across * down == 1 else not whole_strips(rows, tile)
         variant = (
             simulation.real, simulation.options.math, simulation.scene.method.integrator, simulation.plan.parts, tile, cut
@@ -95,8 +97,10 @@ class TileLauncher(TileLaunches):
         else:
             self._kernel = make_tile_pass(*variant, kernel == "one-block")
         prepare(self._kernel, self._arguments(0, 1), shared, cooperative=kernel == "resident")
+        self._bands = self.bands() if kernel == "tiles" and can_capture() else None
 
-    def _arguments(self, number: int, passes: int) -> tuple[Any, ...]:
+    def _arguments(self, number: int, passes: int, first: int = 0) -> tuple[Any, ...]:
+        """`first`: the row of tiles that a launch begins with."""
         s = self.simulation
         source, target = s._current, 1 - s._current
         states = (s.position[source], s.velocity[source], s.position[target], s.velocity[target])
@@ -104,4 +108,56 @@ class TileLauncher(TileLaunches):
         if self.kernel == "resident":
             border = (*self._borders, self._flags, np.int32(self._epoch), self._failed)
             return (*states, *border, s.record, s.integers, s._counter, *tail)
-        return (*states, s.record, s.integers, s._counter, np.int64(number), *tail)
+        place = np.int32(first), np.int32(self.tiles[1])
+        return (*states, s.record, s.integers, s._counter, np.int64(number), *tail, *place)
+
+    def bands(self, above: int = 0, below: int = 0) -> Bands | None:
+        """Bands in which the kernel `tiles` goes over the grid, None where they would not pay: where all its blocks run at
+        once, and there is nothing to wait for. `above`, `below`: so many rows of masses at cut edges are read or written
+        between passes: bands of their own (0: no such edge)."""
+        (across, down), tile = self.tiles, self.tile
+        if not above and not below and across * down <= self.together:
+            return None
+        touched = [
+            sum(_owns(tile, k, down, self.simulation.body.rows, rows, end) for k in range(down)) if rows else 0
+            for rows, end in ((above, 0), (below, 1))
+        ]
+        cuts = band_cuts(down, max(1, self.together // (3 * across)), *touched)
+        return Bands(self.simulation.stream, cuts, above > 0, below > 0) if len(cuts) > 2 else None
+
+    def launch_captured(self, parity: int, count: int) -> None:
+        """As `launch_many`, for a stream that is captured: in bands, where there are several."""
+        if self._bands is None:
+            self.launch_many(parity, count)
+            return
+        self.simulation._current = parity
+        self._bands.fork()
+        for number in range(count):
+            self.launch_in(self._bands, number * self.tile.halo, self.tile.halo)
+        self._bands.join()
+
+    def close(self) -> None:
+        if self._bands is not None:
+            self._bands.close()
+
+    def parts_of(self, steps: int) -> list[int]:
+        """The passes of each launch of the kernel `tiles` for so many steps."""
+        whole, rest = divmod(steps, self.tile.halo)
+        return [self.tile.halo] * whole + [rest] * (rest > 0)
+
+    def launch_in(self, bands: Bands, number: int, passes: int) -> None:
+        """As `launch`, of the kernel `tiles`, band by band."""
+        (across, _), threads, _, shared = self._grid
+
+        def one(first: int, end: int, stream: Any) -> None:
+            self._kernel[(across, end - first), threads, stream, shared](*self._arguments(number, passes, first))
+
+        bands.each(one)
+        self.simulation._current = 1 - self.simulation._current
+
+
+def _owns(tile: Tile, number: int, count: int, masses: int, rows: int, end: int) -> bool:
+    """Whether row of tiles `number` of `count` owns one of the first (`end` 0) or the last (`end` 1) `rows` of the `masses`
+    along that axis, or reads them."""
+    _, first, last = owned(number, count, masses, tile.rows, tile.halo)
+    return last > masses - rows - tile.halo if end else first < rows + tile.halo

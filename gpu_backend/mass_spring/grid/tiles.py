@@ -69,9 +69,10 @@ def make_tile_parts(real: Any, math: str, integrator: str, parts: frozenset[str]
         return place, left, right, above, below
 
     @inline
-    def place_of(rows, columns):
-        """(row and column of the thread's strip, its place and its neighbours', rows and columns that the block owns)."""
-        row_start, row_first, row_end = axis(np.int32(cuda.blockIdx.y), np.int32(cuda.gridDim.y), rows, height)
+    def place_of(number, count, rows, columns):
+        """(row and column of the thread's strip, its place and its neighbours', rows and columns that the block owns), in row
+        of tiles `number` of `count`."""
+        row_start, row_first, row_end = axis(number, count, rows, height)
         column_start, column_first, column_end = axis(
             np.int32(cuda.blockIdx.x), np.int32(cuda.gridDim.x), columns, width
         )
@@ -134,10 +135,11 @@ def make_tile_pass(
     real: Any, math: str, integrator: str, parts: frozenset[str], tile: Tile, cut: bool, whole: bool = False
 ) -> Any:
     """kernel(position, velocity, new_position, new_velocity, record, integers, counter, pass_number, passes, pinned,
-    rows, columns): `passes` (at most tile.halo) passes of every tile, from the old state to the new one.
+    rows, columns, first, count): `passes` (at most tile.halo) passes of some rows of tiles, from the old state to the new.
 
-    Launched with one block a tile, blocks of (tile.columns, tile.strips) threads. `whole`: the grid is one tile;
-    then any number of passes is done, and velocity Verlet's first and last are its opening and its closing.
+    Launched with one block a tile, blocks of (tile.columns, tile.strips) threads, from row of tiles `first` of `count` on.
+    `whole`: the grid is one tile; then any number of passes is done, and velocity Verlet's first and last are its opening and
+    its closing.
     """
     f = make_tile_parts(real, math, integrator, parts, tile, cut)
     constants, read, held_bits, place_of = f.constants, f.read, f.held_bits, f.place_of
@@ -150,13 +152,14 @@ def make_tile_pass(
 
     def tile_pass(
         position, velocity, new_position, new_velocity, record, integers, counter, pass_number, passes, pinned, rows,
-        columns,
+        columns, first, count,
     ):  # fmt: skip
         parameters = record[0]
         both = cuda.shared.array(0, pair, alignment=ALIGNMENT)
         vx, vy = cuda.local.array(strip, real), cuda.local.array(strip, real)
         rows, columns = np.int32(rows), np.int32(columns)
-        i, j, (place, left, right, above, below), owned = place_of(rows, columns)
+        number = np.int32(np.int32(cuda.blockIdx.y) + first)
+        i, j, (place, left, right, above, below), owned = place_of(number, np.int32(count), rows, columns)
         row_first, row_end, column_first, column_end = owned
         values = constants(parameters)
         read(position, velocity, vx, vy, both, place, Cell(i, j, rows, columns))

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from bench.experiments.scaling.experiment import points, print_scaling, run_scaling, speedups
+from bench.experiments.scaling.experiment import points, print_scaling, run_scaling, shares, speedups
 from bench.measure import case_timing
 from bench.store.database import Store
 from bench.store.results import measures, timings
@@ -22,10 +22,10 @@ def test_a_sweep_over_gpus_is_stored_checked_and_told(tmp_path: Path, monkeypatc
         summary = run_scaling(store, **how)
         found = points(measures(store))
         told = [(p.gpus, p.rows, p.link, p.difference) for p in found]
-        assert told == [(1, 4, "", None), (2, 4, "peer by turns", 0.0)], "there is but one here"
+        assert told == [(1, 4, "", None), (2, 4, "flags by turns", 0.0)], "there is but one here"
         assert all(p.rate == pytest.approx(16 / p.step) for p in found)
         assert speedups(found) == [], "windows that take turns are no GPUs of their own"
-        own = [replace(p, link="peer") if p.gpus > 1 else p for p in found]
+        own = [replace(p, link="flags") if p.gpus > 1 else p for p in found]
         assert len(speedups(own)) == 1
         assert timings(store) == [], "ordinary figures know one GPU alone"
         console = Console(record=True, width=160)
@@ -34,8 +34,24 @@ def test_a_sweep_over_gpus_is_stored_checked_and_told(tmp_path: Path, monkeypatc
         assert run_scaling(store, **how).measured == 0, "all is there"
 
 
+def test_a_share_for_each_gpu_and_every_link_in_turn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """--weak: 2 windows of 4 rows each, whose rate is held against that of 4 rows alone."""
+    monkeypatch.setattr(case_timing, "SAMPLE_SECONDS", 0.001)
+    how = {"quick": True, "backends": ["gpu"], "gpus": [2], "sizes": [4], "progress": False}
+    with Store(tmp_path / "store.sqlite") as store:
+        run_scaling(store, weak=True, links=["peer", "flags"], **how)
+        found = points(measures(store))
+        assert [(p.rows, p.columns, p.gpus, p.link) for p in found] == [
+            (4, 4, 1, ""), (8, 4, 2, "flags by turns"), (8, 4, 2, "peer by turns"),
+        ]  # fmt: skip
+        own = [replace(p, link="flags") for p in found]
+        weak = shares(own)
+        assert [weak[id(p)] for p in own[1:]] == [pytest.approx(p.rate / (2 * own[0].rate)) for p in own[1:]]
+
+
 def test_bad_choices_are_told(tmp_path: Path) -> None:
     with Store(tmp_path / "store.sqlite") as store:
-        for wrong in ({"backends": ["cpu"]}, {"backends": ["gpu"], "gpus": [0]}):
+        gpu = {"backends": ["gpu"]}
+        for wrong in ({"backends": ["cpu"]}, gpu | {"gpus": [0]}, gpu | {"scene": "rope"}):
             with pytest.raises(SceneError, match="--gpus"):
                 run_scaling(store, progress=False, **wrong)

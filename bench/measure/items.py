@@ -1,0 +1,117 @@
+"""Experiments of single items: what is measured at one go, one after another, in the frame of bench/measure/experiment.py."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Protocol
+
+from bench.measure import costs_timing
+from bench.measure.costs_timing import RATIO, Measures, Record
+from bench.measure.experiment import Summary, Tell, backends_here, keep, resume, source_hash
+from bench.store.database import Store
+from model.core.digest import source_digest
+
+COSTS_VERSION = 1  # part of the resume key of every cost: raise it when how they are sampled changes
+
+
+class Item(Protocol):
+    """What is measured at one go; `worth`: its share of the bar."""
+
+    @property
+    def worth(self) -> int: ...
+    def held(self, store: Store, machine: str) -> bool: ...
+    def run(self, store: Store, run: str) -> None: ...
+
+
+@dataclass(frozen=True)
+class Items:
+    """An experiment of single items. `of(store, backends, quick, ...)`: all of them, or fewer, or measured in less time;
+    `doing`: what the bar says before each; `command`: that measures them."""
+
+    name: str
+    of: Callable[..., Sequence[Item]]
+    command: str
+    doing: str = ""
+
+    def __call__(
+        self,
+        store: Store,
+        *,
+        quick: bool = False,
+        backends: Sequence[str] | None = None,
+        progress: bool = True,
+        command: str = "",
+        **chosen: Any,
+    ) -> Summary:
+        """Measure what the store lacks, one after another. `backends`: None: all that are here; `chosen`: what `of` takes
+        besides. Ctrl-C ends cleanly.
+
+        Raises SceneError (what cannot be chosen), BackendUnavailable, InputError (the store).
+        """
+        items = self.of(store, backends_here(backends), quick, **chosen)
+        summary = Summary.begun(store, self.name)
+
+        def measure(group: Sequence[Item], tell: Tell) -> None:
+            for item in group:
+                tell(f"{self.doing}{item}", 0)
+                item.run(store, summary.run)
+                summary.measured += 1
+                tell(f"{self.doing}{item}", item.worth)
+
+        return resume(
+            store, summary, [[item] for item in items], lambda item: item.held(store, summary.machine), measure,
+            progress=progress, command=command or self.command, worth=lambda item: item.worth,
+        )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """One configuration of one finding. `name`: the measure by which the store knows that it is done."""
+
+    name: str
+    description: dict[str, Any]
+    sources: str
+    measure: Callable[[], Measures]
+    worth: int = 1
+
+    def __str__(self) -> str:
+        return str(self.description["finding"])
+
+    def held(self, store: Store, machine: str) -> bool:
+        return store.has_measure(self.description, machine, self.sources, self.name)
+
+    def run(self, store: Store, run: str) -> None:
+        """Measure it, and put its numbers into the store, all or none."""
+        keep(store, run, self.description, self.sources, self.measure())
+
+
+@dataclass(frozen=True)
+class Group:
+    """What is sampled in turn. `descriptions`: of each way; the last one's RATIO, stored last, tells that all is done.
+    `measure`: samples into a record, the measures of each way out."""
+
+    name: str
+    descriptions: tuple[dict[str, Any], ...]
+    sources: str
+    measure: Callable[[Record], list[Measures]]
+    worth: int = 1
+
+    def __str__(self) -> str:
+        return self.name
+
+    def held(self, store: Store, machine: str) -> bool:
+        return store.has_measure(self.descriptions[-1], machine, self.sources, RATIO)
+
+    def run(self, store: Store, run: str) -> None:
+        found = self.measure(Record(store, run, self.sources))
+        with store.transaction():
+            for description, numbers in zip(self.descriptions, found, strict=True):
+                keep(store, run, description, self.sources, numbers)
+
+
+def cost_sources(backend: str, *files: str) -> str:
+    """The hash of what a cost depends on: the backend's sources, what is timed beside them, and how."""
+    paths = [Path(file) for file in (*files, str(costs_timing.__file__))]
+    return f"{source_hash(backend)}-{source_digest(*paths)}-c{COSTS_VERSION}"

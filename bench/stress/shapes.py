@@ -1,0 +1,33 @@
+"""States of the hard cases as text, for small pictures of them: rounded, and thinned where they are many."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import numpy as np
+
+
+def bodies_as_text(position: Any, body: Any, most: int = 400) -> str:
+    """Positions (particles, 3) as JSON, a list for each `body` (particles,), at most `most` in all, as `as_text` rounds."""
+    stride = -(-len(position) // most)
+    near = _rounded(np.asarray(position, dtype=np.float64))
+    return json.dumps([near[body == k][::stride].tolist() for k in np.unique(body)], separators=(",", ":"))
+
+
+def as_text(position: Any, rows: int, columns: int, most: int = 33) -> str:
+    """Positions (particles, dimensions) as JSON, at most `most` rows and columns of them, to a thousandth of their extent."""
+    flat = np.asarray(position, dtype=np.float64)
+    dimensions = flat.shape[-1]
+    grid = flat.reshape(rows, columns, dimensions)
+    kept = [np.unique(np.linspace(0, count - 1, min(count, most)).round().astype(int)) for count in (rows, columns)]
+    grid = grid[np.ix_(*kept)]
+    return json.dumps(_rounded(grid).tolist(), separators=(",", ":"))
+
+
+def _rounded(position: Any) -> Any:
+    """Positions (..., dimensions) to a thousandth of their extent."""
+    extent = float(np.ptp(position.reshape(-1, position.shape[-1]), axis=0).max())
+    unit = 10.0 ** np.floor(np.log10(extent / 1000)) if extent > 0 and np.isfinite(extent) else 1e-3
+    digits = max(0, round(-float(np.log10(unit))))
+    return np.round(position, digits) if digits < 300 else position

@@ -1,0 +1,40 @@
+"""A window's state as what carries its borders sees it: rows of units of bytes, whatever numbers they hold."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from gpu_backend.core.device import simulated
+from gpu_backend.core.quads import SIZE
+from gpu_backend.domains.kernels import unit_of
+from model.domains.decomposition import Decomposition
+
+
+def _address(array: Any) -> int:
+    return int(array.ctypes.data if simulated() else array.__cuda_array_interface__["data"][0])
+
+
+class StateUnits:
+    """Of one `window`: the device arrays of both buffers, seen as arrays of `unit` (see unit_of), `row` of them a row."""
+
+    def __init__(self, window: Any, decomposition: Decomposition):
+        axes = window.scene.dimensions
+        numbers = decomposition.columns * (2 if axes == 2 else SIZE)
+        self._window = window
+        self.unit = unit_of(window.real, axes, decomposition.columns)
+        self.row = numbers * np.dtype(window.real).itemsize // np.dtype(self.unit).itemsize
+        both = zip(window.position, window.velocity, strict=True)
+        self._both = [(p.view(self.unit), v.view(self.unit)) for p, v in both]
+
+    def spans(self, row: int, rows: int) -> list[list[tuple[int, int]]]:
+        """Of either buffer the (address, bytes) of some rows: of their positions, of their velocities."""
+        unit = np.dtype(self.unit).itemsize
+        first, size = row * self.row * unit, rows * self.row * unit
+        return [[(_address(array) + first, size) for array in both] for both in self._both]
+
+    @property
+    def now(self) -> tuple[Any, Any]:
+        """(positions, velocities) of the state."""
+        return self._both[self._window._current]

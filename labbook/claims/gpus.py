@@ -1,0 +1,131 @@
+"""What the lab book may say about several GPUs (`softlab sweep --gpus`); see labbook/claims/claim.py for the rules."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from bench.experiments.scaling.experiment import ScalingPoint, shares, speedups
+from labbook import words
+from labbook.claims.claim import Claim, Claims
+from plots.core.backends import on_backends
+from plots.core.data import Results, Source
+from plots.figures.scaling.gpus import found_by, masses
+
+USUAL = "flags"  # the link that a user gets
+Told = Sequence[tuple[ScalingPoint, float, float | None]]
+
+
+def _measured(results: Results) -> tuple[Source | None, Sequence[ScalingPoint]]:
+    """The first machine that shared a sheet among GPUs, and its points."""
+    chosen = on_backends(results, found_by)
+    return (chosen[0][1], chosen[0][2]) if chosen else (None, ())
+
+
+def _ratio(value: float) -> str:
+    return f"{words.number(value)}{words.SPACE}times"
+
+
+def _of_grids(told: Told, link: str) -> list[tuple[ScalingPoint, float, float | None]]:
+    return [one for one in told if one[0].scene == "grid" and one[0].link == link]
+
+
+def strong(results: Results) -> Claim:
+    """One sheet for all: how many times as fast as one GPU."""
+    source, found = _measured(results)
+    told = speedups(found)
+    grids, cloths = _of_grids(told, USUAL), [one for one in told if one[0].scene == "xpbd" and one[0].link == USUAL]
+    if source is None or not grids:
+        return Claim("A grid on several GPUs was not timed.")
+    numbers = {f"{p.scene} {p.rows} {p.gpus}": faster for p, faster, _ in [*grids, *cloths]}
+    parts = [
+        f"{_ratio(faster)}{'' if k else ' as fast'} by {p.gpus} at {words.masses(masses(p))}"
+        for k, (p, faster, _) in enumerate(grids)
+    ]
+    cloth = "".join(
+        f"; a cloth of constraints {_ratio(f)} by {p.gpus} at {words.masses(masses(p))}" for p, f, _ in cloths
+    )
+    one = f"Against one {source.gpu}{source.bracket}, a grid is stepped"
+    return Claim(f"{one} {words.listed(parts)}{cloth}.", numbers, True)
+
+
+def weak(results: Results) -> Claim:
+    """A grid for each."""
+    _, found = _measured(results)
+    share = shares(found)
+    told = [(p, share[id(p)]) for p in found if id(p) in share and p.link == USUAL and p.scene == "grid"]
+    if not told:
+        return Claim("A grid for each of several GPUs was not timed.")
+    numbers = {f"{p.rows} {p.gpus}": value for p, value in told}
+    parts = [
+        f"with {words.masses(masses(p) // p.gpus)} for each, each of {p.gpus} has {words.number(100 * rate)}{words.SPACE}%"
+        for p, rate in told
+    ]
+    return Claim(f"A grid each: {words.listed(parts)} of the rate of one alone.", numbers, min(numbers.values()) > 0.9)
+
+
+def links(results: Results) -> Claim:
+    """What other ways of sending do, from the smallest to the largest grid of each."""
+    _, found = _measured(results)
+    parts: list[str] = []
+    numbers: dict[str, float] = {}
+    for link, how in (("peer", "reads behind events"), ("nccl", "NCCL")):
+        told = _of_grids(speedups(found), link)
+        ends = told[:: max(1, len(told) - 1)]
+        numbers |= {f"{link} {p.rows} {p.gpus}": faster for p, faster, _ in ends}
+        if ends:
+            span = " to ".join(words.number(faster) for _, faster, _ in ends)
+            parts.append(f"by {how} {span}{words.SPACE}times")
+    if not parts:
+        return Claim("Other ways of sending were not timed.")
+    which = words.listed(parts)
+    return Claim(
+        f"Where Python asks for each exchange, it is {which}, from the smallest to the largest.", numbers, True
+    )
+
+
+def bits(results: Results) -> Claim:
+    """States that were held against one GPU's."""
+    _, found = _measured(results)
+    off = [p.difference for p in found if p.gpus > 1 and p.difference is not None]
+    if not off:
+        return Claim("No state of several GPUs was held against that of one.")
+    same = f"{words.things(sum(d == 0 for d in off), 'sheet')} of {len(off)}"
+    numbers = {"compared": len(off), "largest": max(off)}
+    return Claim(f"In exact math {same} that were compared had one GPU's bits.", numbers, max(off) == 0)
+
+
+def energy(results: Results) -> Claim:
+    """Joules of a step of all, over those of one GPU with the same grid."""
+    _, found = _measured(results)
+    alone = {p.rows: p.joules for p in found if p.gpus == 1 and p.scene == "grid" and p.rows == p.columns and p.joules}
+    told = [
+        (p, p.joules / (alone[p.rows] or 1))
+        for p in found
+        if p.gpus > 1 and p.joules and p.link == USUAL and p.scene == "grid" and p.rows == p.columns and p.rows in alone
+    ]
+    if not told:
+        return Claim("The energy of several GPUs was not measured.")
+    numbers = {f"{p.rows} {p.gpus}": value for p, value in told}
+    span = " to ".join(dict.fromkeys(words.number(value) for value in (min(numbers.values()), max(numbers.values()))))
+    return Claim(f"All of them together take {span} times the energy of one GPU for the same step.", numbers, True)
+
+
+def model(results: Results) -> Claim:
+    """By how much the model is off."""
+    _, found = _measured(results)
+    off = {p.link: [] for p in found if p.gpus > 1}  # type: dict[str, list[float]]
+    for p, faster, by_model in speedups(found):
+        if by_model is not None:
+            off[p.link].append(by_model / faster - 1)
+    usual, others = off.pop(USUAL, []), [value for values in off.values() for value in values]
+    if not usual:
+        return Claim("The model of several GPUs was not held against any.")
+    numbers = {"usual": max(map(abs, usual)), **({"others": max(map(abs, others))} if others else {})}
+    also = f", of the other ways by up to {words.percent(numbers['others'])}" if others else ""
+    return Claim(f"The model of softlab scale is off by up to {words.percent(numbers['usual'])}{also}.", numbers, True)
+
+
+CLAIMS: Claims = {
+    "gpus-strong": strong, "gpus-weak": weak, "gpus-links": links, "gpus-bits": bits, "gpus-energy": energy,
+    "gpus-model": model,
+}  # fmt: skip

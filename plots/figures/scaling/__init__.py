@@ -1,0 +1,1 @@
+"""How much faster more of something is: threads, GPUs."""

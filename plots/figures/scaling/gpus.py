@@ -1,0 +1,86 @@
+"""How much faster several GPUs are than one, beside the model, and what a step takes of energy."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+from bench.experiments.scaling.experiment import BY_TURNS, ScalingPoint, points, shares, speedups
+from bench.store.results import Measure
+from plots.core.backends import on_backends, sources_of, timed
+from plots.core.colours import BLUE, GREEN, GREY, ORANGE, PURPLE, VERMILLION
+from plots.core.data import Results
+from plots.core.style import Drawing, legend_below, log_axes, new_figure
+
+TITLE = "Several GPUs"
+LINKS = {"flags": (BLUE, "o"), "nccl": (ORANGE, "s"), "peer": (GREEN, "^")}
+PER_MILLION = 1e9  # mJ of a million mass-steps, in J of one
+
+
+def shared(held: Iterable[Measure]) -> list[ScalingPoint]:
+    """The points of sheets that several GPUs shared, and of one GPU beside them; none where no several did."""
+    found = points(held)
+    return found if any(p.gpus > 1 and not p.link.endswith(BY_TURNS) for p in found) else []
+
+
+found_by = timed(shared)
+
+
+def masses(p: ScalingPoint) -> int:
+    """Of the sheet."""
+    return p.rows * p.columns
+
+
+def draw(results: Results) -> Drawing | str:
+    """The figure, or why there is none."""
+    chosen = on_backends(results, found_by)
+    if not chosen:
+        return "no sheet was timed on several GPUs (softlab sweep --gpus 2)"
+    found: Sequence[ScalingPoint] = chosen[0][2]
+    figure, (faster, joules) = new_figure(2, 2.8, share_y=False)
+    _draw_faster(faster, found)
+    for gpus, colour in ((1, GREY), *((n, BLUE) for n in sorted({p.gpus for p in found} - {1}))):
+        mine = [p for p in found if p.gpus == gpus and p.scene == "grid" and p.link in ("", "flags") and p.joules]
+        if mine:
+            each = sorted((masses(p), PER_MILLION * p.joules / masses(p)) for p in mine if p.joules)
+            joules.plot(*zip(*each, strict=True), "-", color=colour, marker="o", label="one GPU" if gpus == 1 else None)
+    joules.set_xscale("log")
+    joules.set_xlabel("masses")
+    joules.margins(y=0.15)
+    joules.set_ylim(bottom=0)
+    joules.set_ylabel("mJ / million mass-steps")
+    legend_below(figure, [faster, joules], columns=4)
+    caption = (
+        "Left: how many times as fast as one GPU several step the same sheet, float32: a grid, by how its borders travel; a "
+        "cloth of constraints (XPBD by colours); and a grid for each GPU, all of it so large, over one GPU's rate with one. "
+        "Dashed: the model. Right: what all of them take of energy (grey: one GPU)."
+    )
+    return Drawing(figure, TITLE, caption, sources_of(chosen))
+
+
+def _draw_faster(ax: Any, found: Sequence[ScalingPoint]) -> None:
+    told, weak = speedups(found), shares(found)
+    counts = sorted({p.gpus for p in found} - {1})
+    for gpus in counts:
+        for link, (colour, marker) in LINKS.items():
+            mine = [(masses(p), faster) for p, faster, _ in told if (p.gpus, p.link, p.scene) == (gpus, link, "grid")]
+            if mine:
+                ax.plot(*zip(*mine, strict=True), "-", color=colour, marker=marker, label=f"{gpus} GPUs, {link}")
+        by_model = [(masses(p), model) for p, _, model in told if model and (p.gpus, p.link) == (gpus, "flags")]
+        if by_model:
+            ax.plot(*zip(*by_model, strict=True), "--", color=BLUE, label=f"{gpus} GPUs, model")
+        cloth = [
+            (masses(p), faster) for p, faster, _ in told if p.gpus == gpus and p.scene == "xpbd" and p.link == "flags"
+        ]
+        if cloth:
+            ax.plot(*zip(*cloth, strict=True), linestyle="", color=PURPLE, marker="D", label=f"{gpus} GPUs, cloth")
+        own = [(masses(p), gpus * weak[id(p)]) for p in found if id(p) in weak and p.gpus == gpus and p.link == "flags"]
+        if own:
+            ax.plot(
+                *zip(*own, strict=True), linestyle="", color=VERMILLION, marker="v", label=f"{gpus} GPUs, a grid each"
+            )
+        ax.axhline(gpus, color=GREY, linewidth=1, zorder=1)
+    log_axes(ax)
+    ax.set_yscale("linear")
+    ax.set_ylim(0, 1.2 * max(counts))
+    ax.set_ylabel("times one GPU")
