@@ -30,11 +30,10 @@ CORNERS, COUNT = (
 OPERATIONS = 5 * (9 + 27 + 6 + 5) + 4 * 9 + 8 * 6 + 8 * 9 + 20
 
 
-def make(real, compiled=plain, damped=False, kept=True):
-    """See the package; `damped`: a damper counts; `kept`: multipliers may be other than 0."""
-    softness, shift = make_bending(real, compiled).softness, make_bending(real, compiled).shift
-    reciprocal, lengths = make_distance(real, compiled).reciprocal, make_lengths(real, compiled)
-    dot, cross, zero, one = lengths.dot, lengths.cross, real(0), real(1)
+def make_gradients(real, compiled=plain):
+    """gradients(points) -> (six times the volume, its derivatives by the eight corners)."""
+    lengths = make_lengths(real, compiled)
+    dot, cross = lengths.dot, lengths.cross
 
     @compiled
     def away(p, q):
@@ -72,7 +71,6 @@ def make(real, compiled=plain, damped=False, kept=True):
 
     @compiled
     def gradients(points):
-        """(six times the volume, its derivatives by the eight corners)."""
         a, b, c, d, e, f, g, h = points
         six_a, pa, pf, pg, ph = pointed(a, f, g, h)
         six_b, qb, qg, qh, qe = pointed(b, g, h, e)
@@ -83,6 +81,15 @@ def make(real, compiled=plain, damped=False, kept=True):
             negative(pa), qb, negative(rc), sd, less_one(te, qe, se, re), less_two(tf, sf, pf, rf),
             less_one(tg, qg, sg, pg), less_two(th, qh, ph, rh),
         )  # fmt: skip
+
+    return gradients
+
+
+def make(real, compiled=plain, damped=False, kept=True):
+    """See the package; `damped`: a damper counts; `kept`: multipliers may be other than 0."""
+    softness, shift = make_bending(real, compiled).softness, make_bending(real, compiled).shift
+    reciprocal, dot = make_distance(real, compiled).reciprocal, make_lengths(real, compiled).dot
+    gradients, zero, one = make_gradients(real, compiled), real(0), real(1)
 
     @compiled
     def square(g):
@@ -136,4 +143,4 @@ def make(real, compiled=plain, damped=False, kept=True):
         )
         return moved, (multipliers[0] + change if kept else zero,)
 
-    return SimpleNamespace(project=project, gradients=gradients)
+    return SimpleNamespace(project=project)
