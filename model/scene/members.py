@@ -22,8 +22,8 @@ SUBSTEPS = 20  # of tetrahedra, unless told: a beam of 1e6 Pa then sags as its m
 @dataclass(frozen=True)
 class Member:
     """Particles of one family: `kinds` of parts, one of which makes it a member; `takes`: what belongs to these as well;
-    `solver`: of its method; `contact`: the fields of a [contact] that it does not know, None where it knows no contacts;
-    `lacks`: what of SHARED it does not know."""
+    `solver`: of its method, which of tetrahedra the world's method says; `contact`: the fields of a [contact] that it does
+    not know, None where it knows no contacts; `lacks`: what of SHARED it does not know."""
 
     kinds: tuple[str, ...]
     takes: tuple[str, ...]
@@ -76,11 +76,12 @@ def member_tables(kinds: Mapping[str, str], tables: Mapping[str, Any], method: M
 
 def _tables_of(member: Member, kinds: Mapping[str, str], tables: Mapping[str, Any], method: Method) -> dict[str, Any]:
     found: dict[str, Any] = {}
+    solver = method.tetrahedra if member is TETRAHEDRA else member.solver
     for name, kind in kinds.items():
         if kind == "method":
-            known = set(FIELDS_OF_SOLVER[OF_WORLDS]) & set(FIELDS_OF_SOLVER[member.solver]) - {"solver"}
+            known = set(FIELDS_OF_SOLVER[OF_WORLDS]) & set(FIELDS_OF_SOLVER[solver]) - {"solver"}
             told = {field: getattr(method, field) for field in sorted(known)}
-            found[name] = dict(tables[name]) | {"solver": member.solver} | told
+            found[name] = dict(tables[name]) | {"solver": solver} | told
             found[name] = {field: value for field, value in found[name].items() if field in (*told, "kind", "solver")}
         elif kind == "contact" and member.contact is not None and _meets(member, kinds, tables):
             found[name] = {field: value for field, value in tables[name].items() if field not in member.contact}
