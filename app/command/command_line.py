@@ -18,11 +18,12 @@ import typer
 from rich.console import Console
 from typer.core import TyperGroup
 
+from app.command.console import Output
 from model.core.errors import SoftlabError
 from model.domains.launched import launched_rank
 
 errors = Console(stderr=True, highlight=False, soft_wrap=True)
-out = Console(highlight=False)
+out = Output(highlight=False)
 
 PLAINER = {  # what pydantic says of an argument, and what is meant
     "Input should be a valid integer, unable to parse string as an integer": "must be a whole number",
