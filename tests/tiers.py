@@ -399,6 +399,30 @@ test_xpbd_cpu_reference.py test_attachments_hold_every_mass
 test_xpbd_laws.py test_a_rigid_rope_is_too_long_by_h_squared?cpu-jacobi?
     test_error_against_the_motion_of_the_springs?cpu-S1-0.0025-1-0.00537?
     test_mass_ratio_1000?cpu-1-100-gauss-seidel-97.6?
+# what compiles for its siblings: all of them
+test_hard_bodies.py test_the_laws*B18*
+test_newton.py test_steps_are_the_judges*
+test_cloth_beside.py test_a_box_slides*
+test_surface_contacts.py test_what_begins_inside*
+test_findings_costs.py *
+test_cpu_bits.py test_loading*velocity-verlet* test_loading*rk4* test_bits*
+test_sleep.py test_what_rests*
+test_hard_fluids.py test_the_laws*F1*
+test_vbd_contact.py test_what_friction*
+test_tetrahedra_meshes.py test_a_swing*
+test_orders.py test_order_of_each*rk4* test_manufactured_solution*rk4*
+test_cloth_orders.py test_orders*semi* test_holds*
+test_cpu_reference.py test_integrators*rk4*
+test_stability.py test_slow_growth*
+test_vbd_cpu.py test_b21*
+test_sweep_on_many.py test_a_sweep_that_is_killed*
+test_rotation.py *float64*
+test_b1.py *rk4*
+test_no_trace.py test_the_cpu_reads*
+test_cloth_cpu.py test_fused*
+test_xpbd_cpu.py test_fused* test_members*
+test_motion.py test_fused*
+test_cpu_kernels.py test_odd_shapes*velocity-verlet*
 """)
 
 # Of the parametrised tests in these files, which are dear for each variant, as many variants run by default as show every
