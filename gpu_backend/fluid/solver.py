@@ -2,7 +2,8 @@
 
 The method, and every order of summation, is in model/fluid/plan.py. Particles change places in every substep; `particle`
 holds the number of each, and whatever is read comes in the scene's order. Kernels: `launch`, and `graph`, the same
-captured as a CUDA graph; `stages`, stage by stage. In `exact` math all give the same bits, and the CPU's.
+captured as a CUDA graph; `stages`, stage by stage; `staged`, a graph whose kernels read what lies around a block into its
+shared memory (around.py), which was never timed and is chosen nowhere. In `exact` math all give the same bits, and the CPU's.
 """
 
 from __future__ import annotations
@@ -39,6 +40,7 @@ from model.mass_spring.cloth_parameters import collider_numbers
 from model.scene.scene import Scene
 
 THREADS = LANES  # a block
+STAGED = "staged"  # a kernel
 FEWER = {8192: 32, 32768: 64}  # of so many particles at most: so that each multiprocessor has some
 QUADS = 10  # of a particle: the state twice and put aside, and what a substep needs
 
@@ -50,7 +52,8 @@ class Fluid(SubstepSimulation):
 
     def __init__(self, scene: Scene, options: Options, stream: Any = None):
         super().__init__(scene, options, stream)
-        among, self.kernel = self.samples is not None, launched_kernel(options.kernel, "fluids")
+        among, wanted = self.samples is not None, options.kernel
+        self.kernel = STAGED if wanted == STAGED and not among else launched_kernel(wanted, "fluids", (STAGED,))
         self.plan = fluid_plan(scene, options.live, among)
         self.particle_count += self.samples.count if self.samples else 0
         self.threads = next((few for most, few in FEWER.items() if self.particle_count <= most), THREADS)
@@ -111,7 +114,7 @@ class Fluid(SubstepSimulation):
     def _make_kernels(self) -> None:
         variant = self.real, self.options.math, self.plan.parts
         self._tools = make_fluid_tools(self.real, self.scene.dimensions, self.plan.parts & FLOWS)
-        staged = not self.repeats
+        staged = self.kernel == STAGED and not self.repeats
         self.begin, self.settling = make_begin(*variant, self.repeats), make_settle(*variant, self.repeats, staged)
         self.relaxing = make_density_kernels(*variant, self.repeats, self.neighbours, staged)
         self.free = divergence_free.DivergenceFree(self) if "divergence-free" in self.plan.parts else None
@@ -133,7 +136,7 @@ class Fluid(SubstepSimulation):
             if self.flow:
                 self.flow.forget()
             cuda.synchronize()
-        if self.kernel == "graph" and can_capture():
+        if self.kernel in ("graph", STAGED) and can_capture():
             self._graphs = Graphs(self.stream, self._launch, self._count_on)
 
     # ------------------------------------------------------------------ a step
