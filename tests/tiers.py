@@ -423,6 +423,38 @@ test_cloth_cpu.py test_fused*
 test_xpbd_cpu.py test_fused* test_members*
 test_motion.py test_fused*
 test_cpu_kernels.py test_odd_shapes*velocity-verlet*
+test_world_cpu.py test_a_state_continues* test_tetrahedra_by_vertices*
+test_hard_fluids.py test_verdicts_go* test_the_laws*F2* test_the_laws*F3*
+test_newton.py test_a_bar_sags*
+test_bodies_rest.py test_ten_bricks* test_a_brick_bears*
+test_bodies_hard.py test_a_soft_body_finds*
+test_vbd_contact.py test_what_slides*
+test_xpbd_laws.py test_mass_ratio*cpu-100* test_error_against*S1-0.01-4* test_error_against*S1-0.000625*
+test_orders.py test_published_errors*rk4*
+test_hard_tetrahedra.py test_the_laws*B21* test_the_laws*A8*
+test_physics_hard.py test_hard_case_in_float32*B6* test_hard_case_in_float32*B15*
+test_rotation.py test_of_any_matrix*
+test_turns.py test_a_lock*alone*
+test_cpu_reference.py test_published*0.01?
+test_implicit.py test_it_follows*everything* test_it_follows*springs-implicit-euler-10*
+test_pools.py test_slurm*
+test_stability.py test_the_measured_edge*-0.0? test_the_measured_edge*-3.0?
+test_rebound.py test_two_that_meet*
+test_hard_bodies.py test_the_laws*B17*
+test_physics_statics.py test_two_corner*
+test_advise.py test_an_answer_in_words* test_own_reference*
+test_kernel_sweep.py test_joules* test_a_wrong_kernel*
+test_accuracy_xpbd.py test_a_name_picks*
+test_cli.py test_what_only_tells?scenes?
+test_simulated_newton.py test_bits_of_groups*
+test_simulated_kinematic.py test_bits_are*
+test_simulated_xpbd.py test_all_kernels*
+test_simulated_scaling.py *
+test_simulated_fluid.py test_what_comes*tap* test_the_bits*cup* test_it_is_the_judges*cup*
+test_simulated_wet_worlds.py test_live* test_bits_are*tetrahedra* test_bits_are*bodies* test_bits_are*cloth*
+test_simulated_matching.py *1-2-3?
+test_simulated_domains.py test_a_cloth_of_constraints*
+test_simulated_fluid_solids.py test_the_bits*walls*
 """)
 
 # Of the parametrised tests in these files, which are dear for each variant, as many variants run by default as show every
