@@ -15,7 +15,8 @@ RINGS, SECTORS = 20, 64  # of half a ball: flat enough that no edge shows
 GROUND_STEPS = 8  # of the ground's height over the scene's size: it moves seldom, not with the lowest mass
 GROUND_GAP = 0.03  # of the scene's size, between the lowest mass and the ground
 
-EDGE = np.radians(30.0)  # between a facet and the surface around a vertex, from where on an edge is drawn sharp
+EDGE = np.radians(45.0)  # between two facets at a vertex, from where on an edge is drawn sharp
+WHOLE = 2.0  # times the masses' own size: a collider up to that is seen as a whole
 
 UP = np.array([0.0, 1.0, 0.0])
 
@@ -119,14 +120,26 @@ def surface_mesh(collider: SurfaceCollider) -> Mesh:
     facets = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     # a file may tell a vertex again for each of its triangles
     _, place = np.unique(collider.position, axis=0, return_inverse=True)
-    vertex = place.reshape(-1)[collider.triangles].ravel()
-    around = np.stack([np.bincount(vertex, np.repeat(axis, 3)) for axis in facets.T], axis=1)
-    around = around / np.maximum(np.linalg.norm(around, axis=1), np.finfo(float).tiny)[:, None]
-    facets /= np.linalg.norm(facets, axis=1)[:, None]
-    own, smooth = np.repeat(facets, 3, axis=0), around[vertex]
-    normals = np.where(np.einsum("ij,ij->i", own, smooth)[:, None] > np.cos(EDGE), smooth, own)
-    mesh = _mesh(corners, normals, np.arange(len(vertex)), collider.velocity)
+    normals = corner_normals(place.reshape(-1)[collider.triangles], facets)
+    mesh = _mesh(corners, normals, np.arange(collider.triangles.size), collider.velocity)
     return replace(mesh, spin=np.array(collider.spin, dtype=np.float64), origin=np.array(collider.origin))
+
+
+def corner_normals(triangles: np.ndarray, facets: np.ndarray) -> np.ndarray:
+    """(3 n, 3): of each corner of `triangles` (n, 3) the mean of the facets at its vertex that lean away from its own by less
+    than EDGE, weighted by their size. `facets` (n, 3): their normals, as long as they are large."""
+    vertex = triangles.ravel()
+    order = np.argsort(vertex, kind="stable")  # corners, those of a vertex together
+    valence = np.bincount(vertex)
+    first, count = (np.cumsum(valence) - valence)[vertex], valence[vertex]
+    # every corner with each one of its vertex
+    own = np.repeat(np.arange(len(vertex)), count)
+    other = order[np.arange(len(own)) - np.repeat(np.cumsum(count) - count, count) + np.repeat(first, count)]
+    unit = facets / np.linalg.norm(facets, axis=1)[:, None]
+    near = np.einsum("ij,ij->i", unit[own // 3], unit[other // 3]) > np.cos(EDGE)
+    own, weighed = own[near], facets[other[near] // 3]
+    normals = np.stack([np.bincount(own, axis, len(vertex)) for axis in weighed.T], axis=1)
+    return np.asarray(normals / np.linalg.norm(normals, axis=1)[:, None])
 
 
 def collider_mesh(collider: Collider) -> Mesh | None:
@@ -142,8 +155,8 @@ def collider_mesh(collider: Collider) -> Mesh | None:
     return None
 
 
-def _extent(collider: Collider) -> tuple[np.ndarray, np.ndarray] | None:
-    """Lowest and highest (3,) [m] at time 0; None of a plane."""
+def _extent(collider: Collider, time: float) -> tuple[np.ndarray, np.ndarray] | None:
+    """Lowest and highest (3,) [m], turned as at `time` [s] and not moved; None of a plane."""
     if isinstance(collider, Sphere):
         return np.array(collider.center) - collider.radius, np.array(collider.center) + collider.radius
     if isinstance(collider, Capsule):
@@ -153,10 +166,12 @@ def _extent(collider: Collider) -> tuple[np.ndarray, np.ndarray] | None:
         return np.subtract(collider.center, collider.half_size), np.add(collider.center, collider.half_size)
     if isinstance(collider, SurfaceCollider):
         origin = np.array(collider.origin)
-        if any(collider.spin):
-            reach = float(np.linalg.norm(collider.position, axis=1).max())
-            return origin - reach, origin + reach
-        return origin + collider.position.min(axis=0), origin + collider.position.max(axis=0)
+        position = (
+            collider.position @ turn_matrix(np.array(collider.spin) * time).T
+            if any(collider.spin)
+            else collider.position
+        )
+        return origin + position.min(axis=0), origin + position.max(axis=0)
     return None
 
 
@@ -209,16 +224,17 @@ def collider_boxes(scene: Scene, bounds: Sequence[float], time: float) -> Iterat
     """The lowest and highest corners (3,) [m] of what a view of masses within `bounds` is to show of each collider at `time`
     [s], planes apart.
 
-    Not further than half the masses' own size on each side: a ball as large as a planet, or one that flew off, would leave
-    nothing to see of the cloth.
+    Whole, if it is not much larger than the masses, and else not further than half their own size on each side: a ball as
+    large as a planet, or one that flew off, would leave nothing to see of the cloth.
     """
     low, high = np.array(bounds[:3]), np.array(bounds[3:])
     size = scene.grid.extent
     least, most = low - size / 2, high + size / 2
     for _, collider in scene.colliders:
-        extent = _extent(collider)
+        extent = _extent(collider, time)
         if extent is None:
             continue
         near, far = (corner + time * np.array(collider.velocity) for corner in extent)
         if (near <= most).all() and (far >= least).all():
-            yield np.maximum(near, least), np.minimum(far, most)
+            whole = (far - near).max() <= WHOLE * size
+            yield (near, far) if whole else (np.maximum(near, least), np.minimum(far, most))

@@ -14,7 +14,15 @@ from app.render.detail import FINE, Detail
 from app.render.drawn_springs import drawn_lines
 from app.render.opengl import shader_program
 from app.render.scenery import Drawn
-from app.render.vertex_arrays import delete_all, draw_elements, static_buffer, uniform_matrix, vertex_array
+from app.render.vertex_arrays import (
+    delete_all,
+    draw_elements,
+    refill,
+    soak_array,
+    static_buffer,
+    uniform_matrix,
+    vertex_array,
+)
 from app.render.view import View
 from model.core.build import pinned_indices
 from model.scene.scene import Scene
@@ -22,6 +30,8 @@ from model.scene.sheets import triangles_of
 
 WIDE_UP_TO = 200_000  # springs: beyond it, plain lines, which software drivers draw much faster
 POINTS_FROM = 14.0  # pixels between neighbours from which on the masses are drawn as points
+ROPE_POINTS_FROM = 6.0  # the same of a rope, beside whose masses nothing lies
+HEAVIEST = 5.0  # times the size of the others: no load is drawn larger
 PIN_SIZE, PIN_MORE = 9.0, 4.0  # pixels, at least, and than a mass: a pin is always larger than one
 PIN_TOWARD, MASS_TOWARD = 0.002, 0.0005  # in clip depth: pins and masses show on the surface that they are part of
 
@@ -38,6 +48,7 @@ class Sizes:
 
 IN_PLANE = Sizes((0.05, 0.6, 2.5), (0.28, 3.0, 16.0), 1.0)
 IN_SPACE = Sizes((0.035, 0.5, 2.0), (0.2, 3.0, 12.0), 0.0)
+OF_A_ROPE = Sizes((0.035, 0.8, 2.0), (0.4, 4.0, 12.0), 0.0)
 
 
 def of_distance(apart: float, size: tuple[float, float, float]) -> float:
@@ -46,8 +57,21 @@ def of_distance(apart: float, size: tuple[float, float, float]) -> float:
     return min(max(share * apart, least), most)
 
 
+def heavy_masses(scene: Scene) -> list[tuple[np.ndarray, float]]:
+    """[(its index (1,) uint32, how many times as wide as the others it is drawn)]: of loads that are heavier than the others,
+    as wide as balls of the same stuff are, up to HEAVIEST."""
+    found = []
+    for load in scene.loads.values():
+        wide = min(float(np.cbrt(load.mass / scene.grid.mass)), HEAVIEST)
+        if wide > 1:
+            found.append((np.array([load.at[0] * scene.grid.columns + load.at[1]], np.uint32), wide))
+    return found
+
+
 class SheetView(View):
     """See View; `lines`: as springs and not as a surface, which a plane has not."""
+
+    _wet_buffer: int | None = None
 
     def __init__(self, scene: Scene, detail: Detail = FINE):
         from pyglet import gl
@@ -55,7 +79,9 @@ class SheetView(View):
         super().__init__(scene, detail)
         lines = drawn_lines(scene)
         self.springs = sum(len(pairs) for pairs, _ in lines)
-        self._wide, self._sizes = self.springs <= WIDE_UP_TO, IN_SPACE if self.space else IN_PLANE
+        self._rope = self.space and 1 in (scene.grid.rows, scene.grid.columns)
+        self._sizes = OF_A_ROPE if self._rope else IN_SPACE if self.space else IN_PLANE
+        self._wide = self.springs <= WIDE_UP_TO
         geometry = shaders.WIDE_SPRINGS if self._wide else shaders.THIN_SPRINGS
         self._spring_program = shader_program(shaders.VERTEX, shaders.SPRING_FRAGMENT, geometry)
         pins = pinned_indices(scene.grid).astype(np.uint32)
@@ -65,6 +91,19 @@ class SheetView(View):
         self._surface = self._drawn(faces, gl.GL_TRIANGLES)
         self._pins = self._drawn(pins, gl.GL_POINTS)
         self._lines = [(self._drawn(pairs, gl.GL_LINES), rest) for pairs, rest in lines]
+        self._heavy = [(self._drawn(index, gl.GL_POINTS), factor) for index, factor in heavy_masses(scene)]
+
+    def drink(self) -> None:
+        """From now on it is the darker the wetter it is."""
+        self._buffers.append(static_buffer(np.zeros(self.scene.grid.particle_count, np.float32)))
+        self._wet_buffer = self._buffers[-1]
+        soak_array(self._surface[0], self._wet_buffer)
+
+    def know(self, velocity: np.ndarray | None, time: float, wetness: np.ndarray | None = None) -> None:
+        """See View."""
+        super().know(velocity, time, wetness)
+        if self._wet_buffer is not None and wetness is not None:
+            refill(self._wet_buffer, np.ascontiguousarray(wetness, np.float32))
 
     def _drawn(self, elements: np.ndarray, mode: int) -> Drawn:
         self._buffers.append(static_buffer(elements))
@@ -113,11 +152,17 @@ class SheetView(View):
         apart = self.detail.coarse * camera.scale * self.scene.grid.spacing  # pixels of the window
         size, pin = of_distance(apart, self._sizes.mass), PIN_SIZE
         self._use_points(camera, self._pins[0])
-        if self.lines and (apart >= POINTS_FROM or not self.springs):
-            rim = colours.BACKGROUND if size > 5 else colours.INK  # a bright rim would hide a thin spring's ends
+        # a bright rim would hide a thin spring's ends, and what is a mass of a rope is told without
+        rim = colours.BACKGROUND if size > 5 and not self._rope else colours.INK
+        if self.lines and (apart >= (ROPE_POINTS_FROM if self._rope else POINTS_FROM) or not self.springs):
             self._style(size, colours.INK, rim, MASS_TOWARD)
             gl.glDrawArrays(gl.GL_POINTS, 0, self.scene.grid.particle_count)
             pin = max(pin, size + PIN_MORE)
+        for drawn, factor in self._heavy:
+            gl.glBindVertexArray(drawn[0])
+            self._style(size * factor, colours.INK, rim, MASS_TOWARD)
+            draw_elements(*drawn)
+        gl.glBindVertexArray(self._pins[0])
         if self._pins[2]:
             # rims of a dense row would hide its pins
             rim = colours.BACKGROUND if apart > PIN_SIZE * self.detail.coarse else colours.PIN
@@ -129,5 +174,6 @@ class SheetView(View):
 
     def delete(self) -> None:
         """Free the buffers."""
-        delete_all([self._surface[0], self._pins[0], *(drawn[0] for drawn, _ in self._lines)], self._buffers)
+        lists = [self._surface, self._pins, *(drawn for drawn, _ in (*self._lines, *self._heavy))]
+        delete_all([drawn[0] for drawn in lists], self._buffers)
         super().delete()

@@ -19,6 +19,7 @@ from app.render import colours
 from app.render.camera3d import Camera3D
 from app.render.collider_shapes import grounds, shadow_matrix
 from app.render.scenery import KEY
+from app.render.sheet_view import heavy_masses
 from app.window.controls import SPACE_KEYS, keys_text
 from app.window.demo import Demo
 from model.core.build import rest_positions
@@ -131,6 +132,22 @@ def test_pins_are_marked_and_a_selected_mass_has_a_ring() -> None:
 
 
 @pytest.mark.usefixtures("drawing")
+def test_heavy_masses_are_as_wide_as_balls_of_the_same_stuff() -> None:
+    """The diameter of a ball goes with the cube root of its mass; a light one is drawn as the others are."""
+    rope = load_scene("rope-stiff")
+    ((index, wide),) = heavy_masses(rope)
+    assert index.tolist() == [64] and wide**3 == pytest.approx(rope.loads["end"].mass / rope.grid.mass)
+    light = Scene(
+        {
+            "cloth": {"rows": 1, "columns": 3, "mass": 1.0},
+            "load": {"at": [0, 1], "mass": 0.5},
+            "structural": {},
+            "method": {"solver": "xpbd"},
+        }
+    )
+    assert not heavy_masses(light)
+
+
 def test_colliders_hide_what_is_behind_and_move_with_time() -> None:
     ball = {"sphere": {"center": [1.0, -0.7, 0.8], "radius": 0.3, "velocity": [0.0, 0.0, -1.6]}}
     with OffscreenRenderer(Scene(HANGING | ball), 480, 360, legend=False) as renderer:

@@ -416,5 +416,18 @@ def test_what_is_drawn_is_the_mesh_smooth_but_for_its_edges(tmp_path: Path) -> N
     box = collider_mesh(MeshCollider(shape={"name": "beam", "resolution": 8}))
     assert box is not None and not box.turns
     assert (np.abs(box.normals).max(axis=1) > 0.999).all()  # its edges are sharp: every normal is a side's
+    cup = MeshCollider(shape={"name": "cup", "resolution": 8}, spin=(np.pi / 2, 0.0, 0.0))
+    rounded = collider_mesh(cup)
+    assert rounded is not None
+    level, far = np.abs(rounded.normals[:, 1]), np.hypot(*rounded.vertices[:, ::2].T)
+    side = level < 1e-6  # its sides are round up to their very edges, and its foot and rim are level
+    assert (side | (level > 1 - 1e-6)).all() and side.any() and not side.all()
+    outward = np.abs((rounded.normals * rounded.vertices)[:, ::2].sum(axis=1))[side] / far[side]
+    assert (outward > np.cos(np.pi / 20)).all()  # half of what two of its 20 sides turn
+    scene = cloth(
+        3, 3, sheet={"spacing": 1.0}, cup={"kind": "mesh_collider", "shape": {"name": "cup"}, "spin": cup.spin}
+    )
+    lying = with_colliders(scene, (0, -2, 0, 2, 0, 0), 1.0)
+    assert (lying[2], lying[5]) == pytest.approx((-0.5, 0.5))  # as long as it is high, once turned by a quarter
     scene = cloth(3, 3, sheet={"spacing": 4.0}, mesh_collider={"shape": TERRAIN, "origin": (4.0, -4.0, 0.0)})
     assert with_colliders(scene, (0, -8, 0, 8, 0, 0), 0.0)[2] == pytest.approx(-4.0)

@@ -332,6 +332,8 @@ def test_colliders_belong_to_the_view_unless_they_are_huge_or_far() -> None:
     assert with_colliders(scene, bounds, 100.0) == bounds  # it flew off
     planet = Scene(HANGING | {"sphere": {"center": [0.0, -1001.0, 0.0], "radius": 1000.0}})
     assert with_colliders(planet, bounds, 0.0)[1] == pytest.approx(-1.5 - 2.25 / 2)
+    slab = Scene(HANGING | {"box": {"center": [1.0, -1.5, 0.0], "half_size": [2.2, 0.1, 0.1]}})  # not twice as large
+    assert with_colliders(slab, bounds, 0.0) == pytest.approx((-1.2, -1.6, -0.1, 3.2, 0.0, 0.1))
     others = {
         "capsule": {"start": [0.0, 0.0, 0.0], "end": [2.5, 0.0, 0.0], "radius": 0.1},
         "box": {"center": [0.0, -2.0, 0.0], "half_size": [0.1, 0.2, 0.3]},
