@@ -187,7 +187,7 @@ def notices(results: Results) -> list[str]:
     elif own and not gpu.own:
         found.append(
             f"The machine of these measurements has no GPU that could be timed. What is said about the GPU is from the "
-            f"committed measurements, made on: {gpu.machine.label}; it is labelled as such."
+            f"committed measurements, made on: {gpu.machine.label}; it is marked “committed”."
         )
     for source in results.featured:
         if source.left_out:

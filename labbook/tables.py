@@ -28,6 +28,7 @@ MEASURED = (
     "GPU copy bandwidth, measured",
     "Code",
     "Measured",
+    "Measured where",
 )
 
 
@@ -42,7 +43,7 @@ def machine_table(results: Results) -> Table | None:
     names = list(dict.fromkeys(name for told in machines for name in told))
     names.sort(key=[*RECORD.values(), *MEASURED].index)
     rows = [[name, *(told.get(name, DASH) for told in machines)] for name in names]
-    head = ["Property", *(source.place for source in results.sources)]
+    head = ["Property", *(source.place.removesuffix(source.bracket) for source in results.sources)]
     title = "The machines of the measurements"
     if any(re.search(r" [A-Z], \d+ cores?\b", source.machine.label) for source in results.sources):
         title += "; a letter tells those apart that have one name"
@@ -59,7 +60,8 @@ def _machine(source: Source) -> dict[str, str]:
         f"{words.bandwidth(record[name])}{disturbed}" if record.get(name) else ""
         for name in ("copy_bandwidth", "gpu_copy_bandwidth")
     ]
-    more = (f"{layer}, {policy}" if layer else "", *limits, source.code, source.date)
+    whose = "" if source.alone else "here" if source.own else source.label
+    more = (f"{layer}, {policy}" if layer else "", *limits, source.code, source.date, whose)
     return told | {name: value for name, value in zip(MEASURED, more, strict=True) if value}
 
 

@@ -201,7 +201,7 @@ def _family(point: Point) -> str:
 
 
 def _machines(source: Source) -> str:
-    """`the NVIDIA H200 and the Intel Xeon, 16 cores (committed measurements)`, of those that were timed."""
+    """`the NVIDIA H200 and the Intel Xeon, 16 cores (committed)`, of those that were timed."""
     processors = [name for name in (source.gpu, source.processor) if name]
     return " and ".join(f"the {name}" for name in processors) + source.bracket
 

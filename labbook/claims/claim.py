@@ -54,7 +54,7 @@ def on(source: Source, backend: str) -> str:
 
 
 def named(source: Source, backend: str) -> str:
-    """`NVIDIA H200 (committed measurements)`: the reader's machine and a committed one never share a label."""
+    """`NVIDIA H200 (committed)`: the reader's machine and a committed one never share a label."""
     return f"{source.device(backend)}{source.bracket}"
 
 

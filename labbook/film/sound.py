@@ -29,7 +29,7 @@ def spoken(text: str) -> str:
     """A caption in words that a voice says right: numbers without thin spaces, units and powers of ten in full."""
     text = re.sub(rf"(\d)[{words.THIN}](?=\d)", r"\1", text).replace(words.THIN, " ").replace(words.SPACE, " ")
     text = re.sub(rf" ?{words.TIMES} ?10([\u207b\u2070\u00b9\u00b2\u00b3\u2074-\u2079]+)", _power, text)
-    text = text.replace(" (committed measurements)", "")  # the caption tells it, and the film's begin
+    text = text.replace(" (committed)", "")  # the caption tells it, and the film's begin
     for unit, name in UNITS.items():
         text = re.sub(rf"(?<=\d) {re.escape(unit)}(?![\w/])", f" {name}", text)
     for short, name in LETTERS.items():

@@ -78,12 +78,12 @@ class Source:
 
     @property
     def label(self) -> str:
-        """`committed measurements` where these are not the user's, who measured, too; else nothing."""
-        return "" if self.own or self.alone else "committed measurements"
+        """`committed` where these measurements are not the user's, who measured, too; else nothing."""
+        return "" if self.own or self.alone else "committed"
 
     @property
     def bracket(self) -> str:
-        """The label as it follows a name: ` (committed measurements)`."""
+        """The label as it follows a name: ` (committed)`."""
         return f" ({self.label})" if self.label else ""
 
     @property

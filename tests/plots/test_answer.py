@@ -66,5 +66,5 @@ def test_a_committed_machine_does_not_share_the_readers_label() -> None:
     results = made(CPU_RECORD, ("rk4", 0.01, 0.05, 1e-3, "cpu"))
     committed = Results((replace(results.sources[0], own=False),))
     (table,) = answer_tables(committed)
-    assert table["title"].endswith("CPU Made-up CPU, 2 cores (committed measurements)")
+    assert table["title"].endswith("CPU Made-up CPU, 2 cores (committed)")
     assert answer_tables(Results(())) == []

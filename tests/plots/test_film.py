@@ -184,7 +184,7 @@ def test_a_sentence_is_divided_at_a_breath() -> None:
 
 def test_what_a_voice_cannot_say_is_written_out() -> None:
     text = (
-        f"On the X (committed measurements) 1{words.THIN}048{words.THIN}576{words.SPACE}masses take 9.7{words.SPACE}µs, "
+        f"On the X (committed) 1{words.THIN}048{words.THIN}576{words.SPACE}masses take 9.7{words.SPACE}µs, "
         f"{words.number(1.2e-5, 2)} spacings in S1, order -0.04 with rk4 in float32, 2x threads, 64 x 64, 5{words.SPACE}%."
     )
     assert spoken(text) == (

@@ -116,7 +116,7 @@ def test_crossover(variants: dict[str, Results]) -> None:
     made = comparison_claims.overtakes(variants["own gpu"])
     assert made.supported and made.numbers["ratio"] > 1
     assert "committed" not in made.sentence
-    assert "(committed measurements)" in comparison_claims.overtakes(variants["cpu, committed gpu"]).sentence
+    assert "(committed)" in comparison_claims.overtakes(variants["cpu, committed gpu"]).sentence
     assert not comparison_claims.overtakes(variants["cpu alone"]).supported
 
     store = Store(":memory:")

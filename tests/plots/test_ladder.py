@@ -181,4 +181,4 @@ def test_a_backend_is_shown_by_the_users_own_machine_first(gpu: Results, cpu: Re
         drawing = kernels.draw(both)
     assert not isinstance(drawing, str) and drawing.figure.axes[1].get_title().endswith("(committed)")
     (table,) = rung_tables(both)
-    assert f"GPU: {committed.gpu} (committed measurements)" in table["title"]
+    assert f"GPU: {committed.gpu} (committed)" in table["title"]

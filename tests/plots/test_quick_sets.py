@@ -84,7 +84,7 @@ def both(tmp_path_factory: pytest.TempPathFactory) -> Results:
 
 def test_what_the_user_did_not_measure_is_told_of_the_committed_by_name(both: Results) -> None:
     made = told(both, "threads-small")
-    assert made.numbers and "Made-up CPU, 16 cores (committed measurements)" in made.sentence
+    assert made.numbers and "Made-up CPU, 16 cores (committed)" in made.sentence
     assert not told(Results(both.featured), "threads-small").numbers
 
 
