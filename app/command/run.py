@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -26,7 +26,7 @@ from app.driver import open_simulation
 from app.output.export import Exporter, Target, check_export
 from app.output.files import check_state_target, read_state, write_state, write_trajectory
 from app.output.offscreen import check_look
-from app.output.video import Picture, check_render, render
+from app.output.video import Picture, check_render, render, true_rate
 from app.shared import check_shared, shares
 from cpu_backend.core.threads import core_count, wait_policy
 from model.core.divergence import MIN_INTERVAL
@@ -301,6 +301,7 @@ def _write_results(
             raise InputError(f"{request.render}: nothing moved, so there is no clip to draw; give --steps")
         simulation.load(start)
         per_frame = frame_steps(simulation)
+        picture = replace(picture, fps=true_rate(per_frame, simulation.scene.method.dt))
         result.written.append(
             render(simulation, request.render, steps=steps, steps_per_frame=per_frame, picture=picture)
         )

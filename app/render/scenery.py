@@ -134,6 +134,10 @@ class Scenery:
         program = self._shadow_program
         gl.glEnable(gl.GL_POLYGON_OFFSET_FILL)  # a little behind the ground, whose lines are drawn over it
         gl.glPolygonOffset(1.0, 2.0)
+        gl.glDepthMask(gl.GL_FALSE)  # or they would hide the lower halves of drops that lie in them
+        # the darker one stays, where those of members of a world lie over each other, which fade at different lengths
+        gl.glEnable(gl.GL_BLEND)
+        gl.glBlendEquation(gl.GL_MIN)
         for ground in grounds(self.scene, time, lowest):
             if ground.normal @ self.light < MIN_SLOPE or not self._above(ground, camera):
                 continue
@@ -147,6 +151,9 @@ class Scenery:
             program.stop()
             for shade in others:
                 shade(camera, flatten, centre)
+        gl.glBlendEquation(gl.GL_FUNC_ADD)
+        gl.glDisable(gl.GL_BLEND)
+        gl.glDepthMask(gl.GL_TRUE)
         gl.glDisable(gl.GL_POLYGON_OFFSET_FILL)
 
     def draw_ground(self, camera: Camera3D, time: float, lowest: float) -> None:
