@@ -15,7 +15,7 @@ import pytest
 from app.driver import open_simulation
 from app.output.offscreen import OffscreenRenderer, opengl_available, render_frame
 from app.output.pictures import write_png
-from app.output.video import Picture, VideoWriter, ffmpeg_path, reason, render, true_rate
+from app.output.video import Picture, VideoWriter, ffmpeg_path, reason, render, render_clip, true_rate
 from app.render import colours, opengl
 from model.core.build import rest_positions
 from model.core.errors import BackendUnavailable, Diverged, InputError

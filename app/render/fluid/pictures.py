@@ -93,8 +93,8 @@ class FluidPictures:
         gl.glBindVertexArray(0)
 
     def copy_from(self, frame: int | None) -> None:
-        """Picture and depth of a frame buffer of the same size, into BEHIND and BEHIND_DEPTH, whose drawing is on then; nothing,
-        infinitely far, of None. With depth writes on."""
+        """Picture and depth of a frame buffer of the same size, into BEHIND and BEHIND_DEPTH, to which drawing goes then; of None
+        nothing, infinitely far. Depth must be written."""
         from pyglet import gl
 
         width, height = self.size
