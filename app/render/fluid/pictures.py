@@ -93,7 +93,7 @@ class FluidPictures:
         gl.glBindVertexArray(0)
 
     def copy_from(self, frame: int | None) -> None:
-        """Picture and depth of a frame buffer of the same size, into BEHIND and BEHIND_DEPTH, where drawing goes then; of None
+        """Picture and depth of a frame buffer of the same size, into BEHIND and BEHIND_DEPTH, where drawing goes then. None:
         nothing, infinitely far. Depth must be written."""
         from pyglet import gl
 
