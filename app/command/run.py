@@ -131,7 +131,10 @@ def run_scene(scene: Scene, request: Request, *, progress: bool = True) -> Resul
         exporter = Exporter(simulation, target) if target else None
         foaming = Foaming(simulation) if request.render and not clip and shows_foam(scene, request.look) else None
         keepers = [keeper for keeper in (recorder, exporter, foaming) if keeper is not None]
-        seconds, diverged = _advance(simulation, steps, keepers, progress and simulation.rank == 0)
+        try:
+            seconds, diverged = _advance(simulation, steps, keepers, progress and simulation.rank == 0)
+        except KeyboardInterrupt:
+            raise KeyboardInterrupt(*([exporter.stopped] if exporter else [])) from None
         state = simulation.state()
         result = Result(
             _report(simulation, state, steps, seconds, compile_seconds, diverged), state, simulation.scene,
