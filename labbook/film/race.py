@@ -11,7 +11,7 @@ from PIL import Image
 from app.driver import open_simulation
 from app.output.offscreen import OffscreenRenderer
 from bench.store.results import Timing
-from labbook.film.canvas import CPU, FAINT, GPU, LINE, MARGIN, Area, Canvas, Colour
+from labbook.film.canvas import CPU, FAINT, FOOT, GPU, LINE, MARGIN, Area, Canvas, Colour
 from labbook.words import count as counted
 from labbook.words import number, seconds
 from model.scene.scene import Scene
@@ -117,7 +117,7 @@ def draw_race(race: Race, backend: str, area: Area, count: int, fps: int) -> Ite
     done = [[race.steps(runner, wall) for wall in walls] for runner in race.runners]
     states = [_states(race.scene, backend, steps) for steps in done]
     drawn, every = thinned(race.scene)
-    wide, tall = area.pixels(area.width / area.scale / 2 - 2 * MARGIN), area.pixels(area.height / area.scale - 152)
+    wide, tall = area.pixels(area.width / area.scale / 2 - 2 * MARGIN), area.pixels(area.height / area.scale - 164)
     told = _told(race, backend)
     with OffscreenRenderer(drawn, wide, tall, legend=False) as renderer:
         for ends in states:
@@ -135,7 +135,7 @@ def draw_race(race: Race, backend: str, area: Area, count: int, fps: int) -> Ite
                 x = MARGIN + side * canvas.width / 2
                 canvas.paste(picture, x, 36)
                 _draw_runner(canvas, race, runner, done[side][frame], max(done[0][-1], done[1][-1]), x)
-            canvas.text(canvas.width / 2, canvas.height - 12, told, 15, FAINT, anchor="mm")
+            canvas.text(canvas.width / 2, canvas.height - FOOT, told, 15, FAINT, anchor="mm")
             yield canvas.image
 
 
@@ -156,7 +156,7 @@ def _draw_clock(canvas: Canvas, race: Race, every: int, wall: float, slowed: flo
 
 
 def _draw_runner(canvas: Canvas, race: Race, runner: Runner, steps: int, most: int, x: float) -> None:
-    width, y = canvas.width / 2 - 2 * MARGIN, canvas.height - 112
+    width, y = canvas.width / 2 - 2 * MARGIN, canvas.height - 124
     canvas.box(x, y, width, 8, LINE)
     canvas.box(x, y, width * steps / max(1, most), 8, runner.colour)
     canvas.text(x, y + 14, canvas.shortened(runner.name, width, 20, True), 20, runner.colour, bold=True)
@@ -164,7 +164,7 @@ def _draw_runner(canvas: Canvas, race: Race, runner: Runner, steps: int, most: i
     canvas.text(x, y + 40, f"{counted(steps)} steps, {simulated:.2f} s simulated", 22)
     timing = runner.timing
     told = f"{seconds(timing.median)} a step in {timing.precision}, median of {timing.count}; {runner.error}"
-    canvas.text(x, y + 69, told, 17, FAINT)
+    canvas.text(x, y + 69, canvas.shortened(told, width, 17), 17, FAINT)
     canvas.box(canvas.width / 2 - 1, 40, 2, canvas.height - 70, LINE)
 
 

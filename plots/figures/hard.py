@@ -82,8 +82,8 @@ def draw_verdicts(results: Results) -> Drawing | str:
     ran = sorted({row.backend.upper() for row in rows})
     caption = (
         f"Verdicts on {' and '.join(ran)}, the worst over backends and precisions. Refused: with a diagnosis, before a step "
-        "was done. Fails: implied by the method, with what it costs in the text; f32: in float32 alone. A failure in capitals "
-        "is a bug of this lab."
+        "was done. Fails: implied by the method, with what it costs in the text; f32: in float32 alone. A failure in "
+        "capitals is a bug of this lab."
     )
     return Drawing(figure, VERDICTS_TITLE, caption, sources)
 
