@@ -103,6 +103,11 @@ class Canvas:
             text = text[:-1]
         return text.rstrip() + ELLIPSIS
 
+    def fitting(self, texts: Sequence[str], width: float, size: float = 20, bold: bool = False) -> str:
+        """The first of the texts, which say ever less, that is not wider than that; else the last one, shortened."""
+        found = next((text for text in texts if self.wide(text, size, bold) <= width), texts[-1])
+        return self.shortened(found, width, size, bold)
+
     def paste(self, pixels: np.ndarray, x: float, y: float) -> None:
         """(height, width, 3 or 4) uint8 true pixels, with their top left corner at x, y."""
         picture = Image.fromarray(np.ascontiguousarray(pixels[:, :, :3]))
