@@ -1,7 +1,12 @@
-"""The command line of the soft-body lab: one function a sub-command, nothing else; those that measure: bench/commands.py,
+"""The command line of the soft-body lab: one function a sub-command, nothing else; those that measure: bench/*commands.py,
 that advise: bench/advice_commands.py; on files and stores: app/command/file_commands.py, bench/store/commands.py."""
 
 from __future__ import annotations
+
+from app.command.stopping import answer_at_once
+
+answer_at_once()  # what is imported next takes half a second
+# ruff: noqa: E402
 
 import json
 import sys
@@ -34,6 +39,7 @@ from bench.advice_commands import advising
 from bench.commands import measuring
 from bench.scale_commands import scaling
 from bench.store.commands import keeping
+from bench.sweep_commands import sweeping
 from model.domains.launched import launched_ranks
 
 app = typer.Typer(
@@ -43,6 +49,29 @@ app = typer.Typer(
     rich_markup_mode="rich",
     pretty_exceptions_enable=False,
 )
+
+
+def tell_version(asked: bool) -> None:
+    """Of --version: which lab this is, and which commit where one is known."""
+    if asked:
+        from importlib.metadata import version
+
+        from bench.store.versions import code_version
+
+        commit = code_version().split()[0]
+        out.print(f"softlab {version('softlab')}" + (f", commit {commit}" if commit != "-" else ""), markup=False)
+        raise typer.Exit
+
+
+@app.callback()
+def softlab(
+    version: Annotated[
+        bool, typer.Option("--version", callback=tell_version, is_eager=True, help="Which version this is.")
+    ] = False,
+) -> None:
+    """A soft-body lab: the same scenes on CPU threads and on CUDA, how fast and how wrong each run was."""
+
+
 Folder = Annotated[Path, typer.Option("--out", help="The folder to write to.")]
 DEFAULT_FIGURES = Path("softlab-results") / "figures"
 DEFAULT_BOOK = Path("softlab-results") / "labbook.pdf"
@@ -104,8 +133,9 @@ def run(
         int | None, typer.Option(help="Steps between two exchanges of borders (default: as it suits).")
     ] = None,
     link: Annotated[
-        str, typer.Option(help="How GPUs send: flags, peer, nccl (also a process each, started by mpiexec).")
-    ] = "flags",
+        str | None,
+        typer.Option(help="How GPUs send: flags (usual), peer, nccl (also a process each, started by mpiexec)."),
+    ] = None,
     judge: Annotated[
         bool, typer.Option(help="Hold the end state against a converged reference, where affordable.")
     ] = True,
@@ -176,7 +206,7 @@ def demo(
 
 
 app.registered_commands += (
-    measuring.registered_commands + advising.registered_commands
+    sweeping.registered_commands + measuring.registered_commands + advising.registered_commands
 )  # here: it is the order of --help
 
 
@@ -266,7 +296,9 @@ def plan(
     from app.driver import BACKENDS
     from app.plan.report import plan_report
     from app.plan.shared import shared_plan
+    from app.shared import check_asked
 
+    check_asked("gpu", gpus, 1, exchange_every, None)
     wanted = BACKENDS if backend is None else (backend,)
     with compilations_told():
         report = plan_report(scene_of(scene, settings), precision, wanted, measure)

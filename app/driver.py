@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from app.auto_threads import AUTO, open_quickest
-from app.shared import open_shared
+from app.shared import USUAL_LINK, open_shared
 from model.core.diagnosis import refusal
 from model.core.errors import SceneError
 from model.core.families import family_of
@@ -31,7 +31,7 @@ def open_simulation(
     gpus: int = 1,
     ranks: int = 1,
     exchange_every: int | None = None,
-    link: str = "flags",
+    link: str = USUAL_LINK,
 ) -> Simulation:
     """Open a scene on a backend; use it as a context manager.
 

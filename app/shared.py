@@ -9,6 +9,7 @@ from model.core.errors import SceneError
 from model.core.family import named
 from model.core.options import Options
 from model.core.simulation import Simulation
+from model.domains.launched import launched_ranks
 from model.domains.simulation import DecomposedSimulation
 from model.scene.scene import Scene
 
@@ -17,6 +18,29 @@ LINKS = {  # of GPUs: the class that opens a sheet which they share
     "peer": "gpu_backend.domains.peers:PeerSimulation",
     "nccl": "gpu_backend.domains.nccl:NcclSimulation",
 }
+USUAL_LINK = "flags"
+
+
+def check_sharing(backend: str, gpus: int, ranks: int, link: str | None) -> None:
+    """Raise SceneError for a share that is none, or of which one part does not go with another; link None: not said."""
+    if gpus < 1 or ranks < 1:
+        name, value = ("--gpus", gpus) if gpus < 1 else ("--ranks", ranks)
+        raise SceneError(name, value, "must be at least 1")
+    if link is not None and link not in LINKS:
+        raise SceneError("--link", link, f"must be one of {', '.join(LINKS)}")
+    if gpus > 1 and backend != "gpu":
+        raise SceneError("--gpus", gpus, "is for --backend gpu; on CPUs use --ranks")
+    if ranks > 1 and backend != "cpu":
+        raise SceneError("--ranks", ranks, "is for --backend cpu; on GPUs use --gpus, with --link nccl a process each")
+
+
+def check_asked(backend: str, gpus: int, ranks: int, exchange_every: int | None, link: str | None) -> None:
+    """As check_sharing, of what was typed: what is for a sheet that several share is refused where one has it."""
+    check_sharing(backend, gpus, ranks, link)
+    alone = gpus == 1 and ranks == 1 and launched_ranks() == 1
+    for option, value in (("--link", link), ("--exchange-every", exchange_every)):
+        if value is not None and alone:
+            raise SceneError(option, value, "is for a sheet that several share; add --gpus or --ranks")
 
 
 def open_shared(
@@ -30,15 +54,7 @@ def open_shared(
     link: str,
 ) -> Simulation:
     """The scene's sheet in windows; see app/driver.py. Raises SceneError, BackendUnavailable."""
-    if gpus < 1 or ranks < 1:
-        name, value = ("--gpus", gpus) if gpus < 1 else ("--ranks", ranks)
-        raise SceneError(name, value, "must be at least 1")
-    if link not in LINKS:
-        raise SceneError("--link", link, f"must be one of {', '.join(LINKS)}")
-    if gpus > 1 and backend != "gpu":
-        raise SceneError("--gpus", gpus, "is for --backend gpu; on CPUs use --ranks")
-    if ranks > 1 and backend != "cpu":
-        raise SceneError("--ranks", ranks, "is for --backend cpu; on GPUs use --gpus, with --link nccl a process each")
+    check_sharing(backend, gpus, ranks, link)
     if backend == "cpu":
         from cpu_backend.domains.mpi import MpiRanks
         from cpu_backend.domains.ranks import RankSimulation

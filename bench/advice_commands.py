@@ -10,6 +10,7 @@ import typer
 from app.command.command_line import DEFAULT_STORE, SceneName, Settings, StorePath, out, scene_of, typed
 from bench.measure.took import Timed
 from bench.options import Backends, Precisions, Time, measure, precisions_of
+from model.core.errors import SceneError
 
 advising = typer.Typer()
 
@@ -37,6 +38,8 @@ def advise(
     from bench.experiments.advise.answer import answer, checked
     from bench.store.database import Store
 
+    if force and write is None:
+        raise SceneError("--force", True, "replaces the file of --write; add --write FILE.toml")
     if write is not None:
         check_scene_target(write, force)  # before the work whose result it holds
     with Store(store) as opened:

@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from app.command.command_line import DEFAULT_STORE, StorePath, out
+from model.core.errors import SceneError
 
 scaling = typer.Typer()
 
@@ -24,9 +25,20 @@ def scale(
 ) -> None:
     """Say what many GPUs would do with a grid: strong and weak scaling, files to restart from; against what was measured."""
     from bench.experiments.scaling.model import Cluster
-    from bench.experiments.scaling.told import print_checked, print_predicted
+    from bench.experiments.scaling.told import MOST, print_checked, print_predicted
     from model.domains.link import Link
 
+    for option, value, least, most in (
+        ("--gpus", gpus, 1, MOST),
+        ("--size", size, 2, 1 << 20),
+        ("--exchange-every", exchange_every, 1, 1 << 20),
+        ("--per-host", per_host, 1, MOST),
+        ("--latency", latency, 0, 1e9),
+        ("--bandwidth", bandwidth, 1e-9, 1e9),
+        ("--jitter", jitter, 0, 1e3),
+    ):
+        if value is not None and not least <= value <= most:
+            raise SceneError(option, value, f"must be a number from {least} to {most:.10g}")
     asked = Link("network", 1e-6 * latency, 1e9 * bandwidth, "as asked for")
     cluster = Cluster(per_host=per_host, across=asked, jitter=jitter)
     print_predicted(out, gpus, size, cluster, exchange_every)

@@ -17,7 +17,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
-from tiers import COMPILED, ONLY_THOROUGH, THINNED
+from tiers import COMPILED, ONLY_THOROUGH, OVER_A_SECOND, THINNED
 from variants import covering
 
 from cpu_backend.core.threads import core_count  # before numba: it asks for four times the cores
@@ -172,12 +172,13 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """The dearest first. Without --thorough leave out what ONLY_THOROUGH lists, windows, and what THINNED does not need, but
-    nothing that is for a real GPU. With it only the variants that THINNED does not need run as plain Python."""
+    """The dearest first. Without --thorough leave out what ONLY_THOROUGH and OVER_A_SECOND list, windows, and what THINNED
+    does not need, but nothing that is for a real GPU. With it the variants that THINNED does not need, and OVER_A_SECOND's
+    that are not COMPILED, run as plain Python."""
     rest = config.getoption("--rest")
     thorough = config.getoption("--thorough") or rest
     items.sort(key=lambda item: item.path.name not in DEAR)
-    left_out = set()
+    left_out, slow = set(), set()
     dear = set()  # of those left out, what is compiled when it runs
     variants: dict[Any, list[Any]] = {}
     for item in items:
@@ -187,15 +188,17 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
             dear.add(item)  # which asks the simulator's tests the same
         if listed(ONLY_THOROUGH, item) or item.get_closest_marker("display"):
             dear.add(item)
+        elif listed(OVER_A_SECOND, item) and not on_gpu:
+            slow.add(item)
         elif item.path.name in THINNED and hasattr(item, "callspec") and not on_gpu:
             variants.setdefault((item.path, item.originalname), []).append(item)  # type: ignore[attr-defined]
     for same in variants.values():
         cases = [{name: repr(value) for name, value in item.callspec.params.items()} for item in same]
         left_out |= set(same) - {same[place] for place in covering(cases)}
-    for item in left_out if thorough else ():
+    for item in left_out | {item for item in slow if not listed(COMPILED, item)} if thorough else ():
         item.stash[in_plain_python] = True
     if rest or not thorough:
-        wanted = left_out | dear if rest else set(items) - left_out - dear
+        wanted = left_out | dear | slow if rest else set(items) - left_out - dear - slow
         config.hook.pytest_deselected(items=[item for item in items if item not in wanted])
         items[:] = [item for item in items if item in wanted]
 

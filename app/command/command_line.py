@@ -18,11 +18,12 @@ import typer
 from rich.console import Console
 from typer.core import TyperGroup
 
+from app.command.console import Output
 from model.core.errors import SoftlabError
 from model.domains.launched import launched_rank
 
 errors = Console(stderr=True, highlight=False, soft_wrap=True)
-out = Console(highlight=False)
+out = Output(highlight=False)
 
 PLAINER = {  # what pydantic says of an argument, and what is meant
     "Input should be a valid integer, unable to parse string as an integer": "must be a whole number",
@@ -91,7 +92,8 @@ class Commands(TyperGroup):
 def exit_status(command: Callable[[], int | None]) -> int:
     """The exit status of a command line; an error a user can mend is told in one line on standard error."""
     if threading.current_thread() is threading.main_thread():
-        signal.signal(signal.SIGTERM, signal.default_int_handler)  # asked to end, it tidies up as for Ctrl-C
+        for number in (signal.SIGINT, signal.SIGTERM):  # asked to end, it tidies up as for Ctrl-C
+            signal.signal(number, signal.default_int_handler)
     try:
         with warnings.catch_warnings():
             # what overflows is looked at where it is used, and refused in words; NumPy's own say nothing of a scene
@@ -128,7 +130,8 @@ def told(line: str, status: int) -> int:
 
 def usage_line(error: Any) -> str:
     """What is wrong with a command line, in one line."""
-    command = error.ctx.command_path if getattr(error, "ctx", None) else "softlab"
+    known = sys.argv[1:2] if sys.argv[1:2] and not sys.argv[1].startswith("-") else []
+    command = error.ctx.command_path if getattr(error, "ctx", None) else " ".join(["softlab", *known])
     said = " ".join(error.format_message().split())
     for words, ours in PLAINER.items():
         said = said.replace(words, ours)

@@ -12,7 +12,7 @@ from tempfile import TemporaryDirectory
 
 from app.command.run import Request
 from app.command.run_length import step_count
-from app.shared import check_shared
+from app.shared import check_asked, check_shared
 from model.core.errors import BackendUnavailable, SceneError
 from model.domains.launched import STATUS_FILE, launched_rank, launched_ranks
 from model.domains.processes import abort, mpi_installed, mpiexec
@@ -23,6 +23,7 @@ from model.scene.scene import Scene
 def among_ranks(scene: Scene, request: Request) -> tuple[Request, int]:
     """(the request of this process, how many processes are to be started for it: 0, it runs by itself). What cannot be shared
     is refused before anything is started. Raises SceneError."""
+    check_asked(request.backend, request.gpus, request.ranks, request.exchange_every, request.link)
     launched = launched_ranks()
     by_nccl = request.link == "nccl"
     option, wanted = ("--gpus", request.gpus) if by_nccl else ("--ranks", request.ranks)

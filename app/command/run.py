@@ -27,7 +27,7 @@ from app.output.export import Exporter, Target, check_export
 from app.output.files import check_state_target, read_state, write_state, write_trajectory
 from app.output.offscreen import check_look
 from app.output.video import Picture, check_render, render, true_rate
-from app.shared import check_shared, shares
+from app.shared import USUAL_LINK, check_asked, check_shared, shares
 from cpu_backend.core.threads import core_count, wait_policy
 from model.core.divergence import MIN_INTERVAL
 from model.core.energy import energies, spring_strain
@@ -68,7 +68,7 @@ class Request:
     gpus: int = 1
     ranks: int = 1
     exchange_every: int | None = None
-    link: str = "flags"
+    link: str | None = None
     look: tuple[str, ...] = ()
 
 
@@ -95,6 +95,7 @@ def check_targets(scene: Scene, request: Request, steps: int, notes: list[str]) 
     if request.render:
         check_render(request.render)
     check_look(scene, request.look)
+    check_asked(request.backend, request.gpus, request.ranks, request.exchange_every, request.link)
     check_shared(max(request.ranks, launched_ranks()), request.render, request.export)
     if request.record:
         check_state_target(request.record)
@@ -120,7 +121,7 @@ def run_scene(scene: Scene, request: Request, *, progress: bool = True) -> Resul
     simulation = open_simulation(
         scene, request.backend, threads=request.threads, precision=request.precision, math=request.math,
         kernel=request.kernel, initial=initial, allow_unstable=request.allow_unstable, gpus=request.gpus,
-        ranks=request.ranks, exchange_every=request.exchange_every, link=request.link,
+        ranks=request.ranks, exchange_every=request.exchange_every, link=request.link or USUAL_LINK,
     )  # fmt: skip
     with simulation:
         start = simulation.state()
@@ -243,7 +244,7 @@ def _report(
     simulation: Simulation, state: State, steps: int, seconds: float, compile_seconds: float, diverged: Diverged | None
 ) -> dict[str, Any]:
     scene = simulation.scene
-    energy = energies(scene, state.position, state.velocity, state.plastic, state.inverse_mass)
+    energy = energies(scene, state.position, state.velocity, state.plastic, state.inverse_mass, state.wetness)
     strained = scene.springs or scene.cloth or scene.bodies or scene.tetrahedra or scene.is_world
     strain = spring_strain(scene, state.position, plastic=state.plastic) if strained else np.zeros(0)
     speed = (state.velocity.astype("float64") ** 2).sum(axis=1)
@@ -296,7 +297,7 @@ def _write_results(
     if request.render and not clip:
         state = result.state
         how: dict[str, Any] = {"time": state.time, "inverse_mass": state.inverse_mass, "picture": picture}
-        how |= {"velocity": state.velocity, "foam": foam}
+        how |= {"velocity": state.velocity, "foam": foam, "wetness": state.wetness}
         result.written.append(render(state.position, request.render, scene=simulation.scene, **how))
     elif request.render:
         steps = result.state.step - start.step

@@ -31,9 +31,9 @@ def _write(path: Path, arrays: dict[str, Any]) -> Path:
 
 def write_state(path: Path | str, state: State) -> Path:
     """Write `position`, `velocity` (particles, dimensions), `inverse_mass` (particles,), `time` [s] and `step`; of bodies
-    `rotation` (clusters, 4), of plastic ones `plastic` (clusters, 3, 3), of emitters `taps`. Where the step size was
-    changed, `clock_step` and `clock_time` [s] say when."""
-    names = ("position", "velocity", "inverse_mass", "rotation", "plastic", "taps")
+    `rotation` (clusters, 4), of plastic ones `plastic` (clusters, 3, 3), of emitters `taps`, of a cloth that drinks
+    `wetness` (particles,). Where the step size was changed, `clock_step` and `clock_time` [s] say when."""
+    names = ("position", "velocity", "inverse_mass", "rotation", "plastic", "taps", "wetness")
     arrays = {name: getattr(state, name) for name in names if getattr(state, name) is not None}
     if state.clock != START:
         arrays |= {"clock_step": np.int64(state.clock.step), "clock_time": np.float64(state.clock.time)}
@@ -62,7 +62,9 @@ def read_state(path: Path | str, scene: Scene) -> State:
         raise InputError(f"{path}: time must be finite and step at least 0 (time = {time}, step = {step}, {clock})")
     velocity = arrays.get("velocity", np.zeros_like(position))
     bodies = arrays.get("rotation"), arrays.get("plastic")
-    state = State(position, velocity, inverse_mass, time, step, *bodies, clock, arrays.get("taps"))
+    state = State(
+        position, velocity, inverse_mass, time, step, *bodies, clock, arrays.get("taps"), arrays.get("wetness")
+    )
     try:
         checked_arrays(state, body.position.shape, "float64")
     except InputError as error:

@@ -140,15 +140,15 @@ class OffscreenRenderer:
 
     def draw(
         self, position: np.ndarray, time: float = 0.0, normal: np.ndarray | None = None,
-        velocity: np.ndarray | None = None,
+        velocity: np.ndarray | None = None, wetness: np.ndarray | None = None,
     ) -> None:  # fmt: skip
         """Draw a state (particles, dimensions) [m] and return when it has been drawn. Raises InputError for another shape.
 
         `time` [s] says where moving colliders are; in space `normal` (particles, 3) are the cloth's, if known; `velocity`
-        (particles, dimensions) [m/s], if known, is for what `wants_velocity`.
+        (particles, dimensions) [m/s], if known, is for what `wants_velocity`; `wetness` (particles,): as in State.
         """
         self._window.switch_to()
-        self._view.know(velocity, time)
+        self._view.know(velocity, time, wetness)
         self._view.upload(position, normal)
         self._draw(time)
 
@@ -224,11 +224,12 @@ def render_frame(
     look: Sequence[str] = (),
     velocity: np.ndarray | None = None,
     foam: FoamPoints | None = None,
+    wetness: np.ndarray | None = None,
 ) -> Path:
     """Draw a state (particles, dimensions) [m] of `scene` into a PNG and return its path. `caption` None: the scene's
     title. In space, `lines`: as springs, or particles, and not as a surface; `time` [s]: where moving colliders are;
     `inverse_mass`, as in State: which bodies wait; `look`: see OffscreenRenderer; `velocity` (particles, dimensions)
-    [m/s] and `foam`: of a fluid, where they are known.
+    [m/s] and `foam`: of a fluid, where they are known; `wetness`, as in State, of a cloth.
 
     Raises InputError (name, folder, size, shape) and BackendUnavailable (no off-screen OpenGL).
     """
@@ -239,7 +240,7 @@ def render_frame(
         if caption is not None:
             renderer.caption = caption
         renderer.show_foam(foam)
-        renderer.draw(position, time, velocity=velocity)
+        renderer.draw(position, time, velocity=velocity, wetness=wetness)
         return write_png(path, renderer.image())
 
 

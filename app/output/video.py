@@ -43,9 +43,13 @@ class Picture:
     look: tuple[str, ...] = ()
 
 
-Frame = tuple[
-    np.ndarray, float, np.ndarray | None, np.ndarray | None
-]  # position [m], time [s], and a cloth's normals and velocities [m/s], if they are known
+# position [m], time [s], and a cloth's normals, velocities [m/s] and how wet particles are, if they are known
+Frame = tuple[np.ndarray, float, np.ndarray | None, np.ndarray | None, np.ndarray | None]
+
+
+def wetness_of(simulation: Simulation) -> np.ndarray | None:
+    """(particles,): of a cloth that drinks, as in State."""
+    return np.asarray(simulation.read("wetness")) if "wetting" in simulation.plan.parts else None
 
 
 def true_rate(steps_per_frame: int, dt: float) -> float:
@@ -184,7 +188,7 @@ def render_clip(
     def state() -> Frame:
         normal = simulation.read("normal") if simulation.scene.cloth else None
         velocity = simulation.read("velocity") if with_fluids(simulation.scene) else None
-        return simulation.read("position"), simulation.time, normal, velocity
+        return simulation.read("position"), simulation.time, normal, velocity, wetness_of(simulation)
 
     def states() -> Iterator[Frame]:
         yield state()
@@ -215,9 +219,9 @@ def _write_clip(
         renderer.caption = scene.title if picture.caption is None else picture.caption
         renderer.show_bodies(inverse_mass)
         start, bar, task = perf_counter(), None, None
-        for position, time, normal, velocity in states:
+        for position, time, normal, velocity, wetness in states:
             renderer.fit(position, time)
-            renderer.draw(position, time, normal, velocity)
+            renderer.draw(position, time, normal, velocity, wetness)
             writer.write(renderer.image())
             if bar is None and progress and perf_counter() - start > PROGRESS_AFTER:
                 bar, task = _progress_bar(writer.path.name, total)
@@ -253,13 +257,14 @@ def render(
     inverse_mass: np.ndarray | None = None,
     velocity: np.ndarray | None = None,
     foam: FoamPoints | None = None,
+    wetness: np.ndarray | None = None,
 ) -> Path:
     """Draw into `frame.png` or `clip.mp4`, as the suffix says, and return the path.
 
     `source`: a simulation (a frame shows its state now; a clip advances it by `steps`), or positions, (particles,
     dimensions) for a frame and (frames, particles, dimensions) for a clip, which need their `scene`, and in space the
     `time` [s] at which its moving colliders are to be shown; `inverse_mass`, as in State, tells which bodies wait; `velocity`
-    [m/s] and `foam` of a fluid's frame, where known. Raises InputError, BackendUnavailable.
+    [m/s] and `foam` of a fluid's frame, and `wetness`, as in State, where known. Raises InputError, BackendUnavailable.
     """
     path = check_render(path)
     clip = path.suffix.lower() == CLIP
@@ -267,16 +272,16 @@ def render(
         if clip:
             return render_clip(source, path, steps, steps_per_frame, picture)
         scene, time, inverse_mass = source.scene, source.time, source.body.inverse_mass
-        velocity = source.read("velocity") if with_fluids(scene) else None
+        velocity, wetness = source.read("velocity") if with_fluids(scene) else None, wetness_of(source)
     position = source.read("position") if isinstance(source, Simulation) else source
     if scene is None:
         raise InputError("positions alone cannot be drawn; give their scene, too")
     if not clip:
         size, words = (picture.width, picture.height), picture.caption
         how: dict[str, Any] = {"time": time, "inverse_mass": inverse_mass, "look": picture.look}
-        how |= {"velocity": velocity, "foam": foam}
+        how |= {"velocity": velocity, "foam": foam, "wetness": wetness}
         return render_frame(scene, position, path, *size, caption=words, **how)
     if position.ndim != 3:
         raise InputError(f"positions of shape {position.shape}; a clip needs (frames, particles, {scene.dimensions})")
-    states = ((frame, time, None, None) for frame in position)
+    states = ((frame, time, None, None, None) for frame in position)
     return _write_clip(scene, states, len(position), path, picture, inverse_mass)

@@ -14,7 +14,15 @@ from app.render.detail import FINE, Detail
 from app.render.drawn_springs import drawn_lines
 from app.render.opengl import shader_program
 from app.render.scenery import Drawn
-from app.render.vertex_arrays import delete_all, draw_elements, static_buffer, uniform_matrix, vertex_array
+from app.render.vertex_arrays import (
+    delete_all,
+    draw_elements,
+    refill,
+    soak_array,
+    static_buffer,
+    uniform_matrix,
+    vertex_array,
+)
 from app.render.view import View
 from model.core.build import pinned_indices
 from model.scene.scene import Scene
@@ -63,6 +71,8 @@ def heavy_masses(scene: Scene) -> list[tuple[np.ndarray, float]]:
 class SheetView(View):
     """See View; `lines`: as springs and not as a surface, which a plane has not."""
 
+    _wet_buffer: int | None = None
+
     def __init__(self, scene: Scene, detail: Detail = FINE):
         from pyglet import gl
 
@@ -82,6 +92,18 @@ class SheetView(View):
         self._pins = self._drawn(pins, gl.GL_POINTS)
         self._lines = [(self._drawn(pairs, gl.GL_LINES), rest) for pairs, rest in lines]
         self._heavy = [(self._drawn(index, gl.GL_POINTS), factor) for index, factor in heavy_masses(scene)]
+
+    def drink(self) -> None:
+        """From now on it is the darker the wetter it is."""
+        self._buffers.append(static_buffer(np.zeros(self.scene.grid.particle_count, np.float32)))
+        self._wet_buffer = self._buffers[-1]
+        soak_array(self._surface[0], self._wet_buffer)
+
+    def know(self, velocity: np.ndarray | None, time: float, wetness: np.ndarray | None = None) -> None:
+        """See View."""
+        super().know(velocity, time, wetness)
+        if self._wet_buffer is not None and wetness is not None:
+            refill(self._wet_buffer, np.ascontiguousarray(wetness, np.float32))
 
     def _drawn(self, elements: np.ndarray, mode: int) -> Drawn:
         self._buffers.append(static_buffer(elements))

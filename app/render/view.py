@@ -118,10 +118,10 @@ class View(ABC):
         """(name, colour) of what has a colour of its own; none where they tell nothing."""
         return ()
 
-    def know(self, velocity: np.ndarray | None, time: float) -> None:
-        """Of the state that is uploaded next: velocities (particles, dimensions) [m/s], if they are known, and its time
-        [s]. Most views draw nothing of them."""
-        self._velocity, self._when = velocity, time
+    def know(self, velocity: np.ndarray | None, time: float, wetness: np.ndarray | None = None) -> None:
+        """Of the state that is uploaded next: velocities (particles, dimensions) [m/s], if they are known, its time [s], and
+        how wet its particles are. Most views draw nothing of them."""
+        self._velocity, self._when, self._wetness = velocity, time, wetness
 
     def keep_above_ground(self, lowest: float) -> None:
         """The ground that a scene in space without a plane gets lies below `lowest` [m] from now on."""

@@ -47,7 +47,7 @@ MATERIALS, QUICK_MATERIALS = ("fixed-corotated", "neo-hookean"), ("neo-hookean",
 SMALL_STEPS, FEW, SMALL = 100, 10, 12800  # substeps of a frame: of bars up to so many tetrahedra, and of larger ones
 FRAME = 1 / 60  # s
 CORNERS, INDEX, VOXEL_CORNERS, PER_VOXEL = 4, 4, 8, 5  # of a tetrahedron, bytes of an index; of a voxel
-VALUES = tetrahedron.COUNT
+VALUES = tetrahedron.COUNT - 1  # a damper's is not read
 HALF_H200, STREAM_H200 = 33e12, 4.0e12  # 1/s: half of its peak in float32; bytes a second
 
 
@@ -74,11 +74,11 @@ def projections_of(scene: Scene) -> int:
 
 
 def moved_bytes(sweep: str, precision: str) -> float:
-    """Of a tetrahedron: its indices and values read; positions and weights, four numbers a corner, read and written, of a
+    """Of a tetrahedron: its indices and values read; positions and weights, four numbers a corner, read and written; of a
     voxel's eight corners once, however many of its tetrahedra have them."""
     item = np.dtype(PRECISIONS[precision]).itemsize
     corners = VOXEL_CORNERS / PER_VOXEL if sweep == "voxels" else CORNERS
-    return CORNERS * INDEX + VALUES * item + corners * 2 * 4 * item
+    return corners * INDEX + VALUES * item + corners * 2 * 4 * item
 
 
 def operations(material: str, precision: str) -> int:

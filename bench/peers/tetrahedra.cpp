@@ -2,15 +2,15 @@
 //
 // XPBD (Macklin, Mueller, Chentanez, MIG 2016) with one iteration a substep: C_D = |F|, then C_H = det F - alpha (Macklin,
 // Mueller, MIG 2021). Constraints come by colour, in each by runs of `run`, which one thread takes one after the other.
-// A particle is x, y, z, weight. Values of a constraint: nine of the inverse rest edges, by rows; the compliances of C_D and
-// C_H [1/J]; alpha; a damper's time, which is not read.
+// A particle is x, y, z, weight. Values of a constraint: six of the inverse rest edges, upper triangular, by rows; the
+// compliances of C_D and C_H [1/J]; alpha; a damper's time, which is not read.
 
 #include <cmath>
 #include <cstdint>
 
 namespace {
 
-constexpr int kValues = 13;
+constexpr int kValues = 10;
 
 template <typename Real>
 struct Vector {
@@ -35,16 +35,15 @@ struct Columns { Vector<Real> a, b, c; };  // of a matrix
 template <typename Real>
 Columns<Real> gradient(const Vector<Real> *p, const Real *rest) {
     const Vector<Real> e = p[1] - p[0], f = p[2] - p[0], g = p[3] - p[0];
-    return {e * rest[0] + f * rest[3] + g * rest[6], e * rest[1] + f * rest[4] + g * rest[7],
-            e * rest[2] + f * rest[5] + g * rest[8]};
+    return {e * rest[0], e * rest[1] + f * rest[3], e * rest[2] + f * rest[4] + g * rest[5]};
 }
 
 // One constraint of value `violation` whose derivative by F is `g`.
 template <typename Real>
 void row(Vector<Real> *p, const Real *w, const Real *rest, Real violation, const Columns<Real> &g, Real compliance) {
     const Vector<Real> gb = g.a * rest[0] + g.b * rest[1] + g.c * rest[2];
-    const Vector<Real> gc = g.a * rest[3] + g.b * rest[4] + g.c * rest[5];
-    const Vector<Real> gd = g.a * rest[6] + g.b * rest[7] + g.c * rest[8];
+    const Vector<Real> gc = g.b * rest[3] + g.c * rest[4];
+    const Vector<Real> gd = g.c * rest[5];
     const Vector<Real> ga = (gb + gc + gd) * Real(-1);
     const Real weight = w[0] * dot(ga, ga) + w[1] * dot(gb, gb) + w[2] * dot(gc, gc) + w[3] * dot(gd, gd);
     const Real change = weight > 0 ? -violation / (weight + compliance) : Real(0);
@@ -64,12 +63,11 @@ void project(Real *position, const int32_t *corners, const Real *values, Real so
         w[n] = at[3];
     }
     const Columns<Real> f = gradient(p, values);
-    const Real length = std::sqrt(dot(f.a, f.a) + dot(f.b, f.b) + dot(f.c, f.c));
-    const Real inverse = length > Real(1e-9) ? 1 / length : Real(0);
-    row(p, w, values, length, Columns<Real>{f.a * inverse, f.b * inverse, f.c * inverse}, softness * values[9]);
+    const Real squared = dot(f.a, f.a) + dot(f.b, f.b) + dot(f.c, f.c);
+    row(p, w, values, squared, f, softness * values[6] * squared);  // both sides of its equation times C_D^2
     const Columns<Real> h = gradient(p, values);
     const Columns<Real> cofactor{cross(h.b, h.c), cross(h.c, h.a), cross(h.a, h.b)};
-    row(p, w, values, dot(h.a, cofactor.a) - values[11], cofactor, softness * values[10]);
+    row(p, w, values, dot(h.a, cofactor.a) - values[8], cofactor, softness * values[7]);
     for (int n = 0; n < 4; ++n) {
         Real *at = position + 4 * int64_t(corners[n]);
         at[0] = p[n].x, at[1] = p[n].y, at[2] = p[n].z;

@@ -114,7 +114,7 @@ def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 def _unit(d: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """(length (..., 1), d / length), with the zero vector's direction the zero vector."""
     length = np.sqrt(_dot(d, d))
-    return length, np.divide(d, length, out=np.zeros_like(d), where=length > 0)
+    return length, d / (length + (length == 0))
 
 
 def spring_forces(scene: Scene, position: np.ndarray, velocity: np.ndarray) -> np.ndarray:

@@ -71,14 +71,12 @@ def spring_forces(scene: Scene, position: np.ndarray) -> np.ndarray:
     if scene.springs is None:
         return force
     rest_length = scene.springs.rest_length
-    for axis in (0, 1):
-        p, f = np.moveaxis(position, axis, 0), np.moveaxis(force, axis, 0)  # views: writing to f writes to force
-        k = np.full((len(p) - 1, 1, 1), scene.springs.stiffness)
-        k[1::2] *= scene.springs.stiffness_ratio  # every second one is stiffer
+    # views: writing to f writes to force
+    for p, f in ((position, force), (position.swapaxes(0, 1), force.swapaxes(0, 1))):
         d = p[1:] - p[:-1]
         length = np.hypot(d[..., :1], d[..., 1:])
-        direction = np.divide(d, length, out=np.zeros_like(d), where=length > 0)
-        pull = k * (length - rest_length) * direction
+        pull = (scene.springs.stiffness * (length - rest_length) / (length + (length == 0))) * d
+        pull[1::2] *= scene.springs.stiffness_ratio  # every second one is stiffer
         f[:-1] += pull
         f[1:] -= pull
     return force

@@ -52,7 +52,7 @@ def _bodies(scene: Scene) -> list[tuple[Body, list[np.ndarray]]]:
     mu, lame = found.lame()
     made = []
     for chosen, rows in zip(tetrahedra_of_sets(found), constraint_sets(scene), strict=False):
-        corners = rows.corners.astype(np.int64)
+        corners = found.tetrahedra[chosen].astype(np.int64)
         volume, gradient = shape_gradients(found.position, corners)
         body = Body(found.position, corners, rows.model, mu[chosen], lame[chosen], volume, gradient)
         made.append((body, rows.sweep))

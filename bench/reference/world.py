@@ -80,7 +80,7 @@ def find(scene: Scene, surfaces: Surfaces, before: np.ndarray, predicted: np.nda
 
 
 def _motions(
-    scene: Scene, steps: int, position: np.ndarray, velocity: np.ndarray, most: int, distance: float
+    scene: Scene, steps: int, position: np.ndarray, velocity: np.ndarray, most: int, distance: float, drunk: np.ndarray
 ) -> list[Motion]:
     made: list[Motion] = []
     for name, own in scene.members.items():
@@ -89,7 +89,7 @@ def _motions(
         if name == "bodies":
             made.append(shape_matching.motion(own, *begin))
         elif name == "cloth":
-            made.append(xpbd_mesh.motion(own, *begin, scene.world_set.masses[place]))
+            made.append(xpbd_mesh.motion(own, *begin, scene.world_set.masses[place], drunk=drunk[place]))
         elif name == "tetrahedra":
             made.append(tetrahedra_cloth.motion(own, *begin, most, distance))
     return made
@@ -102,7 +102,8 @@ def simulate(
     vertex has; `distance` [m]: what surfaces keep. Raises SceneError for what a member's reference does not know."""
     weight = 1 / scene.world_set.masses
     weight[scene.world_set.pinned_vertices] = 0
-    motions = _motions(scene, steps, position, velocity, most, distance)
+    drunk = np.ones(len(weight))
+    motions = _motions(scene, steps, position, velocity, most, distance, drunk)
     surfaces = _surfaces(scene, distance) if coupled(scene) else None
     slices = [place for name, place in scene.world_set.slices().items() if name != "fluid"]
     weight = weight[: slices[-1].stop]
@@ -121,6 +122,8 @@ def simulate(
                 now = fluid.correct(now)
             for _ in range(scene.contact.sweeps if surfaces else 0):  # type: ignore[union-attr]
                 now = projected.project(scene.contact, touching, before, now, weight)  # type: ignore[arg-type]
+        if fluid:
+            fluid.soak(drunk)  # before motions end their substeps, and predict the next ones
         places = []
         for motion, place in zip(motions, slices, strict=True):
             try:
@@ -140,6 +143,7 @@ class _Fluid:
 
     def __init__(self, scene: Scene, position: np.ndarray, velocity: np.ndarray):
         solids, own = solids_of(scene), scene.world_set.slices()["fluid"]
+        self.scene, self.dry, self.wet = scene, solids.samples, np.zeros(len(solids.particles))
         self.solids, self.among = solids.particles, FluidAmongSolids(scene.members["fluid"], solids.samples)
         self.position, self.velocity = position[own], velocity[own]
 
@@ -154,3 +158,24 @@ class _Fluid:
 
     def end(self) -> None:
         self.position, self.velocity = self.among.end()
+
+    def soak(self, drunk: np.ndarray) -> None:
+        """A cloth drinks where a sample has the fluid within the support; `drunk` (particles,): by what masses are multiplied
+        from now on, in which its wetness is kept, too."""
+        wetting = self.scene.one("wetting")
+        if wetting is None:
+            return
+        own, h = self.scene.world_set.slices()["cloth"], self.scene.method.dt / self.scene.method.substeps
+        samples, pairs = self.dry, self.among.pairs.pairs
+        mixed = pairs[(pairs.min(axis=1) < self.among.count) & (pairs.max(axis=1) >= self.among.count)]
+        met = np.unique(mixed.max(axis=1)) - self.among.count
+        touched = np.zeros(len(self.solids), bool)
+        touched[samples.corners[met][samples.shares[met] > 0]] = True
+        drinks = (self.solids >= own.start) & (self.solids < own.stop)
+        wet = self.wet[drinks]
+        self.wet[drinks] = np.where(
+            touched[drinks], 1 - (1 - wet) * np.exp(-h / wetting.soaking_time), wet * np.exp(-h / wetting.drying_time)
+        )
+        heavier = 1 + wetting.capacity * self.wet
+        drunk[self.solids] = heavier
+        self.among.lighten(samples.lightness / heavier)

@@ -224,8 +224,10 @@ def motion(
     mass: np.ndarray,
     first_step: int = 0,
     poke: Poke | None = None,
+    drunk: np.ndarray | None = None,
 ) -> Motion:
-    """`simulate`, which others may take part in: see Motion."""
+    """`simulate`, which others may take part in: see Motion. `drunk` (vertices,): by what masses are multiplied, which may
+    change between substeps."""
     assert scene.mesh is not None and not scene.attachments
     method, gravity = scene.method, scene.gravity
     items, h = items_of(scene, method.solver == "pbd"), method.dt / method.substeps
@@ -237,7 +239,10 @@ def motion(
         {"method.dt": h, f"{scene.name_of('mesh')}.pinned": "none"}
     )  # masses that are held are put back
     drag = (scene.damping.coefficient if scene.damping else 0.0) * inverse_mass[:, None]
+    dry = inverse_mass
     for number in range(first_step * method.substeps, (first_step + steps) * method.substeps):
+        if drunk is not None:
+            inverse_mass = dry / drunk
         force = wind_on(scene, p, v, number * h) if scene.wind else np.zeros_like(p)
         if scene.external and scene.external.magnitude > 0:
             directions = random_directions(scene.external.seed, number // method.substeps, len(p), axes=3)

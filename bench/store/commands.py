@@ -14,7 +14,8 @@ keeping = typer.Typer()
 
 @keeping.command(epilog="Example: softlab export my-machine.csv")
 def export(
-    file: Annotated[Path, typer.Argument(help="A new .csv or .sqlite file.")], store: StorePath = DEFAULT_STORE
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="A new .csv or .sqlite file.")],
+    store: StorePath = DEFAULT_STORE,
 ) -> None:
     """Write the store to one file, to keep or to send."""
     from bench.store.database import Store
@@ -26,7 +27,8 @@ def export(
 
 @keeping.command(epilog="Example: softlab merge other-machine.csv")
 def merge(
-    other: Annotated[Path, typer.Argument(help="A .csv or .sqlite file.")], store: StorePath = DEFAULT_STORE
+    other: Annotated[Path, typer.Argument(metavar="FILE", help="A .csv or .sqlite file.")],
+    store: StorePath = DEFAULT_STORE,
 ) -> None:
     """Take the measurements of another store into this one; doing it twice adds nothing."""
     from bench.store.database import Store

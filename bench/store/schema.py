@@ -90,3 +90,30 @@ def check_rows(connection: sqlite3.Connection, path: str) -> None:
                 good = False
             if not good:
                 raise InputError(f"{path}: {table}.{column} = {shown(text)} in row {row}: {damaged}")
+
+
+NUMBERS = (
+    "copy_bandwidth", "copy_bytes", "cores", "gpu_copy_bandwidth", "gpu_count", "gpu_l2_bytes", "gpu_launch_seconds",
+    "gpu_memory_gib", "gpu_multiprocessors", "memory_gib", "numba_threads",
+)  # fmt: skip
+TABLES_OF_NUMBERS = ("arithmetic", "caches", "gpu_arithmetic", "region_policies", "region_seconds")
+
+
+def checked_record(record: Mapping[str, Any]) -> Mapping[str, Any]:
+    """A machine's record, whose numbers are numbers. Raises ValueError, which names the field."""
+
+    def check(name: str, value: Any) -> None:
+        if value is not None and (type(value) not in (int, float) or not 0 <= value < float("inf")):
+            raise ValueError(f"{name} = {value!r} is no number of at least 0")
+
+    def check_table(name: str, table: Any) -> None:
+        if table is not None and not isinstance(table, dict):
+            raise ValueError(f"{name} = {table!r} is no table of numbers")
+        for key, value in (table or {}).items():
+            (check_table if isinstance(value, dict) else check)(f"{name}.{key}", value)
+
+    for name in NUMBERS:
+        check(name, record.get(name))
+    for name in TABLES_OF_NUMBERS:
+        check_table(name, record.get(name))
+    return record

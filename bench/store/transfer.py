@@ -9,7 +9,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from bench.store.database import Store
-from bench.store.schema import TABLES
+from bench.store.schema import TABLES, checked_record
 from bench.store.text import TEXTS, Rows, as_text, is_text, is_text_export, read_text
 from model.core.errors import InputError
 from model.core.files import check_target, replacing
@@ -96,13 +96,13 @@ def _insert(store: Store, rows: Rows, origin: str | Path) -> dict[str, int]:
         with store.transaction() as connection:
             for key, label, record in rows["machine"]:
                 added["machine"] += not connection.execute("SELECT 1 FROM machine WHERE key = ?", (key,)).fetchone()
-                store.add_machine(key, label, json.loads(record))
+                store.add_machine(key, label, checked_record(json.loads(record)))
             for table in ("run", "configuration", "sample", "measure"):
                 marks = ", ".join("?" * len(TABLES[table]))
                 before = connection.total_changes
                 connection.executemany(f"INSERT INTO {table} VALUES ({marks}) ON CONFLICT DO NOTHING", rows[table])
                 added[table] = connection.total_changes - before
-    except (sqlite3.IntegrityError, OverflowError) as error:
+    except (sqlite3.IntegrityError, OverflowError, ValueError) as error:
         raise InputError(
             f"{origin}: the results do not fit together ({error}); nothing was taken; export them anew"
         ) from None

@@ -38,6 +38,7 @@ class HardCase:
     methods: tuple[str, ...] = FORCES
     basis: str = ""
     quick: bool = True
+    tetrahedral: bool = False
 
     @property
     def row(self) -> str:
@@ -51,7 +52,7 @@ class HardCase:
     @property
     def of_tetrahedra(self) -> bool:
         """Whether it is about tetrahedral bodies."""
-        return self.methods == TETRAHEDRAL
+        return self.tetrahedral or self.methods == TETRAHEDRAL
 
     @property
     def of_fluids(self) -> bool:

@@ -21,6 +21,7 @@ SETTLED = 4.0  # s: what is squashed then is at rest
 SECONDS = 1.0  # of flight
 SQUASHED = 0.5  # of its height
 OF_FOUR = 0.06  # of the volume: what a mesh of four voxels a side loses, and some
+OF_VOXELS = 0.01  # of the volume, which voxels keep
 YOUNG, LOCKING = 1e6, 0.499  # Pa, and Poisson's ratio
 BENT = 0.1  # 1/m: of the tip, 1 m away, 0.1 m
 ROUNDINGS = 8  # of a place in a substep
@@ -65,13 +66,22 @@ def squashed(trial: Trial) -> list[Check]:
     voxels a side 18.6, 4.8, 2.3 and 1.5 % of the whole are missing, with any solver that is given enough to do; the row's
     1 % would take about eleven. So the bound is this mesh's own, of four, and none may be inside out (which 20 substeps of
     one position-based sweep leave, with 23 % missing)."""
+    return _squashed(trial, OF_FOUR)
+
+
+def squashed_voxels(trial: Trial) -> list[Check]:
+    """B22, the row as it is asked for: the same block, whose voxels keep their volume as a whole, loses less than 1 %."""
+    return _squashed(trial, OF_VOXELS)
+
+
+def _squashed(trial: Trial, most: float) -> list[Check]:
     scene = trial.scene
     position = scene.tetrahedra_set.position.copy()
     position[:, 1] = position[:, 1].min() + SQUASHED * (position[:, 1] - position[:, 1].min())
     state = trial.run(trial.start(position), SETTLED)
     ratio = np.linalg.det(_gradients(scene, state))
     return [
-        Check(VOLUME, _change(scene, ratio), "", "<", OF_FOUR),
+        Check(VOLUME, _change(scene, ratio), "", "<", most),
         Check(RATIO, float(ratio.min()), "", ">", 0.0),
         Check(WORST, float(np.abs(ratio - 1).max()), ""),
     ]

@@ -54,6 +54,8 @@ TETRAHEDRAL_CASES = (
                            ("random", "its vertices anywhere"))
     ),
     HardCase("B22", "squashed to half at nu 0.499", partial(scene, BLOCK, 2.0), tetrahedra.squashed, methods=TETRAHEDRAL),
+    HardCase("B22 voxels", "squashed, by voxels", partial(scene, BLOCK | {"volume": "voxels"}, 2.0),
+             tetrahedra.squashed_voxels, methods=TETRAHEDRAL[:1], tetrahedral=True),
     HardCase("B22 bar", "a bar at nu 0.499", locking_bar, tetrahedra.sags_without_shrinking, methods=TETRAHEDRAL),
     HardCase("B23 bar", "a poke, and one iteration", partial(scene, BAR), tetrahedra.one_iteration, methods=TETRAHEDRAL),
     HardCase("A8 tumbling", "a body that flies and turns", partial(scene, FLYING), tetrahedra.tumbles, methods=TETRAHEDRAL,

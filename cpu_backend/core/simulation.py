@@ -143,6 +143,12 @@ class ParticlesSimulation(CpuSimulation):
         """Positions with which the substep began, as they lie in the first of `_places`, of the kernel `stages`."""
         raise NotImplementedError
 
+    @property
+    def inertial(self) -> np.ndarray | None:
+        """Likewise where particles would be by inertia, of solvers that come back to it in each iteration: what others do to
+        their particles is done to these places, too."""
+        return None
+
     def _first_diverged(self) -> int:
         numba.set_num_threads(self._bands)
         look = make_first_diverged_of(self.real, self.scene.dimensions)

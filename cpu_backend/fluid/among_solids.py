@@ -13,7 +13,7 @@ import numpy as np
 
 from cpu_backend.core.compile import Compiler
 from cpu_backend.core.layout import aligned_zeros
-from cpu_backend.fluid.lists import LANES
+from cpu_backend.fluid.quads import LANES
 from cpu_backend.fluid.solid_phases import SUMS, make_sampling, make_solid_constraint
 from cpu_backend.fluid.solver import Fluid
 from model.core.plan import Moment, StageRun

@@ -9,6 +9,7 @@ import numpy as np
 
 from cpu_backend.core.compile import Compiler
 from cpu_backend.core.own_forces import make_own_force
+from cpu_backend.fluid.quads import QUAD, QUADS
 from model.fluid.parameters import F_BUOYANCY, F_SPEED, FLUID_FIELDS
 from model.formulas.fluid import cells, motion
 
@@ -189,11 +190,11 @@ def make_sort(compiler: Compiler, parts: frozenset[str]) -> SimpleNamespace:
             starts[c] = np.int32(start)
             start = last
         for axis in range(AXES):
-            at = axis * room
+            at, quad = axis * room, QUADS * room + axis
             for q in range(first, end):
                 old = at + np.int64(order[q])
                 new_before[at + q] = before[old]
-                new_place[at + q] = place[old]
+                new_place[at + q] = new_place[quad + QUAD * q] = place[old]
                 new_meant[at + q] = meant[old]
         for q in range(first, end):
             new_number[q] = number[order[q]]

@@ -17,27 +17,20 @@ from cpu_backend.core.compile import Compiler
 from cpu_backend.core.layout import row_at
 from cpu_backend.fluid.cells import make_row_of
 from cpu_backend.fluid.divergence_pairs import make_approaches
-from cpu_backend.fluid.lists import LANES
 from cpu_backend.fluid.pairs import make_pairs
-from cpu_backend.fluid.phases import SCRATCH
-from cpu_backend.fluid.walls import make_walls
+from cpu_backend.fluid.quads import LANES, QUAD, QUADS
+from cpu_backend.fluid.rows import make_scratch
+from cpu_backend.fluid.walls import make_wall_rows
 from model.fluid.parameters import F_CHANGE, F_SPEED, F_WEIGHT, MAX_NEIGHBOURS
 from model.formulas.fluid import density, divergence, motion
 from model.scene.cloth import COLLIDER_KINDS
 
 
-def make_solve(compiler: Compiler, real: Any, parts: frozenset[str], sides_of: Any) -> SimpleNamespace:
-    """`survey`, `foresee`, `relax`, `push`: phases over slices of LANES particles, that take (part, parts, ..., world, ...);
-    `second`: whether of the second solve."""
-    compiled, f, g = compiler.compiled, density.make(real, compiler.compiled), divergence.make(real, compiler.compiled)
-    constraint, wall_added, moved, of_wall = f.constraint, f.wall_added, f.moved, g.approach_of_wall
-    compressed, foreseen, pressed, lead, led = g.compressed, g.foreseen, g.pressed, g.lead, g.led
-    most = MAX_NEIGHBOURS[2 if "flat" in parts else 3]
-    pairs, approaches = make_pairs(compiler, real, parts), make_approaches(compiler, real, parts)
-    densities, corrections = pairs.densities, pairs.corrections
-    walls, instants = make_walls(compiler, real, parts), make_instants(compiler, real, parts)
-    has_walls, moving = "walls" in parts, "moving" in parts
-    row_of, zero = compiled(make_row_of(parts)), real(0)
+def make_approach(compiler: Compiler, real: Any, parts: frozenset[str], sides_of: Any) -> SimpleNamespace:
+    """`approach(s, many, world, parameters, vector, total)`, `rest_of(i, room, wall, vector, total)`."""
+    compiled, approaches = compiler.compiled, make_approaches(compiler, real, parts)
+    of_wall = divergence.make(real, compiled).approach_of_wall
+    most, has_walls, zero = MAX_NEIGHBOURS[2 if "flat" in parts else 3], "walls" in parts, real(0)
 
     @compiled
     def approach(s, many, world, parameters, vector, total):
@@ -63,6 +56,23 @@ def make_solve(compiler: Compiler, real: Any, parts: frozenset[str], sides_of: A
             )
         return total
 
+    return SimpleNamespace(approach=approach, rest_of=rest_of)
+
+
+def make_solve(compiler: Compiler, real: Any, parts: frozenset[str], sides_of: Any) -> SimpleNamespace:
+    """`survey`, `foresee`, `relax`: phases over slices of LANES particles, that take (part, parts, ..., world, ...);
+    `second`: whether of the second solve."""
+    compiled, f, g = compiler.compiled, density.make(real, compiler.compiled), divergence.make(real, compiler.compiled)
+    constraint, along = f.constraint, make_approach(compiler, real, parts, sides_of)
+    approach, rest_of = along.approach, along.rest_of
+    compressed, foreseen, pressed, lead, led = g.compressed, g.foreseen, g.pressed, g.lead, g.led
+    most = MAX_NEIGHBOURS[2 if "flat" in parts else 3]
+    densities, scratch_of = make_pairs(compiler, real, parts).densities, make_scratch(compiler)
+    sums_of, numbers_of, own_of = scratch_of.sums_of, scratch_of.numbers_of, scratch_of.own
+    wall_rows, instants = make_wall_rows(compiler, real, parts), make_instants(compiler, real, parts)
+    has_walls, moving = "walls" in parts, "moving" in parts
+    zero = real(0)
+
     @compiled
     def survey(part, shared, number, world, parameters, bodies, kinds):
         """Constraints, and what the first solve is to take away."""
@@ -70,29 +80,28 @@ def make_solve(compiler: Compiler, real: Any, parts: frozenset[str], sides_of: A
         place, velocity, target = in_order[1], in_order[2], row_at(unsorted[2], 2 * np.int64(room))
         longest, slices = lists[1], (count + LANES - 1) // LANES
         begin, end, _ = instants(number, parameters)
-        at = np.int64(part) * (SCRATCH * LANES)
-        total, coming = row_at(scratch, at), row_at(scratch, at + LANES)
+        total, coming, share, earlier, wx, wy = sums_of(part, scratch)
         for s in range(slices * part // shared, slices * (part + 1) // shared):
             base = np.int64(s) * LANES
             for lane in range(LANES):
                 total[lane] = zero
             densities(
-                longest[s], row_at(lists[2], base * most), place, row_at(place, room), row_at(place, 2 * room),
-                row_at(place, base), row_at(place, room + base), row_at(place, 2 * room + base), sides_of(parameters),
-                parameters.inverse_support, total,
+                longest[s], row_at(lists[2], base * most), row_at(place, QUADS * room), *numbers_of(part, scratch),
+                *own_of(place, room, base), sides_of(parameters), parameters.inverse_support, total,
             )  # fmt: skip
             approach(s, longest[s], world, parameters, velocity, coming)
+            for lane in range(LANES):
+                share[lane], earlier[lane] = zero, zero
+            if has_walls:
+                own, (_, _, wz, _) = own_of(place, room, base), numbers_of(part, scratch)
+                wall_rows(bodies, kinds, end, parameters, *own, share, *own_of(wall, room, base))
+                if moving:
+                    wall_rows(bodies, kinds, begin, parameters, *own, earlier, wx, wy, wz)
             for lane in range(min(LANES, count - base)):
-                i = base + lane
-                share, came = zero, zero
-                if has_walls:
-                    x, y, z = place[i], place[room + i], place[2 * room + i]
-                    share, wx, wy, wz = walls(bodies, kinds, end, parameters, x, y, z)
-                    wall[i], wall[room + i], wall[2 * room + i] = wx, wy, wz
-                    if moving:
-                        earlier, _, _, _ = walls(bodies, kinds, begin, parameters, x, y, z)
-                        came = share - earlier
-                error[i] = constraint(total[lane], parameters.density_scale, share)
+                i, came = base + lane, zero
+                if moving:
+                    came = share[lane] - earlier[lane]
+                error[i] = constraint(total[lane], parameters.density_scale, share[lane])
                 a = rest_of(i, room, wall, velocity, coming[lane])
                 target[i] = compressed(error[i], a, parameters.dt, came)
 
@@ -101,7 +110,7 @@ def make_solve(compiler: Compiler, real: Any, parts: frozenset[str], sides_of: A
         """What the second solve is to take away."""
         (count, room, _), state, unsorted, _, (_, _, _, _, error, wall), _, lists, (scratch, _, _, _) = world
         velocity, target = state[1], row_at(unsorted[2], 2 * np.int64(room))
-        coming, slices = row_at(scratch, np.int64(part) * (SCRATCH * LANES)), (count + LANES - 1) // LANES
+        (coming, _, _, _, _, _), slices = sums_of(part, scratch), (count + LANES - 1) // LANES
         for s in range(slices * part // shared, slices * (part + 1) // shared):
             approach(s, lists[1][s], world, parameters, velocity, coming)
             for lane in range(min(LANES, count - np.int64(s) * LANES)):
@@ -116,7 +125,8 @@ def make_solve(compiler: Compiler, real: Any, parts: frozenset[str], sides_of: A
         ahead, target = row_at(unsorted[2], np.int64(room)), row_at(unsorted[2], 2 * np.int64(room))
         if not second:
             ahead = row_at(multiplier, np.int64(0))
-        coming, slices = row_at(around[0], np.int64(part) * (SCRATCH * LANES)), (count + LANES - 1) // LANES
+        (coming, _, _, _, _, _), slices = sums_of(part, around[0]), (count + LANES - 1) // LANES
+        quads = row_at(in_order[1], QUADS * np.int64(room))
         onward = lead(turn, iterations)
         for s in range(slices * part // shared, slices * (part + 1) // shared):
             if turn > 0:
@@ -130,23 +140,34 @@ def make_solve(compiler: Compiler, real: Any, parts: frozenset[str], sides_of: A
                 found = pressed(before, factor[i], c)
                 ahead[i] = led(found, last, onward)
                 delta[i], iterate[i] = ahead[i] - before, found
+                quads[QUAD * i + 3] = delta[i]
+
+    return SimpleNamespace(survey=survey, foresee=foresee, relax=relax)
+
+
+def make_push(compiler: Compiler, real: Any, parts: frozenset[str], sides_of: Any) -> SimpleNamespace:
+    """`push(part, parts, turn, world, parameters, fluids)`: the phase of an iteration that follows `relax`."""
+    compiled, f, scratch_of = compiler.compiled, density.make(real, compiler.compiled), make_scratch(compiler)
+    wall_added, moved, corrections = f.wall_added, f.moved, make_pairs(compiler, real, parts).corrections
+    sums_of, numbers_of, own_of = scratch_of.sums_of, scratch_of.numbers_of, scratch_of.own
+    most, has_walls = MAX_NEIGHBOURS[2 if "flat" in parts else 3], "walls" in parts
+    row_of, zero = compiled(make_row_of(parts)), real(0)
 
     @compiled
     def push(part, shared, turn, world, parameters, fluids):
         """Shifts by what multipliers changed."""
         (count, room, _), _, _, in_order, (_, _, _, delta, _, wall), _, lists, (scratch, _, _, _) = world
         shift, place, fluid = in_order[0], in_order[1], in_order[4]
-        slices, at = (count + LANES - 1) // LANES, np.int64(part) * (SCRATCH * LANES)
-        ax, ay, az = row_at(scratch, at), row_at(scratch, at + LANES), row_at(scratch, at + 2 * LANES)
+        (ax, ay, az, _, _, _), slices = sums_of(part, scratch), (count + LANES - 1) // LANES
         for s in range(slices * part // shared, slices * (part + 1) // shared):
             base = np.int64(s) * LANES
             for lane in range(LANES):
                 ax[lane], ay[lane], az[lane] = zero, zero, zero
             corrections(
-                lists[1][s], base, row_at(lists[2], base * most), place, row_at(place, room), row_at(place, 2 * room),
-                delta, row_at(place, base), row_at(place, room + base), row_at(place, 2 * room + base),
-                row_at(delta, base), sides_of(parameters), parameters.support, parameters.inverse_support,
-                parameters.gradient_scale, parameters.tensile, parameters.inverse_tensile, ax, ay, az,
+                lists[1][s], base, row_at(lists[2], base * most), row_at(place, QUADS * room), *numbers_of(part, scratch),
+                *own_of(place, room, base), row_at(delta, base), sides_of(parameters), parameters.support,
+                parameters.inverse_support, parameters.gradient_scale, parameters.tensile, parameters.inverse_tensile,
+                ax, ay, az,
             )  # fmt: skip
             for lane in range(min(LANES, count - base)):
                 i = base + lane
@@ -160,7 +181,7 @@ def make_solve(compiler: Compiler, real: Any, parts: frozenset[str], sides_of: A
                 shift[i], shift[room + i] = moved(ex, weight, x), moved(ey, weight, y)
                 shift[2 * room + i] = moved(ez, weight, z)
 
-    return SimpleNamespace(survey=survey, foresee=foresee, relax=relax, push=push)
+    return SimpleNamespace(push=push)
 
 
 def make_take_up(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:

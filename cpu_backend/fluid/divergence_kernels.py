@@ -10,10 +10,11 @@ from typing import Any
 
 from cpu_backend.core.compile import Compiler
 from cpu_backend.core.progress import shares
-from cpu_backend.fluid.divergence import make_solve, make_take_up
+from cpu_backend.fluid.constraint import make_search_phases, make_sides_of
+from cpu_backend.fluid.divergence import make_push, make_solve, make_take_up
 from cpu_backend.fluid.divergence_pairs import make_accelerate, make_gather
 from cpu_backend.fluid.kernels import fluid_compiler, make_sort
-from cpu_backend.fluid.phases import make_constraint, make_order
+from cpu_backend.fluid.phases import make_order
 from cpu_backend.fluid.velocities import make_velocities
 from model.core.plan import Moment, StageRun
 from model.fluid.divergence_plan import SECOND
@@ -22,12 +23,13 @@ from model.fluid.plan import SHAPES
 
 def _phases(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
     order = make_order(compiler, real, parts)
-    constraint = make_constraint(compiler, real, parts, order.cells_in)
-    found = vars(order) | vars(make_solve(compiler, real, parts, constraint.sides_of))
+    sides_of, searches = make_sides_of(compiler, real, parts), make_search_phases(compiler, real, parts, order.cells_in)
+    found = vars(order) | vars(make_solve(compiler, real, parts, sides_of))
+    found |= vars(make_push(compiler, real, parts, sides_of))
     found |= vars(make_take_up(compiler, real, parts))
-    found |= vars(make_accelerate(compiler, real, parts, constraint.sides_of))
-    shape = make_velocities(compiler, real, parts, constraint.sides_of).shape
-    return SimpleNamespace(**found, find=constraint.find, shape=shape, gather=make_gather(compiler, real, parts))
+    found |= vars(make_accelerate(compiler, real, parts, sides_of))
+    shape = make_velocities(compiler, real, parts, sides_of).shape
+    return SimpleNamespace(**found, find=searches.find, shape=shape, gather=make_gather(compiler, real, parts))
 
 
 @cache

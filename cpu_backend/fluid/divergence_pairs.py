@@ -12,7 +12,8 @@ from cpu_backend.core.compile import Compiler
 from cpu_backend.core.layout import row_at
 from cpu_backend.core.own_forces import make_own_force
 from cpu_backend.fluid.cells import AXES, BOX, LARGEST, make_row_of
-from cpu_backend.fluid.lists import LANES, make_wrap
+from cpu_backend.fluid.lists import make_wrap
+from cpu_backend.fluid.quads import LANES
 from cpu_backend.fluid.smoothing import make_smoothing
 from model.fluid.parameters import F_BUOYANCY, F_DRAG, F_SPEED, F_SURFACE_DRAG, MAX_NEIGHBOURS
 from model.fluid.plan import SMOOTHING

@@ -10,18 +10,20 @@ import numpy as np
 
 from cpu_backend.core.compile import Compiler
 from cpu_backend.core.progress import shares
+from cpu_backend.fluid.constraint import make_iteration, make_search_phases, make_sides_of
 from cpu_backend.fluid.flow import make_flow, make_flowing
-from cpu_backend.fluid.phases import make_constraint, make_order
+from cpu_backend.fluid.phases import make_order
 from cpu_backend.fluid.velocities import make_velocities
 from model.fluid.plan import SHAPES
 
 
 def _phases(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
     order = make_order(compiler, real, parts)
-    constraint = make_constraint(compiler, real, parts, order.cells_in)
-    velocities = make_velocities(compiler, real, parts, constraint.sides_of)
+    searches = make_search_phases(compiler, real, parts, order.cells_in)
+    iteration = make_iteration(compiler, real, parts)
+    velocities = make_velocities(compiler, real, parts, make_sides_of(compiler, real, parts))
     flow = make_flow(compiler, real, parts)
-    return SimpleNamespace(**vars(order), **vars(constraint), **vars(velocities), **vars(flow))
+    return SimpleNamespace(**vars(order), **vars(searches), **vars(iteration), **vars(velocities), **vars(flow))
 
 
 def fluid_compiler(name: str, real: Any, math: str, parts: frozenset[str]) -> Compiler:
@@ -35,7 +37,7 @@ def make_advance(real: Any, math: str, parts: frozenset[str]) -> Any:
     steps in one call. `everyone`: the world with all particles; `flow`: of cpu_backend/fluid/flow.py, where there is any."""
     compiler = fluid_compiler("fluid", real, math, parts)
     phases = _phases(compiler, real, parts)
-    predict, enter, tally, put, find = phases.predict, phases.enter, phases.tally, phases.put, phases.find
+    predict, enter, tally, put, prepare = phases.predict, phases.enter, phases.tally, phases.put, phases.prepare
     constrain, correct, update, finish = phases.constrain, phases.correct, phases.update, phases.finish
     shape, has_shape = phases.shape, bool(parts & SHAPES)
     emit, drain, rest, there_of, cells_in = phases.emit, phases.drain, phases.rest, phases.there_of, phases.cells_in
@@ -70,11 +72,12 @@ def make_advance(real: Any, math: str, parts: frozenset[str]) -> Any:
                         rest(world, cells_in(bands, world, parameters)[2], flow)
                 world = there_of(everyone, flow)
             for part in shares(team, member, bands):
-                find(part, bands, number, world, parameters, fluids, bodies, kinds)
+                prepare(part, bands, number, world, parameters, fluids, bodies, kinds)
             place, there = world[3][1], world[4][0]
-            for _ in range(iterations):
-                for part in shares(team, member, bands):
-                    constrain(part, bands, number, place, world, parameters, bodies, kinds)
+            for iteration in range(iterations):
+                if iteration > 0:
+                    for part in shares(team, member, bands):
+                        constrain(part, bands, number, place, world, parameters, bodies, kinds)
                 for part in shares(team, member, bands):
                     correct(part, bands, number, place, there, world, parameters, fluids, bodies, kinds)
                 place, there = there, place

@@ -7,81 +7,21 @@ and each lane's sum goes in the order of its own list.
 
 from __future__ import annotations
 
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
-from llvmlite import ir
-from numba import types
-from numba.extending import intrinsic
 
 from cpu_backend.core.compile import Compiler
 from cpu_backend.core.layout import row_at
-from cpu_backend.core.plain import in_python
+from cpu_backend.fluid.bits import WORD, bits_below, bits_of, lowest_bit, without, without_lowest
+from cpu_backend.fluid.quads import LANES
 from model.formulas.fluid import density
 
-LANES = 16
 AROUND = 1024  # particles of the cells around one that are gathered; where there are more, they are looked at in place
 RUNS = 64  # numbers: the ends of runs around a cell
 FAR = 1e15  # m: nobody's place; its square is still a number in float32
-
-
-WORD = 64  # distances that are looked at in one go, a bit each
-
-_built_in: Any = intrinsic  # typed by numba when it is compiled
-
-
-@_built_in
-def bits_below(typing_context, array, offset, limit):
-    """Of the WORD numbers of a flat array from `offset` on, those that are less than `limit`, a bit each."""
-    if not (isinstance(array, types.Array) and array.ndim == 1 and array.layout == "C" and array.dtype == limit):
-        return None
-
-    def build(context, builder, signature, arguments):
-        whole = context.make_array(array)(context, builder, arguments[0])
-        element = context.get_data_type(array.dtype)
-        vector = ir.VectorType(element, WORD)
-        here = builder.bitcast(builder.gep(whole.data, [arguments[1]]), vector.as_pointer())
-        numbers = builder.load(here, align=array.dtype.bitwidth // 8)
-        limits = builder.insert_element(ir.Constant(vector, ir.Undefined), arguments[2], ir.Constant(ir.IntType(32), 0))
-        limits = builder.shuffle_vector(limits, limits, ir.Constant(ir.VectorType(ir.IntType(32), WORD), [0] * WORD))
-        return builder.bitcast(builder.fcmp_ordered("<", numbers, limits), ir.IntType(WORD))
-
-    return types.uint64(array, types.int64, array.dtype), build
-
-
-@in_python(bits_below)
-def _bits_below(array: np.ndarray, offset: int, limit: Any) -> int:
-    return sum(1 << k for k in range(WORD) if array[offset + k] < limit)
-
-
-@_built_in
-def lowest_bit(typing_context, word):
-    """Where the lowest bit of a uint64 that is set lies; of 0 there is none."""
-
-    def build(context, builder, signature, arguments):
-        return builder.cttz(arguments[0], context.get_constant(types.boolean, True))
-
-    return types.int64(types.uint64), build
-
-
-@in_python(lowest_bit)
-def _lowest_bit(word: Any) -> int:
-    return (int(word) & -int(word)).bit_length() - 1
-
-
-@_built_in
-def without_lowest(typing_context, word):
-    """A uint64 without the lowest of its bits."""
-
-    def build(context, builder, signature, arguments):
-        return builder.and_(arguments[0], builder.sub(arguments[0], ir.Constant(ir.IntType(WORD), 1)))
-
-    return types.uint64(types.uint64), build
-
-
-@in_python(without_lowest)
-def _without_lowest(word: Any) -> int:
-    return int(word) & (int(word) - 1)
+TOGETHER = 4  # bits that are followed in one go, whether so many are left or not
 
 
 def make_wrap(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
@@ -100,43 +40,50 @@ def make_wrap(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
     return wrap
 
 
-def make_find(compiler: Compiler, real: Any, parts: frozenset[str], most: int) -> Any:
-    """find(first, last, count, room, nobody, place, cell, order, starts, counts, sides, parameters, lists, around, fluid)
-    -> neighbours that no list holds: of the slices `first` to before `last`. `counts`: of cells along x, y, z; `most`:
-    neighbours of a particle; `around`: room for those that lie in a cell's 27, whom its particles are all held against:
-    their places (three planes), which they are, and the runs that they come in."""
-    formulas, wrap = density.make(real, compiler.compiled), make_wrap(compiler, real, parts)
-    squared = formulas.squared
-    repeats, flat, has_solids = "repeats" in parts, "flat" in parts, "solids" in parts
-    zero, beyond = real(0), real(FAR)
+def _make_picked(compiler: Compiler, real: Any, parts: frozenset[str], most: int) -> Any:
+    squared, wrap = density.make(real, compiler.compiled).squared, make_wrap(compiler, real, parts)
+    has_solids = "solids" in parts
 
     @compiler.row
-    def distances(many, x, y, z, sides, xs, ys, zs, squares):
-        """The squares of all distances from a place."""
-        for k in range(many):
+    def distances(x, y, z, sides, xs, ys, zs, squares):
+        """The squares of WORD distances from a place."""
+        for k in range(WORD):
             dx, dy, dz = wrap(x - xs[k], y - ys[k], z - zs[k], sides)
             squares[k] = squared(dx, dy, dz)
 
     @compiler.compiled
     def picked(
-        i, lane, found, x, y, z, many, near_x, near_y, near_z, squares, who, sides, limit, entries, fluid, sampled
-    ):
-        """Appends those of the `many` that were gathered that are near to i; returned: how many there are with them."""
-        distances(many, x, y, z, sides, near_x, near_y, near_z, squares)
-        for k in range(many, (many + WORD - 1) // WORD * WORD):
-            squares[k] = beyond
+        i, own, lane, found, x, y, z, many, near_x, near_y, near_z, squares, who, sides, limit, entries, fluid, sampled
+    ):  # fmt: skip
+        """Appends those of the `many` that were gathered that are near to i, number `own` of them; returned: how many there
+        are with them."""
         for first in range(0, many, WORD):
-            near = bits_below(squares, np.int64(first), limit)
-            while near != 0:
-                j = who[first + lowest_bit(near)]
-                near = without_lowest(near)
-                if has_solids and fluid[i] == sampled and fluid[j] == sampled:
-                    continue  # two samples of solids
-                if j != i:
+            at = np.int64(first)
+            distances(x, y, z, sides, row_at(near_x, at), row_at(near_y, at), row_at(near_z, at), squares)
+            near = without(bits_below(squares, np.int64(0), limit), np.int64(own - first))
+            end = found + bits_of(near)
+            if has_solids or end + TOGETHER > most:
+                while near != 0:
+                    j = who[first + lowest_bit(near)]
+                    near = without_lowest(near)
+                    if has_solids and fluid[i] == sampled and fluid[j] == sampled:
+                        continue  # two samples of solids
                     if found < most:
                         entries[found * LANES + lane] = j
                     found += 1
+                continue
+            for k in range(found, end, TOGETHER):  # what is behind the last is overwritten by what comes
+                for n in range(TOGETHER):
+                    entries[(k + n) * LANES + lane] = who[first + lowest_bit(near)]
+                    near = without_lowest(near)
+            found = end
         return found
+
+    return picked
+
+
+def _make_runs_around(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
+    repeats, flat, zero = "repeats" in parts, "flat" in parts, real(0)
 
     @compiler.compiled
     def runs_around(c, nx, ny, nz, starts, sides, runs):
@@ -165,14 +112,44 @@ def make_find(compiler: Compiler, real: Any, parts: frozenset[str], most: int) -
                 n += 2
         return n
 
+    return runs_around
+
+
+def _make_gathered(compiler: Compiler, real: Any) -> SimpleNamespace:
+    far = real(FAR)
+
+    @compiler.row
+    def copied(many, first, x, y, z, near_x, near_y, near_z, who):
+        for k in range(many):
+            near_x[k], near_y[k], near_z[k], who[k] = x[k], y[k], z[k], np.int32(first + k)
+
     @compiler.compiled
     def gathered(k, begin, end, room, place, near_x, near_y, near_z, who):
         """Copies the places `begin` to before `end`, from number k on; returned: how many there are with them."""
-        for j in range(begin, end):
-            near_x[k], near_y[k], near_z[k] = place[j], place[room + j], place[2 * room + j]
-            who[k] = np.int32(j)
-            k += 1
-        return k
+        first = np.int64(begin)
+        copied(
+            end - begin, first, row_at(place, first), row_at(place, room + first), row_at(place, 2 * room + first),
+            row_at(near_x, k), row_at(near_y, k), row_at(near_z, k), row_at(who, k),
+        )  # fmt: skip
+        return k + np.int64(end - begin)
+
+    @compiler.compiled
+    def filled_up(many, near_x):
+        """Nobody in what the last WORD of those gathered lacks."""
+        for k in range(many, (many + WORD - 1) // WORD * WORD):
+            near_x[k] = far
+
+    return SimpleNamespace(gathered=gathered, filled_up=filled_up)
+
+
+def make_find(compiler: Compiler, real: Any, parts: frozenset[str], most: int) -> Any:
+    """find(first, last, count, room, nobody, place, cell, order, starts, counts, sides, parameters, lists, around, fluid)
+    -> neighbours that no list holds: of the slices `first` to before `last`. `counts`: of cells along x, y, z; `most`:
+    neighbours of a particle; `around`: room for those that lie in a cell's 27, whom its particles are all held against:
+    their places (three planes), which they are, and the runs that they come in."""
+    squared, zero, gather = density.make(real, compiler.compiled).squared, real(0), _make_gathered(compiler, real)
+    picked, runs_around = _make_picked(compiler, real, parts, most), _make_runs_around(compiler, real, parts)
+    gathered, filled_up = gather.gathered, gather.filled_up
 
     @compiler.compiled
     def find(
@@ -183,7 +160,7 @@ def make_find(compiler: Compiler, real: Any, parts: frozenset[str], most: int) -
         limit, missed = squared(parameters.support, zero, zero), 0
         nx, ny, nz = counts
         sampled = np.int32(parameters.sampled)
-        known, ends, many, holds = np.int64(-1), 0, np.int64(0), True
+        known, ends, many, own_from, holds = np.int64(-1), 0, np.int64(0), np.int64(0), True
         for s in range(first, last):
             own = row_at(entries, np.int64(s) * (LANES * most))
             longest[s] = 0
@@ -200,21 +177,25 @@ def make_find(compiler: Compiler, real: Any, parts: frozenset[str], most: int) -
                     many, holds = np.int64(0), bool(total <= AROUND)
                     if holds:
                         for n in range(0, ends, 2):
+                            if runs[n] <= i and i < runs[n + 1]:
+                                own_from = many - np.int64(runs[n])
                             many = gathered(many, runs[n], runs[n + 1], room, place, near_x, near_y, near_z, who)
+                        filled_up(many, near_x)
                 x, y, z = place[i], place[room + i], place[2 * room + i]
                 if holds:
                     found = picked(
-                        i, lane, found, x, y, z, many, near_x, near_y, near_z, squares, who, sides, limit, own, fluid,
-                        sampled,
+                        i, i + own_from, lane, found, x, y, z, many, near_x, near_y, near_z, squares, who, sides, limit,
+                        own, fluid, sampled,
                     )  # fmt: skip
                 else:  # as many at a time as there is room for
                     for n in range(0, ends, 2):
                         for begin in range(runs[n], runs[n + 1], AROUND):
                             end = min(begin + AROUND, runs[n + 1])
                             many = gathered(np.int64(0), begin, end, room, place, near_x, near_y, near_z, who)
+                            filled_up(many, near_x)
                             found = picked(
-                                i, lane, found, x, y, z, many, near_x, near_y, near_z, squares, who, sides, limit, own,
-                                fluid, sampled,
+                                i, i - np.int64(begin), lane, found, x, y, z, many, near_x, near_y, near_z, squares, who,
+                                sides, limit, own, fluid, sampled,
                             )  # fmt: skip
                 missed += max(found - most, 0)
                 neighbours[i] = np.int32(min(found, most))

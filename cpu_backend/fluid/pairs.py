@@ -7,9 +7,12 @@ from __future__ import annotations
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
+
 from cpu_backend.core.compile import Compiler
 from cpu_backend.fluid.cells import make_row_of
-from cpu_backend.fluid.lists import LANES, make_wrap
+from cpu_backend.fluid.lists import make_wrap
+from cpu_backend.fluid.quads import LANES, read_quads
 from model.fluid.parameters import F_WEIGHT
 from model.formulas.fluid import density
 
@@ -24,22 +27,26 @@ def make_pairs(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNa
     one = real(1)
 
     @compiler.row
-    def densities(many, entries, x, y, z, own_x, own_y, own_z, sides, inverse, total):
+    def densities(many, entries, quads, x, y, z, w, own_x, own_y, own_z, sides, inverse, total):
         for k in range(many):
+            read_quads(quads, entries, np.int64(k * LANES), x, y, z, w)
             for lane in range(LANES):
-                j = entries[k * LANES + lane]
-                dx, dy, dz = wrap(own_x[lane] - x[j], own_y[lane] - y[j], own_z[lane] - z[j], sides)
+                dx, dy, dz = wrap(own_x[lane] - x[lane], own_y[lane] - y[lane], own_z[lane] - z[lane], sides)
                 total[lane] = density_added(total[lane], near(squared(dx, dy, dz), inverse))
 
     @compiler.row
     def gradients(
-        many, first, entries, x, y, z, own_x, own_y, own_z, sides, support, inverse, scale, fluid, fluids, gx, gy, gz, own
+        many, first, entries, quads, x, y, z, w, own_x, own_y, own_z, sides, support, inverse, scale, fluid, fluids, gx, gy,
+        gz, own, total,
     ):  # fmt: skip
         for k in range(many):
+            read_quads(quads, entries, np.int64(k * LANES), x, y, z, w)
             for lane in range(LANES):
                 j = entries[k * LANES + lane]
-                dx, dy, dz = wrap(own_x[lane] - x[j], own_y[lane] - y[j], own_z[lane] - z[j], sides)
-                dy = apart(dy, squared(dx, dy, dz), support, first + lane < j)
+                dx, dy, dz = wrap(own_x[lane] - x[lane], own_y[lane] - y[lane], own_z[lane] - z[lane], sides)
+                square = squared(dx, dy, dz)
+                total[lane] = density_added(total[lane], near(square, inverse))
+                dy = apart(dy, square, support, first + lane < j)
                 square = squared(dx, dy, dz)
                 s = slope(square, inverse, scale)
                 gx[lane] = gradient_added(gx[lane], s, dx)
@@ -50,17 +57,18 @@ def make_pairs(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNa
 
     @compiler.row
     def corrections(
-        many, first, entries, x, y, z, delta, own_x, own_y, own_z, own_delta, sides, support, inverse, scale, tensile,
+        many, first, entries, quads, x, y, z, w, own_x, own_y, own_z, own_delta, sides, support, inverse, scale, tensile,
         inverse_tensile, ax, ay, az,
     ):  # fmt: skip
         for k in range(many):
+            read_quads(quads, entries, np.int64(k * LANES), x, y, z, w)
             for lane in range(LANES):
                 j = entries[k * LANES + lane]
-                dx, dy, dz = wrap(own_x[lane] - x[j], own_y[lane] - y[j], own_z[lane] - z[j], sides)
+                dx, dy, dz = wrap(own_x[lane] - x[lane], own_y[lane] - y[lane], own_z[lane] - z[lane], sides)
                 dy = apart(dy, squared(dx, dy, dz), support, first + lane < j)
                 square = squared(dx, dy, dz)
                 s = slope(square, inverse, scale)
-                both = own_delta[lane] + delta[j]
+                both = own_delta[lane] + w[lane]
                 if has_tensile:
                     both = both - crowded(near(square, inverse), inverse_tensile, tensile)
                 ax[lane] = correction_added(ax[lane], both, s, dx)

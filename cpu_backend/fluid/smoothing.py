@@ -9,29 +9,20 @@ import numpy as np
 
 from cpu_backend.core.compile import Compiler
 from cpu_backend.fluid.cells import make_row_of
-from cpu_backend.fluid.lists import LANES, make_wrap
+from cpu_backend.fluid.lists import make_wrap
+from cpu_backend.fluid.quads import LANES
 from model.fluid.parameters import F_COHESION, F_CONFINEMENT, F_TENSION, F_VISCOSITY, F_WEIGHT
 from model.formulas.fluid import density, motion
 
 
 def make_smoothing(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
     """`shapes`, `smooth`: of velocities (model/fluid/plan.py, 7 and 8), one particle at a time."""
-    f, m, wrap = (
-        density.make(real, compiler.compiled),
-        motion.make(real, compiler.compiled),
-        make_wrap(compiler, real, parts),
-    )
-    squared, near, apart, slope, gradient_added = f.squared, f.near, f.apart, f.slope, f.gradient_added
-    curl_added, smooth_share, smooth_added, pull = m.curl_added, m.smooth_share, m.smooth_added, m.pull
-    pull_added, tension_added, rise_added, smoothed, confined = (
-        m.pull_added, m.tension_added, m.rise_added, m.smoothed, m.confined,
-    )  # fmt: skip
-    speed_of = m.speed_of
-    has_viscosity, has_cohesion = "viscosity" in parts, "cohesion" in parts
-    has_tension, has_vorticity = "surface-tension" in parts, "vorticity" in parts
-    has_solids = "solids" in parts
-    row_of = compiler.compiled(make_row_of(parts))
-    zero = real(0)
+    return SimpleNamespace(shapes=_make_shapes(compiler, real, parts), smooth=_make_smooth(compiler, real, parts))
+
+
+def _make_difference(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
+    f, wrap = density.make(real, compiler.compiled), make_wrap(compiler, real, parts)
+    squared, apart = f.squared, f.apart
 
     @compiler.compiled
     def difference(i, j, room, place, sides, support):
@@ -40,6 +31,15 @@ def make_smoothing(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simp
         dx, dy, dz = wrap(dx, dy, dz, sides)
         dy = apart(dy, squared(dx, dy, dz), support, i < j)
         return dx, dy, dz, squared(dx, dy, dz)
+
+    return difference
+
+
+def _make_shapes(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
+    f, curl_added = density.make(real, compiler.compiled), motion.make(real, compiler.compiled).curl_added
+    slope, gradient_added, difference = f.slope, f.gradient_added, _make_difference(compiler, real, parts)
+    has_tension, has_vorticity, has_solids = "surface-tension" in parts, "vorticity" in parts, "solids" in parts
+    zero = real(0)
 
     @compiler.compiled
     def shapes(i, many, entries, room, place, velocity, normal, curl, sides, parameters, fluid):
@@ -62,6 +62,18 @@ def make_smoothing(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simp
                 wz = curl_added(wz, s, dx, dy, vx, vy, ux, uy)
         normal[i], normal[room + i], normal[2 * room + i] = nx, ny, nz
         curl[i], curl[room + i], curl[2 * room + i] = wx, wy, wz
+
+    return shapes
+
+
+def _make_smooth(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
+    f, m = density.make(real, compiler.compiled), motion.make(real, compiler.compiled)
+    near, slope, speed_of, difference = f.near, f.slope, m.speed_of, _make_difference(compiler, real, parts)
+    smooth_share, smooth_added, pull, pull_added = m.smooth_share, m.smooth_added, m.pull, m.pull_added
+    tension_added, rise_added, smoothed, confined = m.tension_added, m.rise_added, m.smoothed, m.confined
+    has_viscosity, has_cohesion = "viscosity" in parts, "cohesion" in parts
+    has_tension, has_vorticity, has_solids = "surface-tension" in parts, "vorticity" in parts, "solids" in parts
+    row_of, zero = compiler.compiled(make_row_of(parts)), real(0)
 
     @compiler.compiled
     def smooth(i, many, entries, room, place, velocity, normal, curl, sides, parameters, fluid, fluids):
@@ -109,4 +121,4 @@ def make_smoothing(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simp
             vz = confined(vz, strength, steep, rx, ry, wx, wy)
         return vx, vy, vz
 
-    return SimpleNamespace(shapes=shapes, smooth=smooth)
+    return smooth

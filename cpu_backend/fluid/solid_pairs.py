@@ -9,7 +9,7 @@ from typing import Any
 
 from cpu_backend.core.compile import Compiler
 from cpu_backend.fluid.cells import make_row_of
-from cpu_backend.fluid.lists import LANES
+from cpu_backend.fluid.quads import LANES
 from model.fluid.parameters import F_VISCOSITY
 from model.formulas.fluid import density, solids
 

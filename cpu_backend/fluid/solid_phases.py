@@ -16,16 +16,17 @@ from cpu_backend.contact.colliders import make_collide_mass, make_instants
 from cpu_backend.core.compile import Compiler
 from cpu_backend.core.layout import row_at
 from cpu_backend.fluid.cells import AXES, BOX, LARGEST, make_row_of
-from cpu_backend.fluid.lists import LANES
+from cpu_backend.fluid.quads import LANES
+from cpu_backend.fluid.rows import make_rows, make_scratch
 from cpu_backend.fluid.solid_pairs import make_solid_pairs
-from cpu_backend.fluid.walls import make_walls
+from cpu_backend.fluid.walls import make_wall_rows
 from model.fluid.among_solids import K_GRIP, K_LIGHTNESS, KINDS
 from model.fluid.parameters import F_WEIGHT, MAX_NEIGHBOURS
 from model.fluid.samples import CORNERS
 from model.formulas.fluid import density, solids
 from model.scene.cloth import COLLIDER_KINDS
 
-SUMS = 4  # rows of LANES for each part
+SUMS = 5  # rows of LANES for each part
 
 
 def make_sampling(compiler: Compiler, real: Any) -> SimpleNamespace:
@@ -112,80 +113,97 @@ def make_sampling(compiler: Compiler, real: Any) -> SimpleNamespace:
 
 def make_solid_constraint(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
     """`factors`, `constrain`, `correct`: the density constraint's phases among solids, over slices of LANES."""
-    compiled, f = compiler.compiled, density.make(real, compiler.compiled)
-    constraint, change, wall_added, moved = f.constraint, f.change, f.wall_added, f.moved
-    factor_of, most = f.factor, MAX_NEIGHBOURS[AXES]
-    pairs, walls = make_solid_pairs(compiler, real, parts), make_walls(compiler, real, parts)
-    densities, gradients, corrections = pairs.densities, pairs.gradients, pairs.corrections
-    frictions = pairs.frictions
-    touch, instants = make_collide_mass(compiler, real, parts), make_instants(compiler, real, parts)
-    has_walls, has_bodies = "walls" in parts, bool(parts & set(COLLIDER_KINDS))
-    row_of, zero = compiled(make_row_of(parts)), real(0)
+    return SimpleNamespace(
+        factors=_make_factors(compiler, real, parts), constrain=_make_constrain(compiler, real, parts),
+        correct=_make_correct(compiler, real, parts),
+    )  # fmt: skip
 
-    @compiled
+
+def _make_factors(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
+    gradients, own_of = make_solid_pairs(compiler, real, parts).gradients, make_scratch(compiler).own
+    wall_rows, instants = make_wall_rows(compiler, real, parts), make_instants(compiler, real, parts)
+    factor_rows, most = make_rows(compiler, real, parts).factors, MAX_NEIGHBOURS[AXES]
+    has_walls, zero = "walls" in parts, real(0)
+
+    @compiler.compiled
     def factors(part, shared, number, world, met, scratch, parameters, fluids, bodies, kinds_of):
         """The factors that an iteration multiplies by; of samples 0."""
-        (count, room, _), _, _, in_order, (_, factor, multiplier, _, _, _), _, (_, longest, entries, _), _ = world
-        first, kinds = met[0], met[2]
-        place, numbers, fluid = in_order[1], in_order[3], in_order[4]
+        (count, room, _), _, _, in_order, (_, factor, multiplier, _, _, wall), _, (_, longest, entries, _), _ = world
+        first, kinds, place, numbers, fluid = met[0], met[2], in_order[1], in_order[3], in_order[4]
         _, end, _ = instants(number, parameters)
         at, slices = np.int64(part) * (SUMS * LANES), (count + LANES - 1) // LANES
         gx, gy, gz = row_at(scratch, at), row_at(scratch, at + LANES), row_at(scratch, at + 2 * LANES)
-        own = row_at(scratch, at + 3 * LANES)
+        own, share = row_at(scratch, at + 3 * LANES), row_at(scratch, at + 4 * LANES)
         for s in range(slices * part // shared, slices * (part + 1) // shared):
             base = np.int64(s) * LANES
             for lane in range(LANES):
                 gx[lane], gy[lane], gz[lane], own[lane] = zero, zero, zero, zero
             gradients(
                 longest[s], base, row_at(entries, base * most), place, row_at(place, room), row_at(place, 2 * room),
-                row_at(place, base), row_at(place, room + base), row_at(place, 2 * room + base), parameters.support,
-                parameters.inverse_support, parameters.gradient_scale, kinds, row_at(kinds, K_LIGHTNESS * room), gx, gy, gz,
-                own,
+                *own_of(place, room, base), parameters.support, parameters.inverse_support, parameters.gradient_scale, kinds,
+                row_at(kinds, K_LIGHTNESS * room), gx, gy, gz, own,
             )  # fmt: skip
-            for lane in range(min(LANES, count - base)):
-                i = base + lane
-                wx, wy, wz = zero, zero, zero
-                if has_walls:
-                    _, wx, wy, wz = walls(
-                        bodies, kinds_of, end, parameters, place[i], place[room + i], place[2 * room + i]
-                    )  # fmt: skip
-                factor[i], multiplier[i] = zero, zero
-                if numbers[i] < first:
-                    factor[i] = factor_of(
-                        parameters.relaxation, fluids[row_of(fluid, i) + F_WEIGHT], gx[lane], gy[lane], gz[lane], own[lane],
-                        wx, wy, wz, parameters.softness,
-                    )  # fmt: skip
+            if has_walls:
+                wall_rows(
+                    bodies, kinds_of, end, parameters, *own_of(place, room, base), share, *own_of(wall, room, base)
+                )  # fmt: skip
+            factor_rows(
+                parameters.relaxation, parameters.softness, row_at(fluid, base), fluids, gx, gy, gz, own,
+                *own_of(wall, room, base), row_at(factor, base), row_at(multiplier, base),
+            )  # fmt: skip
+            for i in range(base, min(base + LANES, count)):
+                if numbers[i] >= first:
+                    factor[i] = zero
 
-    @compiled
+    return factors
+
+
+def _make_constrain(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
+    densities, own_of = make_solid_pairs(compiler, real, parts).densities, make_scratch(compiler).own
+    wall_rows, instants = make_wall_rows(compiler, real, parts), make_instants(compiler, real, parts)
+    relax, most, has_walls, zero = (
+        make_rows(compiler, real, parts - {"averaged"}).relax, MAX_NEIGHBOURS[AXES], "walls" in parts, real(0)
+    )  # fmt: skip
+
+    @compiler.compiled
     def constrain(part, shared, number, place, world, met, scratch, parameters, bodies, kinds_of):
-        """The constraints where particles are at `place`, and the changes of their multipliers."""
+        """The constraints where particles are at `place`, and the changes of their multipliers; of samples 0."""
         (count, room, _), _, _, in_order, (_, factor, multiplier, delta, error, wall), _, lists, _ = world
         first, kinds, numbers = met[0], met[2], in_order[3]
         longest, entries, slices = lists[1], lists[2], (count + LANES - 1) // LANES
         _, end, _ = instants(number, parameters)
-        total = row_at(scratch, np.int64(part) * (SUMS * LANES))
+        at = np.int64(part) * (SUMS * LANES)
+        total, share = row_at(scratch, at), row_at(scratch, at + 4 * LANES)
         for s in range(slices * part // shared, slices * (part + 1) // shared):
             base = np.int64(s) * LANES
             for lane in range(LANES):
                 total[lane] = zero
             densities(
                 longest[s], row_at(entries, base * most), place, row_at(place, room), row_at(place, 2 * room),
-                row_at(place, base), row_at(place, room + base), row_at(place, 2 * room + base), parameters.inverse_support,
-                kinds, total,
+                *own_of(place, room, base), parameters.inverse_support, kinds, total,
             )  # fmt: skip
-            for lane in range(min(LANES, count - base)):
-                i, share, wx, wy, wz = base + lane, zero, zero, zero, zero
-                error[i], delta[i] = zero, zero
+            if has_walls:
+                wall_rows(
+                    bodies, kinds_of, end, parameters, *own_of(place, room, base), share, *own_of(wall, room, base)
+                )  # fmt: skip
+            relax(
+                parameters.density_scale, total, share, row_at(factor, base), row_at(multiplier, base),
+                row_at(delta, base), row_at(error, base),
+            )  # fmt: skip
+            for i in range(base, min(base + LANES, count)):
                 if numbers[i] >= first:
-                    continue
-                if has_walls:
-                    share, wx, wy, wz = walls(
-                        bodies, kinds_of, end, parameters, place[i], place[room + i], place[2 * room + i]
-                    )  # fmt: skip
-                    wall[i], wall[room + i], wall[2 * room + i] = wx, wy, wz
-                c = constraint(total[lane], parameters.density_scale, share)
-                error[i], delta[i] = c, change(multiplier[i], factor[i], c)
-                multiplier[i] = multiplier[i] + delta[i]
+                    error[i], delta[i], multiplier[i] = zero, zero, zero
+
+    return constrain
+
+
+def _make_correct(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
+    compiled, f, own_of = compiler.compiled, density.make(real, compiler.compiled), make_scratch(compiler).own
+    wall_added, moved, most = f.wall_added, f.moved, MAX_NEIGHBOURS[AXES]
+    pairs, touch = make_solid_pairs(compiler, real, parts), make_collide_mass(compiler, real, parts)
+    corrections, frictions = pairs.corrections, pairs.frictions
+    has_walls, has_bodies = "walls" in parts, bool(parts & set(COLLIDER_KINDS))
+    row_of, zero = compiled(make_row_of(parts)), real(0)
 
     @compiled
     def correct(part, shared, number, place, there, world, met, scratch, parameters, fluids, bodies, kinds_of):
@@ -203,10 +221,9 @@ def make_solid_constraint(compiler: Compiler, real: Any, parts: frozenset[str]) 
                 ax[lane], ay[lane], az[lane] = zero, zero, zero
             corrections(
                 longest[s], base, row_at(entries, base * most), place, row_at(place, room), row_at(place, 2 * room), delta,
-                kinds, grip, row_at(place, base), row_at(place, room + base), row_at(place, 2 * room + base),
-                row_at(delta, base), row_at(kinds, base), row_at(grip, base), parameters.support,
-                parameters.inverse_support, parameters.gradient_scale, parameters.tensile, parameters.inverse_tensile,
-                ax, ay, az,
+                kinds, grip, *own_of(place, room, base), row_at(delta, base), row_at(kinds, base), row_at(grip, base),
+                parameters.support, parameters.inverse_support, parameters.gradient_scale, parameters.tensile,
+                parameters.inverse_tensile, ax, ay, az,
             )  # fmt: skip
             for lane in range(min(LANES, count - base)):
                 i = base + lane
@@ -231,4 +248,4 @@ def make_solid_constraint(compiler: Compiler, real: Any, parts: frozenset[str]) 
                         )  # fmt: skip
                 there[i], there[room + i], there[2 * room + i] = px, py, pz
 
-    return SimpleNamespace(factors=factors, constrain=constrain, correct=correct)
+    return correct

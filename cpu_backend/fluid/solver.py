@@ -17,8 +17,9 @@ from cpu_backend.core.simulation import ParticlesSimulation, chosen_kernel
 from cpu_backend.fluid.cells import AXES, BOX
 from cpu_backend.fluid.divergence_kernels import free_stages, make_advance_freely
 from cpu_backend.fluid.kernels import make_advance, make_stages
-from cpu_backend.fluid.lists import AROUND, FAR, LANES, RUNS
-from cpu_backend.fluid.phases import SCRATCH
+from cpu_backend.fluid.lists import AROUND, FAR, RUNS
+from cpu_backend.fluid.quads import LANES, QUAD, QUADS
+from cpu_backend.fluid.rows import SCRATCH
 from model.core.own_forces import POKED
 from model.core.plan import Executor, Moment, StageRun
 from model.core.simulation import Options
@@ -67,12 +68,16 @@ class Fluid(ParticlesSimulation):
         def planes(kind: Any = real, many: int = AXES) -> np.ndarray:
             return aligned_zeros(many * room + LANES, kind)
 
+        def places() -> np.ndarray:
+            """With the same in quads behind."""
+            return planes(many=QUADS + QUAD)
+
         self._state = planes(), planes(), planes(np.int32, 1), planes(np.int32, 1)  # position, velocity, number, fluid
         unsorted = planes(), planes(), planes()  # before, predicted, velocity meant
-        in_order = planes(), planes(), planes(), planes(np.int32, 1), planes(np.int32, 1)
+        in_order = planes(), places(), planes(), planes(np.int32, 1), planes(np.int32, 1)
         factor, multiplier, delta, error = (planes(many=1) for _ in range(4))
         work = (
-            planes(),
+            places(),
             factor,
             multiplier,
             delta,
@@ -90,7 +95,8 @@ class Fluid(ParticlesSimulation):
         for array in (in_order[1], work[0]):
             for axis in range(self.scene.dimensions):
                 array[axis * room + nobody : (axis + 1) * room] = FAR
-        near, who = aligned_zeros(4 * AROUND * bands, real), np.zeros(AROUND * bands, np.int32)
+                array[QUADS * room + QUAD * nobody + axis : (QUADS + QUAD) * room : QUAD] = FAR
+        near, who = aligned_zeros(4 * AROUND * bands, real), np.zeros(AROUND * bands + LANES, np.int32)
         scratch = aligned_zeros(SCRATCH * LANES * bands, real), near, who, np.zeros(RUNS * bands, np.int64)
         self._world = (count, room, nobody), self._state, unsorted, in_order, work, table, lists, scratch
         self._flow = self._make_flow()

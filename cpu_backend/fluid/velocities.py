@@ -7,11 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from cpu_backend.contact.colliders import make_collide_mass
+from cpu_backend.contact.colliders import make_collide_row
 from cpu_backend.core.compile import Compiler
-from cpu_backend.core.layout import row_at
+from cpu_backend.core.layout import block_of, row_at
 from cpu_backend.fluid.cells import AXES, make_row_of
-from cpu_backend.fluid.lists import LANES
+from cpu_backend.fluid.quads import LANES
+from cpu_backend.fluid.rows import make_scratch
 from cpu_backend.fluid.smoothing import make_smoothing
 from model.fluid.parameters import F_CHANGE, F_DRAG, F_SPEED, F_SURFACE_DRAG, MAX_NEIGHBOURS
 from model.fluid.plan import SMOOTHING
@@ -22,33 +23,11 @@ from model.scene.cloth import COLLIDER_KINDS
 def make_velocities(compiler: Compiler, real: Any, parts: frozenset[str], sides_of: Any) -> SimpleNamespace:
     """`update`, `shape`, `finish`: phases that take (part, parts, ..., place, world, ...). `place`: where particles are."""
     compiled, m = compiler.compiled, motion.make(real, compiler.compiled)
-    velocity_of, held_back, speed_of, slowed, braked = m.velocity_of, m.held_back, m.speed_of, m.slowed, m.braked
-    around, touch = make_smoothing(compiler, real, parts), make_collide_mass(compiler, real, parts)
+    speed_of, slowed, braked, around = m.speed_of, m.slowed, m.braked, make_smoothing(compiler, real, parts)
     shape_of, smooth_of = around.shapes, around.smooth
-    most = MAX_NEIGHBOURS[2 if "flat" in parts else 3]
-    has_bodies, is_held, has_drag = bool(parts & set(COLLIDER_KINDS)), "held-back" in parts, "drag" in parts
+    most, has_drag = MAX_NEIGHBOURS[2 if "flat" in parts else 3], "drag" in parts
     smooths, several = bool(parts & SMOOTHING), "fluids" in parts
     row_of = compiled(make_row_of(parts))
-
-    @compiled
-    def update(part, shared, number, place, world, parameters, fluids, bodies, kinds):
-        """What positions say, and colliders; into `meant`, which nobody else reads."""
-        (count, room, _), _, _, in_order, _, _, _, _ = world
-        before, meant, fluid = in_order[0], in_order[2], in_order[4]
-        rate = parameters.inverse_dt
-        for i in range(count * part // shared, count * (part + 1) // shared):
-            x, y, z = place[i], place[room + i], place[2 * room + i]
-            bx, by, bz = before[i], before[room + i], before[2 * room + i]
-            u, v, w = velocity_of(x, bx, rate), velocity_of(y, by, rate), velocity_of(z, bz, rate)
-            if is_held:
-                mu, mv, mw = meant[i], meant[room + i], meant[2 * room + i]
-                far, most_change = speed_of(u - mu, v - mv, w - mw), fluids[row_of(fluid, i) + F_CHANGE]
-                u, v = held_back(u, mu, far, most_change), held_back(v, mv, far, most_change)
-                w = held_back(w, mw, far, most_change)
-            if has_bodies:
-                x, y, z, u, v, w = touch(bodies, kinds, number, parameters, bx, by, bz, x, y, z, u, v, w)
-                place[i], place[room + i], place[2 * room + i] = x, y, z
-            meant[i], meant[room + i], meant[2 * room + i] = u, v, w
 
     @compiled
     def shape(part, shared, place, world, parameters):
@@ -90,4 +69,47 @@ def make_velocities(compiler: Compiler, real: Any, parts: frozenset[str], sides_
             if several:
                 fluid[i] = in_order[4][i]
 
-    return SimpleNamespace(update=update, shape=shape, finish=finish)
+    return SimpleNamespace(update=_make_update(compiler, real, parts), shape=shape, finish=finish)
+
+
+def _make_update(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
+    compiled, m = compiler.compiled, motion.make(real, compiler.compiled)
+    velocity_of, held_back, speed_of = m.velocity_of, m.held_back, m.speed_of
+    collide, scratch_of = make_collide_row(compiler, real, parts), make_scratch(compiler)
+    sums_of, own_of, row_of = scratch_of.sums_of, scratch_of.own, compiled(make_row_of(parts))
+    has_bodies, is_held, blocks = bool(parts & set(COLLIDER_KINDS)), "held-back" in parts, LANES // block_of(real)
+
+    @compiler.row
+    def velocities(rate, fluid, fluids, px, py, pz, bx, by, bz, meant_x, meant_y, meant_z, x, y, z, u, v, w):
+        for lane in range(LANES):
+            x[lane], y[lane], z[lane] = px[lane], py[lane], pz[lane]
+            a, b = velocity_of(px[lane], bx[lane], rate), velocity_of(py[lane], by[lane], rate)
+            c = velocity_of(pz[lane], bz[lane], rate)
+            if is_held:
+                ma, mb, mc = meant_x[lane], meant_y[lane], meant_z[lane]
+                far, most_change = speed_of(a - ma, b - mb, c - mc), fluids[row_of(fluid, lane) + F_CHANGE]
+                a, b = held_back(a, ma, far, most_change), held_back(b, mb, far, most_change)
+                c = held_back(c, mc, far, most_change)
+            u[lane], v[lane], w[lane] = a, b, c
+
+    @compiled
+    def update(part, shared, number, place, world, parameters, fluids, bodies, kinds):
+        """What positions say, and colliders; into `meant`, which nobody else reads."""
+        (count, room, _), _, _, in_order, _, _, _, (scratch, _, _, _) = world
+        before, meant, fluid, slices = in_order[0], in_order[2], in_order[4], (count + LANES - 1) // LANES
+        sums = sums_of(part, scratch)
+        x, y, z, u, v, w = sums
+        for s in range(slices * part // shared, slices * (part + 1) // shared):
+            base = np.int64(s) * LANES
+            velocities(
+                parameters.inverse_dt, row_at(fluid, base), fluids, *own_of(place, room, base), *own_of(before, room, base),
+                *own_of(meant, room, base), *sums,
+            )  # fmt: skip
+            if has_bodies:
+                collide(bodies, kinds, number, parameters, blocks, before, base, room, x, np.int64(0), LANES)
+            for lane in range(LANES):
+                i = base + lane
+                place[i], place[room + i], place[2 * room + i] = x[lane], y[lane], z[lane]
+                meant[i], meant[room + i], meant[2 * room + i] = u[lane], v[lane], w[lane]
+
+    return update

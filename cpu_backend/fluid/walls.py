@@ -1,4 +1,5 @@
-"""What walls add to a fluid's density, one particle at a time (model/fluid/plan.py, at its end)."""
+"""What walls add to a fluid's density, LANES particles at a time (model/fluid/plan.py, at its end). A wall out of reach adds
+zeros."""
 
 from __future__ import annotations
 
@@ -6,9 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from cpu_backend.contact.colliders import CAPSULE, FIELD, MESH, PLANE, SPHERE, make_push
+from cpu_backend.contact.colliders import BOX, CAPSULE, FIELD, MESH, PLANE, SPHERE, make_push
 from cpu_backend.core.compile import Compiler
 from cpu_backend.core.layout import row_at
+from cpu_backend.fluid.quads import LANES
 from model.fluid.plan import WALLS
 from model.formulas import colliders
 from model.formulas.fluid import density, surfaces
@@ -31,57 +33,99 @@ from model.mass_spring.cloth_parameters import (
 )
 
 
-def make_walls(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
-    """walls(bodies, kinds, time, parameters, x, y, z) -> (density, gradient of it, three): of all at `time` [s]."""
-    compiled = compiler.compiled
-    distances, formulas = colliders.make(real, compiled), density.make(real, compiled)
-    point = make_push(compiler, real, parts).point
-    plane, sphere, capsule, box = distances.plane, distances.sphere, distances.capsule, distances.box
-    beyond, wall_near, wall_density = formulas.beyond, formulas.wall_near, formulas.wall_density
-    wall_slope, joined_density, joined_gradient = formulas.wall_slope, formulas.joined_density, formulas.joined_gradient
-    surface = surfaces.make(real, compiled)
-    mesh, field = surface.mesh_collider, surface.distance_field
-    has_plane, has_sphere, has_capsule, _, has_mesh, has_field = (kind in parts for kind in WALLS)
+def make_wall_rows(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
+    """wall_rows(bodies, kinds, time, parameters, x, y, z, share, gx, gy, gz): of LANES particles, what all colliders add to
+    the density at `time` [s], and its gradient."""
+    row_of = _make_rows(compiler, real, parts)
+    rows = {kind: row_of(away) for kind, away in _make_aways(compiler, real, parts).items()}
+    plane, sphere, capsule, box, mesh, field = (rows[kind] for kind in WALLS)
+    has_plane, has_sphere, has_capsule, has_box, has_mesh, has_field = (kind in parts for kind in WALLS)
     zero = real(0)
 
-    @compiled
-    def beyond_surface(body, away, time, reach, x, y, z):
-        """Of one made from a mesh; `away`: of model/formulas/fluid/surfaces.py."""
-        return away(
-            body, np.int32(body[B_TREE]), body[B_X], body[B_Y], body[B_Z], body[B_VX], body[B_VY], body[B_VZ], body[B_U],
-            body[B_V], body[B_W], body[B_SPIN], body[B_TURNS], time, x, y, z, reach,
-        )  # fmt: skip
-
-    @compiled
-    def away(body, kind, time, reach, x, y, z):
-        """(distance, normal) of a place from the surface of a collider; `reach` where one made from a mesh is farther."""
-        if has_mesh and kind == MESH:
-            return beyond_surface(body, mesh, time, reach, x, y, z)
-        if has_field and kind == FIELD:
-            return beyond_surface(body, field, time, reach, x, y, z)
-        cx, cy, cz = point(body, time)
-        dx, dy, dz = x - cx, y - cy, z - cz
-        if has_plane and kind == PLANE:
-            return plane(dx, dy, dz, body[B_U], body[B_V], body[B_W])
-        if has_sphere and kind == SPHERE:
-            return sphere(dx, dy, dz, body[B_RADIUS])
-        if has_capsule and kind == CAPSULE:
-            return capsule(dx, dy, dz, body[B_U], body[B_V], body[B_W], body[B_RADIUS])
-        return box(dx, dy, dz, body[B_U], body[B_V], body[B_W])
-
-    @compiled
-    def walls(bodies, kinds, time, parameters, x, y, z):
-        total, gx, gy, gz = zero, zero, zero, zero
+    @compiler.compiled
+    def wall_rows(bodies, kinds, time, parameters, x, y, z, share, gx, gy, gz):
+        for lane in range(LANES):
+            share[lane], gx[lane], gy[lane], gz[lane] = zero, zero, zero, zero
+        scales = parameters.support, parameters.inverse_support, parameters.wall_scale, parameters.wall_gradient
         for b in range(kinds.size):
             body = row_at(bodies, np.int64(b * COLLIDER_FIELDS))
-            distance, nx, ny, nz = away(body, kinds[b], time, parameters.support + body[B_THICKNESS], x, y, z)
-            t = wall_near(beyond(distance, body[B_THICKNESS]), parameters.inverse_support)
-            if t > zero:
-                share, slope = wall_density(t, parameters.wall_scale), wall_slope(t, parameters.wall_gradient)
-                gx = joined_gradient(gx, total, slope, share, nx)
-                gy = joined_gradient(gy, total, slope, share, ny)
-                gz = joined_gradient(gz, total, slope, share, nz)
-                total = joined_density(total, share)
-        return total, gx, gy, gz
+            if has_plane and kinds[b] == PLANE:
+                plane(body, time, *scales, x, y, z, share, gx, gy, gz)
+            if has_sphere and kinds[b] == SPHERE:
+                sphere(body, time, *scales, x, y, z, share, gx, gy, gz)
+            if has_capsule and kinds[b] == CAPSULE:
+                capsule(body, time, *scales, x, y, z, share, gx, gy, gz)
+            if has_box and kinds[b] == BOX:
+                box(body, time, *scales, x, y, z, share, gx, gy, gz)
+            if has_mesh and kinds[b] == MESH:
+                mesh(body, time, *scales, x, y, z, share, gx, gy, gz)
+            if has_field and kinds[b] == FIELD:
+                field(body, time, *scales, x, y, z, share, gx, gy, gz)
 
-    return walls
+    return wall_rows
+
+
+def _make_aways(compiler: Compiler, real: Any, parts: frozenset[str]) -> dict[str, Any]:
+    """By kind: away(body, time, reach, x, y, z) -> (distance, normal) of a place from a collider's surface; `reach` where one
+    made from a mesh is farther."""
+    compiled, distances = compiler.compiled, colliders.make(real, compiler.compiled)
+    plane, sphere, capsule, box = distances.plane, distances.sphere, distances.capsule, distances.box
+    surface, point = surfaces.make(real, compiled), make_push(compiler, real, parts).point
+
+    def of_surface(away_from: Any) -> Any:
+        @compiled
+        def away(body, time, reach, x, y, z):
+            return away_from(
+                body, np.int32(body[B_TREE]), body[B_X], body[B_Y], body[B_Z], body[B_VX], body[B_VY], body[B_VZ],
+                body[B_U], body[B_V], body[B_W], body[B_SPIN], body[B_TURNS], time, x, y, z, reach,
+            )  # fmt: skip
+
+        return away
+
+    @compiled
+    def from_plane(body, time, reach, x, y, z):
+        cx, cy, cz = point(body, time)
+        return plane(x - cx, y - cy, z - cz, body[B_U], body[B_V], body[B_W])
+
+    @compiled
+    def from_sphere(body, time, reach, x, y, z):
+        cx, cy, cz = point(body, time)
+        return sphere(x - cx, y - cy, z - cz, body[B_RADIUS])
+
+    @compiled
+    def from_capsule(body, time, reach, x, y, z):
+        cx, cy, cz = point(body, time)
+        return capsule(x - cx, y - cy, z - cz, body[B_U], body[B_V], body[B_W], body[B_RADIUS])
+
+    @compiled
+    def from_box(body, time, reach, x, y, z):
+        cx, cy, cz = point(body, time)
+        return box(x - cx, y - cy, z - cz, body[B_U], body[B_V], body[B_W])
+
+    found = from_plane, from_sphere, from_capsule, from_box, of_surface(surface.mesh_collider)
+    return dict(zip(WALLS, (*found, of_surface(surface.distance_field)), strict=True))
+
+
+def _make_rows(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
+    """row_of(away) -> row(body, time, support, inverse_support, wall_scale, wall_gradient, x, y, z, share, gx, gy, gz): one
+    more collider, LANES particles at a time."""
+    formulas = density.make(real, compiler.compiled)
+    beyond, wall_near, wall_density = formulas.beyond, formulas.wall_near, formulas.wall_density
+    wall_slope, joined_density, joined_gradient = formulas.wall_slope, formulas.joined_density, formulas.joined_gradient
+
+    def row_of(away: Any) -> Any:
+        @compiler.row
+        def row(body, time, support, inverse_support, scale, gradient, x, y, z, share, gx, gy, gz):
+            thickness = body[B_THICKNESS]
+            for lane in range(LANES):
+                distance, nx, ny, nz = away(body, time, support + thickness, x[lane], y[lane], z[lane])
+                t = wall_near(beyond(distance, thickness), inverse_support)
+                more, slope = wall_density(t, scale), wall_slope(t, gradient)
+                gx[lane] = joined_gradient(gx[lane], share[lane], slope, more, nx)
+                gy[lane] = joined_gradient(gy[lane], share[lane], slope, more, ny)
+                gz[lane] = joined_gradient(gz[lane], share[lane], slope, more, nz)
+                share[lane] = joined_density(share[lane], more)
+
+        return row
+
+    return row_of

@@ -69,6 +69,11 @@ class VertexBlockDescent(Tetrahedra):
         """Where vertices would be by inertia and all but elastic forces."""
         return np.zeros_like(self._position)
 
+    @property
+    def inertial(self) -> np.ndarray:
+        """See ParticlesSimulation."""
+        return self._inertial.reshape(-1)
+
     def _advance(self, step: int, steps: int) -> None:
         if self.contacts is not None:
             self._staged.run(step, steps)

@@ -13,17 +13,15 @@ from typing import Any
 
 import numpy as np
 
-from cpu_backend.contact.pins import make_drive
 from cpu_backend.core.compile import Compiler
 from cpu_backend.core.progress import shares
 from cpu_backend.mass_spring.cloth.scratch import cloth_variant
 from cpu_backend.tetrahedra.descent_acceleration import make_accelerate
 from cpu_backend.tetrahedra.descent_contact import make_meeting
 from cpu_backend.tetrahedra.springs import make_springs
-from cpu_backend.xpbd.mesh_kernels import make_begin, make_end
+from cpu_backend.xpbd.mesh_kernels import make_substep
 from model.core.tuples import tuple_of
 from model.formulas.elastic import descent
-from model.scene.cloth import COLLIDER_KINDS
 from model.tetrahedra.descent import CHEBYSHEV, CORNERS, RATE, SCALE, Descent, visited
 from model.tetrahedra.springs import PARTS, Springs
 
@@ -205,14 +203,12 @@ def make_descent_advance(real: Any, math: str, parts: frozenset[str], made: tupl
     wind_lists, descents, holds, bodies, kinds, driven, ways, weights): many steps in one call; `made`: the materials of
     the `descents`; `weights` (iterations,): of Chebyshev's acceleration."""
     compiler = Compiler(cloth_variant("descent", real, math, parts), math)
-    begin, ends = make_begin(compiler, real, parts), make_end(compiler, real, parts)
-    update, collide = ends.update, ends.collide
+    whole = make_substep(compiler, real, parts)
+    opening, closing = whole.opening, whole.closing
     all_materials = make_material(
         compiler, [make_visits(real, math, one, damped, visited(parts)) for one in made], damped
     )
     prepare, sweep = all_materials.prepare, all_materials.sweep
-    has_bodies, has_motion = bool(parts & set(COLLIDER_KINDS)), "motion" in parts
-    drive = make_drive(compiler, real)
     accelerate, accelerated = make_accelerate(compiler, real), CHEBYSHEV in parts
 
     def advance(
@@ -223,16 +219,10 @@ def make_descent_advance(real: Any, math: str, parts: frozenset[str], made: tupl
         for pass_number in range(steps * substeps):
             number = step * substeps + pass_number
             frame = step + pass_number // substeps
-            for band in shares(team, member, bands):
-                for k in range(count * band // bands, count * (band + 1) // bands):
-                    for axis in range(position.shape[1]):
-                        before[k, axis] = position[k, axis]
-            for band in shares(team, member, bands):
-                first, last = count * band // bands, count * (band + 1) // bands
-                begin(first, last, frame, number, before, velocity, inertial, parameters, integers, wind_lists)
-                if has_motion:
-                    first, last = driven.size * band // bands, driven.size * (band + 1) // bands
-                    drive(first, last, number, position, velocity, parameters, bodies, driven)
+            opening(
+                team, member, bands, frame, number, position, velocity, before, inertial, parameters, integers, wind_lists,
+                bodies, driven,
+            )  # fmt: skip
             prepare(team, member, bands, before, velocity, inertial, position, descents, parameters)
             given = number, before, holds, bodies, kinds
             for iteration in range(iterations):
@@ -241,14 +231,6 @@ def make_descent_advance(real: Any, math: str, parts: frozenset[str], made: tupl
                     for band in shares(team, member, bands):
                         first, last = count * band // bands, count * (band + 1) // bands
                         accelerate(first, last, position, ways, weights[iteration])
-            for band in shares(team, member, bands):
-                first, last = count * band // bands, count * (band + 1) // bands
-                update(first, last, before, position, velocity, parameters)
-                if has_bodies:
-                    collide(first, last, number, before, position, velocity, parameters, bodies, kinds)
-            if has_motion:
-                for band in shares(team, member, bands):
-                    first, last = driven.size * band // bands, driven.size * (band + 1) // bands
-                    drive(first, last, number, position, velocity, parameters, bodies, driven)
+            closing(team, member, bands, number, position, velocity, before, parameters, bodies, kinds, driven)
 
     return compiler.team(advance)

@@ -19,7 +19,8 @@ from cpu_backend.mass_spring.cloth.scratch import cloth_variant
 from cpu_backend.tetrahedra.newton_coarse import make_band, make_coarse
 from cpu_backend.tetrahedra.newton_contact import make_contact
 from cpu_backend.tetrahedra.newton_elements import make_elements
-from cpu_backend.tetrahedra.newton_rows import make_matrix_rows, make_moving, make_solving
+from cpu_backend.tetrahedra.newton_matrix import make_matrix_rows
+from cpu_backend.tetrahedra.newton_rows import make_moving, make_solving
 from cpu_backend.xpbd.mesh_kernels import make_begin, make_end
 from model.formulas.elastic import newton as passes
 from model.tetrahedra.newton import DAMPED, SUMMED

@@ -11,6 +11,7 @@ import numpy as np
 
 from cpu_backend.core.compile import Compiler
 from cpu_backend.core.simulation import ParticlesSimulation
+from model.formulas.elastic.descent import make_carried
 
 AXES = 3
 
@@ -18,8 +19,10 @@ AXES = 3
 @cache
 def make_ways(real: Any) -> SimpleNamespace:
     """`take(bands, flat, slots, stride, first, rows)`: coordinate `axis` of the row first + k is flat[slots[k] + axis *
-    stride]; `give(bands, rows, weights, slots, stride, first, flat)`: likewise back, of those that weigh anything."""
+    stride]; `give(bands, rows, weights, slots, stride, first, flat)`: likewise back, of those that weigh anything;
+    `carry(..., flat, inertial)`: before that, how far they move is added to `inertial`."""
     compiler, zero = Compiler(f"joined_{np.dtype(real).name}", "exact"), real(0)
+    carried = make_carried(real, compiler.compiled).carried
 
     def take(band, bands, flat, slots, stride, first, rows):
         count = slots.size
@@ -34,7 +37,15 @@ def make_ways(real: Any) -> SimpleNamespace:
                 for axis in range(AXES):
                     flat[slots[k] + axis * stride] = rows[first + k, axis]
 
-    return SimpleNamespace(take=compiler.banded(take), give=compiler.banded(give))
+    def carry(band, bands, rows, weights, slots, stride, first, flat, inertial):
+        count = slots.size
+        for k in range(count * band // bands, count * (band + 1) // bands):
+            if weights[first + k] > zero:
+                for axis in range(AXES):
+                    at = slots[k] + axis * stride
+                    inertial[at] = carried(inertial[at], rows[first + k, axis], flat[at])
+
+    return SimpleNamespace(**{one.__name__: compiler.banded(one) for one in (take, give, carry)})
 
 
 class Joined:
@@ -50,6 +61,7 @@ class Joined:
         self.weights = np.ascontiguousarray(weights[particles], real)
         self._bands, self._ways = bands, make_ways(real)
         self._members: list[tuple[np.ndarray, np.ndarray, np.ndarray, int, int]] = []
+        self._inertial: list[np.ndarray | None] = []
         for name, member in members.items():
             place = slices[name]
             first, stop = np.searchsorted(particles, [place.start, place.stop])
@@ -57,6 +69,7 @@ class Joined:
                 position, _, slots, stride = member._places()
                 own = np.ascontiguousarray(slots[particles[first:stop] - place.start])
                 self._members.append((position, member.substep_start, own, stride, int(first)))
+                self._inertial.append(member.inertial)
 
     def take(self, fresh: bool) -> None:
         """Where members' particles are; `fresh`: and where the substep began."""
@@ -67,5 +80,8 @@ class Joined:
 
     def give(self) -> None:
         """Members' particles are where these are."""
-        for position, _, slots, stride, first in self._members:
-            self._ways.give(self._bands, self.position, self.weights, slots, stride, first, position)
+        for (position, _, slots, stride, first), inertial in zip(self._members, self._inertial, strict=True):
+            there = self._bands, self.position, self.weights, slots, stride, first, position
+            if inertial is not None:
+                self._ways.carry(*there, inertial)
+            self._ways.give(*there)

@@ -118,6 +118,48 @@ def make_end(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleName
     return SimpleNamespace(update=update, collide=collide)
 
 
+def make_substep(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
+    """What all threads of a team do before and after a substep's constraints: `opening(team, member, bands, frame, number,
+    position, velocity, before, predicted, parameters, integers, wind_lists, bodies, driven)`: where vertices are is kept in
+    `before`, where they would be is put into `predicted`, and pins where their motion has them; `closing(team, member,
+    bands, number, position, velocity, before, parameters, bodies, kinds, driven)`: velocities, colliders, pins."""
+    begin, ends, drive = make_begin(compiler, real, parts), make_end(compiler, real, parts), make_drive(compiler, real)
+    update, collide = ends.update, ends.collide
+    has_bodies, has_motion = bool(parts & set(COLLIDER_KINDS)), "motion" in parts
+
+    @compiler.compiled
+    def opening(
+        team, member, bands, frame, number, position, velocity, before, predicted, parameters, integers, wind_lists,
+        bodies, driven,
+    ):  # fmt: skip
+        count = len(position)
+        for band in shares(team, member, bands):
+            for k in range(count * band // bands, count * (band + 1) // bands):
+                for axis in range(position.shape[1]):
+                    before[k, axis] = position[k, axis]
+        for band in shares(team, member, bands):
+            first, last = count * band // bands, count * (band + 1) // bands
+            begin(first, last, frame, number, before, velocity, predicted, parameters, integers, wind_lists)
+            if has_motion:
+                first, last = driven.size * band // bands, driven.size * (band + 1) // bands
+                drive(first, last, number, position, velocity, parameters, bodies, driven)
+
+    @compiler.compiled
+    def closing(team, member, bands, number, position, velocity, before, parameters, bodies, kinds, driven):
+        count = len(position)
+        for band in shares(team, member, bands):
+            first, last = count * band // bands, count * (band + 1) // bands
+            update(first, last, before, position, velocity, parameters)
+            if has_bodies:
+                collide(first, last, number, before, position, velocity, parameters, bodies, kinds)
+        if has_motion:
+            for band in shares(team, member, bands):
+                first, last = driven.size * band // bands, driven.size * (band + 1) // bands
+                drive(first, last, number, position, velocity, parameters, bodies, driven)
+
+    return SimpleNamespace(opening=opening, closing=closing)
+
+
 @cache
 def make_mesh_stages(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
     """The stages, a parallel loop each: `predict`; `update`, `collide` and `pins` as in the functions that they call, with
@@ -159,44 +201,26 @@ def make_mesh_advance(real: Any, math: str, parts: frozenset[str], projections: 
     bodies, kinds, driven): many steps in one call; `sets`: (corners, values, multipliers, starts) of each set of constraints,
     in the order of `projections`."""
     compiler = Compiler(cloth_variant("mesh", real, math, parts), math)
-    begin, ends = make_begin(compiler, real, parts), make_end(compiler, real, parts)
-    update, collide = ends.update, ends.collide
-    rows = make_rows(compiler)
+    substep, rows = make_substep(compiler, real, parts), make_rows(compiler)
+    opening, closing = substep.opening, substep.closing
     projects = [make_projections(compiler, real, projection, rows) for projection in projections]
     sweep = make_colours(compiler, projects, [projection.run for projection in projections])
     has_constraints = bool(projects)
-    has_bodies, has_motion = bool(parts & set(COLLIDER_KINDS)), "motion" in parts
-    drive = make_drive(compiler, real)
 
     def advance(
         team, member, bands, steps, step, substeps, iterations, position, velocity, before, parameters, integers, wind_lists,
         sets, bodies, kinds, driven,
     ):  # fmt: skip
-        count = len(position)
         for pass_number in range(steps * substeps):
             number = step * substeps + pass_number
             frame = step + pass_number // substeps
-            for band in shares(team, member, bands):
-                for k in range(count * band // bands, count * (band + 1) // bands):
-                    for axis in range(position.shape[1]):
-                        before[k, axis] = position[k, axis]
-            for band in shares(team, member, bands):
-                first, last = count * band // bands, count * (band + 1) // bands
-                begin(first, last, frame, number, before, velocity, position, parameters, integers, wind_lists)
-                if has_motion:
-                    first, last = driven.size * band // bands, driven.size * (band + 1) // bands
-                    drive(first, last, number, position, velocity, parameters, bodies, driven)
+            opening(
+                team, member, bands, frame, number, position, velocity, before, position, parameters, integers, wind_lists,
+                bodies, driven,
+            )  # fmt: skip
             if has_constraints:
                 for iteration in range(iterations):
                     sweep(team, member, bands, position, position, before, sets, iteration == 0, parameters)
-            for band in shares(team, member, bands):
-                first, last = count * band // bands, count * (band + 1) // bands
-                update(first, last, before, position, velocity, parameters)
-                if has_bodies:
-                    collide(first, last, number, before, position, velocity, parameters, bodies, kinds)
-            if has_motion:
-                for band in shares(team, member, bands):
-                    first, last = driven.size * band // bands, driven.size * (band + 1) // bands
-                    drive(first, last, number, position, velocity, parameters, bodies, driven)
+            closing(team, member, bands, number, position, velocity, before, parameters, bodies, kinds, driven)
 
     return compiler.team(advance)

@@ -8,12 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from gpu_backend.contact.swept import make_swept
-from gpu_backend.core.compile import inlined
-from gpu_backend.core.formulas import device_formulas
-from gpu_backend.core.integers import BOXES, CAPSULES, COLLIDERS, FIELDS, MESHES, PLANES, SPHERES
-from model.formulas import cloth, colliders, distance_field, triangle_tree
-from model.mass_spring.cloth_parameters import (
+from gpu_backend.contact.rows import (
     B_DYNAMIC,
     B_RADIUS,
     B_RESTITUTION,
@@ -31,24 +26,37 @@ from model.mass_spring.cloth_parameters import (
     B_X,
     B_Y,
     B_Z,
-    COLLIDER_FIELDS,
+    FIRST_ROW,
+    ROW,
 )
+from gpu_backend.contact.swept import make_swept
+from gpu_backend.core.compile import inlined
+from gpu_backend.core.formulas import device_formulas
+from gpu_backend.core.integers import BOXES, CAPSULES, COLLIDERS, FIELDS, MESHES, PLANES, SPHERES
+from model.formulas import cloth, colliders, distance_field, triangle_tree
 
 
-def _make_answers(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
-    """Of a collider whose numbers begin at `at`: `place_of`; `answer`, the velocity of a mass that touches it; `push`."""
-    formulas, sums = device_formulas(colliders.make, real, math), device_formulas(cloth.make, real, math)
-    respond, rebound, moved, pushed = formulas.respond, formulas.rebound, sums.moved, sums.pushed
-    bounces, has_friction, zero, inline = "restitution" in parts, "friction" in parts, real(0), inlined(math)
+@cache
+def make_place_of(real: Any, math: str) -> Any:
+    """place_of(bodies, at, time) -> (x, y, z): the point [m] at `time` [s] of a collider whose numbers begin at `at`."""
+    moved = device_formulas(cloth.make, real, math).moved
 
-    @inline
+    @inlined(math)
     def place_of(bodies, at, time):
-        """The collider's point at `time`."""
         return (
             moved(bodies[at + B_X], bodies[at + B_VX], time),
             moved(bodies[at + B_Y], bodies[at + B_VY], time),
             moved(bodies[at + B_Z], bodies[at + B_VZ], time),
         )
+
+    return place_of
+
+
+def _make_answers(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
+    """Of a collider whose numbers begin at `at`: `place_of`; `answer`, the velocity of a mass that touches it; `push`."""
+    formulas, place_of = device_formulas(colliders.make, real, math), make_place_of(real, math)
+    respond, rebound, pushed = formulas.respond, formulas.rebound, device_formulas(cloth.make, real, math).pushed
+    bounces, has_friction, zero, inline = "restitution" in parts, "friction" in parts, real(0), inlined(math)
 
     @inline
     def answer(vx, vy, vz, nx, ny, nz, slow, bodies, at):
@@ -131,7 +139,7 @@ def _make_meetings(real: Any, math: str, parts: frozenset[str]) -> tuple[Any, ..
             if bounces:
                 restitution = bodies[at + B_RESTITUTION]
             return meet(
-                bodies, np.int32(at + np.int32(bodies[at + B_TREE])), bodies[at + B_THICKNESS], static, dynamic,
+                bodies, np.int32(np.int32(at) + np.int32(bodies[at + B_TREE])), bodies[at + B_THICKNESS], static, dynamic,
                 bodies[at + B_X], bodies[at + B_Y], bodies[at + B_Z], bodies[at + B_VX], bodies[at + B_VY],
                 bodies[at + B_VZ], bodies[at + B_U], bodies[at + B_V], bodies[at + B_W], bodies[at + B_SPIN],
                 bodies[at + B_TURNS], begin, end, before[0], before[1], before[2], px, py, pz, vx, vy, vz, restitution, slow,
@@ -162,18 +170,18 @@ def make_collide(real: Any, math: str, parts: frozenset[str]) -> Any:
     def collide(before, px, py, pz, vx, vy, vz, world, step):
         parameters, bodies, integers = world.parameters, world.colliders, world.integers
         if has_colliders:
-            clock, at = (parameters.dt, parameters.first_step, parameters.first_time), np.int32(0)
+            clock, at = (parameters.dt, parameters.first_step, parameters.first_time), FIRST_ROW
             end = instant(step + next_one, *clock)
             slow = settling_speed(parameters.gravity, parameters.dt) if bounces else zero
             if has_planes:
                 for _ in range(np.int32(integers[PLANES])):
                     px, py, pz, vx, vy, vz = meet_plane(px, py, pz, vx, vy, vz, slow, bodies, at, end)
-                    at = np.int32(at + COLLIDER_FIELDS)
+                    at = np.uint64(at + ROW)
             if has_spheres:
                 begin = instant(step, *clock)
                 for _ in range(np.int32(integers[SPHERES])):
                     px, py, pz, vx, vy, vz = meet_sphere(before, px, py, pz, vx, vy, vz, slow, bodies, at, begin, end)
-                    at = np.int32(at + COLLIDER_FIELDS)
+                    at = np.uint64(at + ROW)
             if has_capsules:
                 for _ in range(np.int32(integers[CAPSULES])):
                     if swept:
@@ -183,7 +191,7 @@ def make_collide(real: Any, math: str, parts: frozenset[str]) -> Any:
                         )
                     else:
                         px, py, pz, vx, vy, vz = meet_capsule(px, py, pz, vx, vy, vz, slow, bodies, at, end)
-                    at = np.int32(at + COLLIDER_FIELDS)
+                    at = np.uint64(at + ROW)
             if has_boxes:
                 for _ in range(np.int32(integers[BOXES])):
                     if swept:
@@ -191,17 +199,17 @@ def make_collide(real: Any, math: str, parts: frozenset[str]) -> Any:
                         px, py, pz, vx, vy, vz = sweep_box(before, px, py, pz, vx, vy, vz, slow, bodies, at, begin, end)
                     else:
                         px, py, pz, vx, vy, vz = meet_box(px, py, pz, vx, vy, vz, slow, bodies, at, end)
-                    at = np.int32(at + COLLIDER_FIELDS)
+                    at = np.uint64(at + ROW)
             if has_meshes:
                 begin = instant(step, *clock)
                 for _ in range(np.int32(integers[MESHES])):
                     px, py, pz, vx, vy, vz = meet_mesh(before, px, py, pz, vx, vy, vz, slow, bodies, at, begin, end)
-                    at = np.int32(at + COLLIDER_FIELDS)
+                    at = np.uint64(at + ROW)
             if has_fields:
                 begin = instant(step, *clock)
                 for _ in range(np.int32(integers[FIELDS])):
                     px, py, pz, vx, vy, vz = meet_field(before, px, py, pz, vx, vy, vz, slow, bodies, at, begin, end)
-                    at = np.int32(at + COLLIDER_FIELDS)
+                    at = np.uint64(at + ROW)
         return px, py, pz, vx, vy, vz
 
     return collide

@@ -1,14 +1,18 @@
 """The executor of position-based constraints on CUDA: a thread for each run of constraints of a colour, no two of which move
 the same particle.
 
-Corners, values and multipliers are flat and lie column by column, of a colour the first constraints of all runs before the
-second ones (`places`), so that neighbouring threads read neighbouring numbers; what a projection computes is in
+Corners and values are packed (core/quads.py), multipliers lie column by column, of a colour the first constraints of all runs
+before the second ones (`places`), so that neighbouring threads read neighbouring numbers; what a projection computes is in
 model/formulas/constraints.
+
+Constraints that stand around a run's last one (Projection.around) leave its corners in registers from the first to the
+last: of a voxel's five tetrahedra eight vertices are read and written once each, not twenty.
 """
 
 from __future__ import annotations
 
 from functools import cache
+from itertools import pairwise
 from types import SimpleNamespace
 from typing import Any
 
@@ -17,7 +21,7 @@ from numba import cuda
 
 from gpu_backend.core.compile import inlined, kernel_options, make_kernel, variant_name
 from gpu_backend.core.formulas import device_formulas
-from gpu_backend.core.quads import load_quad, store_quad
+from gpu_backend.core.quads import load_quad, make_row, pack, store_quad
 from model.core.constraints import ConstraintSet, Projection
 from model.core.tuples import each_of, tuple_of
 
@@ -27,20 +31,32 @@ def places(found: ConstraintSet) -> np.ndarray:
     return np.concatenate([np.zeros(0, np.int64), *found.sweep])
 
 
+def device_corners(projection: Projection, corners: np.ndarray, starts: np.ndarray) -> np.ndarray:
+    """Corners (constraints, n) int32 as `make_run` reads them; groups of runs begin at `starts` (groups + 1,), of each the
+    first constraints of all runs before the second ones."""
+    if not projection.around:
+        return pack(corners)
+    run = projection.run
+    groups = [corners[first:last].reshape(run, -1, projection.corners) for first, last in pairwise(starts)]
+    whole = np.concatenate(groups, axis=1)
+    return np.concatenate([whole[:-1, :, 0].T.ravel(), whole[-1].ravel()])
+
+
 @cache
 def make_projections(real: Any, math: str, projection: Projection) -> Any:
     """project(position, before, corners, values, multipliers, start, stop, count, fresh, record): the colour from place
     `start` to before `stop` of a set of `count`; positions are quads with the particles' weights. `multipliers` count as 0
     where `fresh`."""
-    take, constants_of = make_run(real, math, projection), make_constants(real, math, projection)
-    run = projection.run
+    of_run, constants_of = make_run(real, math, projection), make_constants(real, math, projection)
+    fetch, take, run = of_run.fetch, of_run.take, np.int32(projection.run)
 
     def project(position, before, corners, values, multipliers, start, stop, size, fresh, record):
         parameters = record[0]
-        runs, mine = np.int32((stop - start) // run), np.int32(cuda.grid(1))  # type: ignore[call-arg]
+        runs, mine, count = np.int32((stop - start) // run), np.int32(cuda.grid(1)), np.int32(size)  # type: ignore[call-arg]
         if mine < runs:
             constants, place = constants_of(parameters), np.int32(start + mine)
-            take(position, before, corners, values, multipliers, place, runs, np.int32(size), fresh, constants)
+            fetched = fetch(corners, values, np.int32(start // run + mine), place, count)
+            take(position, before, corners, values, multipliers, fetched, place, runs, count, fresh, constants)
 
     return make_kernel(project, f"{projection.name}_{variant_name(real, math)}", **kernel_options(math))
 
@@ -61,44 +77,88 @@ def make_constants(real: Any, math: str, projection: Projection) -> Any:
 
 
 @cache
-def make_run(real: Any, math: str, projection: Projection) -> Any:
-    """take(position, before, corners, values, multipliers, place, apart, count, fresh, constants): a run of constraints of a
-    set of `count`, from `place` on, `apart` from one another, whose `corners` are quads of `position` and `before`."""
-    f, run = make_one(real, math, projection), projection.run
-    corners_of, values_of, quads_of, one = f.corners_of, f.values_of, f.quads_of, f.one
+def make_run(real: Any, math: str, projection: Projection) -> SimpleNamespace:
+    """Of the run `number` of constraints of a set of `count`, which lie from `place` on, `apart` from one another:
+    `fetch(corners, values, number, place, count)`: what its first one reads that is always the same; `take(position, before,
+    corners, values, multipliers, fetched, place, apart, count, fresh, constants)`: it is projected, whose `corners` are quads
+    of `position` and `before`."""
+    return (_make_around if projection.around else _make_apart)(real, math, projection)
 
-    @inlined(math)
-    def take(position, before, corners, values, multipliers, place, apart, count, fresh, constants):
-        ends = corners_of(corners, count, count, place)
+
+def _make_apart(real: Any, math: str, projection: Projection) -> SimpleNamespace:
+    made, run, inline = make_one(real, math, projection), projection.run, inlined(math)
+    corners_of, values_of, quads_of, one, put_all = (
+        made.corners_of, made.values_of, made.quads_of, made.one, made.put_all
+    )  # fmt: skip
+
+    @inline
+    def fetch(corners, values, number, place, count):
+        return corners_of(corners, count, place), values_of(values, count, place)
+
+    @inline
+    def take(position, before, corners, values, multipliers, fetched, place, apart, count, fresh, constants):
+        ends, own = fetched
         if run == 1:
             quads = quads_of(position, ends, count, place)
-            own = values_of(values, count, count, place)
-            one(position, before, multipliers, ends, quads, own, count, place, fresh, constants)
+            moved = one(before, multipliers, ends, quads, own, count, place, fresh, constants)
+            put_all(position, ends, count, place, moved)
         else:
-            own = values_of(values, count, count, place)
-            for member in range(run):
+            for member in range(np.int32(run)):
                 here, these, those = place, ends, own
                 quads = quads_of(position, these, count, here)
                 if member + 1 < run:
                     place = np.int32(place + apart)
-                ends = corners_of(corners, count, count, place)  # what the next one reads is on its way while this one
-                own = values_of(values, count, count, place)  # is projected
-                one(position, before, multipliers, these, quads, those, count, here, fresh, constants)
+                ends = corners_of(corners, count, place)  # what the next one reads is on its way while this one
+                own = values_of(values, count, place)  # is projected
+                moved = one(before, multipliers, these, quads, those, count, here, fresh, constants)
+                put_all(position, these, count, here, moved)
 
-    return take
+    return SimpleNamespace(fetch=fetch, take=take)
+
+
+def _make_around(real: Any, math: str, projection: Projection) -> SimpleNamespace:
+    """In turn a constraint has the corner `a` of its own and `f`, `g`, `h` of the last one's, whose fourth is `e`: they are
+    at x, p, q, r and s."""
+    made, run, inline = make_one(real, math, projection), np.int32(projection.run), inlined(math)
+    values_of, one, last = made.values_of, made.one, np.int32(projection.run - 1)
+
+    @inline
+    def fetch(corners, values, number, place, count):
+        own = load_quad(corners, number)
+        return own, load_quad(corners, np.int32(count // run + number)), values_of(values, count, place)
+
+    @inline
+    def take(position, before, corners, values, multipliers, fetched, place, apart, count, fresh, constants):
+        (a, b, c, d), (e, f, g, h), own = fetched
+        first, second, third, fourth = e, f, g, h
+        x, p, q = load_quad(position, a), load_quad(position, f), load_quad(position, g)
+        r, s = load_quad(position, h), load_quad(position, e)
+        for member in range(run):
+            here, those = place, own
+            if member < last:
+                place = np.int32(place + apart)
+            own = values_of(values, count, place)  # what the next one reads is on its way while this one is projected
+            coming = load_quad(position, b)
+            x, p, q, r = one(before, multipliers, (a, f, g, h), (x, p, q, r), those, count, here, fresh, constants)
+            store_quad(position, a, x[0], x[1], x[2], x[3])
+            a, b, c, d, e, f, g, h = b, c, d, first, f, g, h, e
+            x, p, q, r, s = coming if member + 1 < last else p, q, r, s, p
+        store_quad(position, second, s[0], s[1], s[2], s[3])
+        store_quad(position, third, p[0], p[1], p[2], p[3])
+        store_quad(position, fourth, q[0], q[1], q[2], q[3])
+
+    return SimpleNamespace(fetch=fetch, take=take)
 
 
 @cache
 def make_one(real: Any, math: str, projection: Projection) -> SimpleNamespace:
-    """Of the constraint at a place of a set of `count`: `corners_of(corners, count, count, place)`, `values_of(values, ...)`,
-    what is fixed of it; `quads_of(position, ends, ...)`: its particles, `ends` being its corners; `one(position, before,
-    multipliers, ends, quads, values, count, place, fresh, constants)`: its projection."""
+    """Of the constraint at a place of a set of `count`: `corners_of(corners, count, place)`, `values_of(values, ...)`,
+    what is fixed of it; `quads_of(position, ends, ...)`: its particles, `ends` being its corners; `one(before, multipliers,
+    ends, quads, values, count, place, fresh, constants)`: those after its projection that it moves; `put_all(position, ends,
+    count, place, quads)`: these written."""
     project = device_formulas(projection.make, real, math, **dict(projection.flags)).project
     inline, is_soft, is_damped = inlined(math), projection.soft, projection.damped
     zero = real(0)
-
-    def corner_at(n: int) -> Any:
-        return inline(lambda corners, unused, count, k: corners[n * count + k])
 
     def quad_at(n: int) -> Any:
         return inline(lambda position, ends, count, k: load_quad(position, ends[n]))
@@ -119,15 +179,12 @@ def make_one(real: Any, math: str, projection: Projection) -> SimpleNamespace:
     def moved_at(n: int) -> Any:
         return inline(lambda points, quads, unused, k: (points[n][0], points[n][1], points[n][2], quads[n][3]))
 
-    def value_at(n: int) -> Any:
-        return inline(lambda values, unused, count, k: values[n * count + k])
-
     def multiplier_at(n: int) -> Any:
         @inline
         def multiplier(multipliers, fresh, count, k):
             if is_soft:
                 if not fresh:
-                    return multipliers[n * count + k]
+                    return multipliers[np.uint32(np.int32(n * count) + k)]
             return zero
 
         return multiplier
@@ -135,18 +192,15 @@ def make_one(real: Any, math: str, projection: Projection) -> SimpleNamespace:
     def keep_at(n: int) -> Any:
         @inline
         def keep(multipliers, fresh, count, k, multiplier):
-            multipliers[n * count + k] = multiplier
+            multipliers[np.uint32(np.int32(n * count) + k)] = multiplier
 
         return keep
 
-    corners_of = tuple_of(projection.corners, corner_at, inline)
+    corners_of, values_of = make_row(projection.corners, inline), make_row(projection.values, inline)
     quads_of, points_of, weights_of = (
         tuple_of(projection.corners, item, inline) for item in (quad_at, point_at, weight_at)
     )
-    values_of, multipliers_of = (
-        tuple_of(projection.values, value_at, inline),
-        tuple_of(projection.multipliers, multiplier_at, inline),
-    )
+    multipliers_of = tuple_of(projection.multipliers, multiplier_at, inline)
     moved_of, put_all = (
         tuple_of(projection.moved, moved_at, inline),
         each_of(projection.moved, put_at, inline),
@@ -154,7 +208,7 @@ def make_one(real: Any, math: str, projection: Projection) -> SimpleNamespace:
     keep_all = each_of(projection.multipliers, keep_at, inline)
 
     @inline
-    def one(position, before, multipliers, ends, quads, values, count, k, fresh, constants):
+    def one(before, multipliers, ends, quads, values, count, k, fresh, constants):
         points = points_of(quads, count, count, k)
         old = points
         if is_damped:
@@ -163,8 +217,8 @@ def make_one(real: Any, math: str, projection: Projection) -> SimpleNamespace:
             points, old, weights_of(quads, count, count, k), values, multipliers_of(multipliers, fresh, count, k),
             constants,
         )  # fmt: skip
-        put_all(position, ends, count, k, moved_of(moved, quads, count, k))
         if is_soft:
             keep_all(multipliers, fresh, count, k, total)
+        return moved_of(moved, quads, count, k)
 
-    return SimpleNamespace(corners_of=corners_of, values_of=values_of, quads_of=quads_of, one=one)
+    return SimpleNamespace(corners_of=corners_of, values_of=values_of, quads_of=quads_of, one=one, put_all=put_all)

@@ -4,7 +4,8 @@ The CUDA compiler contracts a * b + c into one fused multiply-add, which rounds 
 no switch for it. So in `exact` math a factory's source is read again and every product in it becomes a call of the
 round-to-nearest multiply, which is never contracted. Quotients and roots are correctly rounded unless fast math is on,
 and fast math is off then. In `fast` math the compiler may reorder and approximate, and small functions are replaced by
-instructions: `inverse_length` by the approximate reciprocal root, `difference` by a subtraction that is not cancelled.
+instructions: `inverse_length` by the approximate reciprocal root, `difference` by a subtraction that is not cancelled; of
+`reciprocal` both ways are taken, of which one is chosen, since the quotient is sooner there than the comparison.
 """
 
 from __future__ import annotations
@@ -82,7 +83,7 @@ def _fast_instructions(real: Any, options: dict[str, Any]) -> dict[str, Callable
     single = real is np.float32
     root: Any = approximate_root_64
     least = real(1e-37 if single else 1e-290)  # its root is finite, and beside a real squared length it is nothing
-    half, three_eighths, one = real(0.5), real(0.375), real(1)
+    half, three_eighths, one, zero = real(0.5), real(0.375), real(1), real(0)
 
     @device
     def squared_length(dx, dy):
@@ -102,9 +103,15 @@ def _fast_instructions(real: Any, options: dict[str, Any]) -> dict[str, Callable
     def quotient(a, b):
         return a * (one / b)
 
+    @device
+    def reciprocal(weight, stiffening, compliance):
+        found = one / (stiffening * weight + compliance)
+        return found if weight > zero else zero
+
     return {
         "squared_length": squared_length,
         "inverse_length": libdevice.rsqrtf if single else inverse_length_64,
+        "reciprocal": reciprocal,
         "difference": libdevice.fsub_rn if single else difference_64,
         "quotient": quotient,
     }

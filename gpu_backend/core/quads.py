@@ -3,13 +3,19 @@
 A quad lies in a flat array of scalars, four to a mass. Device memory is aligned to 256 bytes, and shared memory as asked
 for, so every quad begins at a multiple of 16 bytes; these intrinsics say so, and the compiler emits vector instructions
 (see core/pairs.py). Under the simulator they are plain indexing.
+
+Rows of any numbers are read by quads as well (`pack`, `make_row`); what is left of them has an unsigned place, since of a
+signed one compiled code asks whether it counts from the array's end, which took as long as half of a constraint.
 """
 
 from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+
 from gpu_backend.core.device import simulated
+from model.core.tuples import tuple_of
 
 SIZE = 4  # scalars
 
@@ -78,3 +84,31 @@ else:
             return context.get_dummy_value()
 
         return types.void(array, index, x, y, z, spare), generate
+
+
+def pack(rows: np.ndarray) -> np.ndarray:
+    """Rows (count, n) as `make_row` reads them, flat: the first quads of all rows, then the second ones, so that neighbouring
+    threads read neighbouring quads; what is left of n at the end, column by column."""
+    whole = rows.shape[1] // SIZE * SIZE
+    quads = rows[:, :whole].reshape(len(rows), -1, SIZE).swapaxes(0, 1)
+    return np.concatenate([quads.ravel(), rows[:, whole:].T.ravel()])
+
+
+def make_row(n: int, inline: Any) -> Any:
+    """row_of(packed, count, k): the n numbers of row k of `count`."""
+    quads = n // SIZE
+
+    def quad_at(m: int) -> Any:
+        return inline(lambda packed, count, unused, k: load_quad(packed, np.int32(m * count + k)))
+
+    def number_at(m: int) -> Any:
+        quad, place = divmod(m, SIZE)
+        if quad < quads:
+            return inline(lambda held, packed, count, k: held[quad][place])
+        return inline(lambda held, packed, count, k: packed[np.uint32(np.int32(m * count) + k)])
+
+    numbers = tuple_of(n, number_at, inline)
+    if not quads:
+        return inline(lambda packed, count, k: numbers(k, packed, count, k))
+    all_quads = tuple_of(quads, quad_at, inline)
+    return inline(lambda packed, count, k: numbers(all_quads(packed, count, count, k), packed, count, k))

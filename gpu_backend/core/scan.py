@@ -46,9 +46,32 @@ def make_before(threads: int) -> Any:
 
 
 @cache
+def make_strips(threads: int) -> Any:
+    """strips(sums, size): each of the first `size` numbers becomes what comes before it, a strip a thread, by all threads of
+    a block of `threads`; returned: what comes before the thread's next strip, of the last one all."""
+    before, zero = make_before(threads), np.int32(0)
+
+    @cuda.jit(device=True)
+    def strips(sums, size):
+        strip = np.int32((size + threads - 1) // threads)
+        first = np.int32(strip * cuda.threadIdx.x)
+        last, own = min(np.int32(first + strip), size), zero
+        for k in range(first, last):
+            own = np.int32(own + sums[k])
+        start = before(own)
+        for k in range(first, last):
+            number = sums[k]
+            sums[k] = start
+            start = np.int32(start + number)
+        return start
+
+    return strips
+
+
+@cache
 def make_scan() -> SimpleNamespace:
     """The kernels `chunks`, `totals` and `add`."""
-    zero, before = np.int32(0), make_before(CHUNK)
+    zero, before, strips = np.int32(0), make_before(CHUNK), make_strips(CHUNK)
 
     def chunks(counts, starts, totals):
         """starts[k]: the sum of the chunk's counts before k; totals[b]: of a whole chunk. One block a chunk."""
@@ -61,17 +84,8 @@ def make_scan() -> SimpleNamespace:
             totals[cuda.blockIdx.x] = start + own
 
     def totals(sums):
-        """The same in place, over all chunks: one block, each thread a strip of its own."""
-        strip = np.int32((sums.size + CHUNK - 1) // CHUNK)
-        first = np.int32(strip * cuda.threadIdx.x)
-        last, own = min(first + strip, sums.size), zero
-        for k in range(first, last):
-            own = np.int32(own + sums[k])
-        start = before(own)
-        for k in range(first, last):
-            number = sums[k]
-            sums[k] = start
-            start = np.int32(start + number)
+        """The same in place, over all chunks: one block."""
+        strips(sums, np.int32(sums.size))
 
     def add(starts, sums, cursors):
         """The chunks' sums added, and a copy for a counting sort to move on."""

@@ -93,6 +93,12 @@ class SubstepSimulation(Launched, QuadSimulation):
         raise NotImplementedError
 
     @property
+    def inertial(self) -> Any:
+        """Where particles would be by inertia, quads, of solvers that come back to it in each iteration: what others do to
+        their particles is done to these places, too; else None."""
+        return None
+
+    @property
     def substep_start(self) -> Any:
         """Positions with which the substep began, quads."""
         return self.position[1 - self._current]

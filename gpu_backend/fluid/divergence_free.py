@@ -54,10 +54,7 @@ class DivergenceFree:
     def search(self, world: tuple[Any, ...]) -> None:
         """Lists of neighbours and factors. `world`: bodies, integers, counter, place, substeps, substep."""
         sim, (find, factors) = self.sim, self.find
-        cells = sim.cells
-        find[sim._flat](
-            sim.sorted, sim.record, cells.sorted_keys, cells.numbers, cells.begins, *sim.lists, cells.beyond
-        )
+        find[sim._flat](sim.sorted, sim.record, *sim.near, sim.cells.beyond)
         factors[sim._flat](sim.sorted, sim.record, *sim.lists, *sim.relaxed, sim.fluids, *world)
 
     def survey(self, world: tuple[Any, ...]) -> None:

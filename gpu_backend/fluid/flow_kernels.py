@@ -19,7 +19,7 @@ from gpu_backend.core.compile import inlined, kernel_options, make_kernels, vari
 from gpu_backend.core.device import simulated
 from gpu_backend.core.formulas import device_formulas
 from gpu_backend.core.quads import load_quad, store_quad
-from gpu_backend.core.scan import make_before
+from gpu_backend.core.scan import make_before, make_strips
 from gpu_backend.fluid.sort_kernels import DEPTH, HEIGHT, INVERSE, KEPT, LOW, WIDTH
 from gpu_backend.xpbd.kernels import make_clock
 from model.fluid.flow import (
@@ -55,20 +55,18 @@ from model.formulas.fluid import flow
 
 THREADS = 32 if simulated() else 256  # of a block that sums
 BOX, SPHERE, _ = range(len(SINK_SHAPES))
-D_LAYER, D_NEEDED, D_BEFORE = range(
-    3
-)  # of what is due at a nozzle: first layer, particles, those of its fluid due before it
+# of what is due at a nozzle: first layer, particles, those of its fluid due before it
+D_LAYER, D_NEEDED, D_BEFORE = range(3)
 DUE_FIELDS = 3
 
 
-def _make_emission(real: Any, math: str, parts: frozenset[str]) -> tuple[Any, ...]:
-    """See the file's head. `due_now` (emitters + 1, DUE_FIELDS), flat, int32: what is due; the last row's D_NEEDED: in
-    all."""
+def _make_due(real: Any, math: str, parts: frozenset[str]) -> tuple[Any, ...]:
+    """`due`, `rank`, `totals`: see the file's head. `due_now` (emitters + 1, DUE_FIELDS), flat, int32: what is due; the last
+    row's D_NEEDED: in all."""
     f, clock = device_formulas(flow.make, real, math), make_clock(math, parts)
-    instant = device_formulas(cloth.make, real, math).instant
-    passed, begun, emitted, before = f.passed, f.begun, f.emitted, make_before(THREADS)
+    instant, passed, begun = device_formulas(cloth.make, real, math).instant, f.passed, f.begun
+    before, strips, threads, next_one = make_before(THREADS), make_strips(THREADS), np.int32(THREADS), np.int64(1)
     one, zero, fields, row_size = np.int32(1), np.int32(0), np.int32(DUE_FIELDS), np.int32(EMITTER_FIELDS)
-    threads, next_one, axes = np.int32(THREADS), np.int64(1), np.int32(3)
 
     def due(counter, place, substeps, substep, record, emitters, due_now, layers):
         if cuda.grid(1) == 0:
@@ -105,18 +103,17 @@ def _make_emission(real: Any, math: str, parts: frozenset[str]) -> tuple[Any, ..
                 sums[cuda.blockIdx.x] = np.int32(start + own)
 
     def totals(due_now, sums):
-        """The sums of all blocks before each, in place: one block, each thread a strip."""
+        """The sums of all blocks before each, in place: one block."""
         if due_now[due_now.size - fields + D_NEEDED] > zero:
-            strip = np.int32((sums.size + threads - one) // threads)
-            first = np.int32(strip * cuda.threadIdx.x)
-            last, own = min(np.int32(first + strip), np.int32(sums.size)), zero
-            for k in range(first, last):
-                own = np.int32(own + sums[k])
-            start = before(own)
-            for k in range(first, last):
-                number = sums[k]
-                sums[k] = start
-                start = np.int32(start + number)
+            strips(sums, np.int32(sums.size))
+
+    return due, rank, totals
+
+
+def _make_emission(real: Any, math: str) -> tuple[Any, ...]:
+    """`emit`, `arrive`."""
+    emitted, threads, axes = device_formulas(flow.make, real, math).emitted, np.int32(THREADS), np.int32(3)
+    one, zero, fields, row_size = np.int32(1), np.int32(0), np.int32(DUE_FIELDS), np.int32(EMITTER_FIELDS)
 
     @inlined("exact")
     def waiting_before(n, ranks, sums):
@@ -174,7 +171,7 @@ def _make_emission(real: Any, math: str, parts: frozenset[str]) -> tuple[Any, ..
                 particle[there.size] += come
                 missed[0] += due_now[e * fields + D_NEEDED] - come
 
-    return due, rank, totals, emit, arrive
+    return emit, arrive
 
 
 def _make_sinks(real: Any) -> tuple[Any, ...]:
@@ -222,7 +219,9 @@ def _make_sinks(real: Any) -> tuple[Any, ...]:
 def make_flow_kernels(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
     """All of them."""
     emission = make_kernels(
-        _make_emission(real, math, parts), f"fluid_{variant_name(real, math, parts)}", **kernel_options(math)
+        (*_make_due(real, math, parts), *_make_emission(real, math)),
+        f"fluid_{variant_name(real, math, parts)}",
+        **kernel_options(math),
     )
     sinks = make_kernels(_make_sinks(real), f"fluid_{variant_name(real)}", **kernel_options("exact"))
     return SimpleNamespace(**vars(emission), **vars(sinks))

@@ -1,5 +1,9 @@
 """Who is within a fluid's support of whom, on CUDA: a thread a particle walks the nine runs of three cells around its own (in
-a plane three), in the order of places, and keeps whom it finds.
+a plane three), in the order of places, and visits whom it finds.
+
+First it looks, and keeps a bit for each candidate, WORD of them in a word: no branch, no store, four loads on their way at a
+time. Then it visits the bits that are set: at the s-th of its neighbours every thread of a warp is at its s-th, so that their
+lists are written side by side, and what is summed up over neighbours is summed up in the same walk.
 
 A particle's cell is the key under which it was sorted, not asked again: so this may be part of a kernel in fast math.
 """
@@ -8,16 +12,48 @@ from __future__ import annotations
 
 from functools import cache
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import cuda
 
 from gpu_backend.core.compile import inlined
+from gpu_backend.core.device import simulated
 from gpu_backend.core.formulas import device_formulas
-from gpu_backend.core.quads import load_quad
+from gpu_backend.fluid.around import ROW_BIT, TOGETHER, rows_around
 from gpu_backend.fluid.sort_kernels import DEPTH, HEIGHT, WIDTH, WRAPS
 from model.formulas.fluid import density
+
+WORD = 32  # candidates of a word of bits
+SLOTS = 2 if simulated() else 9  # words that a thread puts aside before it visits them: one for each run in space
+LANES = 128  # threads of a block at most: each has a column of slots
+
+
+class Scales(NamedTuple):
+    """What a visit asks of the constants, in registers: a store to a list would have them loaded anew."""
+
+    support: Any
+    inverse_support: Any
+    gradient_scale: Any
+    sampled: Any
+    side_x: Any
+    half_x: Any
+    side_y: Any
+    half_y: Any
+    side_z: Any
+    half_z: Any
+
+
+@cache
+def _make_scales_of() -> Any:
+    @inlined("exact")
+    def scales_of(p):
+        return Scales(
+            p.support, p.inverse_support, p.gradient_scale, p.sampled, p.side_x, p.half_x, p.side_y, p.half_y, p.side_z,
+            p.half_z,
+        )  # fmt: skip
+
+    return scales_of
 
 
 @cache
@@ -75,64 +111,123 @@ def _make_steps() -> SimpleNamespace:
 
 
 @cache
-def make_search(real: Any, axes: int, neighbours: int, repeats: frozenset[str], solids: bool = False) -> Any:
-    """search(k, p, position, parameters, key, numbers, begins, table, lost) -> how many neighbours particle k at p has in its
-    list now, `neighbours` at most; the others are counted in `lost`; with `solids`, two
-    samples of solids are none. In exact math, so that lists are the CPU's."""
-    whole, way = _make_steps(), make_ways(real, "exact", repeats)
-    beside, first_piece, second_piece = whole.beside, whole.first_piece, whole.second_piece
-    formulas = device_formulas(density.make, real, "exact")
-    squared, within = formulas.squared, formulas.within
-    most, one, rows, solid, together = np.int32(neighbours), np.int32(1), 3 ** (axes - 1), axes == 3, np.int32(4)
+def _make_look(real: Any, math: str, repeats: frozenset[str], solids: bool, four_of: Any) -> Any:
+    """look(k, p, e, end, row, around, parameters) -> (bits, first): which of the particles from e to before `end`, WORD at
+    most, of a row around, are neighbours of particle k at p, a bit each from particle `first` on; with `solids`, two samples
+    of solids are none."""
+    formulas, way = device_formulas(density.make, real, math), make_ways(real, math, repeats)
+    squared, within, inline = formulas.squared, formulas.within, inlined(math)
+    word, all_bits, together = np.int32(WORD), np.uint32(0xFFFFFFFF), np.int32(TOGETHER)
+    none, one, two, four, eight = (np.uint32(bit) for bit in (0, 1, 2, 4, 8))
 
-    @inlined("exact")
-    def keep(k, p, e, q, end, parameters, table, particles, count, at):
-        """The list with particle e at q, if that is a neighbour and before the run's end: how many there are, and where the
-        next one belongs."""
+    @inline
+    def bit_of(p, q, bit, parameters):
         dx, dy, dz = way(p, q, parameters)
         if solids and p[3] == parameters.sampled and q[3] == parameters.sampled:
-            return count, at
-        if within(squared(dx, dy, dz), parameters.support) and e != k and e < end:
-            if count < most:
-                table[at] = e
-                at += particles
-            count = np.int32(count + one)
-        return count, at
+            return none
+        return bit if within(squared(dx, dy, dz), parameters.support) else none
+
+    @inline
+    def look(k, p, e, end, row, around, parameters):
+        # the last TOGETHER before `end` are looked at as they are, so that loads lie at fixed places behind one another
+        last = np.int32(max(end - together, 0))
+        first, bits = np.int32(min(e, last)), none
+        begin = first
+        while begin < end:
+            g = min(begin, last)
+            q, r, s, t = four_of(around, g, row)
+            found = np.uint32(
+                bit_of(p, q, one, parameters) | bit_of(p, r, two, parameters) | bit_of(p, s, four, parameters)
+                | bit_of(p, t, eight, parameters)
+            )  # fmt: skip
+            bits = np.uint32(bits | found << np.uint32(g - first))
+            begin = np.int32(begin + together)
+        # what lies before e or behind the run, where that is shorter than TOGETHER, is another run's
+        bits = np.uint32(bits & (all_bits << np.uint32(e - first)))
+        bits = np.uint32(bits & (all_bits >> np.uint32(max(word - (end - first), 0))))
+        if first <= k and k < end:
+            bits = np.uint32(bits & ~(one << np.uint32(k - first)))
+        return bits, first
+
+    return look
+
+
+@cache
+def make_search(
+    real: Any, math: str, axes: int, neighbours: int, repeats: frozenset[str], four_of: Any, visit: Any, begun: Any,
+    solids: bool = False,
+) -> Any:  # fmt: skip
+    """search(k, p, around, parameters, key, numbers, begins, table, particles, lost, fluids) -> (how many neighbours particle
+    k at p has in its list now, `neighbours` at most; sums over them); the others are counted in `lost`. `four_of`: of
+    gpu_backend/fluid/around.py; `begun`: sums of none; visit(sums, k, p, entry, around, fluids, parameters) -> the sums with
+    a neighbour. In exact math lists are the CPU's. In blocks of LANES threads at most."""
+    whole, look, scales_of = _make_steps(), _make_look(real, math, repeats, solids, four_of), _make_scales_of()
+    beside, first_piece, second_piece = whole.beside, whole.first_piece, whole.second_piece
+    most, one, rows, solid, goes_round = np.int32(neighbours), np.int32(1), rows_around(axes), axes == 3, "x" in repeats
+    pieces = np.int32(rows * (2 if goes_round else 1))
+    slots, lanes, room, word = np.int32(SLOTS), np.int32(LANES), SLOTS * LANES, np.int32(WORD)
+    row_bit = np.uint32(ROW_BIT)
 
     @inlined("exact")
-    def search(k, p, position, parameters, key, numbers, begins, table, particles, lost):
-        width, height, wraps = numbers[WIDTH], numbers[HEIGHT], numbers[WRAPS] > 0
-        line = np.int32(key // width)
-        x, z = np.int32(key - line * width), np.int32(line // height)
-        y = np.int32(line - z * height)
-        first_run, last_run = first_piece(x, width, wraps), second_piece(x, width, wraps)
-        count, at = np.int32(0), np.int64(k)
-        for row in range(rows):
-            cz, cy = z, beside(y, np.int32(row % 3 - 1), height, numbers[WRAPS + 1] > 0)
-            if solid:
-                cz = beside(z, np.int32(row // 3 - 1), numbers[DEPTH], numbers[WRAPS + 2] > 0)
-            if cy >= 0 and cz >= 0:
-                base = np.int32((cz * height + cy) * width)
-                cell, cells = np.int32(base + first_run[0]), first_run[1]
-                while cells > 0:
-                    end = np.int32(begins[cell + cells])
-                    for e in range(np.int32(begins[cell]), end, together):
-                        # four loads are on their way before the first is waited for: none may pass a store to the list
-                        e, last = np.int32(e), np.int32(end - one)
-                        f, g, h = min(np.int32(e + 1), last), min(np.int32(e + 2), last), min(np.int32(e + 3), last)
-                        q, r, s, t = (
-                            load_quad(position, e), load_quad(position, f), load_quad(position, g), load_quad(position, h),
-                        )  # fmt: skip
-                        count, at = keep(k, p, e, q, end, parameters, table, particles, count, at)
-                        count, at = keep(k, p, np.int32(e + 1), r, end, parameters, table, particles, count, at)
-                        count, at = keep(k, p, np.int32(e + 2), s, end, parameters, table, particles, count, at)
-                        count, at = keep(k, p, np.int32(e + 3), t, end, parameters, table, particles, count, at)
-                    # what is left of the three cells lies at the row's other end
-                    cells = last_run[1] if cell == base + first_run[0] else np.int32(0)
-                    cell = np.int32(base + last_run[0])
+    def row_of(piece):
+        return np.int32(piece >> 1) if goes_round else np.int32(piece)
+
+    @inlined("exact")
+    def run(piece, x, y, z, numbers, begins):
+        """(first, end) of the particles of a piece of the rows of cells around (x, y, z)."""
+        width, height = numbers[WIDTH], numbers[HEIGHT]
+        row = row_of(piece)
+        cz, cy = z, beside(y, np.int32(row % 3 - 1), height, numbers[WRAPS + 1] > 0)
+        if solid:
+            cz = beside(z, np.int32(row // 3 - 1), numbers[DEPTH], numbers[WRAPS + 2] > 0)
+        cell, cells = first_piece(x, width, goes_round)
+        if goes_round and piece & 1:
+            cell, cells = second_piece(x, width, goes_round)
+        if cy < 0 or cz < 0 or cells < 1:
+            return np.int32(0), np.int32(0)
+        cell = np.uint32((cz * height + cy) * width + cell)
+        return np.int32(begins[cell]), np.int32(begins[cell + np.uint32(cells)])
+
+    @inlined("exact")
+    def search(k, p, around, parameters, key, numbers, begins, table, particles, lost, fluids):
+        words = cuda.shared.array(room, np.uint32)  # a line each: the simulator tells them apart by it
+        firsts = cuda.shared.array(room, np.uint32)  # with their rows, as entries have them
+        own, line = np.uint32(cuda.threadIdx.x), np.int32(key // numbers[WIDTH])
+        x, z = np.int32(key - line * numbers[WIDTH]), np.int32(line // numbers[HEIGHT])
+        y = np.int32(line - z * numbers[HEIGHT])
+        count, at, sums, scales = np.int32(0), np.uint64(k), begun, scales_of(parameters)
+        piece, e, end = np.int32(0), np.int32(0), np.int32(0)
+        while piece < pieces or e < end:
+            kept, place = np.int32(0), own
+            while kept < slots and (piece < pieces or e < end):
+                if e >= end:
+                    e, end = run(piece, x, y, z, numbers, begins)
+                    piece = np.int32(piece + one)
+                if e < end:
+                    stop = min(np.int32(e + word), end)
+                    row = row_of(np.int32(piece - one))
+                    bits, first = look(k, p, e, stop, row, around, scales)
+                    e = stop
+                    if bits != 0:
+                        words[place] = bits
+                        firsts[place] = np.uint32(np.uint32(first) | np.uint32(row) << row_bit)
+                        kept, place = np.int32(kept + one), np.uint32(place + np.uint32(lanes))
+            place, bits, begin = own, np.uint32(0), np.uint32(0)
+            while kept > 0:
+                if bits == 0:
+                    bits, begin = words[place], firsts[place]
+                entry = np.uint32(begin + np.uint32(cuda.ffs(bits) - one))
+                bits = np.uint32(bits & (bits - np.uint32(1)))
+                if bits == 0:
+                    kept, place = np.int32(kept - one), np.uint32(place + np.uint32(lanes))
+                if count < most:
+                    table[at] = entry
+                    at = np.uint64(at + np.uint64(particles))
+                    sums = visit(sums, k, p, entry, around, fluids, scales)
+                count = np.int32(count + one)
         if count > most:
             cuda.atomic.add(lost, 0, np.int64(count - most))
             count = most
-        return count
+        return count, sums
 
     return search

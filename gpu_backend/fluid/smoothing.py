@@ -12,9 +12,10 @@ from numba import cuda
 from gpu_backend.core.compile import inlined, kernel_options, make_kernel, variant_name
 from gpu_backend.core.formulas import device_formulas
 from gpu_backend.core.quads import load_quad, store_quad
+from gpu_backend.fluid.around import place_of
 from gpu_backend.fluid.extent import make_extent
 from gpu_backend.fluid.motion import make_ends
-from gpu_backend.fluid.sums import make_row, make_sums
+from gpu_backend.fluid.sums import make_pair, make_row
 from model.fluid.parameters import F_COHESION, F_CONFINEMENT, F_TENSION, F_VISCOSITY, F_WEIGHT
 from model.formulas.fluid import density, motion
 
@@ -33,7 +34,7 @@ def make_smoothing(
 @cache
 def _make_shape(real: Any, math: str, parts: frozenset[str], repeats: frozenset[str]) -> Any:
     formulas, sums = device_formulas(motion.make, real, math), device_formulas(density.make, real, math)
-    inline, pair = inlined(math), make_sums(real, math, parts, repeats).pair
+    inline, pair = inlined(math), make_pair(real, math, repeats)
     slope, gradient_added, speed_of, curl_added = (
         sums.slope, sums.gradient_added, formulas.speed_of, formulas.curl_added,
     )  # fmt: skip
@@ -60,7 +61,7 @@ def _make_shape(real: Any, math: str, parts: frozenset[str], repeats: frozenset[
             parameters, p, v, at = record[0], load_quad(position, k), load_quad(velocity, k), np.int64(k)
             totals = zero, zero, zero, zero, zero, zero
             for _ in range(found[k]):
-                j = table[at]
+                j = place_of(table[at])
                 at += particles
                 q, w = load_quad(position, j), load_quad(velocity, j)
                 if has_solids and q[3] == parameters.sampled:
@@ -120,7 +121,7 @@ def _make_smooth(real: Any, math: str, parts: frozenset[str], repeats: frozenset
         _make_pair_terms(real, math, parts),
         make_row(parts),
     )
-    pair, limited = make_sums(real, math, parts, repeats).pair, make_ends(real, math, parts).limited
+    pair, limited = make_pair(real, math, repeats), make_ends(real, math, parts).limited
     slope, add_forces, add_smooth = device_formulas(density.make, real, math).slope, terms.add_forces, terms.add_smooth
     rise_added, confined, smoothed = formulas.rise_added, formulas.confined, formulas.smoothed
     speed_of, zero, is_dragged, extent = formulas.speed_of, real(0), "drag" in parts, make_extent(parts)
@@ -139,7 +140,7 @@ def _make_smooth(real: Any, math: str, parts: frozenset[str], repeats: frozenset
             if has_curl:
                 curl = load_quad(curls, k)
             for _ in range(found[k]):
-                j = table[at]
+                j = place_of(table[at])
                 at += particles
                 q = load_quad(position, j)
                 if has_solids and q[3] == parameters.sampled:

@@ -18,9 +18,9 @@ from gpu_backend.core.compile import inlined, kernel_options, make_kernels, vari
 from gpu_backend.core.formulas import device_formulas
 from gpu_backend.core.quads import SIZE, load_quad, store_quad
 from gpu_backend.core.world import World
-from gpu_backend.fluid.kernels import WALL, make_relax
+from gpu_backend.fluid.around import place_of
+from gpu_backend.fluid.kernels import WALL, make_meet_walls, make_relax
 from gpu_backend.fluid.sums import List, make_row
-from gpu_backend.fluid.walls import make_walls
 from gpu_backend.xpbd.kernels import make_clock
 from model.fluid.among_solids import K_GRIP, K_LIGHTNESS, K_VOLUME
 from model.fluid.parameters import F_VISCOSITY, F_WEIGHT
@@ -100,7 +100,7 @@ def _make_solid_sums(real: Any, math: str, parts: frozenset[str]) -> SimpleNames
     def sum_factor(k, p, position, near_by, number, kinds, parameters):
         gx, gy, gz, own, at = zero, zero, zero, zero, np.int64(k)
         for _ in range(near_by.count):
-            j = near_by.table[at]
+            j = place_of(near_by.table[at])
             at += near_by.particles
             dx, dy, dz, r = pair(k, p, j, load_quad(position, j), parameters)
             bare, n = slope(r, parameters.inverse_support, parameters.gradient_scale), np.int32(number[j])
@@ -114,7 +114,7 @@ def _make_solid_sums(real: Any, math: str, parts: frozenset[str]) -> SimpleNames
     def sum_density(k, p, position, near_by, number, kinds, parameters):
         total, at = zero, np.int64(k)
         for _ in range(near_by.count):
-            j = near_by.table[at]
+            j = place_of(near_by.table[at])
             at += near_by.particles
             q = load_quad(position, j)
             t = near(squared(p[0] - q[0], p[1] - q[1], p[2] - q[2]), parameters.inverse_support)
@@ -126,7 +126,7 @@ def _make_solid_sums(real: Any, math: str, parts: frozenset[str]) -> SimpleNames
         x, y, z, at, own = zero, zero, zero, np.int64(k), np.int32(number[k])
         volume, grip = kinds[volume_row * number.size + own], kinds[grip_row * number.size + own]
         for _ in range(near_by.count):
-            j = near_by.table[at]
+            j = place_of(near_by.table[at])
             at += near_by.particles
             q, n = load_quad(position, j), np.int32(number[j])
             dx, dy, dz, r = pair(k, p, j, q, parameters)
@@ -146,7 +146,7 @@ def _make_solid_sums(real: Any, math: str, parts: frozenset[str]) -> SimpleNames
         grip, light = kinds[grip_row * number.size + own], kinds[light_row * number.size + own]
         mine, wx, wy, wz = fluids[row(b[3]) + viscosity], p[0] - b[0], p[1] - b[1], p[2] - b[2]
         for _ in range(near_by.count):
-            j = near_by.table[at]
+            j = place_of(near_by.table[at])
             at += near_by.particles
             n = np.int32(number[j])
             its_grip = kinds[grip_row * number.size + n]
@@ -170,28 +170,17 @@ def make_solid_kernels(real: Any, math: str, parts: frozenset[str]) -> SimpleNam
     table, found, number, fluids, kinds, *relaxed, *world)`; `correct(before, position, record, table, found, number, fluids,
     kinds, gradients, rows, *world, shift, into)`. `rows`: of fluids; `relaxed`, `world`: as in gpu_backend/fluid/kernels.py;
     `shift` (samples, 3): what each is pushed by."""
-    variant = real, math, parts
-    f, sums, relax, row = (
-        device_formulas(density.make, real, math),
-        _make_solid_sums(*variant),
-        make_relax(*variant),
-        make_row(parts),
-    )
-    sum_factor, sum_density = sums.sum_factor, sums.sum_density
-    sum_correction, sum_friction = sums.sum_correction, sums.sum_friction
-    factor_of, wall_added, moved = f.factor, f.wall_added, f.moved
-    walls, clock, collide = make_walls(*variant), make_clock(math, parts), make_collide(*variant)
-    has_walls, rubs, keeps, zero = "walls" in parts, "viscosity" in parts, "drag" in parts, real(0)
-    axes, weight_field = np.int32(WALL), np.int32(F_WEIGHT)
+    kernels = *_make_solid_densities(real, math, parts), _make_solid_correction(real, math, parts)
+    name = f"fluid_solids_{variant_name(real, math, parts)}"
+    return make_kernels(kernels, name, **kernel_options(math))
 
-    @inlined(math)
-    def meet_walls(k, p, gradients, world, number):
-        wall = zero, zero, zero, zero
-        if has_walls:
-            wall = walls(p, world, number)
-            at = np.int64(k) * axes
-            gradients[at], gradients[at + 1], gradients[at + 2] = wall[1], wall[2], wall[3]
-        return wall
+
+def _make_solid_densities(real: Any, math: str, parts: frozenset[str]) -> tuple[Any, Any]:
+    variant = real, math, parts
+    factor_of, sums = device_formulas(density.make, real, math).factor, _make_solid_sums(*variant)
+    relax, row, meet_walls = make_relax(*variant), make_row(parts), make_meet_walls(*variant)
+    sum_factor, sum_density, clock = sums.sum_factor, sums.sum_density, make_clock(math, parts)
+    keeps, zero, weight_field = "drag" in parts, real(0), np.int32(F_WEIGHT)
 
     def factors(
         position, record, table, found, number, fluids, kinds, factors_, multipliers, constraints, gradients, rows, bodies,
@@ -229,6 +218,18 @@ def make_solid_kernels(real: Any, math: str, parts: frozenset[str]) -> SimpleNam
                 constraints[k] = zero
             position[SIZE * np.int64(k) + 3] = delta  # which no thread of this launch looks at
 
+    density_.__name__ = "density"
+    return factors, density_
+
+
+def _make_solid_correction(real: Any, math: str, parts: frozenset[str]) -> Any:
+    variant = real, math, parts
+    f, sums, row = device_formulas(density.make, real, math), _make_solid_sums(*variant), make_row(parts)
+    sum_correction, sum_friction, wall_added, moved = sums.sum_correction, sums.sum_friction, f.wall_added, f.moved
+    clock, collide = make_clock(math, parts), make_collide(*variant)
+    has_walls, rubs, zero = "walls" in parts, "viscosity" in parts, real(0)
+    axes, weight_field = np.int32(WALL), np.int32(F_WEIGHT)
+
     def correct(
         before, position, record, table, found, number, fluids, kinds, gradients, rows, bodies, integers, counter, place,
         substeps, substep, shift, into,
@@ -257,6 +258,4 @@ def make_solid_kernels(real: Any, math: str, parts: frozenset[str]) -> SimpleNam
                 x, y, z, _, _, _ = collide(b, x, y, z, zero, zero, zero, World(parameters, bodies, integers), moment)
             store_quad(into, k, x, y, z, b[3])
 
-    density_.__name__ = "density"
-    name = f"fluid_solids_{variant_name(real, math, parts)}"
-    return make_kernels((factors, density_, correct), name, **kernel_options(math))
+    return correct

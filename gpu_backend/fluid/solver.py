@@ -2,7 +2,8 @@
 
 The method, and every order of summation, is in model/fluid/plan.py. Particles change places in every substep; `particle`
 holds the number of each, and whatever is read comes in the scene's order. Kernels: `launch`, and `graph`, the same
-captured as a CUDA graph; `stages`, stage by stage. In `exact` math all give the same bits, and the CPU's.
+captured as a CUDA graph; `stages`, stage by stage; `staged`, a graph whose kernels read what lies around a block into its
+shared memory (around.py), which was never timed and is chosen nowhere. In `exact` math all give the same bits, and the CPU's.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ from gpu_backend.fluid.cells import Cells, cell_bytes
 from gpu_backend.fluid.extent import FLOWS
 from gpu_backend.fluid.flow import Flow
 from gpu_backend.fluid.kernels import WALL, make_density_kernels
+from gpu_backend.fluid.lists import LANES, TOGETHER
 from gpu_backend.fluid.motion import make_begin, make_settle
 from gpu_backend.fluid.smoothing import make_smoothing
 from gpu_backend.fluid.sort_kernels import THREADS as SORT_THREADS
@@ -37,7 +39,8 @@ from model.fluid.samples import Samples
 from model.mass_spring.cloth_parameters import collider_numbers
 from model.scene.scene import Scene
 
-THREADS = 128  # a block
+THREADS = LANES  # a block
+STAGED = "staged"  # a kernel
 FEWER = {8192: 32, 32768: 64}  # of so many particles at most: so that each multiprocessor has some
 QUADS = 10  # of a particle: the state twice and put aside, and what a substep needs
 
@@ -49,7 +52,8 @@ class Fluid(SubstepSimulation):
 
     def __init__(self, scene: Scene, options: Options, stream: Any = None):
         super().__init__(scene, options, stream)
-        among, self.kernel = self.samples is not None, launched_kernel(options.kernel, "fluids")
+        among, wanted = self.samples is not None, options.kernel
+        self.kernel = STAGED if wanted == STAGED and not among else launched_kernel(wanted, "fluids", (STAGED,))
         self.plan = fluid_plan(scene, options.live, among)
         self.particle_count += self.samples.count if self.samples else 0
         self.threads = next((few for most, few in FEWER.items() if self.particle_count <= most), THREADS)
@@ -83,7 +87,8 @@ class Fluid(SubstepSimulation):
         self.particle = [self.on_device(self._numbers), self.on_device(self._numbers)]
         self.kept_particle = self.on_device(self._numbers)
         self.fluids = self.on_device(self._rows)
-        self.sorted, self.corrected, self.before, self.meant = (self.new_array() for _ in range(4))
+        self.sorted = self.on_device(np.zeros(SIZE * max(count, TOGETHER), real))  # so many at least are looked at
+        self.corrected, self.before, self.meant = (self.new_array() for _ in range(3))
         parts, walls = self.plan.parts, WALL * count
         self.relaxed = tuple(
             self.on_device(np.zeros(size, real))
@@ -109,8 +114,9 @@ class Fluid(SubstepSimulation):
     def _make_kernels(self) -> None:
         variant = self.real, self.options.math, self.plan.parts
         self._tools = make_fluid_tools(self.real, self.scene.dimensions, self.plan.parts & FLOWS)
-        self.begin, self.settling = make_begin(*variant, self.repeats), make_settle(*variant, self.repeats)
-        self.relaxing = make_density_kernels(*variant, self.repeats, self.neighbours)
+        staged = self.kernel == STAGED and not self.repeats
+        self.begin, self.settling = make_begin(*variant, self.repeats), make_settle(*variant, self.repeats, staged)
+        self.relaxing = make_density_kernels(*variant, self.repeats, self.neighbours, staged)
         self.free = divergence_free.DivergenceFree(self) if "divergence-free" in self.plan.parts else None
         self.smoothing = None
         if self.plan.parts & SMOOTHING and not self.free:
@@ -130,7 +136,7 @@ class Fluid(SubstepSimulation):
             if self.flow:
                 self.flow.forget()
             cuda.synchronize()
-        if self.kernel == "graph" and can_capture():
+        if self.kernel in ("graph", STAGED) and can_capture():
             self._graphs = Graphs(self.stream, self._launch, self._count_on)
 
     # ------------------------------------------------------------------ a step
@@ -152,6 +158,11 @@ class Fluid(SubstepSimulation):
         """The table of neighbours, and how many each particle has."""
         return self.cells.table, self.cells.found
 
+    @property
+    def near(self) -> tuple[Any, ...]:
+        """Where cells and their particles are, and `lists`."""
+        return self.cells.sorted_keys, self.cells.numbers, self.cells.begins, *self.lists
+
     def _substep(self, place: int, substep: int) -> None:
         """Launch one substep, from the current buffers into the others; `place`: the step's after the counter."""
         time = self._counter, np.int64(place), np.int64(self.scene.method.substeps), np.int64(substep)
@@ -167,16 +178,15 @@ class Fluid(SubstepSimulation):
         self.cells.sort(self.record, given, (self.sorted, self.before, self.meant, self.particle[now]))
         world, a, b = (self.bodies, self.integers, *time), self.corrected, self.sorted
         relaxing.prepare[flat](
-            b, self.record, self.cells.sorted_keys, self.cells.numbers, self.cells.begins, *self.lists, self.cells.beyond,
-            *self.relaxed, self.fluids, *world, a,
+            b, self.record, *self.near, self.cells.beyond, *self.relaxed, self.fluids, *world, a
         )  # fmt: skip
         for _ in range(self.scene.method.iterations - 1):
-            relaxing.correct[flat](self.before, a, self.record, *self.lists, self.gradients, self.fluids, *world, b)
-            relaxing.density[flat](b, self.record, *self.lists, *self.relaxed, *world)
+            relaxing.correct[flat](self.before, a, self.record, *self.near, self.gradients, self.fluids, *world, b)
+            relaxing.density[flat](b, self.record, *self.near, *self.relaxed, *world)
             a, b = b, a
         position, velocity = self.position[now], self.velocity[now]
         self.settling.settle[flat](
-            self.before, self.meant, a, self.record, *self.lists, self.constraints, self.gradients, self.fluids, *world,
+            self.before, self.meant, a, self.record, *self.near, self.constraints, self.gradients, self.fluids, *world,
             position, self.meant if self.smoothing else velocity,
         )  # fmt: skip
         if self.smoothing:

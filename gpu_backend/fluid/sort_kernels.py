@@ -23,7 +23,7 @@ from gpu_backend.core.compile import inlined, kernel_options, make_kernels, vari
 from gpu_backend.core.device import simulated
 from gpu_backend.core.formulas import device_formulas
 from gpu_backend.core.quads import SIZE, load_quad, store_quad
-from gpu_backend.core.scan import make_before
+from gpu_backend.core.scan import make_before, make_strips
 from model.formulas.fluid import cells as grid
 
 THREADS = 32 if simulated() else 256  # of a block that reduces; the simulator runs each as one of Python's
@@ -138,7 +138,8 @@ def _make_grid(real: Any, repeats: frozenset[str]) -> tuple[Any, ...]:
 
 def _make_sort(real: Any, flows: bool) -> tuple[Any, ...]:
     """The kernels that count, sum up, and fill."""
-    cell_of, before = device_formulas(grid.make, real, "exact").cell_of, make_before(THREADS)
+    cell_of = device_formulas(grid.make, real, "exact").cell_of
+    before, strips = make_before(THREADS), make_strips(THREADS)
     zero, one = np.int32(0), np.int32(1)
     each, chunk, threads = np.int32(EACH), np.int32(CHUNK), np.int32(THREADS)
 
@@ -169,20 +170,10 @@ def _make_sort(real: Any, flows: bool) -> tuple[Any, ...]:
                 totals[cuda.blockIdx.x] = start
 
     def totals(numbers, sums):
-        """The same in place, over all chunks: one block, each thread a strip of its own."""
-        size = np.int32((numbers[CELLS] + chunk - one) // chunk)
-        strip = np.int32((size + threads - one) // threads)
-        first = np.int32(strip * cuda.threadIdx.x)
-        last, own = min(np.int32(first + strip), size), zero
-        for k in range(first, last):
-            own = np.int32(own + sums[k])
-        start = before(own)
-        for k in range(first, last):
-            number = sums[k]
-            sums[k] = start
-            start = np.int32(start + number)
+        """The same in place, over all chunks: one block."""
+        kept = strips(sums, np.int32((numbers[CELLS] + chunk - one) // chunk))
         if flows and cuda.threadIdx.x == threads - one:
-            numbers[KEPT] = start
+            numbers[KEPT] = kept
 
     def fill(keys, slots, number, starts, sums, numbers, counts, begins, filled):
         """filled[...]: the numbers of a cell's particles in any order; begins[k]: where those of cell k begin, one number

@@ -42,16 +42,14 @@ def bind_fluid_stages(sim: Any) -> Bound:
         now["position"], now["other"] = sim.sorted, sim.corrected
 
     def find(moment: Moment) -> None:
-        relaxing.find[flat](
-            now["position"], sim.record, cells.sorted_keys, cells.numbers, cells.begins, *sim.lists, cells.beyond
-        )
+        relaxing.find[flat](now["position"], sim.record, *sim.near, cells.beyond)
         relaxing.factors[flat](now["position"], sim.record, *sim.lists, *sim.relaxed, sim.fluids, *world(moment))
 
     def density(moment: Moment) -> None:
-        relaxing.density[flat](now["position"], sim.record, *sim.lists, *sim.relaxed, *world(moment))
+        relaxing.density[flat](now["position"], sim.record, *sim.near, *sim.relaxed, *world(moment))
 
     def correct(moment: Moment) -> None:
-        arguments = sim.before, now["position"], sim.record, *sim.lists, sim.gradients, sim.fluids, *world(moment)
+        arguments = sim.before, now["position"], sim.record, *sim.near, sim.gradients, sim.fluids, *world(moment)
         relaxing.correct[flat](*arguments, now["other"])
         now["position"], now["other"] = now["other"], now["position"]
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from gpu_backend.core.compile import inlined
 from gpu_backend.core.formulas import device_formulas
-from gpu_backend.core.quads import load_quad
+from gpu_backend.fluid.around import make_around, place_of
 from gpu_backend.fluid.lists import make_ways
 from model.fluid.parameters import F_WEIGHT, FLUID_FIELDS
 from model.formulas.fluid import density
@@ -26,6 +26,13 @@ class List(NamedTuple):
     table: Any
     count: Any
     particles: Any
+
+
+class Weights(NamedTuple):
+    """Rows of fluids, and the weight of the first one, which is that of all where they are alike."""
+
+    rows: Any
+    weight: Any
 
 
 @cache
@@ -41,17 +48,55 @@ def make_row(parts: frozenset[str]) -> Any:
     return inlined("exact")(row)
 
 
+def make_over_list(math: str, added: Any, begun: Any, places: SimpleNamespace) -> Any:
+    """over_list(k, p, around, near_by, fluids, parameters) -> `begun` with what each neighbour of particle k at p adds, by
+    added(sums, k, p, j, q, fluids, parameters) of neighbour j at q. Four at a time, so that four loads are on their way
+    before the first is waited for, and the next four entries; `added` in turn, in the list's order. `places`: of
+    gpu_backend/fluid/around.py."""
+    one, two, three, four = np.int32(1), np.int32(2), np.int32(3), np.int32(4)
+    quad_of = places.quad_of
+
+    @inlined("exact")
+    def entry(table, k, row, last, particles):
+        """Of row `row` of the list, or of its last one."""
+        return table[np.uint64(k) + np.uint64(np.uint32(min(row, last))) * np.uint64(particles)]
+
+    @inlined(math)
+    def over_list(k, p, around, near_by, fluids, parameters):
+        sums, count, table, particles = begun, near_by.count, near_by.table, np.uint32(near_by.particles)
+        if count > 0:
+            last, k_ = np.int32(count - one), np.uint32(k)
+            a, b = entry(table, k_, np.int32(0), last, particles), entry(table, k_, one, last, particles)
+            c, d = entry(table, k_, two, last, particles), entry(table, k_, three, last, particles)
+            row = four  # of the entries after a, b, c, d
+            while row <= count:
+                q, r, t, u = quad_of(around, a), quad_of(around, b), quad_of(around, c), quad_of(around, d)
+                e, f = entry(table, k_, row, last, particles), entry(table, k_, np.int32(row + one), last, particles)
+                g = entry(table, k_, np.int32(row + two), last, particles)
+                h = entry(table, k_, np.int32(row + three), last, particles)
+                sums = added(sums, k, p, place_of(a), q, fluids, parameters)
+                sums = added(sums, k, p, place_of(b), r, fluids, parameters)
+                sums = added(sums, k, p, place_of(c), t, fluids, parameters)
+                sums = added(sums, k, p, place_of(d), u, fluids, parameters)
+                a, b, c, d, row = e, f, g, h, np.int32(row + four)
+            left = np.int32(count & three)
+            q, r, t = quad_of(around, a), quad_of(around, b), quad_of(around, c)
+            if left > 0:
+                sums = added(sums, k, p, place_of(a), q, fluids, parameters)
+            if left > one:
+                sums = added(sums, k, p, place_of(b), r, fluids, parameters)
+            if left > two:
+                sums = added(sums, k, p, place_of(c), t, fluids, parameters)
+        return sums
+
+    return over_list
+
+
 @cache
-def make_sums(real: Any, math: str, parts: frozenset[str], repeats: frozenset[str]) -> SimpleNamespace:
-    """`pair(k, p, j, q, parameters)` -> (dx, dy, dz, squared) of two that must not lie in one place; of particle k at p:
-    `sum_factor(k, p, position, list, wall, fluids, parameters)`; `sum_density(k, p, position, list, parameters)`;
-    `sum_correction(k, p, position, list, wall, parameters)` -> (x, y, z). `wall`: (density, gx, gy, gz) of `make_walls`."""
+def make_pair(real: Any, math: str, repeats: frozenset[str]) -> Any:
+    """pair(k, p, j, q, parameters) -> (dx, dy, dz, squared) of two that must not lie in one place."""
     formulas, inline, way = device_formulas(density.make, real, math), inlined(math), make_ways(real, math, repeats)
-    squared, apart, near, slope = formulas.squared, formulas.apart, formulas.near, formulas.slope
-    gradient_added, own_added, factor = formulas.gradient_added, formulas.own_added, formulas.factor
-    density_added, crowded, correction_added = formulas.density_added, formulas.crowded, formulas.correction_added
-    wall_added, row = formulas.wall_added, make_row(parts)
-    is_tensile, has_walls, zero, weight_field = "tensile" in parts, "walls" in parts, real(0), np.int32(F_WEIGHT)
+    squared, apart = formulas.squared, formulas.apart
 
     @inline
     def pair(k, p, j, q, parameters):
@@ -59,46 +104,113 @@ def make_sums(real: Any, math: str, parts: frozenset[str], repeats: frozenset[st
         dy = apart(dy, squared(dx, dy, dz), parameters.support, k < j)
         return dx, dy, dz, squared(dx, dy, dz)
 
+    return pair
+
+
+def _make_added(real: Any, math: str, parts: frozenset[str], repeats: frozenset[str]) -> SimpleNamespace:
+    """What neighbour j at q adds to sums of particle k at p, as `make_over_list` wants it."""
+    f, inline, way, row = (
+        device_formulas(density.make, real, math),
+        inlined(math),
+        make_ways(real, math, repeats),
+        make_row(parts),
+    )
+    squared, near, slope, pair = f.squared, f.near, f.slope, make_pair(real, math, repeats)
+    gradient_added, own_added, density_added, crowded = f.gradient_added, f.own_added, f.density_added, f.crowded
+    correction_added, weight_field = f.correction_added, np.int32(F_WEIGHT)
+    is_tensile, several = "tensile" in parts, "fluids" in parts
+
     @inline
-    def sum_factor(k, p, position, near_by, wall, fluids, parameters):
-        gx, gy, gz, own, at = zero, zero, zero, zero, np.int64(k)
-        for _ in range(near_by.count):
-            j = near_by.table[at]
-            at += near_by.particles
-            q = load_quad(position, j)
-            dx, dy, dz, r = pair(k, p, j, q, parameters)
-            s = slope(r, parameters.inverse_support, parameters.gradient_scale)
-            gx, gy, gz = gradient_added(gx, s, dx), gradient_added(gy, s, dy), gradient_added(gz, s, dz)
-            own = own_added(own, fluids[row(q[3]) + weight_field], s, r)
+    def factor_added(sums, k, p, j, q, fluids, parameters):
+        gx, gy, gz, own = sums
+        dx, dy, dz, r = pair(k, p, j, q, parameters)
+        s = slope(r, parameters.inverse_support, parameters.gradient_scale)
+        gx, gy, gz = gradient_added(gx, s, dx), gradient_added(gy, s, dy), gradient_added(gz, s, dz)
+        weight = fluids.rows[row(q[3]) + weight_field] if several else fluids.weight
+        return gx, gy, gz, own_added(own, weight, s, r)
+
+    @inline
+    def total_added(total, k, p, j, q, fluids, parameters):
+        dx, dy, dz = way(p, q, parameters)
+        return density_added(total, near(squared(dx, dy, dz), parameters.inverse_support))
+
+    @inline
+    def correction_and_more(sums, k, p, j, q, fluids, parameters):
+        x, y, z = sums
+        dx, dy, dz, r = pair(k, p, j, q, parameters)
+        s, both = slope(r, parameters.inverse_support, parameters.gradient_scale), p[3] + q[3]
+        if is_tensile:
+            both = both - crowded(near(r, parameters.inverse_support), parameters.inverse_tensile, parameters.tensile)
+        return correction_added(x, both, s, dx), correction_added(y, both, s, dy), correction_added(z, both, s, dz)
+
+    return SimpleNamespace(
+        factor_added=factor_added, total_added=total_added, correction_and_more=correction_and_more
+    )  # fmt: skip
+
+
+@cache
+def make_sums(
+    real: Any, math: str, parts: frozenset[str], repeats: frozenset[str], staged: bool = False
+) -> SimpleNamespace:
+    """Of particle k at p: `sum_factor(k, p, around, list, wall, fluids, parameters)`; `sum_density(k, p, around, list,
+    parameters)`; `sum_correction(k, p, around, list, wall, parameters)` -> (x, y, z). `wall`: (density, gx, gy, gz) of
+    `make_walls`; `around`, `staged`: of gpu_backend/fluid/around.py. And what a search sums up, `both_added` with
+    `weights_of(fluids)`, of which the last is the density's sum, and `factor_of(p, sums, wall, fluids, parameters)` of the
+    rest."""
+    formulas, inline, added = (
+        device_formulas(density.make, real, math),
+        inlined(math),
+        _make_added(real, math, parts, repeats),
+    )
+    factor, wall_added, row, zero = formulas.factor, formulas.wall_added, make_row(parts), real(0)
+    factor_added, total_added = added.factor_added, added.total_added
+    has_walls, weight_field = "walls" in parts, np.int32(F_WEIGHT)
+    places = make_around(real, 2 if "flat" in parts else 3, staged)
+    quad_of = places.quad_of
+
+    @inline
+    def both_added(sums, k, p, entry, around, fluids, parameters):
+        """Of `factor_added` and `total_added`, as a search visits a neighbour."""
+        gx, gy, gz, own, total = sums
+        j, q = place_of(entry), quad_of(around, entry)
+        gx, gy, gz, own = factor_added((gx, gy, gz, own), k, p, j, q, fluids, parameters)
+        return gx, gy, gz, own, total_added(total, k, p, j, q, fluids, parameters)
+
+    over_factors = make_over_list(math, factor_added, (zero, zero, zero, zero), places)
+    over_totals, over_corrections = (
+        make_over_list(math, total_added, zero, places),
+        make_over_list(math, added.correction_and_more, (zero, zero, zero), places),
+    )
+
+    @inline
+    def weights_of(fluids):
+        return Weights(fluids, fluids[weight_field])
+
+    @inline
+    def factor_of(p, sums, wall, fluids, parameters):
         weight = fluids[row(p[3]) + weight_field]
-        return factor(parameters.relaxation, weight, gx, gy, gz, own, wall[1], wall[2], wall[3], parameters.softness)
+        return factor(
+            parameters.relaxation, weight, sums[0], sums[1], sums[2], sums[3], wall[1], wall[2], wall[3],
+            parameters.softness,
+        )  # fmt: skip
 
     @inline
-    def sum_density(k, p, position, near_by, parameters):
-        total, at = zero, np.int64(k)
-        for _ in range(near_by.count):
-            q = load_quad(position, near_by.table[at])
-            at += near_by.particles
-            dx, dy, dz = way(p, q, parameters)
-            total = density_added(total, near(squared(dx, dy, dz), parameters.inverse_support))
-        return total
+    def sum_factor(k, p, around, near_by, wall, fluids, parameters):
+        sums = over_factors(k, p, around, near_by, weights_of(fluids), parameters)
+        return factor_of(p, sums, wall, fluids, parameters)
 
     @inline
-    def sum_correction(k, p, position, near_by, wall, parameters):
-        x, y, z, at = zero, zero, zero, np.int64(k)
-        for _ in range(near_by.count):
-            j = near_by.table[at]
-            at += near_by.particles
-            q = load_quad(position, j)
-            dx, dy, dz, r = pair(k, p, j, q, parameters)
-            s, both = slope(r, parameters.inverse_support, parameters.gradient_scale), p[3] + q[3]
-            if is_tensile:
-                t = near(r, parameters.inverse_support)
-                both = both - crowded(t, parameters.inverse_tensile, parameters.tensile)
-            x = correction_added(x, both, s, dx)
-            y, z = correction_added(y, both, s, dy), correction_added(z, both, s, dz)
+    def sum_density(k, p, around, near_by, parameters):
+        return over_totals(k, p, around, near_by, None, parameters)
+
+    @inline
+    def sum_correction(k, p, around, near_by, wall, parameters):
+        x, y, z = over_corrections(k, p, around, near_by, None, parameters)
         if has_walls:
             x, y, z = wall_added(x, p[3], wall[1]), wall_added(y, p[3], wall[2]), wall_added(z, p[3], wall[3])
         return x, y, z
 
-    return SimpleNamespace(pair=pair, sum_factor=sum_factor, sum_density=sum_density, sum_correction=sum_correction)
+    return SimpleNamespace(
+        weights_of=weights_of, factor_of=factor_of, both_added=both_added, sum_factor=sum_factor, sum_density=sum_density,
+        sum_correction=sum_correction,
+    )  # fmt: skip

@@ -7,12 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from gpu_backend.core.compile import inlined
-from gpu_backend.core.formulas import device_formulas
-from gpu_backend.core.integers import BOXES, CAPSULES, FIELDS, MESHES, PLANES, SPHERES
-from model.formulas import cloth, colliders
-from model.formulas.fluid import density, surfaces
-from model.mass_spring.cloth_parameters import (
+from gpu_backend.contact.colliders import make_place_of
+from gpu_backend.contact.rows import (
     B_RADIUS,
     B_SPIN,
     B_THICKNESS,
@@ -27,8 +23,14 @@ from model.mass_spring.cloth_parameters import (
     B_X,
     B_Y,
     B_Z,
-    COLLIDER_FIELDS,
+    FIRST_ROW,
+    ROW,
 )
+from gpu_backend.core.compile import inlined
+from gpu_backend.core.formulas import device_formulas
+from gpu_backend.core.integers import BOXES, CAPSULES, FIELDS, MESHES, PLANES, SPHERES
+from model.formulas import cloth, colliders
+from model.formulas.fluid import density, surfaces
 
 
 @cache
@@ -39,19 +41,21 @@ def make_walls(real: Any, math: str, parts: frozenset[str]) -> Any:
     plane, sphere, capsule, box = distances.plane, distances.sphere, distances.capsule, distances.box
     wall_density, wall_slope, wall_near, beyond = sums.wall_density, sums.wall_slope, sums.wall_near, sums.beyond
     joined_density, joined_gradient = sums.joined_density, sums.joined_gradient
-    times = device_formulas(cloth.make, real, math)
-    instant, moved, inline, zero, next_one = times.instant, times.moved, inlined(math), real(0), np.int64(1)
+    instant, inline, zero, next_one = (
+        device_formulas(cloth.make, real, math).instant,
+        inlined(math),
+        real(0),
+        np.int64(1),
+    )
+    place_of = make_place_of(real, math)
     has_planes, has_spheres, has_capsules, has_boxes = (kind in parts for kind in ("plane", "sphere", "capsule", "box"))
     (mesh, field), has_meshes, has_fields = surfaces_of(real, math), "mesh_collider" in parts, "distance_field" in parts
 
     @inline
     def way(p, bodies, at, time):
         """From the collider's point at `time` to the particle."""
-        return (
-            p[0] - moved(bodies[at + B_X], bodies[at + B_VX], time),
-            p[1] - moved(bodies[at + B_Y], bodies[at + B_VY], time),
-            p[2] - moved(bodies[at + B_Z], bodies[at + B_VZ], time),
-        )
+        x, y, z = place_of(bodies, at, time)
+        return p[0] - x, p[1] - y, p[2] - z
 
     @inline
     def joined(so_far, surface, bodies, at, parameters):
@@ -66,37 +70,37 @@ def make_walls(real: Any, math: str, parts: frozenset[str]) -> Any:
     @inline
     def walls(p, world, step):
         parameters, bodies, integers = world.parameters, world.colliders, world.integers
-        found, at = (zero, zero, zero, zero), np.int32(0)
+        found, at = (zero, zero, zero, zero), FIRST_ROW
         end = instant(step + next_one, parameters.dt, parameters.first_step, parameters.first_time)
         if has_planes:
             for _ in range(np.int32(integers[PLANES])):
                 dx, dy, dz = way(p, bodies, at, end)
                 surface = plane(dx, dy, dz, bodies[at + B_U], bodies[at + B_V], bodies[at + B_W])
-                found, at = joined(found, surface, bodies, at, parameters), np.int32(at + COLLIDER_FIELDS)
+                found, at = joined(found, surface, bodies, at, parameters), np.uint64(at + ROW)
         if has_spheres:
             for _ in range(np.int32(integers[SPHERES])):
                 dx, dy, dz = way(p, bodies, at, end)
                 surface = sphere(dx, dy, dz, bodies[at + B_RADIUS])
-                found, at = joined(found, surface, bodies, at, parameters), np.int32(at + COLLIDER_FIELDS)
+                found, at = joined(found, surface, bodies, at, parameters), np.uint64(at + ROW)
         if has_capsules:
             for _ in range(np.int32(integers[CAPSULES])):
                 dx, dy, dz = way(p, bodies, at, end)
                 ex, ey, ez = bodies[at + B_U], bodies[at + B_V], bodies[at + B_W]
                 surface = capsule(dx, dy, dz, ex, ey, ez, bodies[at + B_RADIUS])
-                found, at = joined(found, surface, bodies, at, parameters), np.int32(at + COLLIDER_FIELDS)
+                found, at = joined(found, surface, bodies, at, parameters), np.uint64(at + ROW)
         if has_boxes:
             for _ in range(np.int32(integers[BOXES])):
                 dx, dy, dz = way(p, bodies, at, end)
                 surface = box(dx, dy, dz, bodies[at + B_U], bodies[at + B_V], bodies[at + B_W])
-                found, at = joined(found, surface, bodies, at, parameters), np.int32(at + COLLIDER_FIELDS)
+                found, at = joined(found, surface, bodies, at, parameters), np.uint64(at + ROW)
         if has_meshes:
             for _ in range(np.int32(integers[MESHES])):
                 found = joined(found, mesh(p, bodies, at, end, parameters), bodies, at, parameters)
-                at = np.int32(at + COLLIDER_FIELDS)
+                at = np.uint64(at + ROW)
         if has_fields:
             for _ in range(np.int32(integers[FIELDS])):
                 found = joined(found, field(p, bodies, at, end, parameters), bodies, at, parameters)
-                at = np.int32(at + COLLIDER_FIELDS)
+                at = np.uint64(at + ROW)
         return found
 
     return walls
@@ -111,8 +115,8 @@ def surfaces_of(real: Any, math: str) -> tuple[Any, Any]:
         @inline
         def surface(p, bodies, at, time, parameters):
             return away(
-                bodies, np.int32(at + np.int32(bodies[at + B_TREE])), bodies[at + B_X], bodies[at + B_Y], bodies[at + B_Z],
-                bodies[at + B_VX], bodies[at + B_VY], bodies[at + B_VZ], bodies[at + B_U], bodies[at + B_V],
+                bodies, np.int32(np.int32(at) + np.int32(bodies[at + B_TREE])), bodies[at + B_X], bodies[at + B_Y],
+                bodies[at + B_Z], bodies[at + B_VX], bodies[at + B_VY], bodies[at + B_VZ], bodies[at + B_U], bodies[at + B_V],
                 bodies[at + B_W], bodies[at + B_SPIN], bodies[at + B_TURNS], time, p[0], p[1], p[2],
                 parameters.support + bodies[at + B_THICKNESS],
             )  # fmt: skip

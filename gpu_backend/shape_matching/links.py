@@ -8,6 +8,7 @@ import numpy as np
 from numba import cuda
 
 from gpu_backend.core.constraints import make_projections
+from gpu_backend.core.quads import pack
 from gpu_backend.shape_matching.kernels import THREADS
 from model.scene.method import Method
 from model.shape_matching.body_set import BodySet
@@ -20,7 +21,7 @@ class DeviceLinks:
     def __init__(self, body_set: BodySet, method: Method, real: Any, math: str, stream: Any):
         self._body_set, self._real, self._stream, self._starts = body_set, real, stream, body_set.links.starts
         self._project = make_projections(real, math, LINKS)
-        ends, values = np.ascontiguousarray(body_set.links.ends.T).reshape(-1), self._of(method)
+        ends, values = pack(body_set.links.ends), self._of(method)
         zeros = np.zeros(body_set.links.count, real)
         self._ends, self._values, self._multipliers = (
             cuda.to_device(array, stream=stream) for array in (ends, values, zeros)
@@ -29,7 +30,7 @@ class DeviceLinks:
     def _of(self, method: Method) -> np.ndarray:
         """(2 * links,): rest lengths, compliances."""
         found: np.ndarray = self._body_set.links.values(method.dt / method.substeps, self._body_set.mass)
-        return np.ascontiguousarray(found.T.astype(self._real)).reshape(-1)
+        return pack(found.astype(self._real))
 
     def change(self, method: Method) -> None:
         """What hangs on the length of a substep."""

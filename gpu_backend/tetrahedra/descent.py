@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from gpu_backend.core.quads import SIZE
+from gpu_backend.core.quads import SIZE, pack
 from gpu_backend.core.substeps import launched_kernel
 from gpu_backend.tetrahedra.descent_kernels import make_accelerate, make_visits
 from gpu_backend.tetrahedra.solver import Tetrahedra
@@ -74,7 +74,7 @@ class VertexBlockDescent(Tetrahedra):
         """Put the stages of a material among those of a step."""
         damped, real, count = DAMPED in self.plan.parts, self.real, np.int32(len(found.corners))
         kernels = make_visits(real, self.options.math, found.number, damped, visited(self.plan.parts))
-        corners, values = self.on_device(found.corners.T), self.on_device(found.values.T.astype(real))
+        corners, values = self.on_device(pack(found.corners)), self.on_device(pack(found.values.astype(real)))
         lists = tuple(self.on_device(one) for one in (found.order, found.offsets, found.entries))
         stresses = self.on_device(np.zeros(STRESSES * len(found.corners) if damped else 1, real))
         all_of, every = self._over(len(found.corners), THREADS), np.int32(len(found.order))
@@ -115,11 +115,17 @@ class VertexBlockDescent(Tetrahedra):
 
     # ------------------------------------------------------------------ a step
 
-    def _substep(self, place: int, substep: int) -> None:
+    @property
+    def inertial(self) -> Any:
+        """See SubstepSimulation."""
+        return self._inertial
+
+    def begin_substep(self, place: int, substep: int) -> None:
+        """See SubstepSimulation."""
         before, velocity = self.position[self._current], self.velocity[self._current]
         self._current = 1 - self._current
         now, new_velocity = self.position[self._current], self.velocity[self._current]
-        time = self._counter, np.int64(place), np.int64(self.scene.method.substeps), np.int64(substep)
+        self._substep_time = time = self._when(place, substep)
         self._brake(velocity)
         self._begin[self._flat](before, velocity, self._inertial, *self._lists, self.record, self.integers, *time)
         for _, launch in self._first:
@@ -127,14 +133,15 @@ class VertexBlockDescent(Tetrahedra):
         self._drive(now, new_velocity, time)
         if self.contacts:
             self.contacts.find(before, now)
-        for iteration in range(self.scene.method.iterations):
-            for _, launch in self._visits:
-                launch(before, velocity, now, time)
-            self._go_on(now, iteration)
-            if self.contacts:
-                self.contacts.project(before, now)
-        self._end[self._flat](before, now, new_velocity, self.record, self.bodies, self.integers, *time)
-        self._drive(now, new_velocity, time)
+
+    def iterate(self, iteration: int) -> None:
+        """See SubstepSimulation."""
+        before, now = self.substep_start, self.position[self._current]
+        for _, launch in self._visits:
+            launch(before, self.velocity[1 - self._current], now, self._substep_time)
+        self._go_on(now, iteration)
+        if self.contacts:
+            self.contacts.project(before, now)
 
     def _go_on(self, position: Any, iteration: int) -> None:
         """Launch what accelerates sweeps, where they are."""

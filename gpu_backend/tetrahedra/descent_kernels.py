@@ -14,7 +14,7 @@ from numba import cuda
 
 from gpu_backend.core.compile import inlined, kernel_options, make_kernel, make_kernels, variant_name
 from gpu_backend.core.formulas import device_formulas
-from gpu_backend.core.quads import SIZE, load_quad, store_quad
+from gpu_backend.core.quads import SIZE, load_quad, make_row, store_quad
 from gpu_backend.core.world import World
 from gpu_backend.tetrahedra.descent_contact import make_meeting
 from gpu_backend.tetrahedra.springs import make_pulled
@@ -70,27 +70,31 @@ def make_visits(real: Any, math: str, material: int, damped: bool, parts: frozen
         return quad[0], quad[1], quad[2]
 
     def point_at(n: int) -> Any:
-        return inline(lambda position, corners, count, t: xyz(load_quad(position, corners[n * count + t])))
+        return inline(lambda position, corners, count, t: xyz(load_quad(position, corners[n])))
 
-    def value_at(n: int) -> Any:
-        return inline(lambda values, unused, count, t: values[n * count + t])
+    def stress_at(n: int) -> Any:
+        return inline(lambda stresses, unused, count, t: stresses[np.uint32(np.int32(n * count) + t)])
 
     def keep_at(n: int) -> Any:
         @inline
         def keep(stresses, unused, count, t, stress):
-            stresses[n * count + t] = stress
+            stresses[np.uint32(np.int32(n * count) + t)] = stress
 
         return keep
 
-    points_of, values_of = tuple_of(CORNERS, point_at, inline), tuple_of(descent.COUNT, value_at, inline)
-    stresses_of = tuple_of(descent.STRESSES, value_at, inline)
+    corners_of, values_of = make_row(CORNERS, inline), make_row(descent.COUNT, inline)
+    points_at, stresses_of = tuple_of(CORNERS, point_at, inline), tuple_of(descent.STRESSES, stress_at, inline)
     keep_all = each_of(descent.STRESSES, keep_at, inline)
+
+    @inline
+    def points_of(position, corners, count, t):
+        return points_at(position, corners_of(corners, count, t), count, t)
 
     def remember(before, corners, values, stresses, size):
         t = np.int32(cuda.grid(1))  # type: ignore[call-arg]
         count = np.int32(size)
         if t < count:
-            found = held(points_of(before, corners, count, t), values_of(values, t, count, t))
+            found = held(points_of(before, corners, count, t), values_of(values, count, t))
             keep_all(stresses, t, count, t, found)
 
     def start(before, velocity, inertial, position, order, falls, stop, record):
@@ -118,7 +122,7 @@ def make_visits(real: Any, math: str, material: int, damped: bool, parts: frozen
                 if damped:
                     old = stresses_of(stresses, t, count, t)
                 points = points_of(position, corners, count, t)
-                sums = added(sums, element(points, values_of(values, t, count, t), old, corner, rate))
+                sums = added(sums, element(points, values_of(values, count, t), old, corner, rate))
             if sprung:
                 x, y, z, hard, _ = pulled(vertex, position, meets, sprung_entries, ends, numbers)
                 sums = added(sums, (x, y, z, hard, hard, hard, zero, zero, zero))

@@ -63,7 +63,7 @@ def make_reading(real: Any, math: str) -> SimpleNamespace:
     gradient = device_formulas(deformation.make_gradient, real, math).gradient
 
     def value_at(n: int) -> Any:
-        return inline(lambda values, unused, count, t: values[n * count + t])
+        return inline(lambda values, unused, count, t: values[np.uint32(np.int32(n * count) + t)])
 
     rest_of = tuple_of(9, value_at, inline)
 

@@ -8,7 +8,10 @@ cooperative launch guarantees, and no wait is endless.
 One message buffer a way is enough. A slab sends downwards in a sweep only after it has heard from the slab below in the
 last one, which spoke after it had heard what was sent downwards then; and so upwards.
 
-What a sweep must take is the way through one vertex: 40 tetrahedra of 8 voxels, one after the other.
+Velocities are kept nowhere: what ends a substep of a vertex begins its next one.
+
+What a sweep must take is the way through one vertex: 40 tetrahedra of 8 voxels, one after the other, for which a thread keeps
+the vertices of a voxel in registers (core/constraints.py); both meetings with neighbours are a tenth of that.
 """
 
 from __future__ import annotations
@@ -82,59 +85,76 @@ def make_exchange(real: Any, math: str) -> SimpleNamespace:
 
 
 @cache
-def make_vertices(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
-    """What the threads of a block do together to the `count` vertices that it owns, `particles` being where in `tables` their
-    numbers are: `begin(...)`: positions that constraints start from; `end(...)`: velocities, then colliders."""
+def make_turn(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
+    """Of one mass, quads: `begin(p, v, particle, world, step)` -> where constraints find it, from the state; `end(before,
+    now, world, number)` -> (position, velocity) after substep `number`."""
     forces, motion = make_forces(real, math, parts), make_motion(real, math, parts, AXES)
     add_gravity, add_own, predict, settle = forces.add_gravity, forces.add_own, motion.predict, motion.settle
     inline, zero = inlined(math), real(0)
 
     @inline
-    def begin(now, before, velocity, count, tables, particles, world, step):
-        parameters, k, threads = world.parameters, np.int32(cuda.threadIdx.x), np.int32(cuda.blockDim.x)
-        while k < count:
-            p, v = load_quad(now, k), load_quad(velocity, k)
-            ax, ay, az = add_gravity(zero, zero, zero, parameters)
-            ax, ay, az = add_own(ax, ay, az, tables[particles + k], p[3], parameters, world.integers, step)
-            x, y, z = predict(p, v, ax, ay, az, parameters)
-            store_quad(before, k, p[0], p[1], p[2], p[3])
-            store_quad(now, k, x, y, z, p[3])
-            k = np.int32(k + threads)
+    def begin(p, v, particle, world, step):
+        ax, ay, az = add_gravity(zero, zero, zero, world.parameters)
+        ax, ay, az = add_own(ax, ay, az, particle, p[3], world.parameters, world.integers, step)
+        x, y, z = predict(p, v, ax, ay, az, world.parameters)
+        return x, y, z, p[3]
 
     @inline
-    def end(now, before, velocity, count, world, number):
-        k, threads = np.int32(cuda.threadIdx.x), np.int32(cuda.blockDim.x)
-        while k < count:
-            b = load_quad(before, k)
-            px, py, pz, vx, vy, vz = settle(b, load_quad(now, k), world, number)
-            store_quad(now, k, px, py, pz, b[3])
-            store_quad(velocity, k, vx, vy, vz, zero)
-            k = np.int32(k + threads)
+    def end(before, now, world, number):
+        px, py, pz, vx, vy, vz = settle(before, now, world, number)
+        return (px, py, pz, before[3]), (vx, vy, vz, zero)
 
     return SimpleNamespace(begin=begin, end=end)
 
 
 @cache
-def make_sweep(real: Any, math: str, projection: Projection) -> Any:
-    """sweep(first, last, starts, tables, now, before, corners, values, multipliers, count, fresh, constants): a block's runs
-    of the colours `first` to before `last`, whose places begin at `starts` in `tables`."""
-    take, run = make_run(real, math, projection), projection.run
+def make_sweep(real: Any, math: str, projection: Projection) -> SimpleNamespace:
+    """`ahead(colour, starts, tables, corners, values, count)`: (first run of a colour, how many, what this thread's first one
+    reads), colours beginning at `starts` in `tables`; `sweep(first, last, colours, starts, tables, now, before, corners,
+    values, multipliers, count, fresh, constants, ready)`: a block's runs of the colours `first` to before `last` of all
+    `colours`, `ready` being what `ahead` gave of the first one; gives that of the one that comes next."""
+    of_run, run, inline = make_run(real, math, projection), np.int32(projection.run), inlined(math)
+    fetch, take, zero, one = of_run.fetch, of_run.take, np.int32(0), np.int32(1)
 
-    @inlined(math)
-    def sweep(first, last, starts, tables, now, before, corners, values, multipliers, count, fresh, constants):
+    @inline
+    def bounds(colour, starts, tables):
+        start = tables[np.uint32(starts + colour)]
+        return start, np.int32(tables[np.uint32(starts + colour + one)] - start)
+
+    @inline
+    def fetched(start, runs, corners, values, count):
+        """A thread that has none of these runs looks at another one's, or at the first of all."""
+        number = np.int32(start + min(np.int32(cuda.threadIdx.x), np.int32(runs - one)))
+        place = np.int32(np.int32(run - one) * start + number)
+        if runs == zero:
+            number, place = zero, zero
+        return fetch(corners, values, number, place, count)
+
+    @inline
+    def ahead(colour, starts, tables, corners, values, count):
+        start, runs = bounds(colour, starts, tables)
+        return start, runs, fetched(start, runs, corners, values, count)
+
+    @inline
+    def sweep(
+        first, last, colours, starts, tables, now, before, corners, values, multipliers, count, fresh, constants, ready
+    ):  # fmt: skip
+        start, runs, held = ready
         for colour in range(first, last):
-            at = np.int32(starts + colour)
-            start = tables[at]
-            runs = np.int32((tables[at + 1] - start) // run)
-            if runs > 0:
-                mine, threads = np.int32(cuda.threadIdx.x), np.int32(cuda.blockDim.x)
-                while mine < runs:
-                    place = np.int32(start + mine)
-                    take(now, before, corners, values, multipliers, place, runs, count, fresh, constants)
-                    mine = np.int32(mine + threads)
-                cuda.syncthreads()
+            coming, many = bounds(np.int32(colour + 1) if colour + 1 < colours else zero, starts, tables)
+            n, threads = np.int32(cuda.threadIdx.x), np.int32(cuda.blockDim.x)
+            while n < runs:
+                place = np.int32(run * start + n)
+                take(now, before, corners, values, multipliers, held, place, runs, count, fresh, constants)
+                n = np.int32(n + threads)
+                if n < runs:
+                    held = fetch(corners, values, np.int32(start + n), np.int32(run * start + n), count)
+            start, runs = coming, many
+            held = fetched(start, runs, corners, values, count)  # on its way while others are waited for
+            cuda.syncthreads()
+        return start, runs, held
 
-    return sweep
+    return SimpleNamespace(ahead=ahead, sweep=sweep)
 
 
 @cache
@@ -147,10 +167,14 @@ def make_tetrahedra_resident(real: Any, math: str, parts: frozenset[str], projec
     message_size,): downwards, upwards, downwards where vertices were, their tags `epoch` + 1, + 2, ...; `failed` (1,) int32
     is set to 1 by a block whose messages never come. Launched cooperatively, one block a slab.
     """
-    of_vertices, exchange, clock = make_vertices(real, math, parts), make_exchange(real, math), make_clock(math, parts)
-    begin, end, tell, hear = of_vertices.begin, of_vertices.end, exchange.tell, exchange.hear
-    sweep, constants_of = make_sweep(real, math, projection), make_constants(real, math, projection)
-    is_damped, scalar, zero = projection.damped, np.dtype(real) if simulated() else real, real(0)
+    turn, clock = make_turn(real, math, parts), make_clock(math, parts)
+    exchange, of_sweep = make_exchange(real, math), make_sweep(real, math, projection)
+    begin, end, tell, hear, ahead, sweep = (
+        turn.begin, turn.end, exchange.tell, exchange.hear, of_sweep.ahead, of_sweep.sweep
+    )  # fmt: skip
+    constants_of, is_damped = make_constants(real, math, projection), projection.damped
+    no_colour, no_place, one = np.int32(0), np.int64(0), np.int64(1)
+    scalar = np.dtype(real) if simulated() else real
 
     def tetrahedra_resident(
         position, velocity, new_position, new_velocity, tables, corners, values, multipliers, messages, borders, epoch,
@@ -158,48 +182,62 @@ def make_tetrahedra_resident(real: Any, math: str, parts: frozenset[str], projec
     ):  # fmt: skip
         shared = cuda.shared.array(0, scalar, alignment=ALIGNMENT)
         room = SIZE * largest
-        now, before, moving = shared[:room], shared[room : 2 * room], shared[2 * room : 3 * room]
+        now, before = shared[:room], shared[room : 2 * room]
         head = np.int32(cuda.blockIdx.x * HEADER)
         own, known, particles = tables[head + OWN], tables[head + ALL], tables[head + LIST]
         common, starts, count = tables[head + SHARED], tables[head + STARTS], np.int32(size)
         below, above, others = tables[head + BORDER_BEFORE], tables[head + BORDER_AFTER], np.int32(known - own)
         world, constants = World(record[0], bodies, integers), constants_of(record[0])
-        for n in range(cuda.threadIdx.x, known, cuda.blockDim.x):
+        mine, threads, tag = np.int32(cuda.threadIdx.x), np.int32(cuda.blockDim.x), np.int32(epoch)
+        place, substep = no_place, no_place
+        step, number = clock(counter, place, substeps, substep)
+        for n in range(mine, known, threads):
             k = tables[particles + n]
-            p, v = load_quad(position, k), load_quad(velocity, k)
-            store_quad(now, np.int32(n), p[0], p[1], p[2], p[3])
+            p = load_quad(position, k)
             store_quad(before, np.int32(n), p[0], p[1], p[2], p[3])
-            store_quad(moving, np.int32(n), v[0], v[1], v[2], zero)
-        tag, no_colour = np.int32(epoch), np.int32(0)
-        for place in range(steps):
-            for substep in range(substeps):
-                step, number = clock(counter, np.int64(place), np.int64(substeps), np.int64(substep))
-                begin(now, before, moving, own, tables, particles, world, step)
+            if n < own:
+                p = begin(p, load_quad(velocity, k), k, world, step)
+            store_quad(now, np.int32(n), p[0], p[1], p[2], p[3])
+        ready = ahead(no_colour, starts, tables, corners, values, count)
+        cuda.syncthreads()
+        while place < steps:
+            for half in range(2 * iterations):  # even layers, odd ones: one loop, so that its code is there once
+                fresh, late = np.int32(half < 2), half % 2 == 1
+                first, last = (early, colours) if late else (no_colour, early)
+                ready = sweep(
+                    first, last, colours, starts, tables, now, before, corners, values, multipliers, count, fresh,
+                    constants, ready,
+                )  # fmt: skip
+                if late:
+                    tell(messages, borders + above, now, own, others, tag)
+                    hear(messages, borders + below, now, 0, common, tag, failed)
+                else:
+                    tag = np.int32(tag + 1)
+                    tell(messages, below, now, 0, common, tag)
+                    if is_damped:
+                        if fresh:
+                            tell(messages, 2 * borders + below, before, 0, common, tag)
+                            hear(messages, 2 * borders + above, before, own, others, tag, failed)
+                    hear(messages, above, now, own, others, tag, failed)
                 cuda.syncthreads()
-                for half in range(2 * iterations):  # even layers, odd ones: one loop, so that its code is there once
-                    fresh, late = np.int32(half < 2), half % 2 == 1
-                    first, last = (early, colours) if late else (no_colour, early)
-                    sweep(
-                        first, last, starts, tables, now, before, corners, values, multipliers, count, fresh, constants
-                    )
-                    if late:
-                        tell(messages, borders + above, now, own, others, tag)
-                        hear(messages, borders + below, now, 0, common, tag, failed)
-                    else:
-                        tag = np.int32(tag + 1)
-                        tell(messages, below, now, 0, common, tag)
-                        if is_damped:
-                            if fresh:
-                                tell(messages, 2 * borders + below, before, 0, common, tag)
-                                hear(messages, 2 * borders + above, before, own, others, tag, failed)
-                        hear(messages, above, now, own, others, tag, failed)
-                    cuda.syncthreads()
-                end(now, before, moving, own, world, number)
-        for n in range(cuda.threadIdx.x, own, cuda.blockDim.x):
-            k = tables[particles + n]
-            p, v = load_quad(now, np.int32(n)), load_quad(moving, np.int32(n))
-            store_quad(new_position, k, p[0], p[1], p[2], p[3])
-            store_quad(new_velocity, k, v[0], v[1], v[2], zero)
+            substep += one
+            if substep == substeps:
+                place, substep = place + one, no_place
+            step, coming = clock(counter, place, substeps, substep)
+            n = mine
+            while n < own:  # how often a range turns would be a quotient
+                p, v = end(load_quad(before, n), load_quad(now, n), world, number)
+                k = tables[np.uint32(particles + n)]
+                if place < steps:
+                    store_quad(before, n, p[0], p[1], p[2], p[3])
+                    p = begin(p, v, k, world, step)
+                    store_quad(now, n, p[0], p[1], p[2], p[3])
+                else:
+                    store_quad(new_position, k, p[0], p[1], p[2], p[3])
+                    store_quad(new_velocity, k, v[0], v[1], v[2], v[3])
+                n = np.int32(n + threads)
+            number = coming
+            cuda.syncthreads()
 
     variant = f"{projection.name}_{variant_name(real, math, parts)}"
     return make_kernel(tetrahedra_resident, variant, launch_bounds=(MOST_THREADS, 1), **kernel_options(math))

@@ -8,8 +8,10 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
+from gpu_backend.core.constraints import device_corners
 from gpu_backend.core.launch import prepare
 from gpu_backend.core.messages import message_size
+from gpu_backend.core.quads import pack
 from gpu_backend.mass_spring.grid import tile_launch
 from gpu_backend.tetrahedra.resident import make_tetrahedra_resident
 from gpu_backend.tetrahedra.slabs import MOST_THREADS, Slabs, make_slabs
@@ -18,12 +20,12 @@ from model.core.constraints import ConstraintSet, Projection
 from model.core.errors import BackendUnavailable, SceneError
 from model.scene.scene import Scene
 from model.tetrahedra.attachments import CORNERS, part_of
-from model.tetrahedra.constraints import CLOTH, SLEEPING, constraint_sets, tetrahedra_of_sets
+from model.tetrahedra.constraints import CLOTH, SLEEPING, WHOLE, constraint_sets, tetrahedra_of_sets
 from model.xpbd.mesh_plan import BODY_DAMPING
 
 RUNS = 1 << 17  # voxels of a set that one is tried to be cut into slabs at most
 
-LAUNCHED_ONLY = ("wind", "motion", CLOTH, BODY_DAMPING, SLEEPING, *map(part_of, CORNERS))  # parts of a plan
+LAUNCHED_ONLY = ("wind", "motion", CLOTH, BODY_DAMPING, SLEEPING, WHOLE, *map(part_of, CORNERS))  # parts of a plan
 
 
 def launched_only(scene: Scene, parts: Collection[str]) -> str | None:
@@ -108,8 +110,9 @@ class ResidentSet:
             real, simulation.options.math, forces_of(simulation.plan.parts), projection
         )
         multipliers = np.zeros(max(1, projection.soft * projection.multipliers * len(one.corners)), real)
+        corners = device_corners(projection, slabs.corners, one.run * slabs.starts)
         self._arrays = (
-            put(slabs.tables), put(slabs.corners.T), put(one.values[slabs.order].T.astype(real)), put(multipliers),
+            put(slabs.tables), put(corners), put(pack(one.values[slabs.order].astype(real))), put(multipliers),
             put(np.zeros(3 * max(1, slabs.borders) * message_size(real), real)),
         )  # fmt: skip
         self._failed = cuda.to_device(np.zeros(1, np.int32), stream=simulation.stream)

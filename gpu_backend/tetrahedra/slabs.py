@@ -17,8 +17,9 @@ from model.tetrahedra.body_set import TetrahedraSet
 
 HEADER = 8  # numbers of a slab in `tables`, by place:
 OWN, ALL, LIST, SHARED, BORDER_BEFORE, BORDER_AFTER, STARTS = range(7)
-MOST_THREADS = 512  # of a block: a thread may take 128 registers then
-QUADS = 3  # of a vertex in shared memory: where it is, where it was, how it moves
+ENOUGH_THREADS = 128  # of a block for what vertices need: more wait for one another longer than they save
+MOST_THREADS = 384  # of a block: a thread may take 168 registers then
+QUADS = 2  # of a vertex in shared memory: where it is, where it was
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,13 +31,14 @@ class Slabs:
 
     `tables` int32: of each slab HEADER numbers: how many vertices it owns, how many it knows, where in `tables` the particles
     are that these are, how many of its own it shares with the slab before it, the first message about those and about
-    vertices of the next slab, where in `tables` its colours begin: places, and where the last one ends. `early`: how many
-    colours are of even layers; `borders`: of how many vertices slabs tell each other; `largest`: the most vertices that a
+    vertices of the next slab, where in `tables` its `starts` are, and where the last one ends. `early`: how many colours are
+    of even layers; `borders`: of how many vertices slabs tell each other; `largest`: the most vertices that a
     slab knows; `widest`: the most runs of a colour in a slab.
     """
 
     count: int
     order: np.ndarray
+    starts: np.ndarray
     corners: np.ndarray
     tables: np.ndarray
     colours: int
@@ -47,8 +49,8 @@ class Slabs:
 
     @property
     def threads(self) -> int:
-        """Of a block: whole warps, a thread a run of a colour, or a vertex, but no more than MOST_THREADS."""
-        return min(MOST_THREADS, -(-max(self.widest, self.largest) // 32) * 32)
+        """Of a block: whole warps, a thread a run of a colour, but no more than MOST_THREADS."""
+        return min(MOST_THREADS, -(-max(self.widest, min(self.largest, ENOUGH_THREADS)) // 32) * 32)
 
     def shared_bytes(self, real: type) -> int:
         """Of a block's shared memory."""
@@ -74,12 +76,12 @@ def make_slabs(found: TetrahedraSet, one: ConstraintSet, tetrahedra: np.ndarray,
     number = np.empty(found.particle_count, np.int32)
     for k in range(count):
         number[np.concatenate(lists[k])] = np.arange(sum(map(len, lists[k])))
-        own = order[starts[k * one.colours] : starts[(k + 1) * one.colours]]
-        corners[starts[k * one.colours] : starts[(k + 1) * one.colours]] = number[one.corners[own]]
+        here = slice(*(one.run * starts[[k * one.colours, (k + 1) * one.colours]]))
+        corners[here] = number[one.corners[order[here]]]
     return Slabs(
-        count, order, corners, _tables(lists, borders, starts, one.colours), one.colours,
+        count, order, starts, corners, _tables(lists, borders, starts, one.colours), one.colours,
         int((~odd[one.starts[:-1] // one.run]).sum()), int(borders[-1]),
-        max(sum(map(len, some)) for some in lists), int(np.diff(starts).max()) // one.run,
+        max(sum(map(len, some)) for some in lists), int(np.diff(starts).max()),
     )  # fmt: skip
 
 
@@ -97,11 +99,11 @@ def _lists(
 
 
 def _places(group: np.ndarray, groups: int, run: int) -> tuple[np.ndarray, np.ndarray]:
-    """(constraint at each place; where each group's places begin (groups + 1,)) of runs in groups."""
+    """(constraint at each place; which run each group begins with (groups + 1,)) of runs in groups."""
     runs = np.argsort(group, kind="stable")
     bounds = np.concatenate([[0], np.cumsum(np.bincount(group, minlength=groups))])
     parts = [(runs[first:last] * run + np.arange(run)[:, None]).ravel() for first, last in pairwise(bounds)]
-    return np.concatenate(parts), run * bounds
+    return np.concatenate(parts), bounds
 
 
 def _tables(

@@ -11,8 +11,10 @@ import numpy as np
 from numba import cuda
 
 from gpu_backend.core.compile import make_kernels, variant_name
+from gpu_backend.core.formulas import device_formulas
 from gpu_backend.core.quads import SIZE, load_quad, store_quad
 from gpu_backend.core.substeps import SubstepSimulation
+from model.formulas.elastic.descent import make_carried
 
 THREADS = 128
 
@@ -20,8 +22,9 @@ THREADS = 128
 @cache
 def make_ways(real: Any) -> SimpleNamespace:
     """`take(quads, particles, first, rows)`: quad first + k is that of particles[k]; `give(rows, weights, particles, first,
-    quads)`: likewise back, of those that weigh anything; a quad keeps its fourth number."""
-    zero = real(0)
+    quads)`: likewise back, of those that weigh anything; a quad keeps its fourth number; `carry(..., quads, inertial)`:
+    before that, how far they move is added to `inertial`."""
+    zero, carried = real(0), device_formulas(make_carried, real, "exact").carried
 
     def take(quads, particles, first, rows):
         k = np.int64(cuda.grid(1))  # type: ignore[call-arg]
@@ -35,7 +38,16 @@ def make_ways(real: Any) -> SimpleNamespace:
             p = load_quad(rows, first + k)
             store_quad(quads, particles[k], p[0], p[1], p[2], load_quad(quads, particles[k])[3])
 
-    return make_kernels((take, give), f"joined_{variant_name(real)}")
+    def carry(rows, weights, particles, first, quads, inertial):
+        k = np.int64(cuda.grid(1))  # type: ignore[call-arg]
+        if k < particles.size and weights[first + k] > zero:
+            at = particles[k]
+            p, q, y = load_quad(rows, first + k), load_quad(quads, at), load_quad(inertial, at)
+            store_quad(
+                inertial, at, carried(y[0], p[0], q[0]), carried(y[1], p[1], q[1]), carried(y[2], p[2], q[2]), y[3]
+            )
+
+    return make_kernels((take, give, carry), f"joined_{variant_name(real)}")
 
 
 class Joined:
@@ -63,7 +75,7 @@ class Joined:
     @property
     def launches(self) -> int:
         """Of `take` of positions alone, and of `give`."""
-        return len(self._members)
+        return len(self._members) + sum(member.inertial is not None for member, *_ in self._members)
 
     def take(self, fresh: bool) -> None:
         """Where members' particles are; `fresh`: and where the substep began."""
@@ -75,4 +87,7 @@ class Joined:
     def give(self) -> None:
         """Members' particles are where these are."""
         for member, own, first, launch in self._members:
-            self._ways.give[launch](self.position, self._weights, own, first, member.position[member._current])
+            there = self.position, self._weights, own, first, member.position[member._current]
+            if member.inertial is not None:
+                self._ways.carry[launch](*there, member.inertial)
+            self._ways.give[launch](*there)

@@ -15,6 +15,7 @@ from gpu_backend.core.launch import Graphs, can_capture, new_stream
 from gpu_backend.core.substeps import Launched, SubstepSimulation, launched_kernel
 from gpu_backend.fluid.among_solids import FluidAmongSolids
 from gpu_backend.world.joined import THREADS, Joined
+from gpu_backend.world.wetting import Wetting
 from model.core.families import family_of, scene_plan
 from model.core.family import named
 from model.core.memory import require
@@ -22,7 +23,7 @@ from model.core.plan import Executor, StageRun
 from model.core.simulation import Options, Simulation
 from model.scene.scene import Scene
 from model.world.meeting import MEMBERS_MEET, cross_surface
-from model.world.plan import BEGIN, FIND, GIVE, PROJECT, TAKE, coupled
+from model.world.plan import BEGIN, FIND, GIVE, PROJECT, SOAK, TAKE, coupled
 from model.world.simulation import STAGES, WorldSimulation
 from model.world.solids import solids_of
 
@@ -35,6 +36,7 @@ class World(WorldSimulation, Launched):
     members: dict[str, SubstepSimulation]  # type: ignore[assignment]
     joined: Joined | None = None
     contacts: SurfaceContacts | None = None
+    wetting: Wetting | None = None
     _graphs: Graphs | None = None
 
     def __init__(self, scene: Scene, options: Options):
@@ -46,6 +48,9 @@ class World(WorldSimulation, Launched):
         self.stream = new_stream()
         try:
             self._open_members(STAGES if self.kernel == STAGES else "launch")
+            if scene.one("wetting"):
+                cloth, fluid = self.members["cloth"], self.members["fluid"]
+                self.wetting = Wetting(scene, cloth, fluid, options.math)  # type: ignore[arg-type]
             self._build()
             self.reset()
         except BaseException:
@@ -115,6 +120,8 @@ class World(WorldSimulation, Launched):
             self._project()
         for member in members:
             member.end_substep(place, substep)
+        if self.wetting:
+            self.wetting.soak()
 
     def _find(self) -> None:
         if self.joined and self.contacts:
@@ -131,6 +138,8 @@ class World(WorldSimulation, Launched):
     def _launches(self) -> int:
         """Of a step."""
         own = sum(member._launches for member in self.members.values())
+        if self.wetting:
+            own += self.scene.method.substeps * self.wetting.launches
         if not self.joined or not self.contacts:
             return own
         each, method = self.joined.launches, self.scene.method
@@ -138,7 +147,9 @@ class World(WorldSimulation, Launched):
         return own + method.substeps * cross
 
     def _cross_stages(self) -> dict[str, StageRun]:
-        joined, contacts = self.joined, self.contacts
+        joined, contacts, wetting = self.joined, self.contacts, self.wetting
+        if wetting is not None:
+            return {SOAK: lambda moment: wetting.soak()}
         if joined is None or contacts is None:
             return {}
         return {

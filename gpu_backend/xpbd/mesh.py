@@ -16,11 +16,11 @@ import numpy as np
 from numba import cuda
 
 from gpu_backend.contact.pins import make_drive
-from gpu_backend.core.constraints import make_projections, places
+from gpu_backend.core.constraints import device_corners, make_projections, places
 from gpu_backend.core.device import simulated
 from gpu_backend.core.driven import DrivenSimulation
 from gpu_backend.core.launch import Graphs, can_capture
-from gpu_backend.core.quads import SIZE
+from gpu_backend.core.quads import SIZE, pack
 from gpu_backend.core.substeps import SubstepSimulation, launched_kernel
 from gpu_backend.mass_spring.cloth.kernels import make_cloth_tools
 from gpu_backend.xpbd.kernels import make_end
@@ -137,8 +137,8 @@ class MeshPositionBased(DrivenSimulation, SubstepSimulation):
         kernel, count = make_projections(self.real, self.options.math, projection), len(found.corners)
         multipliers = self.on_device(np.zeros(max(1, projection.soft * projection.multipliers * count), self.real))
         order, run = places(found), found.run
-        corners = self.on_device(found.corners[order].T)
-        values = self.on_device(found.values[order].T.astype(self.real))
+        corners = self.on_device(device_corners(projection, found.corners[order], found.starts))
+        values = self.on_device(pack(found.values[order].astype(self.real)))
 
         def project(start: int, stop: int) -> Callable[[Any, Any, bool], None]:
             launch, bounds = (

@@ -17,9 +17,11 @@ from model.geometry.surface_nets import Field
 def _segments(points: np.ndarray, nodes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """(distance, place along in [0, 1]) (n, segments) of `points` (n, d) from the segments between `nodes` (k, d)."""
     start, way = nodes[:-1], np.diff(nodes, axis=0)
-    away = points[:, None] - start
-    along = np.clip(np.einsum("nkd,kd->nk", away, way) / np.einsum("kd,kd->k", way, way), 0, 1)
-    return np.linalg.norm(away - along[..., None] * way, axis=2), along
+    away = [points[:, axis, None] - start[:, axis] for axis in range(nodes.shape[1])]
+    passed = [one * step for one, step in zip(away, way.T, strict=True)]
+    along = np.clip(sum(passed[1:], passed[0]) / (way * way).sum(axis=1), 0, 1)
+    left = [(one - along * step) ** 2 for one, step in zip(away, way.T, strict=True)]
+    return np.sqrt(sum(left[1:], left[0])), along
 
 
 def tube(nodes: Sequence[tuple[float, ...]] | np.ndarray, radii: Sequence[float] | np.ndarray) -> Field:

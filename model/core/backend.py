@@ -87,6 +87,10 @@ class Backend(ABC):
         """What clusters have been bent by, see State; None where a scene has no plastic bodies."""
         return None
 
+    def _download_wetness(self) -> np.ndarray | None:
+        """How wet a cloth is, see State; None where a scene has none that drinks."""
+        return None
+
     def _upload_plastic(self, plastic: np.ndarray | None) -> None:  # noqa: B027 - most scenes have none
         """Take it; None: no cluster is bent. Comes before `_upload_rotation`."""
 

@@ -38,6 +38,12 @@ class Projection:
     run: int = 1
 
     @property
+    def around(self) -> bool:
+        """Whether the constraints of a run stand around its last one, whose corners are c0, c1, ...: each of the others has a
+        corner of its own in place of one of these, constraint m in place of cm, then c(m + 1), c(m + 2), ... in turn."""
+        return self.run == self.corners + 1
+
+    @property
     def moved(self) -> int:
         """How many corners it moves."""
         return self.corners if self.moves is None else self.moves

@@ -23,6 +23,9 @@ FOREIGN = frozenset(
 )  # told by name: kernels name their versions
 
 _UNKNOWN = os.urandom(16)  # stands for what cannot be told apart: such a digest is another one in every process
+# Pieces of a function's code, by its identity and docstring, with the code, so that no other gets its place: factories make
+# functions of the same code again and again
+_codes: dict[tuple[int, str | None], tuple[types.CodeType, list[bytes]]] = {}
 
 
 def content_digest(value: Any, *more: Any) -> str:
@@ -114,6 +117,12 @@ class _Walk:
                     yield from (self.digest(vars(found)[inner]) for inner in names if inner in vars(found))
 
     def _of_code(self, code: types.CodeType, docstring: str | None = None) -> Iterator[bytes]:
+        known = _codes.get((id(code), docstring))
+        if known is None:
+            known = _codes[id(code), docstring] = code, list(self._read(code, docstring))
+        yield from known[1]
+
+    def _read(self, code: types.CodeType, docstring: str | None) -> Iterator[bytes]:
         yield code.co_code
         yield self.digest((
             code.co_argcount, code.co_kwonlyargcount, code.co_flags, code.co_names, code.co_varnames, code.co_freevars,

@@ -24,10 +24,11 @@ def energies(
     velocity: np.ndarray,
     plastic: np.ndarray | None = None,
     inverse_mass: np.ndarray | None = None,
+    wetness: np.ndarray | None = None,
 ) -> dict[str, float]:
     """Energies in joules: `kinetic`, `spring`, `gravity`, `potential` (both), `total`, `conserved`; of a cloth also that of
-    its springs by kind. Where clusters take the place of springs, `spring` is theirs; `plastic`, `inverse_mass` as in State:
-    what waits by it (None: at the scene's start) has none.
+    its springs by kind. Where clusters take the place of springs, `spring` is theirs; `plastic`, `inverse_mass` and
+    `wetness` as in State: what waits by the second (None: at the scene's start) has none.
 
     With the true mass. Gravity's zero is at y = 0. `conserved` is what the scheme itself keeps (up to a bounded
     wobble) without damping: the total, except for the hand-out's step `lab`, which moves exactly like semi-implicit
@@ -35,6 +36,8 @@ def energies(
     """
     gravity, v = scene.gravity, np.asarray(velocity, dtype=np.float64)
     mass = masses(scene, absent(scene, inverse_mass))  # what waits is at rest, and stores nothing
+    if wetness is not None:
+        mass = mass * (1 + scene.one("wetting").capacity * wetness[:, None])
     kinetic = 0.5 * float(np.sum(mass * v * v))
     spring, by_kind = family_of(scene).stored(scene, position, plastic)
     height = 0.0

@@ -43,7 +43,7 @@ class Options:
                 raise SceneError(name, value, f"must be one of {', '.join(known)}")
         for name in self.live:
             if name not in LIVE_PATHS:
-                raise SceneError("live", name, f"must be of {', '.join(LIVE_PATHS)}")
+                raise SceneError("live", name, f"must be one of {', '.join(LIVE_PATHS)}")
 
 
 def check_live(scene: Scene, live: Iterable[str], path: str, value: Any) -> None:

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from math import isqrt
+from numbers import Integral
 from typing import Any
 
 import numpy as np
@@ -48,6 +49,7 @@ class Simulation(Backend):
     _executor: Executor
 
     threads_reason: str | None = None  # of so many threads, where they were asked for as `auto`
+    closed = False  # left as a context manager
 
     def __init__(self, scene: Scene, options: Options):
         self.scene = scene
@@ -85,15 +87,19 @@ class Simulation(Backend):
 
     def __exit__(self, *_: object) -> None:
         self.close()
+        self.closed = True
 
     def advance(self, steps: int) -> None:
         """Do `steps` steps of `method.dt` each. Raises Diverged (then the state is the last checked finite one).
 
         The state is looked at every `check_interval` steps, and whenever it is read; the interval in which it went bad is
-        then replayed to name the first bad step and particle.
+        then replayed to name the first bad step and particle. Raises SceneError for steps that are no number of them, and
+        InputError when it was closed.
         """
-        if steps < 0:
-            raise SceneError("steps", steps, "must be at least 0")
+        if self.closed:
+            raise InputError("this simulation is closed; open another one")
+        if not isinstance(steps, Integral) or steps < 0:
+            raise SceneError("steps", steps, "must be a whole number of at least 0")
         while steps > 0:
             batch = min(steps, self.check_interval - (self.step - self._kept_step))
             self._run(batch)
@@ -160,7 +166,8 @@ class Simulation(Backend):
         inverse_mass = self.body.inverse_mass.copy()
         bodies = self._download_rotation(), every_plastic(self._download_plastic(), self._cluster_count())
         taps = self._taps.copy() if len(self._taps) else None
-        return State(position, velocity, inverse_mass, self.time, self.step, *bodies, self._clock, taps)
+        wetness = self._download_wetness()
+        return State(position, velocity, inverse_mass, self.time, self.step, *bodies, self._clock, taps, wetness)
 
     def load(self, state: State) -> None:
         """Continue from `state` (bit for bit, if it was this scene's in the same precision and `exact` math).
@@ -258,9 +265,10 @@ class Simulation(Backend):
         unit normals for drawing it; of bodies `rotation` (clusters, 4), unit quaternions (w, x, y, z), and `centre`
         (clusters, 3) [m], of mass, with particles where they are now, for skins; `deformation` (clusters, 3, 3): the
         rotation, or whatever else takes rest offsets to where a cluster wants them; of plastic ones `plastic`, as in State:
-        what has bent their rest offsets; of fluids `strain`, density over that at rest less 1, and `pressure` [Pa]. Computed
-        when asked. `into`: a host array, or (GPU, position and normal) anything with `__cuda_array_interface__`; None: a new
-        one. Does not check for divergence: it is what the window draws.
+        what has bent their rest offsets; of fluids `strain`, density over that at rest less 1, and `pressure` [Pa]; of a
+        cloth that drinks `wetness`, 0 to 1. Computed when asked. `into`: a host array, or (GPU, position and normal)
+        anything with `__cuda_array_interface__`; None: a new one. Does not check for divergence: it is what the window
+        draws.
         """
         if name == "position":
             return self._read_position(into)
@@ -276,6 +284,8 @@ class Simulation(Backend):
             result = self._read_deformation()
         elif name == "plastic" and "plastic" in self.plan.parts:
             result = np.asarray(every_plastic(self._download_plastic(), self._cluster_count()))
+        elif name == "wetness" and "wetting" in self.plan.parts:
+            result = np.asarray(self._download_wetness())
         elif self.scene.bodies:
             names = "position, velocity, rotation, centre, deformation"
             raise SceneError("read", name, f"must be one of {names}{', plastic' * ('plastic' in self.plan.parts)}")
@@ -334,4 +344,4 @@ class Simulation(Backend):
         See model/core/energy.py. float64 on the host. Raises Diverged.
         """
         state = self.state()
-        return energies(self.scene, state.position, state.velocity, state.plastic, state.inverse_mass)
+        return energies(self.scene, state.position, state.velocity, state.plastic, state.inverse_mass, state.wetness)

@@ -18,8 +18,9 @@ class State:
     `rotation` (clusters, 4), the unit quaternions (w, x, y, z) that the next rotations are looked for from: None where there
     are none, or they are to be found anew; of plastic bodies `plastic` (clusters, 3, 3), of volume 1: what their rest offsets
     have been bent by, None: nothing; `clock`: since when `time` goes by the present step size; of emitters `taps`
-    (emitters, 2): since when [s] each has its speed, and how many layers had left it by then, None: as the scene says. Of
-    fluids what waits for an emitter has inverse mass 0, and is PARKED (model/fluid/fluid_set.py)."""
+    (emitters, 2): since when [s] each has its speed, and how many layers had left it by then, None: as the scene says;
+    `wetness` (particles,): of a cloth that drinks, of what it can hold, 0 to 1, None: nothing. Of fluids what waits for an
+    emitter has inverse mass 0, and is PARKED (model/fluid/fluid_set.py)."""
 
     position: np.ndarray
     velocity: np.ndarray
@@ -30,6 +31,7 @@ class State:
     plastic: np.ndarray | None = None
     clock: Clock = START
     taps: np.ndarray | None = None
+    wetness: np.ndarray | None = None
 
 
 def checked_arrays(state: State, shape: tuple[int, ...], precision: str) -> tuple[dict[str, np.ndarray], np.ndarray]:

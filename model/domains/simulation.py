@@ -26,7 +26,9 @@ def cut(scene: Scene, count: int, steps: int | None, option: str) -> Decompositi
     """The scene's sheet in `count` domains. Raises SceneError where its family, or a part of it, cannot be cut yet."""
     family = family_of(scene)
     if family.reach is None:
-        raise SceneError(option, count, f"a {family.name} is not shared by several yet; use 1")
+        raise SceneError(
+            option, count, f"shares sheets of springs or constraints alone so far, no {family.name}; use 1"
+        )
     return decompose(scene.grid.rows, scene.grid.columns, count, family.reach(scene), steps, option)
 
 

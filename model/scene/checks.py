@@ -45,7 +45,7 @@ def check_fit(scene: SceneParts) -> None:
     if scene.fluids:
         _check_fluids(scene)
         return
-    _refuse(scene, ("domain", "emitter", "sink", "foam"), "is for fluids; leave it out")
+    _refuse(scene, ("domain", "emitter", "sink", "foam", "wetting"), "is for fluids; leave it out")
     if scene.tetrahedra:
         _check_tetrahedra(scene)
         return
@@ -79,6 +79,8 @@ def _check_world(scene: SceneParts) -> None:
     elif method.solver != OF_WORLDS:
         told = f"must be {OF_WORLDS} where {' and '.join(members_of(scene.kinds))} are in one scene"
         raise SceneError("method.solver", method.solver, told)
+    elif method.tetrahedra != "xpbd" and "tetrahedra" not in members_of(scene.kinds):
+        raise SceneError("method.tetrahedra", method.tetrahedra, "is for tetrahedral bodies, of which here are none")
     for name, part in scene.all_of(*BODY_KINDS).items():
         if part.spare:
             raise SceneError(f"{name}.spare", part.spare, "bodies wait in scenes of bodies alone; leave it out")
@@ -141,6 +143,12 @@ def _check_tetrahedra(scene: SceneParts) -> None:
                 raise SceneError(
                     f"{name}.material", part.material, "has no blocks: its rows balance each other at rest"
                 )
+    for name, part in scene.tetrahedra.items():
+        if part.volume == "voxels" and scene.method.solver not in ("xpbd", "world"):
+            told = (
+                f"goes with xpbd alone, and not with {scene.method.solver}: --set method.solver=xpbd, or leave it out"
+            )
+            raise SceneError(f"{name}.volume", part.volume, told)
     if scene.mesh and scene.method.solver != "xpbd":
         told = f"goes with tetrahedral bodies under xpbd alone, and not under {scene.method.solver}: "
         raise SceneError(f"{scene.name_of('mesh')}.kind", "mesh", told + "--set method.solver=xpbd, or leave it out")

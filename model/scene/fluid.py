@@ -147,4 +147,13 @@ class Foam(Part):
     seed: Annotated[int, Field(ge=0, le=2**31 - 1, strict=True)] = 0
 
 
-FLUID_KINDS: dict[str, type[Part]] = {"fluid": Fluid, "domain": Domain, "foam": Foam}
+class Wetting(Part):
+    """A cloth that drinks: where a fluid touches it, it grows wet, and so heavier and darker; elsewhere it dries. What it
+    drinks is not taken from the fluid (Y. Chen and others 2012)."""
+
+    capacity: NotNegative = 1.0  # kg of water in a kg of dry cloth, at most
+    soaking_time: Positive = 0.3  # s, after which what is touched lacks a third of that
+    drying_time: Positive = 30.0  # s, after which what is not has a third left
+
+
+FLUID_KINDS: dict[str, type[Part]] = {"fluid": Fluid, "domain": Domain, "foam": Foam, "wetting": Wetting}

@@ -22,8 +22,8 @@ SUBSTEPS = 20  # of tetrahedra, unless told: a beam of 1e6 Pa then sags as its m
 @dataclass(frozen=True)
 class Member:
     """Particles of one family: `kinds` of parts, one of which makes it a member; `takes`: what belongs to these as well;
-    `solver`: of its method; `contact`: the fields of a [contact] that it does not know, None where it knows no contacts;
-    `lacks`: what of SHARED it does not know."""
+    `solver`: of its method, which of tetrahedra the world's method says; `contact`: the fields of a [contact] that it does
+    not know, None where it knows no contacts; `lacks`: what of SHARED it does not know."""
 
     kinds: tuple[str, ...]
     takes: tuple[str, ...]
@@ -46,6 +46,9 @@ MEMBERS = {
 }  # in the order of a world's particles
 
 
+OF_THE_WORLD = "wetting"  # of no member: of a cloth and the fluid that it is in
+
+
 def members_of(kinds: Mapping[str, str]) -> tuple[str, ...]:
     """Of parts with such kinds, by name: the members of a world, at least two; none, where one family solves the scene."""
     there = set(kinds.values())
@@ -61,7 +64,11 @@ def member_tables(kinds: Mapping[str, str], tables: Mapping[str, Any], method: M
     names = members_of(kinds)
     for name, kind in kinds.items():
         owners = [one for one in names if kind in (*MEMBERS[one].kinds, *MEMBERS[one].takes)]
-        if kind not in SHARED and not owners:
+        if kind == OF_THE_WORLD:
+            if not {"cloth", "fluid"} <= set(names) or "contact" in kinds.values():
+                told = "is of a [mesh] in a fluid, without bodies of tetrahedra and without a [contact]; leave it out"
+                raise SceneError(f"{name}.kind", kind, told)
+        elif kind not in SHARED and not owners:
             told = f"does not go with a world of {' and '.join(names)}; leave it out"
             raise SceneError(f"{name}.kind", kind, told)
     return {name: _tables_of(MEMBERS[name], kinds, tables, method) for name in names}
@@ -69,11 +76,12 @@ def member_tables(kinds: Mapping[str, str], tables: Mapping[str, Any], method: M
 
 def _tables_of(member: Member, kinds: Mapping[str, str], tables: Mapping[str, Any], method: Method) -> dict[str, Any]:
     found: dict[str, Any] = {}
+    solver = method.tetrahedra if member is TETRAHEDRA else member.solver
     for name, kind in kinds.items():
         if kind == "method":
-            known = set(FIELDS_OF_SOLVER[OF_WORLDS]) & set(FIELDS_OF_SOLVER[member.solver]) - {"solver"}
+            known = set(FIELDS_OF_SOLVER[OF_WORLDS]) & set(FIELDS_OF_SOLVER[solver]) - {"solver"}
             told = {field: getattr(method, field) for field in sorted(known)}
-            found[name] = dict(tables[name]) | {"solver": member.solver} | told
+            found[name] = dict(tables[name]) | {"solver": solver} | told
             found[name] = {field: value for field, value in found[name].items() if field in (*told, "kind", "solver")}
         elif kind == "contact" and member.contact is not None and _meets(member, kinds, tables):
             found[name] = {field: value for field, value in tables[name].items() if field not in member.contact}

@@ -37,7 +37,8 @@ class Method(Part):
     the particle libraries, which shares corrections among neighbours and lets a fluid sink together; divergence-free
     (DFSPH) keeps it by velocities, `iterations` times for their divergence and as often for the density that they lead to. Of
     fluids `dt` is 1/60 s unless given, with 4 `substeps` of 10 `iterations`. `world`: parts of several families, each by its
-    own solver (bodies shape-matching; tetrahedra and a mesh xpbd; fluids pbf) in common substeps and iterations.
+    own solver (bodies shape-matching; `tetrahedra` xpbd, or vbd where no mesh is beside them; a mesh xpbd; fluids pbf) in
+    common substeps and iterations.
     """
 
     solver: SolverName = "mass-spring"
@@ -55,6 +56,7 @@ class Method(Part):
     tensile_correction: Annotated[float, Field(ge=0, le=1, strict=True)] = 0.0  # keeps a fluid's particles apart
     tensile_distance: Annotated[float, Field(gt=0, lt=1, strict=True)] = 0.2  # of the support, where it is that strong
     chebyshev: Annotated[float, Field(ge=0, lt=1, strict=True)] = 0.0  # of vbd: 0.9 or so; too much diverges
+    tetrahedra: Literal["xpbd", "vbd"] = "xpbd"  # who solves them in a world
     sleeping_speed: NotNegative = 0.0  # m/s, of xpbd: vertices of tetrahedra that tremble slower keep their places
 
     @model_validator(mode="after")
@@ -110,7 +112,7 @@ class Method(Part):
         told = set(FIELDS_OF_SOLVER[self.solver]) - ({"rows"} if self.rows == "scalar" else set())
         if self.solver == OF_WORLDS:  # whose fluid, if it has one, is as all are unless told otherwise
             fields = type(self).model_fields
-            told -= {name for name in ABOUT_FLUIDS if getattr(self, name) == fields[name].default}
+            told -= {name for name in ("tetrahedra", *ABOUT_FLUIDS) if getattr(self, name) == fields[name].default}
         told -= {name for name in ("chebyshev", "sleeping_speed") if getattr(self, name) == 0}
         return set(type(self).model_fields) - told
 
@@ -123,7 +125,7 @@ FIELDS_OF_SOLVER = {
     "shape-matching": ("solver", "dt", "substeps", "iterations", "region"),
     "vbd": ("solver", "dt", "substeps", "iterations", "chebyshev"),
     "newton": ("solver", "dt", "substeps", "iterations"),
-    "world": ("solver", "dt", "substeps", "iterations", *ABOUT_FLUIDS),
+    "world": ("solver", "dt", "substeps", "iterations", "tetrahedra", *ABOUT_FLUIDS),
     "pbf": ("solver", "dt", "substeps", "iterations", *ABOUT_FLUIDS),
 }
 OF_TETRAHEDRA = ("vbd", "newton")  # solvers of tetrahedral bodies alone

@@ -25,7 +25,7 @@ class Scene(SceneParts):
         tables = dict(data)
         title = tables.pop("title", name)
         if not isinstance(title, str):
-            raise SceneError("title", title, "a text")
+            raise SceneError("title", title, "must be a text")
         super().__init__(tables, name, title)
         for kind in KINDS:
             if kind not in SEVERAL and len(self.all_of(kind)) > 1:
@@ -62,7 +62,7 @@ class Scene(SceneParts):
         for path, value in changes.items():
             part_name, _, field = path.partition(".")
             if not field or "." in field:
-                raise SceneError(path, value, "a dotted path such as grid.rows or method.dt")
+                raise SceneError(path, value, "must be a dotted path such as grid.rows or method.dt")
             kind = self.kinds.get(part_name, part_name)
             if kind not in KINDS:
                 names = [*self.kinds, *(name for name in KINDS if name not in self.kinds)]

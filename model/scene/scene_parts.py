@@ -132,13 +132,13 @@ class SceneParts:
 
     def one(self, kind: str) -> Any:
         """The part of a kind of which a scene has one at most, or None."""
-        return next(iter(self.all_of(kind).values()), None)
+        return next((self.parts[name] for name, found in self.kinds.items() if found == kind), None)
 
     def name_of(self, *kinds: str, default: str = "") -> str:
         """What the scene calls its first part of these kinds; `default`: where it has none."""
         return next(iter(self.all_of(*kinds)), default)
 
-    @property
+    @cached_property
     def grid(self) -> Grid:
         """The sheet of masses: a grid, or the cloth, which is one in space, of triangles if it is a mesh; or the body set
         or the set of tetrahedra, a cloth beside them too, or of fluids, which are a row of masses to whoever asks no more
@@ -216,17 +216,17 @@ class SceneParts:
         """All particles of the scene's fluids, made when first asked for."""
         return make_fluid_set(self.fluids, self.domain)
 
-    @property
+    @cached_property
     def mesh(self) -> Mesh | None:
         """The cloth of triangles."""
         return next(iter(self.own("mesh").values()), None)
 
-    @property
+    @cached_property
     def cloth(self) -> Cloth | None:
         """The sheet in space: rows and columns, or a mesh."""
         return self.one("cloth") or self.mesh
 
-    @property
+    @cached_property
     def dimensions(self) -> int:
         """2, and 3 for a cloth and for bodies of any kind; of fluids what they say."""
         if self.fluids:

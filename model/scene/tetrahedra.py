@@ -28,8 +28,10 @@ class TetrahedralBody(MeshSource):
     volume of the stretches s and the volume ratio J, mu sum (s - 1)^2 + lambda / 2 (J - 1)^2 (`fixed-corotated`), with
     (sum (s - 1))^2 in place of (J - 1)^2 (`corotated`), or the stable neo-Hookean one. `damping` is a time: a stress damping
     * the rate at which the elastic one changes. `pinned`: sides of the mesh's box, regions or `all`, whose vertices stay
-    where they are, or follow a motion. `mass_ratio` limits how far masses of neighbouring vertices are apart. With a
-    `[contact]` bodies meet one another, and themselves where `self_collision` says so.
+    where they are, or follow a motion. What keeps its `volume` under xpbd is each of the `tetrahedra`, which locks near a
+    Poisson's ratio of 1/2, or each of the `voxels` of five, which hardly does. `mass_ratio` limits how far masses of
+    neighbouring vertices are apart. With a `[contact]` bodies meet one another, and themselves where `self_collision` says
+    so.
     """
 
     such_as: ClassVar[str] = "beam"
@@ -42,6 +44,7 @@ class TetrahedralBody(MeshSource):
     voxels: Count = 10  # along the longest side, unless an edge is given
     tetrahedra: Literal[5, 6, "conforming"] = 5  # to a voxel; six lock sooner; or conforming, which follow the surface
     sweep: Literal["voxels", "tetrahedra"] = "voxels"  # what has a colour; a voxel's tetrahedra then follow one another
+    volume: Literal["tetrahedra", "voxels"] = "tetrahedra"  # what keeps its own: near 1/2 voxels of five lock less
     material: MaterialName = "fixed-corotated"
     young_modulus: Positive = 1e6  # Pa
     poisson_ratio: Poisson = 0.45
@@ -60,6 +63,9 @@ class TetrahedralBody(MeshSource):
             raise ValueError(f"shape: a {self.shape.name} has no inside to fill; take a box, a blob, a star ...")
         if {"edge", "voxels"} <= self.model_fields_set and self.edge is not None:
             raise ValueError("edge: says how long a voxel is; give edge or voxels")
+        if self.volume == "voxels" and (self.tetrahedra != 5 or self.sweep != "voxels" or self.material == "corotated"):
+            told = "voxels keep it that are 5 tetrahedra, swept by voxels, fixed-corotated or neo-hookean"
+            raise ValueError(f"volume: {told}; or leave it out")
         return self
 
     @property

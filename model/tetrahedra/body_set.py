@@ -104,6 +104,16 @@ class TetrahedraSet(ParticleRow):
         corner = self.surface.ravel()
         return grouped(corner, np.arange(len(corner), dtype=np.int32) // 3, self.particle_count)
 
+    @cached_property
+    def patch(self) -> np.ndarray:
+        """(tetrahedra,) int64: which of them keep their volume together have the same number, from 0 on."""
+        together = np.array([part.volume == "voxels" for part in self.parts])[self.body] & (self.run > 1)
+        starts = np.flatnonzero(np.diff(self.body, prepend=-1) != 0)
+        inside = np.arange(len(self.body)) - np.repeat(starts, np.diff([*starts, len(self.body)]))
+        begins = ~together | (inside % self.run == 0)
+        number: np.ndarray = np.cumsum(begins) - 1
+        return number
+
     @property
     def extent(self) -> float:
         """Its longest side [m]."""
@@ -173,6 +183,8 @@ def make_tetrahedra_set(
             ]
             pinned = np.unique(np.concatenate([np.zeros(0, np.int64), *held]))
             made.append((here, _moving(part, here.position, matter[-1].masses(bodies[-1].mesh), pinned), pinned))
+            if part.volume == "voxels" and not bodies[-1].per_voxel:
+                raise SceneError("volume", part.volume, "is of bodies cut into voxels; this file has tetrahedra alone")
         except SceneError as error:
             raise SceneError(f"{name}.{error.field}", error.value, error.allowed) from None
         except InputError as error:

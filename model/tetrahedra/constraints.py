@@ -10,12 +10,12 @@ import numpy as np
 
 from model.core.constraints import ConstraintSet, Projection
 from model.core.plan import Node, Plan, Stage
-from model.formulas.constraints import attachment, tetrahedron
+from model.formulas.constraints import attachment, tetrahedron, voxel_volume
 from model.formulas.elastic import sleep
 from model.scene.scene import Scene
 from model.tetrahedra.attachments import attachment_parts, attachment_projections, attachment_sets
 from model.tetrahedra.body_set import TetrahedraSet
-from model.tetrahedra.material import constraint_values, material_of
+from model.tetrahedra.material import constraint_values, material_of, voxel_values
 from model.tetrahedra.voxel_order import voxel_order
 from model.xpbd import mesh_constraints as of_cloths
 from model.xpbd.colouring import colour
@@ -24,12 +24,14 @@ from model.xpbd.plan import xpbd_parts
 
 CONSTANTS = ("elastic_compliance", "elastic_damping", "elastic_stiffening")  # of the record: m / h^2, 1 / h, 1
 SLEEPING, SLEEP = "sleeping-vertices", "keep places"  # a part of a plan, a stage
+WHOLE = "tetrahedra-volumes-of-voxels"
 DAMPED, BLOCKS, ITERATED, CLOTH = "tetrahedra-damping", "tetrahedra-blocks", "tetrahedra-iterated", "cloth"
 KINDS = {
     1: "tetrahedra",
     5: "voxels",
     6: "Kuhn voxels",
 }  # of sets, by how many tetrahedra are taken one after the other
+SHAPES, VOLUMES = "voxels' shapes", "voxels' volumes"  # of sets of voxels that keep their volume as a whole
 Sets = tuple[tuple[np.ndarray, ...], tuple[ConstraintSet, ...]]
 _known: WeakKeyDictionary[TetrahedraSet, Sets] = WeakKeyDictionary()  # colouring is slow
 
@@ -46,7 +48,8 @@ def tetrahedra_parts(scene: Scene, live: frozenset[str] = frozenset()) -> frozen
     parts = xpbd_parts(scene, live) | {"load"} | {part.material for part in bodies}
     slowed = {BODY_DAMPING} if any(part.mass_damping > 0 for part in bodies) else set()
     cloth = model_parts(scene) | ({CLOTH} if scene.mesh else frozenset())
-    own = damped | blocks | iterated | told | slowed | sleeping | cloth
+    whole = {WHOLE} if any(part.volume == "voxels" for part in bodies) else set()
+    own = damped | blocks | iterated | told | slowed | sleeping | cloth | whole
     return parts | own | attachment_parts(scene.tetrahedra_set)
 
 
@@ -55,26 +58,49 @@ def materials(parts: frozenset[str]) -> tuple[str, ...]:
     return tuple(name for name in tetrahedron.MATERIALS if name in parts)
 
 
-def part_of_run(material: str, run: int) -> str:
-    """The part of a scene whose tetrahedra of a material are taken so many in a run."""
-    return f"{material}-runs-{run}"
+def part_of_run(material: str, run: int, whole: bool = False) -> str:
+    """The part of a scene whose tetrahedra of a material are taken so many in a run; `whole`: voxels keep their volume."""
+    return f"{material}-{'wholes' if whole else 'runs'}-{run}"
 
 
 def projections_of(parts: frozenset[str]) -> tuple[Projection, ...]:
     """Of a scene of such parts, one a material and number of tetrahedra in a run (1, unless they say so); then those of a
     cloth, and of attachments."""
-    damped, blocks = DAMPED in parts, BLOCKS in parts
-    multipliers = tetrahedron.BLOCKS if blocks else tetrahedron.ROWS
-    runs = {name: [run for run in KINDS if part_of_run(name, run) in parts] for name in materials(parts)}
-    own = tuple(
-        Projection(
-            f"tetrahedra_{name.replace('-', '_')}", tetrahedron.make, 4, tetrahedron.COUNT, multipliers, damped=damped,
-            soft=ITERATED in parts, constants=CONSTANTS,
-            flags=(("material", tetrahedron.MATERIALS.index(name)), ("damped", damped), ("blocks", blocks)), run=run,
-        )
-        for name in runs for run in runs[name] or [1]
+    own: list[Projection] = []
+    for name in materials(parts):
+        kinds = [(run, whole) for run in KINDS for whole in (False, True) if part_of_run(name, run, whole) in parts]
+        for run, whole in kinds or [(1, False)]:
+            own.append(_projection(name, run, whole, parts))
+            if whole:
+                own.append(_of_volumes(name, parts))
+    return (
+        tuple(own)
+        + of_cloths.projections_of(parts)
+        + tuple(attachment_projections(parts, ITERATED in parts, CONSTANTS))
+    )
+
+
+def _projection(material: str, run: int, whole: bool, parts: frozenset[str]) -> Projection:
+    """Of tetrahedra: their shapes alone where voxels keep the volume as a `whole`."""
+    damped, blocks, kept = DAMPED in parts, BLOCKS in parts, ITERATED in parts
+    flags = {
+        "material": tetrahedron.MATERIALS.index(material), "damped": damped, "blocks": blocks, "kept": kept,
+        "alone": not whole,
+    }  # fmt: skip
+    return Projection(
+        f"{'shapes' if whole else 'tetrahedra'}_{material.replace('-', '_')}", tetrahedron.make, 4, tetrahedron.COUNT,
+        tetrahedron.BLOCKS if blocks else tetrahedron.ROWS, damped=damped, soft=kept, constants=CONSTANTS,
+        flags=tuple(flags.items()), run=run,
     )  # fmt: skip
-    return own + of_cloths.projections_of(parts) + tuple(attachment_projections(parts, ITERATED in parts, CONSTANTS))
+
+
+def _of_volumes(material: str, parts: frozenset[str]) -> Projection:
+    """Of voxels of such a material."""
+    damped, kept = DAMPED in parts, ITERATED in parts
+    return Projection(
+        f"volumes_{material.replace('-', '_')}", voxel_volume.make, voxel_volume.CORNERS, voxel_volume.COUNT,
+        damped=damped, soft=kept, constants=CONSTANTS, flags=(("damped", damped), ("kept", kept)),
+    )  # fmt: skip
 
 
 def constraint_sets(scene: Scene) -> tuple[ConstraintSet, ...]:
@@ -89,33 +115,41 @@ def constraint_sets(scene: Scene) -> tuple[ConstraintSet, ...]:
 
 
 def tetrahedra_of_sets(found: TetrahedraSet) -> tuple[np.ndarray, ...]:
-    """(n,) int64 of each of the constraint sets of tetrahedra: which of them each of its constraints is."""
+    """(n,) int64 of each of the constraint sets of tetrahedra: which of them each of its constraints is; of voxels' volumes
+    the first one of each."""
     return _known_sets(found)[0]
 
 
 def _known_sets(found: TetrahedraSet) -> Sets:
     """(which tetrahedra each set of them holds, the sets)."""
     if found not in _known:
-        kinds = np.stack([material_of(found), found.run])
+        whole = np.array([part.volume == "voxels" for part in found.parts])[found.body]
+        kinds = np.stack([material_of(found), found.run, whole])
         each = (np.flatnonzero((kinds == kind[:, None]).all(axis=0)) for kind in np.unique(kinds, axis=1).T)
-        own = [_coloured(found, chosen) for chosen in each]
+        own = [both for chosen in each for both in _coloured(found, chosen, bool(whole[chosen[0]]))]
         _known[found] = tuple(chosen for _, chosen in own), tuple(one for one, _ in own)
     return _known[found]
 
 
-def _coloured(found: TetrahedraSet, chosen: np.ndarray) -> tuple[ConstraintSet, np.ndarray]:
-    """The chosen tetrahedra, all of one material and run, and which they are in its order. Those of a large volume are as
-    good as any other: only places count."""
+def _coloured(found: TetrahedraSet, chosen: np.ndarray, whole: bool) -> list[tuple[ConstraintSet, np.ndarray]]:
+    """The chosen tetrahedra, all of one material and run, and which they are in its order; then, where voxels keep their
+    volume as a `whole`, these. Those of a large volume are as good as any other: only places count."""
     run = int(found.run[chosen[0]])
     if run > 1:
-        order, starts = voxel_order(found, chosen, run)
+        order, starts, corners = voxel_order(found, chosen, run)
     else:
         colours = colour(found.tetrahedra[chosen], found.particle_count)
-        order, starts = colours.order, colours.starts
+        order, starts, corners = colours.order, colours.starts, found.tetrahedra[chosen[colours.order]]
     chosen = chosen[order]
     name = found.parts[found.body[chosen[0]]].material
-    corners = np.ascontiguousarray(found.tetrahedra[chosen])
-    return ConstraintSet(KINDS[run], name, corners, constraint_values(found, chosen), starts, run), chosen
+    values = constraint_values(found, chosen, corners)
+    one = ConstraintSet(SHAPES if whole else KINDS[run], name, corners, values, starts, run)
+    if not whole:
+        return [(one, chosen)]
+    voxels = corners.reshape(-1, run, 4)
+    eight = np.ascontiguousarray(np.concatenate([voxels[:, :-1, 0], voxels[:, -1]], axis=1))
+    volumes = ConstraintSet(VOLUMES, name, eight, voxel_values(found, chosen, run), starts // run)
+    return [(one, chosen), (volumes, chosen[::run])]
 
 
 def through_note(scene: Scene) -> str:
@@ -132,13 +166,16 @@ def operations_of(projection: Projection) -> int:
         return attachment.OPERATIONS[flags["corners"]]
     if projection.make is tetrahedron.make:
         return tetrahedron.operations(flags["material"], 4)
+    if projection.make is voxel_volume.make:
+        return voxel_volume.OPERATIONS
     return of_cloths.operations_of(projection)
 
 
 def tetrahedra_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
     """Substeps and iterations as in model/xpbd/plan.py; of an iteration the tetrahedra of each material, colour by colour."""
     sets = constraint_sets(scene)
-    runs = {part_of_run(found.model, found.run) for found in sets if found.kind in KINDS.values()}
+    kinds = {SHAPES, *KINDS.values()}
+    runs = {part_of_run(found.model, found.run, found.kind == SHAPES) for found in sets if found.kind in kinds}
     parts = tetrahedra_parts(scene, live) | runs
     operations = [operations_of(one) for one in projections_of(parts)]
     plan = constrained_plan(scene, parts, list(zip(sets, operations, strict=True)))

@@ -15,7 +15,7 @@ from model.scene.cloth import COLLIDER_KINDS
 from model.scene.scene import Scene
 from model.tetrahedra.body_set import TetrahedraSet
 from model.tetrahedra.constraints import DAMPED, tetrahedra_parts
-from model.tetrahedra.material import constraint_values, material_of
+from model.tetrahedra.material import material_of, stiffnesses
 from model.tetrahedra.springs import PARTS, held_bodies, springs
 from model.tetrahedra.topology import neighbours
 from model.xpbd.mesh_plan import PROJECT_CONTACTS, constrained_plan
@@ -97,8 +97,7 @@ def _of_material(found: TetrahedraSet, colours: np.ndarray, chosen: np.ndarray) 
 
 def descent_values(found: TetrahedraSet, chosen: np.ndarray) -> np.ndarray:
     """(n, COUNT) float64: those of the two constraints, with stiffnesses in place of compliances."""
-    values = constraint_values(found, chosen)
-    values[:, 9:11] = 1 / values[:, 9:11]
+    values = np.column_stack([found.rest_inverse[chosen].reshape(-1, 9), stiffnesses(found, chosen)])
     assert values.shape[1] == descent.COUNT
     return values
 

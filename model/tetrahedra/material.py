@@ -14,6 +14,7 @@ from __future__ import annotations
 import numpy as np
 
 from model.formulas.constraints.tetrahedron import COUNT, MATERIALS
+from model.formulas.constraints.voxel_volume import COUNT as VOXEL_COUNT
 from model.tetrahedra.body_set import TetrahedraSet
 
 LEAST_RATIO = 0.05  # of volumes, under which a stress is not divided by less: at 0 it has no end
@@ -34,6 +35,16 @@ def stretches(gradient: np.ndarray) -> np.ndarray:
     return found
 
 
+def volume_ratios(found: TetrahedraSet, gradient: np.ndarray) -> np.ndarray:
+    """(tetrahedra,) float64: det F, of tetrahedra that keep their volume together its mean by volume."""
+    ratio = np.linalg.det(gradient)
+    if found.patch[-1] == len(ratio) - 1:
+        return ratio
+    whole = np.bincount(found.patch, found.volume)
+    mean: np.ndarray = (np.bincount(found.patch, found.volume * ratio) / whole)[found.patch]
+    return mean
+
+
 def material_of(found: TetrahedraSet) -> np.ndarray:
     """(tetrahedra,) int64: which of MATERIALS each is of."""
     kinds: np.ndarray = np.array([MATERIALS.index(part.material) for part in found.parts], np.int64)[found.body]
@@ -46,7 +57,7 @@ def energies(found: TetrahedraSet, position: np.ndarray) -> np.ndarray:
     finite = np.isfinite(gradient).all(axis=(1, 2))
     s = stretches(np.where(finite[:, None, None], gradient, 0.0))
     mu, lame = found.lame()
-    volume_ratio, off = s.prod(axis=1), s - 1
+    volume_ratio, off = volume_ratios(found, np.where(finite[:, None, None], gradient, 0.0)), s - 1
     alpha = rest_ratio(mu, lame)
     hookean = mu / 2 * ((s**2).sum(axis=1) - 3) + (lame + mu) / 2 * ((volume_ratio - alpha) ** 2 - (1 - alpha) ** 2)
     shape = mu * (off**2).sum(axis=1)
@@ -64,7 +75,7 @@ def von_mises(found: TetrahedraSet, position: np.ndarray) -> np.ndarray:
     finite = np.isfinite(gradient).all(axis=(1, 2))
     s = stretches(np.where(finite[:, None, None], gradient, 0.0))
     mu, lame = (one[:, None] for one in found.lame())
-    volume_ratio = s.prod(axis=1, keepdims=True)
+    volume_ratio = volume_ratios(found, np.where(finite[:, None, None], gradient, 0.0))[:, None]
     shape = 2 * mu * (s - 1) * s
     pulled = np.select(
         [kind[:, None] for kind in (material_of(found) == k for k in range(2))],
@@ -98,17 +109,47 @@ def rest_ratio(mu: np.ndarray, lame: np.ndarray) -> np.ndarray:
     return 1 + mu / (lame + mu)
 
 
-def constraint_values(found: TetrahedraSet, chosen: np.ndarray) -> np.ndarray:
-    """(n, COUNT) float64: what the two constraints of the `chosen` tetrahedra (n,) read (see the formula)."""
+def stiffnesses(found: TetrahedraSet, chosen: np.ndarray) -> np.ndarray:
+    """(n, 4) float64: V k_D, V k_H [J] of the `chosen` tetrahedra (n,), alpha, or 1, and a damper's time [s]."""
     mu, lame = (one[chosen] for one in found.lame())
-    body, volume = found.body[chosen], found.volume[chosen]
-    hookean = np.array([part.material == "neo-hookean" for part in found.parts])[body]
-    damping = found.matter.damping[chosen]
+    hookean = np.array([part.material == "neo-hookean" for part in found.parts])[found.body[chosen]]
     shape, pressure = np.where(hookean, mu, 2 * mu), np.where(hookean, lame + mu, lame)
     pressure = np.maximum(pressure, LEAST_PRESSURE * shape)
-    values = np.column_stack([
-        found.rest_inverse[chosen].reshape(-1, 9), 1 / (shape * volume), 1 / (pressure * volume),
-        np.where(hookean, rest_ratio(mu, lame), 1.0), damping,
-    ])  # fmt: skip
+    volume, alpha = found.volume[chosen], np.where(hookean, rest_ratio(mu, lame), 1.0)
+    return np.column_stack([shape * volume, pressure * volume, alpha, found.matter.damping[chosen]])
+
+
+def constraint_values(found: TetrahedraSet, chosen: np.ndarray, corners: np.ndarray) -> np.ndarray:
+    """(n, COUNT) float64: what the two constraints of the `chosen` tetrahedra (n,) read (see the formula), their corners
+    being in the order of `corners` (n, 4)."""
+    stiff = stiffnesses(found, chosen)
+    values = np.column_stack([framed_rest(found.position[corners]), 1 / stiff[:, :2], stiff[:, 2:]])
     assert values.shape[1] == COUNT
+    return values
+
+
+def framed_rest(corners: np.ndarray) -> np.ndarray:
+    """(n, 6) float64 [1/m]: the rows of B of tetrahedra with such corners (n, 4, 3) [m] at rest, in the frame of each one's
+    first edge and first two edges (model/formulas/elastic/deformation.py)."""
+    e, f, g = (corners[:, k] - corners[:, 0] for k in (1, 2, 3))
+    xx = np.linalg.norm(e, axis=1)
+    x = e / xx[:, None]
+    xy, xz = (x * f).sum(axis=1), (x * g).sum(axis=1)
+    across = f - xy[:, None] * x
+    yy = np.linalg.norm(across, axis=1)
+    y = across / yy[:, None]
+    yz, zz = (y * g).sum(axis=1), (np.cross(x, y) * g).sum(axis=1)
+    return np.column_stack(
+        [1 / xx, -xy / (xx * yy), (xy * yz - xz * yy) / (xx * yy * zz), 1 / yy, -yz / (yy * zz), 1 / zz]
+    )
+
+
+def voxel_values(found: TetrahedraSet, chosen: np.ndarray, run: int) -> np.ndarray:
+    """(voxels, COUNT) float64: what the constraint of each voxel's volume reads (voxel_volume.py), the `chosen` tetrahedra
+    (n,) being `run` after `run` of a voxel; of several materials in one their mean."""
+    stiff, volume = stiffnesses(found, chosen).reshape(-1, run, 4), found.volume[chosen].reshape(-1, run)
+    whole, pressure = volume.sum(axis=1), stiff[..., 1].sum(axis=1)
+    rest, time = ((volume * stiff[..., k]).sum(axis=1) / whole for k in (2, 3))
+    values = np.column_stack([1 / (6 * whole), 1 / pressure, rest, time])
+    assert values.shape[1] == VOXEL_COUNT
     return values

@@ -16,14 +16,21 @@ from model.fluid.plan import fluid_plan
 from model.scene.scene import Scene
 from model.shape_matching.family import BODIES
 from model.tetrahedra.family import TETRAHEDRA
+from model.tetrahedra.vbd import TETRAHEDRA_VBD
 from model.world.plan import coupled, world_plan
 from model.xpbd.family import MESH
 
-OF_MEMBERS = {"bodies": BODIES, "tetrahedra": TETRAHEDRA, "cloth": MESH, "fluid": FLUID}
+OF_MEMBERS = {"bodies": (BODIES,), "tetrahedra": (TETRAHEDRA, TETRAHEDRA_VBD), "cloth": (MESH,), "fluid": (FLUID,)}
+
+
+def _members(scene: Scene) -> dict[str, tuple[SolverFamily, Scene]]:
+    """By name, who solves it, and its scene."""
+    every = scene.members.items()
+    return {name: (next(one for one in OF_MEMBERS[name] if one.accepts(own)), own) for name, own in every}
 
 
 def _plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
-    plans = {name: OF_MEMBERS[name].plan(own, live) for name, own in scene.members.items()}
+    plans = {name: family.plan(own, live) for name, (family, own) in _members(scene).items()}
     if "fluid" in plans:
         plans["fluid"] = fluid_plan(scene.members["fluid"], live, solids=True)
     return world_plan(scene, plans)
@@ -35,7 +42,7 @@ def _record(scene: Scene, real: Any, poke: tuple[float, ...] = (0.0, 0.0, 0.0), 
 
 
 def _limit(scene: Scene, frequency: float | None = None) -> float:
-    return min((OF_MEMBERS[name].limit(own, None) for name, own in scene.members.items()), default=inf)
+    return min((family.limit(own, None) for family, own in _members(scene).values()), default=inf)
 
 
 def _note(scene: Scene) -> str:
@@ -53,18 +60,19 @@ def _stored(scene: Scene, position: np.ndarray, plastic: np.ndarray | None) -> t
     """And that of a cloth's constraints by kind."""
     total: float = 0.0
     by_kind: dict[str, float] = {}
+    members = _members(scene)
     for name, place in scene.world_set.slices().items():
-        own, kinds = OF_MEMBERS[name].stored(
-            scene.members[name], position[place], plastic if name == "bodies" else None
-        )
+        family, part = members[name]
+        own, kinds = family.stored(part, position[place], plastic if name == "bodies" else None)
         total, by_kind = total + own, by_kind | kinds
     return total, by_kind
 
 
 def _strain(scene: Scene, position: np.ndarray, kind: str, plastic: np.ndarray | None) -> np.ndarray:
     """Of one member after the other."""
+    members = _members(scene)
     found = [
-        OF_MEMBERS[name].strain(scene.members[name], position[place], kind, plastic if name == "bodies" else None)
+        members[name][0].strain(members[name][1], position[place], kind, plastic if name == "bodies" else None)
         for name, place in scene.world_set.slices().items()
     ]
     return np.concatenate(found)
@@ -72,7 +80,9 @@ def _strain(scene: Scene, position: np.ndarray, kind: str, plastic: np.ndarray |
 
 WORLD = SolverFamily(
     name="world",
-    knows=frozenset().union(*(family.knows for family in OF_MEMBERS.values())),  # each member refuses what it does not
+    knows=frozenset({"wetting"}).union(
+        *(one.knows for families in OF_MEMBERS.values() for one in families)
+    ),  # each member refuses what it does not
     accepts=lambda scene: scene.is_world,
     plan=_plan,
     record=_record,
@@ -81,7 +91,7 @@ WORLD = SolverFamily(
     note=_note,
     stored=_stored,
     strain=_strain,
-    spring_count=lambda scene: sum(OF_MEMBERS[name].spring_count(own) for name, own in scene.members.items()),
+    spring_count=lambda scene: sum(family.spring_count(own) for family, own in _members(scene).values()),
     solvers={"cpu": "cpu_backend.world.solver:World", "gpu": "gpu_backend.world.solver:World"},
     passes={"cpu": "app.plan.world:world_on_cpu", "gpu": "app.plan.world:world_on_gpu"},
     reference="bench.reference.world",

@@ -3,6 +3,10 @@
 A substep: all members predict; who may meet is found; in every iteration each member projects what it holds, one after the
 other, then contacts between members move particles of both; all members end their substeps, which makes velocities of where
 particles have come to. Where nothing couples members, their stages are all there is.
+
+`soak`, at a substep's end, of a cloth that drinks (model/formulas/fluid/wetting.py): a particle is touched where any sample
+that it carries has a neighbour of the fluid in this substep's lists. Its wetness is `soaked`, its weight and its lightness
+are `lighter`, from those that are dry; then how much each sample gives way is `given_way` of its corners.
 """
 
 from __future__ import annotations
@@ -12,6 +16,7 @@ from dataclasses import replace
 
 from model.core.plan import Node, Plan, Stage
 from model.formulas import contact
+from model.formulas.fluid import wetting
 from model.scene.scene import Scene
 from model.xpbd.plan import LOOKED_AT
 
@@ -21,6 +26,7 @@ BEGIN, TAKE, GIVE = (
     "give positions",
 )  # of particles that meet, from and to members
 FIND, PROJECT = "find cross contacts", "project cross contacts"
+SOAK = "soak"  # of a cloth that drinks
 
 
 def name_of_stage(member: str, stage: str) -> str:
@@ -43,9 +49,12 @@ def world_plan(scene: Scene, plans: Mapping[str, Plan]) -> Plan:
         return [_named(name, three[name][place], shares[name]) for name in plans if three[name][place]]
 
     find, project = _contact_stages(scene)
+    drinks = scene.one("wetting") is not None
     stages = [*nodes(0), *find, Node("iteration", (*nodes(1), *project), method.iterations), *nodes(2)]
+    if drinks:
+        stages.append(Stage(SOAK, 1, 1, round(wetting.OPERATIONS * shares["cloth"])))
     root = Node("step", (Node("substep", tuple(stages), method.substeps),))
-    parts: frozenset[str] = frozenset().union(*(plan.parts for plan in plans.values()))
+    parts = frozenset({"wetting"} if drinks else ()).union(*(plan.parts for plan in plans.values()))
     fused = sum(plan.fused_scalars * shares[name] for name, plan in plans.items())
     return Plan(root, round(fused), parts, dimensions=3)
 

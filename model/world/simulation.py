@@ -5,17 +5,42 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from dataclasses import replace
+from typing import Protocol
 
 import numpy as np
 
 from model.core.clock import Clock
+from model.core.errors import InputError
 from model.core.plan import StageRun
 from model.core.simulation import Options, Simulation
 from model.core.state import State, checked_arrays
 from model.scene.scene import Scene
 from model.world.plan import name_of_stage
+from model.world.wetting import checked_wetness
 
 STAGES = "stages"
+
+
+class Wetting(Protocol):
+    """What a backend has of a cloth that drinks (model/world/plan.py, `soak`); `vertices` (n,): those of the cloth whose
+    wetness it is."""
+
+    vertices: np.ndarray
+
+    def change(self, scene: Scene) -> None:
+        """Rates of a scene whose numbers have changed."""
+
+    def keep(self) -> None:
+        """Put the wetness aside."""
+
+    def restore(self) -> None:
+        """As it was put aside."""
+
+    def tell(self) -> np.ndarray:
+        """(n,): the wetness now."""
+
+    def take(self, wetness: np.ndarray) -> None:
+        """Go on from (n,) others."""
 
 
 class WorldSimulation(Simulation):
@@ -27,6 +52,7 @@ class WorldSimulation(Simulation):
     """
 
     members: dict[str, Simulation]
+    wetting: Wetting | None = None  # of a cloth that drinks
 
     def __init__(self, scene: Scene, options: Options):
         self.members, self.slices = {}, scene.world_set.slices()
@@ -63,10 +89,14 @@ class WorldSimulation(Simulation):
     def _keep(self) -> None:
         for member in self.members.values():
             member._keep()
+        if self.wetting:
+            self.wetting.keep()
 
     def _restore(self) -> None:
         for member in self.members.values():
             member._restore()
+        if self.wetting:
+            self.wetting.restore()
 
     def _first_diverged(self) -> int:
         for name, member in self.members.items():
@@ -82,6 +112,8 @@ class WorldSimulation(Simulation):
             place, particle = self.slices[name], self._poke_particle
             own = particle - place.start if place.start <= particle < place.stop else -1
             member.follow(self.scene.members[name], own, self._poke_force, self._clock)
+        if self.wetting:
+            self.wetting.change(self.scene)
 
     def _set_clock(self, clock: Clock) -> None:
         if clock != self._clock:
@@ -102,6 +134,11 @@ class WorldSimulation(Simulation):
                     *clusters, state.clock,
                 )
             )  # fmt: skip
+        if self.wetting:
+            place = self.slices["cloth"]
+            self.wetting.take(checked_wetness(self.scene, state.wetness)[place][self.wetting.vertices])
+        elif state.wetness is not None:
+            raise InputError("the state has a wetness, and the scene has no [wetting]")
         first = next(iter(self.members.values()))
         self._set_clock(first._clock)
         self.step, self.time = first.step, first.time
@@ -115,6 +152,13 @@ class WorldSimulation(Simulation):
     def _upload(self, position: np.ndarray, velocity: np.ndarray) -> None:
         for name, member in self.members.items():
             member._upload(position[self.slices[name]], velocity[self.slices[name]])
+
+    def _download_wetness(self) -> np.ndarray | None:
+        if not self.wetting:
+            return None
+        found = np.zeros(len(self.body.position), self.real)
+        found[self.slices["cloth"]][self.wetting.vertices] = self.wetting.tell()
+        return found
 
     def _bodies(self) -> Simulation | None:
         return self.members.get("bodies")

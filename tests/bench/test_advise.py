@@ -2,6 +2,7 @@
 
 import math
 import sys
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from hypothesis import strategies as st
 import softlab
 from app.command.scene_file import scene_toml, write_scene
 from bench.experiments.accuracy.references import by_numpy, numpy_seconds, own_converged, own_growth, own_seconds
+from bench.experiments.advise import experiment as advise_experiment
 from bench.experiments.advise import search as advise_search
 from bench.experiments.advise.bracket import TIGHT, next_steps
 from bench.experiments.advise.check import brute_force, grid_steps
@@ -96,6 +98,33 @@ def test_an_answer_in_words_and_from_the_store(store, clockwork, monkeypatch):
     again = advise(store, small(), 1e-3, time=END, **ASKED)
     assert again.choices == advice.choices
     assert store.query("SELECT count(*) FROM sample")[0][0] == runs
+
+
+@pytest.mark.parametrize(("total", "step", "told"), [(1000, 1e-6, None), (1000, 20.0, "s are left")])
+def test_what_a_first_step_compiles_is_no_steps_time(store, clockwork, monkeypatch, total, step, told):
+    """A clock by which the first step takes 600 s longer, of a search of 1000 s: what begins is begun by what steps take, and
+    what is left out for it is told by that."""
+    now = [0.0]
+    for module in (advise_search, advise_experiment):
+        monkeypatch.setattr(module, "clock", SimpleNamespace(perf_counter=lambda: now[0]))
+    open_case, first = advise_search.Case.open, [600.0]
+
+    def opened(case):
+        simulation = open_case(case)
+        advance = simulation.advance
+
+        def timed(steps):
+            now[0] += (first.pop() if first else 0.0) + steps * step
+            advance(steps)
+
+        simulation.advance = timed
+        return simulation
+
+    monkeypatch.setattr(advise_search.Case, "open", opened)
+    asked = ASKED | {"integrators": ("rk4",)}
+    advice = advise(store, small(), 1e-4, time=END, total_seconds=total, **asked)
+    assert (advice.best is not None) == (told is None)
+    assert told is None or told in dict(advice.beaten)["rk4, float32, cpu"]
 
 
 def test_an_error_that_nothing_reaches(store, clockwork):

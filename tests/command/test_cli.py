@@ -149,6 +149,11 @@ def test_what_only_tells(command, name: str) -> None:
     assert outcome.status == 0 and outcome.out
 
 
+def test_a_version_is_told(command) -> None:
+    told = command("--version")
+    assert told.status == 0 and told.out.startswith("softlab 0."), told.out
+
+
 def test_help_needs_no_heavy_library() -> None:
     import subprocess
 
@@ -219,6 +224,23 @@ BAD = [
     ("export", "file.csv --store nothing.sqlite", ["nothing.sqlite"]),
     ("merge", "nothing.csv --store new.sqlite", ["nothing.csv"]),
     ("frobnicate", "", ["frobnicate"]),
+    ("run lab-grid", "--record every=1", ["--record", "softlab run --help"]),
+    ("run lab-grid", "--link foo", ["--link", "flags, peer, nccl"]),
+    ("run lab-grid", "--link nccl", ["--link", "add --gpus or --ranks"]),
+    ("run lab-grid", "--exchange-every 3", ["--exchange-every", "add --gpus or --ranks"]),
+    ("run lab-grid", "--ranks 4 --backend gpu", ["--ranks", "--backend cpu"]),
+    ("plan lab-grid", "--exchange-every 4", ["--exchange-every", "--gpus"]),
+    ("sweep", "--link peer", ["--link", "add --gpus"]),
+    ("sweep", "--exchange-every 3", ["--exchange-every", "add --gpus"]),
+    ("sweep", "--gpus 0", ["--gpus", "at least 1"]),
+    ("fluids", "--peers", ["--peers", "add --truth"]),
+    ("advise lab-curtain", "--error 0.1 --force", ["--force", "add --write"]),
+    ("scale", "--exchange-every 0", ["--exchange-every"]),
+    ("scale", "--exchange-every 100000", ["--exchange-every", "use at most"]),
+    ("scale", "--jitter nan", ["--jitter"]),
+    ("scale", "--per-host 0", ["--per-host"]),
+    ("scale", "--latency -1", ["--latency = -1.0"]),
+    ("scale", "--gpus 10000000000", ["--gpus"]),
 ]
 
 

@@ -169,6 +169,19 @@ def test_a_process_that_is_asked_to_end_tidies_up_as_for_ctrl_c() -> None:
     assert (done.returncode, done.stdout, done.stderr.strip()) == (130, "tidied\n", "softlab: stopped")
 
 
+def test_ctrl_c_is_answered_before_all_is_imported() -> None:
+    code = (
+        "import os, signal, sys\n"
+        "sys.argv[0] = 'bin/softlab'\n"
+        "from app.command.stopping import answer_at_once\n"
+        "answer_at_once()\n"
+        "os.kill(os.getpid(), signal.SIGINT)\n"
+        "print('went on')"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120)
+    assert (done.returncode, done.stdout, done.stderr.strip()) == (130, "", "softlab: stopped")
+
+
 @pytest.mark.parametrize(
     "line, told",
     [

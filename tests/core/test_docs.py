@@ -29,6 +29,32 @@ def test_the_errors_in_the_example_are_as_told(capsys: pytest.CaptureFixture[str
     assert float(errors["velocity-verlet"]) > float(errors["rk4"])
 
 
+ITEM = re.compile(r"([-*+]|\d+\.) ")
+
+
+def blocks(text: str) -> list[list[str]]:
+    """The lines between blank ones, headings apart, without fenced code."""
+    text = re.sub(r"^```.*?^```$", "", text, flags=re.DOTALL | re.MULTILINE)
+    found = re.split(r"\n\s*\n|^#.*\n", text, flags=re.MULTILINE)
+    return [block.strip("\n").splitlines() for block in found if block.strip()]
+
+
+def test_no_list_of_the_site_runs_together_with_the_paragraph_above_it() -> None:
+    """Python-Markdown begins a list after a blank line or a heading, and nowhere else."""
+    for document in [ROOT / "README.md", *(ROOT / "docs").glob("*.md")]:
+        for first, *more in blocks(document.read_text(encoding="utf-8")):
+            if not ITEM.match(first.lstrip()) and not first.startswith(" "):
+                assert not [line for line in more if ITEM.match(line)], f"{document.name}: {first}"
+
+
+def test_pages_ask_for_nothing_that_the_theme_would_fetch_from_elsewhere() -> None:
+    """Diagrams of mermaid come by a script from another host."""
+    assert "font: false" in (ROOT / "mkdocs.yml").read_text(encoding="utf-8")
+    for document in (ROOT / "docs").glob("*.md"):
+        text = document.read_text(encoding="utf-8")
+        assert not re.findall(r"^\s*```\s*mermaid|<script|!\[[^\]]*\]\(https?:", text, re.MULTILINE), document.name
+
+
 def test_links_in_the_documents_lead_somewhere() -> None:
     for document in [ROOT / "README.md", *(ROOT / "docs").glob("*.md")]:
         for target in re.findall(r"\]\(([^)#]+)\)", document.read_text(encoding="utf-8")):

@@ -163,10 +163,12 @@ def test_a_cloth_has_the_bits_of_one(name, integrator, halo):
 @pytest.mark.parametrize(
     "name, changes, said",
     [
-        ("cloth-mesh", {}, "not shared"),
+        ("cloth-mesh", {}, "no position-based mesh; use 1"),
         ("cloth-flamenco", {}, "pins anywhere"),
         ("cloth-self", {}, "meet from anywhere"),
-        ("jelly-block", {}, "not shared"),
+        ("jelly-block", {}, "no bodies; use 1"),
+        ("dam-break", {}, "no fluid; use 1"),
+        ("fem-cantilever", {}, "no tetrahedral body; use 1"),
         ("cloth-twist", {}, "moves pins"),
         ("cloth-hanging", {"external.magnitude": 0.1}, "not shared"),
         ("cloth-hanging", {"method.integrator": "implicit-euler"}, "at once"),

@@ -45,6 +45,7 @@ def test_ranks_have_the_bits_of_one(name, changes, ranks, every, kernel, halo, d
 
     def program(ranks):
         with RankSimulation(scene, Options(math="exact", kernel=kernel), ranks, 1, every) as simulation:
+            assert simulation.whole_steps == (1 if divided % 2 == 0 else 2 * (every or 1))
             return state(simulation, steps)
 
     assert np.abs(wanted.velocity).max() > 0

@@ -22,16 +22,16 @@ SORT = {  # of each kernel's arguments, see kernel_text.py
 TIME = "RULlll"  # bodies, integers, counter, place, substeps, substep
 STEP = {
     "begin": "RRIrFR" + TIME[1:] + "RRRR",
-    "find": "RFIIIIIL",
-    "prepare": "RFIIIIILRRRRR" + TIME + "R",
-    "factors": "RFIIRRRRR" + TIME,
-    "density": "RFIIRRRR" + TIME,
-    "correct": "RRFIIRR" + TIME + "R",
-    "settle": "RRRFIIRRR" + TIME + "RR",
+    "find": "RFIIITIL",
+    "prepare": "RFIIITILRRRRR" + TIME + "R",
+    "factors": "RFTIRRRRR" + TIME,
+    "density": "RFIIITIRRRR" + TIME,
+    "correct": "RRFIIITIRR" + TIME + "R",
+    "settle": "RRRFIIITIRRR" + TIME + "RR",
     "update": "RRRFR" + TIME + "RR",
     "limit": "RRRFR",
-    "shape": "RRFIIRR",
-    "smooth": "RRFIIRRRRR",
+    "shape": "RRFTIRR",
+    "smooth": "RRFTIRRRRR",
 }
 FLOW = {
     "due": "LlllFRIR",
@@ -47,20 +47,21 @@ SOLIDS = {
     "gather": "IiI",
     "follow": "IIRRR",
     "push": "RIIRRR",
-    "factors": "RFIIIiRRRRRR" + TIME,
-    "density": "RFIIIiRRRRR" + TIME,
-    "correct": "RRFIIIiRRR" + TIME + "RR",
+    "factors": "RFTIIiRRRRRR" + TIME,
+    "density": "RFTIIiRRRRR" + TIME,
+    "correct": "RRFTIIiRRR" + TIME + "RR",
 }
 FREE = {  # of the scheme divergence-free
     "gather": "RFR",
-    "survey": "RRFIIRRR" + TIME,
-    "relax": "RRFIIRRRRRii",
-    "push": "RRFIIRRRi",
+    "survey": "RRFTIRRR" + TIME,
+    "relax": "RRFTIRRRRRii",
+    "push": "RRFTIRRRi",
     "take_up": "RRRFR",
     "accelerate": "RRIRFR" + TIME[1:] + "R",
-    "foresee": "RRFIIRRR",
+    "foresee": "RRFTIRRR",
     "move": "RRRRRFR" + TIME + "RR",
 }
+WETTING = {"soak": "RiIIIIR", "weigh": "RiIRRRRR", "share": "IRRlR"}  # of a cloth that drinks
 COUNTED = {"hash_particles", "find", "prepare", "take"}  # by atomics
 PLAIN = frozenset({"gravity", "plane", "walls"})
 ALL = PLAIN | {
@@ -110,10 +111,10 @@ def kernel(name: str, real: Any, math: str, parts: frozenset[str]) -> Any:
     if name == "begin":
         return make_begin(real, math, parts, repeats)
     if name in ("settle", "update", "limit"):
-        return getattr(make_settle(real, math, parts, repeats), name)
+        return getattr(make_settle(real, math, parts, repeats, not repeats), name)
     if name in ("shape", "smooth"):
         return getattr(make_smoothing(real, math, parts, repeats, True), name)
-    return getattr(make_density_kernels(real, math, parts, repeats, 64), name)
+    return getattr(make_density_kernels(real, math, parts, repeats, 64, not repeats), name)
 
 
 @pytest.mark.parametrize("parts", [PLAIN, ALL, COMING], ids=["plain", "all", "coming"])
@@ -160,6 +161,18 @@ def test_solids(name: str, math: str) -> None:
         assert "call" not in text and "atom" not in text and ".local" not in text
         assert ".f64" not in text or real is np.float64
         assert "fma.rn" not in text or math == "fast" or real is np.float32
+
+
+@pytest.mark.parametrize("math", ["fast", "exact"])
+@pytest.mark.parametrize("name", WETTING)
+def test_a_cloth_that_drinks(name: str, math: str) -> None:
+    from gpu_backend.world.wetting import make_soak
+
+    for real in (np.float32, np.float64):
+        text = kernel_text(getattr(make_soak(real, math), name), WETTING[name], real, math)
+        assert "call" not in text and "atom" not in text and ".local" not in text
+        assert ".f64" not in text or real is np.float64
+        assert "fma.rn.f64" not in text or math == "fast"
 
 
 @pytest.mark.parametrize("parts", [PLAIN, ALL - {"averaged", "tensile"} | {"moving"}], ids=["plain", "all"])

@@ -12,8 +12,19 @@ from rich.console import Console
 
 from bench.experiments.fluid_truth import experiment, laws, scenes
 from bench.experiments.fluid_truth.experiment import groups, run_truth
-from bench.experiments.fluid_truth.rows import NUMBERS, print_truth, rows
-from bench.experiments.fluid_truth.scenes import COLUMN, DAM, DROP, SCHEMES, TANK, TWO, VORTICES, Setting, settings
+from bench.experiments.fluid_truth.rows import NUMBERS, Judged, print_truth, rows, tensions
+from bench.experiments.fluid_truth.scenes import (
+    COLUMN,
+    DAM,
+    DROP,
+    SCHEMES,
+    TANK,
+    TENSION,
+    TWO,
+    VORTICES,
+    Setting,
+    settings,
+)
 from bench.measure.costs_timing import Effort
 from bench.peers.base import Opened, Peer
 from bench.peers.fluids.splishsplash import SplishSplash, scale_of, scene_of
@@ -121,6 +132,21 @@ def test_a_drop_that_moves_and_is_drawn_out() -> None:
     )
     assert found[laws.ASPECT] == pytest.approx(2) and found[laws.MOMENTUM] == pytest.approx(1)
     assert found[laws.INSIDE] == pytest.approx(7) and found[laws.DRIFT] > 1
+
+
+@pytest.mark.parametrize("axes", [2, 3])
+def test_the_slope_of_drops_pressures_is_the_surface_tension(axes: int) -> None:
+    """Laplace's law with a pressure that is there at any radius; two drops are always on a line, and tell nothing."""
+    drops = [
+        Judged(
+            TENSION, "m", "cpu", "macklin", False, 8, 8, 0.05, 100, axes, radius, 5.0,
+            {laws.INSIDE: 40.0 + (axes - 1) * 3.0 / radius}, None, False, None,
+        )
+        for radius in (0.2, 0.3, 0.5)
+    ]  # fmt: skip
+    (found,) = tensions(drops)
+    assert (found.sigma, found.held, found.off) == pytest.approx((3.0, 40.0, 0.0)) and found.drops == 3
+    assert tensions(drops[:2]) == []
 
 
 def test_fluids_that_have_changed_places_and_that_have_not() -> None:

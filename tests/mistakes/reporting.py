@@ -63,7 +63,7 @@ CLAIMS: tuple[Mistake, ...] = (
         {
             "overlapping repeats are a difference": ("return -1 if high < 1 else 1 if low > 1 else 0", "return -1 if a.median < b.median else 1"),
             "a session bears any ratio": ("< 1 + SMALL", "< 1"),
-            "few repeats are as good as many": ("if timing.count < FEW else 0.0", "if timing.count < 0 else 0.0"),
+            "few repeats are as good as many": ("if timing.count < FEW else 1.0", "if timing.count < 0 else 1.0"),
         },
     ),
     *in_file(

@@ -26,8 +26,7 @@ HOST: dict[str, Any] = {"threads": 1, "math": "exact"}
 
 
 @pytest.mark.parametrize("precision", ["float64", "float32"])
-@pytest.mark.parametrize("method", TETRAHEDRAL)
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name,method", [(case.name, method) for case in NAMES.values() for method in case.methods])
 def test_the_laws_hold(name: str, method: str, precision: str) -> None:
     case = NAMES[name]
     outcome = judge_case(case, method, "cpu", precision, **HOST)
@@ -41,14 +40,14 @@ def test_the_laws_hold(name: str, method: str, precision: str) -> None:
 
 def test_rows_are_of_tetrahedra() -> None:
     for case in CASES:
-        assert case.of_tetrahedra == (case in TETRAHEDRAL_CASES) == ("vbd" in case.methods)
+        assert case.of_tetrahedra == (case in TETRAHEDRAL_CASES)
         assert not case.of_tetrahedra or case.base().tetrahedra
     assert {case.row for case in TETRAHEDRAL_CASES} == {"A8", "B21", "B22", "B23"}
 
 
 @pytest.mark.parametrize("method", TETRAHEDRAL)
 def test_scenes_are_solved_as_the_method_says(method: str) -> None:
-    for case in TETRAHEDRAL_CASES:
+    for case in (one for one in TETRAHEDRAL_CASES if method in one.methods):
         scene, note = case_scene(case, method)
         assert scene.method.solver == method.split()[0] and not note
         assert (scene.method.substeps * scene.method.iterations == 1) == (case.row == "B23")

@@ -377,6 +377,7 @@ def test_a_failed_transaction_leaves_nothing(tmp_path: Path) -> None:
         ("abc123+", "abc123+,more", "line"),
         ("0.1 0.3", "0.1", "line"),
         ("0.1 0.3", "0.1 fast", "line"),
+        ("copy_bandwidth,6666666666.666667", "copy_bandwidth,banana", "copy_bandwidth"),
     ],
 )
 def test_a_text_export_that_was_damaged_changes_nothing(tmp_path: Path, old: str, new: str, message: str) -> None:

@@ -1,7 +1,7 @@
 """Inputs of every kind, made from a seed, through the command line: no traceback, no hang, nothing left behind, and every
 message is one line that ends and names what it is about.
 
-SOFTLAB_INPUTS: how many (300); SOFTLAB_SEED: of which seed. A case is told by its number, and made again from that alone.
+SOFTLAB_INPUTS: how many (100); SOFTLAB_SEED: of which seed. A case is told by its number, and made again from that alone.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import pytest
 from any_answer import answer, quiet_lab
 from any_input import Maker
 
-SEED, COUNT = int(os.environ.get("SOFTLAB_SEED", "13")), int(os.environ.get("SOFTLAB_INPUTS", "300"))
+SEED, COUNT = int(os.environ.get("SOFTLAB_SEED", "13")), int(os.environ.get("SOFTLAB_INPUTS", "100"))
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="pipes, devices and clocks of a POSIX system")

@@ -232,3 +232,12 @@ def test_any_setting(path, text):
 @given(st.lists(st.text(max_size=15), max_size=3))
 def test_any_settings_text(texts):
     only_softlab_errors(lambda: load_scene("lab-grid").replace(parse_settings(texts)).canonical())
+
+
+def test_steps_that_are_none_and_a_simulation_that_is_closed() -> None:
+    with open_simulation(load_scene("lab-grid").replace({"grid.rows": 2, "grid.columns": 2})) as simulation:
+        for wrong in (-1, 1.5, "x", None):
+            with pytest.raises(SceneError, match="steps"):
+                simulation.advance(wrong)  # type: ignore[arg-type]
+    with pytest.raises(InputError, match="closed"):
+        simulation.advance(1)

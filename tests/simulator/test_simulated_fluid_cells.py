@@ -10,9 +10,11 @@ import numpy as np
 import pytest
 from numba import cuda
 
+from gpu_backend.fluid.around import PLACE
 from gpu_backend.fluid.cells import Cells
 from gpu_backend.fluid.kernels import make_density_kernels
 from gpu_backend.fluid.sort_kernels import CELLS, WRAPS
+from model.fluid.parameters import FLUID_PARAMETERS
 
 SUPPORT, NEIGHBOURS, PERIOD = 0.1, 6, 0.5
 SCATTERED, CROWDED, TORN, LOST, ROUND = "scattered", "crowded", "torn", "lost", "round"
@@ -35,7 +37,7 @@ def cloud(kind: str, axes: int) -> np.ndarray:
 def record_for(kind: str, real: Any) -> Any:
     """What the kernels read of the constants. The first axis repeats from -0.2 m on."""
     cells = int(PERIOD / SUPPORT)
-    values = {
+    values = dict.fromkeys(FLUID_PARAMETERS, 0.0) | {
         "support": SUPPORT, "inverse_cell": 1 / SUPPORT, "low_x": -0.2, "side_x": PERIOD, "half_x": PERIOD / 2,
         "cells_x": cells, "inverse_side_x": cells / PERIOD,
     }  # fmt: skip
@@ -55,7 +57,9 @@ def made(kind: str, axes: int, most: int, real: Any) -> SimpleNamespace:
     for _ in range(2):  # counters must be 0 again
         cells.bound(given[0])
         cells.sort(record, given, into)
-    find = make_density_kernels(real, "exact", frozenset({"flat"} if axes == 2 else ()), repeats, NEIGHBOURS).find
+    find = make_density_kernels(
+        real, "exact", frozenset({"flat"} if axes == 2 else ()), repeats, NEIGHBOURS, not repeats
+    ).find
     table = cells.table, cells.found, cells.beyond
     find[-(-count // 32), 32](into[0], record, cells.sorted_keys, cells.numbers, cells.begins, *table)
     return SimpleNamespace(cells=cells, arrays=arrays, into=into, numbers=cells.numbers.copy_to_host())
@@ -91,7 +95,7 @@ def test_orders_and_lists_are_those_of_asking_all(kind: str, axes: int, most: in
 
     expected = near(quads[order, :3], PERIOD if kind == ROUND else 0.0)
     kept = cells.found.copy_to_host()
-    table = cells.table.copy_to_host().reshape(NEIGHBOURS, len(order))
+    table = (cells.table.copy_to_host() & PLACE).astype(int).reshape(NEIGHBOURS, len(order))
     lists = [table[:n, i].tolist() for i, n in enumerate(kept)]
     assert any(len(others) > 2 for others in lists)
     assert [sorted(own) for own in lists if len(own) < NEIGHBOURS] == [

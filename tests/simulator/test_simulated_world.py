@@ -24,7 +24,13 @@ def end_state(scene: Scene, backend: str, **options: Any) -> State:
 
 
 @pytest.mark.parametrize(
-    ("name", "precision", "kernel"), [("all", "float32", "launch"), ("jelly on a cloth", "float64", "stages")]
+    ("name", "precision", "kernel"),
+    [
+        ("all", "float32", "launch"),
+        ("jelly on a cloth", "float64", "stages"),
+        ("jelly on a block by vertices", "float32", "launch"),
+        ("jelly on a block by vertices", "float64", "stages"),
+    ],
 )
 def test_bits_are_the_cpus(name: str, precision: str, kernel: str) -> None:
     scene = world_scene(name)

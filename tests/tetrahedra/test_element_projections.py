@@ -52,10 +52,11 @@ def test_small_steps_bar_is_among_them() -> None:
 
 
 def test_what_a_tetrahedron_must_take() -> None:
-    """16 bytes of corners, 52 of values; 32 of a corner, read and written, of which a voxel of five has eight, not twenty."""
-    assert moved_bytes("tetrahedra", "float32") == 16 + 52 + 4 * 32
-    assert moved_bytes("voxels", "float32") == pytest.approx(16 + 52 + 8 * 32 / 5)
-    assert moved_bytes("voxels", "float64") == pytest.approx(16 + 104 + 8 * 64 / 5)
+    """36 bytes of values, without a damper's; 4 of a corner's index and 32 of the corner, read and written, of which a voxel
+    of five has eight, not twenty."""
+    assert moved_bytes("tetrahedra", "float32") == 36 + 4 * (4 + 32)
+    assert moved_bytes("voxels", "float32") == pytest.approx(36 + 8 * (4 + 32) / 5)
+    assert moved_bytes("voxels", "float64") == pytest.approx(72 + 8 * (4 + 64) / 5)
     assert 100 < operations("neo-hookean", "float32") < operations("fixed-corotated", "float32") < 2000
 
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from tetrahedra_scenes import PARTS, moving, tetrahedra_scene, through
+from tetrahedra_scenes import LAUNCHED, PARTS, moving, tetrahedra_scene, through
 
 from app.driver import open_simulation
 from model.core.simulation import State
@@ -27,7 +27,7 @@ def test_bits_are_the_cpus(name: str, precision: str) -> None:
     scene = tetrahedra_scene(name)
     options: dict[str, Any] = {"precision": precision, "math": "exact", "initial": moving(scene)}
     expected = end_state(scene, "cpu", 20, threads=1, **options)
-    for kernel in ("graph", "launch", "stages", *(() if name == "free" else ("resident",))):
+    for kernel in ("graph", "launch", "stages", *(() if name in LAUNCHED else ("resident",))):
         state = end_state(scene, "gpu", 20, kernel=kernel, **options)
         assert np.array_equal(state.position, expected.position), kernel
         assert np.array_equal(state.velocity, expected.velocity), kernel

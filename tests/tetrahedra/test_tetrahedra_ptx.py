@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from kernel_text import entry_of, record_of
 
+from model.core.constraints import Projection
 from model.formulas.constraints.tetrahedron import MATERIALS
 from model.tetrahedra.constraints import BLOCKS, DAMPED, ITERATED, part_of_run, projections_of
 
@@ -15,11 +16,15 @@ pytestmark = pytest.mark.usefixtures("ptx_compiler")
 
 
 def text_of(material: str, real: Any, math: str, *more: str) -> str:
+    (projection,) = projections_of(frozenset({material, *more} - {""}))
+    return projection_text(projection, real, math)
+
+
+def projection_text(projection: Projection, real: Any, math: str) -> str:
     from numba import types
 
     from gpu_backend.core.constraints import make_projections
 
-    (projection,) = projections_of(frozenset({material, *more} - {""}))
     reals, i, n = (types.float32 if real is np.float32 else types.float64)[::1], types.int32, types.int32[::1]
     kernel = make_projections(real, math, projection)
     record = record_of(real, "tetrahedra")
@@ -47,6 +52,15 @@ def test_exact_projections_contract_nothing(material: str) -> None:
     """In float64, whose quotients are an instruction: no product runs into a sum."""
     text = text_of(material, np.float64, "exact", ITERATED)
     assert "fma.rn.f64" not in text and "mul.rn.f64" in text
+
+
+@pytest.mark.parametrize("real,math", [(np.float32, "fast"), (np.float64, "exact")])
+def test_volumes_of_voxels_compile_likewise(real: Any, math: str) -> None:
+    parts = frozenset({"neo-hookean", DAMPED, ITERATED, part_of_run("neo-hookean", 5, True)})
+    for projection in projections_of(parts):  # of shapes, and of volumes
+        text = projection_text(projection, real, math)
+        assert ".local" not in text and "call" not in text
+        assert ".f64" not in text if real is np.float32 else "fma.rn.f64" not in text
 
 
 @pytest.mark.parametrize("math", ["fast", "exact"])

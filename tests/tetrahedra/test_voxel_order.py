@@ -13,7 +13,7 @@ from model.core.constraints import ConstraintSet
 from model.core.errors import InputError
 from model.scene.scene import Scene
 from model.tetrahedra.body_set import TetrahedraSet
-from model.tetrahedra.constraints import constraint_sets
+from model.tetrahedra.constraints import constraint_sets, tetrahedra_of_sets
 from model.tetrahedra.voxel_order import voxel_order
 
 BAR = BODY | {"shape": {"name": "box", "sides": [0.3, 0.5, 0.4], "resolution": 10}}
@@ -40,7 +40,9 @@ def colours(one: ConstraintSet) -> list[np.ndarray]:
 def test_voxels_of_a_colour_share_nothing(scene: Scene) -> None:
     sets = constraint_sets(scene)
     tetrahedra = np.concatenate([one.corners for one in sets])
-    assert sorted(map(tuple, tetrahedra)) == sorted(map(tuple, scene.tetrahedra_set.tetrahedra))
+    assert sorted(map(frozenset, tetrahedra.tolist()), key=sorted) == sorted(
+        map(frozenset, scene.tetrahedra_set.tetrahedra.tolist()), key=sorted
+    )
     for one in sets:
         assert (np.diff(one.starts) % one.run == 0).all()
         for vertices in colours(one):
@@ -75,6 +77,26 @@ def test_a_sweep_is_the_voxels_tetrahedra_in_turn() -> None:
         vertices = one.corners[members].ravel()
         assert len(np.unique(vertices)) == len(vertices)
     assert np.array_equal(sweep[0] + 1, sweep[1])  # a voxel's second tetrahedron after its first one
+
+
+@pytest.mark.parametrize("scene", [scene_of(angle=30.0), octopus()])
+def test_five_stand_around_the_last_with_the_values_of_their_corners(scene: Scene) -> None:
+    """As Projection.around says, which kernels rely on; B takes edges at rest to a rotation, whatever their order."""
+    (one,) = constraint_sets(scene)
+    voxels, found = one.corners.reshape(-1, 5, 4), scene.tetrahedra_set
+    core = voxels[:, 4]
+    for m in range(4):
+        assert np.array_equal(voxels[:, m, 1:], core[:, [(m + n) % 4 for n in (1, 2, 3)]])
+        assert (voxels[:, m, :1] != core).all()
+    at = found.position[one.corners]
+    edges = np.swapaxes(at[:, 1:] - at[:, :1], 1, 2)
+    rows = np.zeros((len(edges), 3, 3))
+    rows[:, *np.triu_indices(3)] = one.values[:, :6]
+    turned = edges @ rows
+    assert np.abs(np.swapaxes(turned, 1, 2) @ turned - np.eye(3)).max() < 1e-11
+    assert np.abs(np.linalg.det(turned) - 1).max() < 1e-11
+    (chosen,) = tetrahedra_of_sets(found)
+    assert np.array_equal(np.sort(found.tetrahedra[chosen]), np.sort(one.corners))
 
 
 def test_free_meshes_keep_their_colours_beside_voxels(tmp_path: Any) -> None:

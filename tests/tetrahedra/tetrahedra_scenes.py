@@ -35,12 +35,17 @@ PARTS: dict[str, dict[str, Any]] = {
         "body": BODY | {"damping": 0.02, "material": "corotated"}, "gravity": {},
         "method": METHOD | {"rows": "blocks", "iterations": 3},
     },
+    "voxels": {"body": BODY | {"volume": "voxels", "damping": 0.01, "poisson_ratio": 0.499}, "gravity": {}},
+    "hookean voxels": {"body": BODY | {"volume": "voxels", "material": "neo-hookean"}, "gravity": {}},
     "free": {"gravity": {}},  # and a body of no voxels
     "everything": {
         "body": BODY | {"damping": 0.02}, "second": FREE | {"material": "neo-hookean", "young_modulus": 5e4},
         "third": FREE | {"material": "corotated", "origin": [0.5, 0.2, 0.0], "angle": 30.0},
     } | AIR,
 }  # fmt: skip
+
+
+LAUNCHED = ("free", "voxels", "hookean voxels")  # whose kernel is not `resident`
 
 
 def tetrahedra_scene(name: str, **changes: Any) -> Scene:

@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 
 from model.core.errors import SceneError
+from model.core.families import scene_plan
 from model.core.plan import Plan
 from model.core.simulation import Options, Simulation
 from model.scene.scene import Scene
-from model.xpbd.plan import xpbd_plan
 
 DAMPING = 100.0  # 1/s: a pull that is renewed once a frame of 0.01 s settles, with no neighbours to hold the mass
 
@@ -23,8 +23,7 @@ class FakeCloth(Simulation):
 
     def __init__(self, scene: Scene, options: Options | None = None):
         super().__init__(scene, options or Options(live=frozenset({"gravity", "poke", "dt"})))
-        if scene.bodies:
-            self.plan = xpbd_plan(scene, self.options.live)
+        self.plan = scene_plan(scene, self.options.live)
         self.asked: list[str] = []
         self._velocity = np.zeros_like(self.body.position)
         self._position = self.body.position.copy()

@@ -34,13 +34,20 @@ PARTS: dict[str, dict[str, Any]] = {
     "jelly on a block": {"block": BLOCK, "jelly": JELLY},
     "two on a pinned block": {"block": BLOCK | {"pinned": ["bottom"]}, "jelly": JELLY, "brick": BALL},
     "jelly on a cloth": {"jelly": JELLY} | CLOTH,
+    "jelly on a block by vertices": {"block": BLOCK | {"damping": 0.01}, "jelly": JELLY},
     "all": {"block": BLOCK, "jelly": JELLY, "brick": BALL, "floor": FLOOR} | CLOTH,
 }
 
 
+BY_VERTICES = (
+    "jelly on a block by vertices"  # whose tetrahedra vertex block descent solves, which no judge of worlds knows
+)
+
+
 def world_scene(name: str, **changes: Any) -> Scene:
     """A scene of PARTS."""
-    tables = PARTS[name] | {"gravity": {}, "contact": CONTACT, "method": METHOD} | changes
+    method = METHOD | ({"tetrahedra": "vbd"} if name == BY_VERTICES else {})
+    tables = PARTS[name] | {"gravity": {}, "contact": CONTACT, "method": method} | changes
     return Scene({key: table for key, table in tables.items() if table is not None}, name)
 
 

@@ -30,6 +30,7 @@ WHY = {  # why a field is not live, by kind of table
     "tetrahedral_body": "it is compiled into the constraints' tables",
     "material": "it is compiled into the constraints' tables",
     "foam": "what is drawn was made by it",
+    "wetting": "what drinks is chosen as a scene opens",
 }
 MADE_OF = "masses and springs are made of it"
 WHY_OTHERS = "constants and tables are made of it"

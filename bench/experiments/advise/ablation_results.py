@@ -245,7 +245,7 @@ def print_ablation(console: Console, summary: AblationSummary) -> None:
         console.print(
             f"{found.title}, on the {found.backend}, judged at {found.end:g} s; {growth}", markup=False, soft_wrap=True
         )
-        console.print(_printed(found, console.width >= WIDE))
+        console.print(_printed(found, console.width >= WIDE or not console.is_terminal))
         for row in found.rows:
             if row.broke:
                 console.print(f"{row.name}: {row.why}", markup=False, soft_wrap=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time as clock
 from collections.abc import Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass, replace
 from math import ceil, inf, isfinite
 from typing import Any
@@ -29,7 +29,7 @@ from bench.store.results import Timing, measures, timings
 from bench.store.schema import configuration_hash
 from model.core.errors import Diverged, SoftlabError
 from model.core.families import stability_limit
-from model.core.simulation import State
+from model.core.simulation import Simulation, State
 from model.scene.scene import Scene
 
 STAGE = "advise"  # of its samples in the store
@@ -89,7 +89,7 @@ class Task:
 
 
 class _OutOfTime(Exception):
-    """The time for the search was used up."""
+    """The time for the search was used up, or would be before a run ends."""
 
 
 class Search:
@@ -132,8 +132,8 @@ class Search:
         same = [n for k, (n, _) in self.reached.items() if k.method == kind.method]
         try:
             self._close_in(kind, least, most, same[0] if same else None)
-        except _OutOfTime:
-            self._leave(str(kind), "the time for the search was used up")
+        except _OutOfTime as late:
+            self._leave(str(kind), str(late))
         except SoftlabError as problem:
             self._leave(str(kind), str(problem))
 
@@ -182,10 +182,16 @@ class Search:
         return held
 
     def _run(self, kind: Kind, case: Case, steps: int) -> float:
-        expected = steps * self._seconds.get(kind, 0.0)
-        if clock.perf_counter() + expected > self.task.deadline:
-            raise _OutOfTime
+        expected, left = steps * self._seconds.get(kind, 0.0), self.task.deadline - clock.perf_counter()
+        if left <= 0:
+            raise _OutOfTime("the time for the search was used up")
+        if expected > left:
+            raise _OutOfTime(
+                f"a run of {steps} steps would take about {expected:.0f} s, of the search {left:.0f} s are left"
+            )
         with case.open() as simulation:
+            if kind not in self._seconds:
+                _compile(simulation)
             begin = clock.perf_counter()
             try:
                 simulation.advance(steps)
@@ -269,6 +275,14 @@ class Search:
         if moved < task.error:
             return [f"nothing moves by more than {moved:.1e} spacings until then, so any method is right"]
         return []
+
+
+def _compile(simulation: Simulation) -> None:
+    """Do a step and take it back: what its kernels take to compile is no step's time."""
+    begin = simulation.state()
+    with suppress(Diverged):
+        simulation.advance(1)
+    simulation.load(begin)
 
 
 def disturbed(choices: Sequence[Choice]) -> list[str]:

@@ -7,7 +7,9 @@ velocities alone, in float64, but for pressures, which a solver tells.
   slowly, so that one shift of time is chosen, the one whose worst point is best. The first point is told apart: it lies as
   far above the parabola that the next two make from rest (`start_off`), so that no flow that begins at rest meets all three.
 - Vortices (G. I. Taylor and A. E. Green, 1937): their energy goes as exp(-16 pi^2 nu t / L^2): the viscosity that there is.
-- A drop: its centre rests, its momentum stays 0, it becomes a ball. Laplace's pressure of a drop of radius R is 2 sigma / R.
+- A drop: its centre rests, its momentum stays 0, it becomes a ball. Laplace's pressure of a drop of radius R is 2 sigma / R,
+  in a plane sigma / R, on top of that by which cohesion holds particles together anywhere: so of drops of several sizes a
+  straight line in 1 / R, whose slope is the surface tension that there is (`tensions` of rows.py).
 - Two fluids: the light one ends above the heavy one, each in its own depth.
 """
 
@@ -18,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from bench.experiments.fluid_truth.scenes import COLUMN, DAM, DROP, TANK, TWO, VORTICES, WIDTH
+from bench.experiments.fluid_truth.scenes import COLUMN, DAM, DROP, TANK, TENSION, TWO, VORTICES, WIDTH
 from bench.measure.costs_timing import Measures
 from model.core.errors import SoftlabError
 from model.fluid.fluid_set import vortices
@@ -46,9 +48,8 @@ Tell = Callable[[float], None]  # the part of a run that is done
 def judged(simulation: Any, scene: Scene, kind: str, tell: Tell = lambda part: None) -> Measures:
     """How far a simulation of a scene, at its start, is off the law of its `kind`; it is left at the end. `simulation`:
     advance(steps) and read(name), the lab's or a peer's."""
-    return {COLUMN: _at_rest, TANK: _at_rest, DAM: _front, VORTICES: _slowed, DROP: _drop, TWO: _levels}[kind](
-        simulation, scene, tell
-    )
+    laws = {COLUMN: _at_rest, TANK: _at_rest, DAM: _front, VORTICES: _slowed, DROP: _drop, TENSION: _drop, TWO: _levels}
+    return laws[kind](simulation, scene, tell)
 
 
 def _steps(scene: Scene, seconds: float) -> int:
@@ -153,10 +154,18 @@ def _slowed(simulation: Any, scene: Scene, tell: Tell) -> Measures:
     return {VISCOSITY: (float(-slope * side**2 / (16 * np.pi**2)), "m^2/s", None)}
 
 
+def radius_of(scene: Scene) -> float:
+    """[m]: of a ball, or a disc, of all that a scene's fluids have at rest."""
+    found = scene.fluid_set
+    if scene.dimensions == 2:
+        return float(np.sqrt(found.particle_count / np.pi)) * found.spacing
+    return float(np.cbrt(3 * found.particle_count / (4 * np.pi))) * found.spacing
+
+
 def _drop(simulation: Any, scene: Scene, tell: Tell) -> Measures:
     found, steps = scene.fluid_set, _steps(scene, DROP_SECONDS)
     start = found.position.mean(axis=0)
-    radius = float(np.cbrt(3 * found.particle_count / (4 * np.pi))) * found.spacing
+    radius = radius_of(scene)
     _on(simulation, steps - LOOKS, tell, steps)
     inside, fastest = [], 0.0
     for _ in range(LOOKS):

@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+import numpy as np
 from rich.console import Console
 
 from bench.experiments.fluid_truth import laws
 from bench.experiments.fluid_truth.experiment import FINDING, PEERS
-from bench.experiments.fluid_truth.scenes import COLUMN, DAM, DROP, TANK, TWO, VORTICES
+from bench.experiments.fluid_truth.scenes import COLUMN, DAM, DROP, TANK, TENSION, TWO, VORTICES
 from bench.experiments.fluids import FRAME
 from bench.measure.costs_timing import SECONDS
 from bench.store.database import Store
@@ -29,6 +30,7 @@ NUMBERS: dict[str, dict[str, str]] = {  # of each kind: measures, and how a tabl
     },
     TWO: {laws.LEVEL: "level %", laws.MIXED: "mixed %", laws.MEAN: "density, mean %"},
 }  # fmt: skip
+NUMBERS[TENSION] = {laws.INSIDE: "pressure / Pa", laws.ASPECT: "longest / shortest"}
 NUMBERS[TANK] = {name: text for name, text in NUMBERS[COLUMN].items() if name != laws.PRESSURE}
 TITLES = {
     COLUMN: "a column at rest between sides that repeat, 3 s",
@@ -36,13 +38,15 @@ TITLES = {
     DAM: "Martin and Moyce's dam",
     VORTICES: "Taylor and Green's vortices, viscosity 0",
     DROP: "a drop that is drawn together, 4 s",
+    TENSION: "a drop with as much surface tension as cohesion, 4 s",
     TWO: "two fluids that change places, 6 s",
 }
 
 
 @dataclass(frozen=True)
 class Judged:
-    """One setting: `who`: a scheme, or a peer's label; `spacing` [m]; `numbers`: measures by name, without what was not had;
+    """One setting: `who`: a scheme, or a peer's label; `spacing` [m]; `radius` [m]: of a ball, or a disc, of all particles in
+    so many `dimensions`; `coefficient` [N/m]: its surface tension's; `numbers`: measures by name, without what was not had;
     `frame`: 1/60 s of the scene, in seconds of wall time, None where it was not timed; `suspect` or not; `reason`: why there
     is nothing."""
 
@@ -55,6 +59,9 @@ class Judged:
     iterations: int
     spacing: float
     particles: int
+    dimensions: int
+    radius: float
+    coefficient: float
     numbers: dict[str, float]
     frame: float | None
     suspect: bool
@@ -83,13 +90,50 @@ def rows(found: Iterable[Measure]) -> list[Judged]:
         why = None if held else seconds.reason if seconds is not None else "not judged"
         result.append(Judged(
             kind, some.machine, told["backend"], labels.get(peer, peer) if peer else scene.method.scheme, bool(peer),
-            scene.method.substeps, scene.method.iterations, scene.fluid_set.spacing, scene.fluid_set.particle_count, held,
-            taken, bool(seconds and "; " in (seconds.reason or "")), why,
+            scene.method.substeps, scene.method.iterations, scene.fluid_set.spacing, scene.fluid_set.particle_count,
+            scene.dimensions, laws.radius_of(scene), max(part.surface_tension for part in scene.fluids.values()), held, taken,
+            bool(seconds and "; " in (seconds.reason or "")), why,
         ))  # fmt: skip
     order = list(NUMBERS)
     return sorted(
-        result, key=lambda r: (order.index(r.kind), r.backend, r.peer, r.who, -r.spacing, r.substeps * r.iterations)
-    )
+        result,
+        key=lambda r: (
+            order.index(r.kind), r.backend, r.peer, r.who, -r.spacing, r.substeps * r.iterations, -r.dimensions, r.particles
+        ),
+    )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Tension:
+    """By the drops of one scheme, in so many dimensions, with cohesion and surface tension of one coefficient [N/m]: `sigma`
+    [N/m] of Laplace's law, pressure = `held` + (dimensions - 1) sigma / radius; `off`: of the pressure, how far the worst of
+    the `drops` lies off that line."""
+
+    backend: str
+    who: str
+    dimensions: int
+    coefficient: float
+    sigma: float
+    held: float
+    off: float
+    drops: int
+
+
+def tensions(found: Iterable[Judged]) -> list[Tension]:
+    """Of all schemes of which there are three drops at least: two make a line by themselves."""
+    drops: dict[tuple[str, str, int, float], list[Judged]] = {}
+    for row in found:
+        if row.kind == TENSION and laws.INSIDE in row.numbers:
+            drops.setdefault((row.backend, row.who, row.dimensions, row.coefficient), []).append(row)
+    result = []
+    for key, mine in drops.items():
+        if len(mine) > 2:
+            curvature = np.array([(row.dimensions - 1) / row.radius for row in mine])
+            inside = np.array([row.numbers[laws.INSIDE] for row in mine])
+            sigma, held = np.polyfit(curvature, inside, 1)
+            off = float(np.abs((sigma * curvature + held) / inside - 1).max())
+            result.append(Tension(*key, float(sigma), float(held), off, len(mine)))
+    return result
 
 
 def print_truth(console: Console, store: Store, machine: str) -> None:
@@ -106,6 +150,12 @@ def print_truth(console: Console, store: Store, machine: str) -> None:
             lines.append((row.who, row.backend, row.effort, str(row.particles), *cells, frame))
         heads = columns(("by", "on", "effort"), ("particles", *names.values(), "frame / ms"))
         print_table(console, heads, lines, "effort: substeps x iterations; ?: suspect", title=TITLES[kind])
+        for line in tensions(mine):
+            console.print(
+                f"{line.who}, {line.backend}, in {line.dimensions} dimensions: {line.sigma:.3g} N/m by Laplace's law, "
+                f"{line.sigma / line.coefficient:.2g} of the coefficient; the worst pressure is {100 * line.off:.2g} % off",
+                highlight=False, soft_wrap=True,
+            )  # fmt: skip
         for row in mine:
             if row.reason:
                 console.print(f"{row.who}: {row.reason}", highlight=False, soft_wrap=True)

@@ -14,6 +14,7 @@ from model.scene.method import SchemeName
 from model.scene.scene import Scene, load_scene
 
 COLUMN, TANK, DAM, VORTICES, DROP, TWO = "column", "tank", "dam", "vortices", "drop", "two fluids"
+TENSION = "surface tension"
 SCHEMES: tuple[str, ...] = get_args(SchemeName)
 EFFORTS = ((2, 3), (4, 5), (8, 5), (8, 10))  # substeps of a frame, iterations of each
 DAM_EFFORTS = ((1, 3), (2, 5), (4, 5))  # of a step of DAM_STEP
@@ -24,6 +25,7 @@ TANK_PARTICLES, TANK_VISCOSITY = 1000, 4.0  # Pa s: the column's by Froude's law
 SPACINGS = (0.04, 0.02, 0.01)  # m, of the vortices in their box of 1 m
 DROPS = (8, 12)  # particles along a cube that becomes a drop
 COHESION = 5.0  # N/m
+TENSIONS = {3: (8, 12, 16), 2: (16, 24, 32)}  # by dimensions: particles along a block that becomes a drop
 
 
 @dataclass(frozen=True)
@@ -52,6 +54,9 @@ def settings(quick: bool = False, schemes: tuple[str, ...] = SCHEMES) -> Iterato
         if not quick:
             for side in DROPS:
                 yield Setting(DROP, drop(side).replace({"method.scheme": scheme}))
+            for axes, sides in TENSIONS.items():
+                for side in sides:
+                    yield Setting(TENSION, tense_drop(side, axes).replace({"method.scheme": scheme}))
             yield Setting(TWO, load_scene("two-fluids").replace({"method.scheme": scheme}))
 
 
@@ -77,11 +82,17 @@ def dam(across: int) -> Scene:
     )  # fmt: skip
 
 
-def drop(side: int) -> Scene:
-    """A cube of particles that draw one another, without weight."""
+def drop(side: int, axes: int = 3, tension: float = 0.0) -> Scene:
+    """A cube, or a square, of particles that draw one another, without weight."""
     distance = 0.05
     water = {
-        "kind": "fluid", "size": [side * distance] * 3, "rest_distance": distance, "viscosity": 20.0, "cohesion": COHESION
+        "kind": "fluid", "dimensions": axes, "size": [side * distance] * axes, "rest_distance": distance, "viscosity": 20.0,
+        "cohesion": COHESION, "surface_tension": tension,
     }  # fmt: skip
     method = {"solver": "pbf", "dt": FRAME, "substeps": 8, "iterations": 8}
-    return Scene({"water": water, "method": method}, f"a drop of {side**3} particles")
+    return Scene({"water": water, "method": method}, f"a drop of {side**axes} particles")
+
+
+def tense_drop(side: int, axes: int) -> Scene:
+    """The same with as much surface tension as cohesion."""
+    return drop(side, axes, COHESION)

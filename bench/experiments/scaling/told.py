@@ -14,6 +14,7 @@ from bench.store.tables import print_table
 from model.core.errors import SceneError
 
 HEADS = "GPUs", "rows each", "every", "step / us", "exchange", "waiting", "T masses / s", "x one", "of ideal"
+MOST = 16_384  # GPUs: of more each line takes seconds
 
 
 def counts(most: int) -> list[int]:
@@ -27,20 +28,22 @@ def table(
     size: int, most: int, cluster: Cluster, every: int | None, weak: bool, seconds: Seconds = window_seconds
 ) -> list[tuple[int, Predicted, float]]:
     """(GPUs, what is predicted, how much of ideal) of a grid of size x size, or (`weak`) of as many such as there are GPUs,
-    one below another; as far as there are rows enough."""
+    one below another; as far as there are rows enough. Raises SceneError where two have not, exchanging so seldom."""
     found = []
     one = predicted(size, size, 1, cluster, seconds=seconds)
     for count in counts(most):
         try:
             many = predicted(size * (count if weak else 1), size, count, cluster, every, seconds)
         except SceneError:
+            if every is not None and count == 2:
+                raise
             break
         found.append((count, many, many.rate / one.rate / count))
     return found
 
 
 def print_predicted(console: Console, most: int, size: int, cluster: Cluster, every: int | None) -> None:
-    """Strong and weak scaling, and what a failure costs. Raises SceneError."""
+    """Strong and weak scaling, and what a failure costs. Raises SceneError where not even one GPU can have the grid."""
     if size < 2:
         raise SceneError("--size", size, "must be at least 2")
     rows: list[tuple[int, Predicted, float]] = []

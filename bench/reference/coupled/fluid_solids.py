@@ -8,6 +8,8 @@ bench/reference/fluid.py's."""
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from bench.reference.fluid import _Pairs, _smooth, _World
@@ -28,6 +30,11 @@ class FluidAmongSolids:
         self.weight = np.append(self.world.weight, samples.own_lightness)
         nu = self.world.of("viscosity") / self.world.of("density") * self.world.h / self.world.kernels.spread
         self.viscosity = np.append(np.minimum(nu, 1), 0 * volume)
+
+    def lighten(self, lightness: np.ndarray) -> None:
+        """From now on the solids' particles have another lightness (particles,)."""
+        self.samples = replace(self.samples, lightness=lightness)
+        self.weight[self.count :] = self.samples.own_lightness
 
     def begin(self, number: int, x: np.ndarray, v: np.ndarray, before: np.ndarray, position: np.ndarray) -> None:
         """A substep from (x, v) of the fluid, where the solids' particles come from `before` and are predicted at

@@ -4,6 +4,10 @@ F = D B with the edges from a to b, c, d now as columns of D, and B the inverse 
 numbers): T. Sifakis, J. Barbic, "FEM Simulation of 3D Deformable Solids", SIGGRAPH 2012 courses, part 1, section 4.1. So x_b
 counts in F by the first row of B, x_c and x_d by the others, and x_a by minus their sum: the derivative by x_b of anything
 whose derivative by F is G is G times that row.
+
+A material without directions of its own does not ask how its rest was turned. In the frame of the first edge and of the plane
+of the first two (`make_framed`), edges at rest are an upper triangular matrix, and so is B: rows (r0, r1, r2), (0, r3, r4),
+(0, 0, r5), and a third of all products are not there.
 """
 
 from __future__ import annotations
@@ -19,6 +23,7 @@ from model.formulas.rotation import OPERATIONS_MATRIX, OPERATIONS_NEAR, make_far
 
 OPERATIONS_GRADIENT = 9 + 45  # the edges, and their product with B
 OPERATIONS_CORNERS = 45 + 6  # three products with G, and their sum
+OPERATIONS_FRAMED, OPERATIONS_FRAMED_CORNERS = 9 + 27, 27 + 6  # the same with six numbers of B
 OPERATIONS_COFACTOR, OPERATIONS_DETERMINANT = 27, 5
 OPERATIONS_ROTATION = {size: 60 + 25 + OPERATIONS_MATRIX + near for size, near in OPERATIONS_NEAR.items()}
 TURNED = 1e-3  # the share of a second column's square that must be across the first one, or both are no start
@@ -82,6 +87,46 @@ def make_gradient(real, compiled=plain):
     return SimpleNamespace(
         gradient=gradient, corner=corner, corners=corners, cofactor=cofactor, determinant=determinant
     )  # fmt: skip
+
+
+def make_framed(real, compiled=plain):
+    """`gradient`, `corners` as above, of numbers `rest` that begin with the six of a triangular B."""
+    dot = make_lengths(real, compiled).dot
+
+    @compiled
+    def pair(ax, ay, bx, by):
+        return ax * bx + ay * by
+
+    @compiled
+    def first(x, r):
+        return x * r
+
+    @compiled
+    def row(e, f, g, rest):
+        """Of F, along one axis."""
+        return first(e, rest[0]), pair(e, f, rest[1], rest[3]), dot(e, f, g, rest[2], rest[4], rest[5])
+
+    @compiled
+    def gradient(a, b, c, d, rest):
+        xx, xy, xz = row(b[0] - a[0], c[0] - a[0], d[0] - a[0], rest)
+        yx, yy, yz = row(b[1] - a[1], c[1] - a[1], d[1] - a[1], rest)
+        zx, zy, zz = row(b[2] - a[2], c[2] - a[2], d[2] - a[2], rest)
+        return xx, xy, xz, yx, yy, yz, zx, zy, zz
+
+    @compiled
+    def corner(x, y, z, rest):
+        """Along one axis, of b, c, d, a."""
+        b, c, d = dot(x, y, z, rest[0], rest[1], rest[2]), pair(y, z, rest[3], rest[4]), first(z, rest[5])
+        return b, c, d, -(b + c) - d
+
+    @compiled
+    def corners(g, rest):
+        bx, cx, dx, ax = corner(g[0], g[1], g[2], rest)
+        by, cy, dy, ay = corner(g[3], g[4], g[5], rest)
+        bz, cz, dz, az = corner(g[6], g[7], g[8], rest)
+        return (ax, ay, az), (bx, by, bz), (cx, cy, cz), (dx, dy, dz)
+
+    return SimpleNamespace(gradient=gradient, corners=corners)
 
 
 def make_rotation(real, compiled=plain):

@@ -201,3 +201,14 @@ def make_vertex(real, compiled=plain):
         return before[0] + h * velocity[0], before[1] + h * velocity[1], before[2] + h * velocity[2]
 
     return SimpleNamespace(added=added, moved=moved, coasted=coasted)
+
+
+def make_carried(real, compiled=plain):
+    """carried(inertial, now, before): y, one axis, of a vertex that something else than its body has moved: an impulse is on
+    it, which later visits must not take back."""
+
+    @compiled
+    def carried(inertial, now, before):
+        return inertial + (now - before)
+
+    return SimpleNamespace(carried=carried)

@@ -29,66 +29,11 @@ OPERATIONS_CORRECT = 24  # a neighbour
 def make(real, compiled=plain):
     """See the functions; in the arithmetic `real`."""
     zero, one, two = real(0), real(1), real(2)
-    inverse_length = make_lengths(real, compiled).inverse_length
-    nowhere = real(1e-4)  # of the support: what is nearer than that is in one place
-
-    @compiled
-    def squared(dx, dy, dz):
-        """[m^2]"""
-        return (dx * dx + dy * dy) + dz * dz
-
-    @compiled
-    def wrapped(d, side, half):
-        """A difference of coordinates [m] along an axis that repeats after `side`: the shortest."""
-        if d > half:
-            return d - side
-        return d + side if d < -half else d
-
-    @compiled
-    def within(squared_distance, support):
-        """Whether a particle is a neighbour."""
-        return squared_distance < support * support
-
-    @compiled
-    def apart(dy, squared_distance, support, first):
-        """The second component of d [m]; of two particles in one place, of which that is `first` that comes first in the
-        arrays, an upright distance, so that they know which way to part."""
-        short = nowhere * support
-        if squared_distance < short * short:
-            return -short if first else short
-        return dy
-
-    @compiled
-    def near(squared_distance, inverse_support):
-        """1 - q^2, 0 beyond the support."""
-        return max(one - (squared_distance * inverse_support) * inverse_support, zero)
-
-    @compiled
-    def density_added(total, t):
-        """The sum with the poly6 kernel's share of a neighbour; t: `near`."""
-        return total + (t * t) * t
 
     @compiled
     def constraint(total, density_scale, wall):
         """C_i; `wall`: `wall_density` of all of them, joined."""
         return (density_scale * (one + total) + wall) - one
-
-    @compiled
-    def slope(squared_distance, inverse_support, gradient_scale):
-        """s [1/m^2]: -s d is the gradient of C_i with respect to x_i that a neighbour at d makes."""
-        inverse = inverse_length(squared_distance)
-        t = max(one - (squared_distance * inverse) * inverse_support, zero)
-        return (gradient_scale * (t * t)) * inverse
-
-    @compiled
-    def gradient_added(total, s, d):
-        """One axis of the sum of gradients with respect to x_i."""
-        return total - s * d
-
-    @compiled
-    def own_added(total, weight, s, squared_distance):
-        """The sum of w_j |grad_j C_i|^2; `weight`: the neighbour's, its fluid's lightness."""
-        return total + weight * ((s * s) * squared_distance)
 
     @compiled
     def factor(relaxation, weight, gx, gy, gz, own, wx, wy, wz, softness):
@@ -136,13 +81,76 @@ def make(real, compiled=plain):
         """The same, averaged by the count of neighbours, of which it has one at least."""
         return position + (weight * total) / neighbours
 
-    steps = SimpleNamespace(
-        squared=squared, wrapped=wrapped, within=within, apart=apart, near=near, density_added=density_added,
-        constraint=constraint, slope=slope, gradient_added=gradient_added, own_added=own_added, factor=factor,
-        change=change, change_alone=change_alone, crowded=crowded, correction_added=correction_added,
-        wall_added=wall_added, moved=moved, moved_mean=moved_mean,
+    iteration = SimpleNamespace(
+        constraint=constraint, factor=factor, change=change, change_alone=change_alone, crowded=crowded,
+        correction_added=correction_added, wall_added=wall_added, moved=moved, moved_mean=moved_mean,
     )  # fmt: skip
-    return joined(steps, make_walls(real, compiled))
+    return joined(make_neighbours(real, compiled), iteration, make_walls(real, compiled))
+
+
+def make_neighbours(real, compiled=plain):
+    """Of two particles: their distance, kernels and slopes; in the arithmetic `real`."""
+    zero, one = real(0), real(1)
+    inverse_length = make_lengths(real, compiled).inverse_length
+    nowhere = real(1e-4)  # of the support: what is nearer than that is in one place
+
+    @compiled
+    def squared(dx, dy, dz):
+        """[m^2]"""
+        return (dx * dx + dy * dy) + dz * dz
+
+    @compiled
+    def wrapped(d, side, half):
+        """A difference of coordinates [m] along an axis that repeats after `side`: the shortest."""
+        if d > half:
+            return d - side
+        return d + side if d < -half else d
+
+    @compiled
+    def within(squared_distance, support):
+        """Whether a particle is a neighbour."""
+        return squared_distance < support * support
+
+    @compiled
+    def apart(dy, squared_distance, support, first):
+        """The second component of d [m]; of two particles in one place, of which that is `first` that comes first in the
+        arrays, an upright distance, so that they know which way to part."""
+        short = nowhere * support
+        if squared_distance < short * short:
+            return -short if first else short
+        return dy
+
+    @compiled
+    def near(squared_distance, inverse_support):
+        """1 - q^2, 0 beyond the support."""
+        return max(one - (squared_distance * inverse_support) * inverse_support, zero)
+
+    @compiled
+    def density_added(total, t):
+        """The sum with the poly6 kernel's share of a neighbour; t: `near`."""
+        return total + (t * t) * t
+
+    @compiled
+    def slope(squared_distance, inverse_support, gradient_scale):
+        """s [1/m^2]: -s d is the gradient of C_i with respect to x_i that a neighbour at d makes."""
+        inverse = inverse_length(squared_distance)
+        t = max(one - (squared_distance * inverse) * inverse_support, zero)
+        return (gradient_scale * (t * t)) * inverse
+
+    @compiled
+    def gradient_added(total, s, d):
+        """One axis of the sum of gradients with respect to x_i."""
+        return total - s * d
+
+    @compiled
+    def own_added(total, weight, s, squared_distance):
+        """The sum of w_j |grad_j C_i|^2; `weight`: the neighbour's, its fluid's lightness."""
+        return total + weight * ((s * s) * squared_distance)
+
+    return SimpleNamespace(
+        squared=squared, wrapped=wrapped, within=within, apart=apart, near=near, density_added=density_added, slope=slope,
+        gradient_added=gradient_added, own_added=own_added,
+    )  # fmt: skip
 
 
 def make_walls(real, compiled=plain):

@@ -32,6 +32,7 @@ def end_state(scene: Scene, backend: str, **options: Any) -> State:
         ("damped blocks", "float32"),
         ("once", "float32"),
         ("free", "float32"),
+        ("voxels", "float32"),
     ],
 )
 def test_bits_are_the_cpus(name: str, precision: str) -> None:

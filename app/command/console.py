@@ -1,0 +1,101 @@
+"""What the commands print on: sentences and tables whole, whatever they are read on."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Sequence
+from typing import Any
+
+from rich.console import Console
+from rich.measure import Measurement
+from rich.table import Column, Table
+
+UNBOUNDED = 10_000  # characters: a line that nothing bounds
+SHORT = 24  # characters: a cell of so many is a name or a number and stays in one line; longer ones may fold at spaces
+
+
+class Output(Console):
+    """A console that cuts no cell of a table, and folds nothing where its output is no terminal.
+
+    There a sentence is a line and a table as wide as it needs. In a terminal that is narrower than a table, heads and
+    sentences in cells are folded; where that does not do, the columns come in blocks, each beside the names of its rows.
+    """
+
+    def print(self, *objects: Any, **how: Any) -> None:
+        if not self.is_terminal:
+            how.setdefault("soft_wrap", True)
+        if len(objects) == 1 and isinstance(objects[0], Table):
+            self._print_table(objects[0], how)
+        else:
+            super().print(*objects, **how)
+
+    def _print_table(self, table: Table, how: dict[str, Any]) -> None:
+        if table.title:  # a sentence, which may be longer than the table
+            super().print(table.title, **how)
+        room = self.width if self.is_terminal else UNBOUNDED
+        for number, block in enumerate(self._blocks(table, room)):
+            if number:
+                super().print()
+            block.width = Measurement.get(self, self.options.update(width=UNBOUNDED), block).maximum
+            super().print(block, **how | {"crop": False, "soft_wrap": False})
+
+    def _blocks(self, table: Table, room: int) -> list[Table]:
+        """The table, whose lines have at most `room` characters, if no single column beside the names of the rows needs
+        more."""
+        whole = list(range(len(table.columns)))
+        natural = [self._span(column)[1] for column in table.columns]
+        if self._width_of(table, natural, whole) <= room:
+            return [_part(table, natural, whole)]
+        least = [self._span(column)[0] for column in table.columns]
+        names = _names(table.columns)
+        blocks: list[list[int]] = [[*names]]
+        for index in whole[len(names) :]:
+            if len(blocks[-1]) > len(names) and self._width_of(table, least, [*blocks[-1], index]) > room:
+                blocks.append([*names])
+            blocks[-1].append(index)
+        return [_part(table, self._widened(table, least, natural, block, room), block) for block in blocks]
+
+    def _span(self, column: Column) -> tuple[int, int]:
+        """The least and the most characters that a column has a use for: without a cell cut, and without anything folded."""
+        options = self.options.update(width=UNBOUNDED)
+        head = Measurement.get(self, options, column.header)
+        cells = [Measurement.get(self, options, cell) for cell in column.cells]
+        folds = not (column.no_wrap or column.justify == "right")
+        least = [max(cell.minimum, SHORT) if folds and cell.maximum > SHORT else cell.maximum for cell in cells]
+        return max([head.minimum, *least]), max([head.maximum, *(cell.maximum for cell in cells)])
+
+    def _width_of(self, table: Table, widths: Sequence[int], columns: Sequence[int]) -> int:
+        """Of a table of these columns, their padding included."""
+        options = self.options.update(width=UNBOUNDED)
+        return Measurement.get(self, options, _part(table, widths, columns)).maximum
+
+    def _widened(
+        self, table: Table, least: Sequence[int], natural: Sequence[int], columns: Sequence[int], room: int
+    ) -> list[int]:
+        """The least widths, and what is left of the room, shared among the columns that have a use for it."""
+        widths = list(least)
+        spare = room - self._width_of(table, widths, columns)
+        while spare > 0 and (tight := [index for index in columns if widths[index] < natural[index]]):
+            for index in tight[:spare]:
+                widths[index] += 1
+            spare -= len(tight)
+        return widths
+
+
+def _names(columns: Sequence[Column]) -> list[int]:
+    """The columns that say which row a row is: those before the first number, or the first alone."""
+    words = next((index for index, column in enumerate(columns) if column.justify == "right"), 1)
+    return list(range(max(1, words)))
+
+
+def _part(table: Table, widths: Sequence[int], columns: Sequence[int]) -> Table:
+    """These columns of a table, so wide, without its title."""
+    part = copy.copy(table)
+    part.title = None
+    part.columns = []
+    for place, index in enumerate(columns):
+        column = copy.copy(table.columns[index])
+        column._index = place
+        column.width, column.max_width, column.no_wrap, column.overflow = widths[index], None, False, "fold"
+        part.columns.append(column)
+    return part

@@ -1,0 +1,138 @@
+"""`softlab sweep`, into the store; softlab.py takes it among its own."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Annotated, Any
+
+import typer
+
+from app.command.command_line import DEFAULT_STORE, StorePath
+from bench.measure.took import Timed
+from bench.options import Backends, Cluster, Precisions, Sbatch, Workers, measure, precisions_of, where_asked
+from model.core.errors import SceneError
+
+sweeping = typer.Typer()
+
+
+@sweeping.command(
+    cls=Timed,
+    epilog="Example: softlab sweep --quick --backend cpu   (on a cluster: softlab sweep --cluster slurm --workers 8 "
+    "--sbatch partition=cpu)",
+)
+def sweep(
+    quick: Annotated[bool, typer.Option("--quick", help="Small sizes, a quarter of a minute.")] = False,
+    backend: Backends = None,
+    size: Annotated[list[int] | None, typer.Option(help="Only N x N masses. Repeatable.")] = None,
+    max_seconds: Annotated[float | None, typer.Option(help="The most one configuration may take.")] = None,
+    total_seconds: Annotated[float | None, typer.Option(help="Start nothing new after so long.")] = None,
+    graphics: Annotated[bool, typer.Option(help="Also with off-screen drawing every 10 steps.")] = True,
+    repeats: Annotated[int | None, typer.Option(help="Samples of a configuration.")] = None,
+    min_ms: Annotated[float | None, typer.Option("--min-ms", help="The least milliseconds of a sample.")] = None,
+    precision: Precisions = None,
+    again: Annotated[bool, typer.Option(help="Sample once more what other programs disturbed.")] = True,
+    threads: Annotated[list[str] | None, typer.Option(help="On the CPU: 1x, 2x, 4x or a number. Repeatable.")] = None,
+    kernels: Annotated[
+        bool, typer.Option("--kernels", help="Every kernel, forced, instead of the chosen one.")
+    ] = False,
+    kernel: Annotated[list[str] | None, typer.Option(help="With --kernels: only this one. Repeatable.")] = None,
+    energy: Annotated[bool, typer.Option(help="With --kernels: joules, where the machine counts them.")] = True,
+    starts: Annotated[bool, typer.Option(help="With --kernels: the time to a first step, too.")] = True,
+    peers: Annotated[
+        bool,
+        typer.Option(
+            "--peers", help="Side by side with what you could use instead (NumPy, C++, CUDA C++, Warp, Newton)."
+        ),
+    ] = False,
+    scene: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="With --peers: only grid, cloth, xpbd, implicit (-16, -4, -1), tetrahedra (-1e5 ...) or rigid (repeatable); "
+            "with --gpus: grid, xpbd or xpbd-jacobi."
+        ),
+    ] = None,
+    gpus: Annotated[
+        list[int] | None,
+        typer.Option(help="A sheet on so many GPUs, beside one, instead. Repeatable; see also --link."),
+    ] = None,
+    link: Annotated[list[str] | None, typer.Option(help="With --gpus: flags (usual), peer, nccl. Repeatable.")] = None,
+    exchange_every: Annotated[int | None, typer.Option(help="With --gpus: steps between two exchanges.")] = None,
+    weak: Annotated[
+        bool, typer.Option("--weak", help="With --gpus: N x N masses for each GPU (weak scaling).")
+    ] = False,
+    cluster: Cluster = None,
+    workers: Workers = None,
+    sbatch: Sbatch = None,
+    store: StorePath = DEFAULT_STORE,
+) -> None:
+    """Time sizes x backends x threads x precisions, with and without graphics, into the store. Resumes where it stopped."""
+    from bench.experiments.sweep import THREADS, check_positive, run_sweep
+    from bench.store.tables import print_kernels, print_sweep
+
+    check_together(peers, kernels, kernel, threads, scene, gpus, cluster, {
+        "--weak": weak, "--link": link, "--exchange-every": exchange_every,
+    })  # fmt: skip
+    check_positive("--min-ms", min_ms)
+    where = where_asked(cluster, workers, sbatch)
+    if gpus:
+        from bench.experiments.scaling.experiment import print_scaling, run_scaling
+
+        shared: dict[str, Any] = {"gpus": gpus, "sizes": size, "exchange_every": exchange_every, "weak": weak}
+        shared |= {"links": link} if link else {}
+        chosen = precisions_of(precision, "float32")
+        for word in scene or ["grid"]:
+            measure(
+                store, run_scaling, print_scaling, quick=quick, backends=backend or ["gpu"], precisions=chosen, scene=word,
+                **shared,
+            )  # fmt: skip
+        return
+    how: dict[str, Any] = {
+        "quick": quick, "backends": backend, "sizes": size, "max_seconds": max_seconds, "total_seconds": total_seconds,
+        "repeats": repeats, "min_seconds": min_ms and min_ms / 1000, "precisions": precisions_of(precision),
+        "tell": print_sweep,
+    }  # fmt: skip
+    if kernels:
+        from bench.experiments.kernel_sweep import run_kernel_sweep
+
+        how |= {"kernels": kernel, "energy": energy, "starts": starts, "again": again}
+        measure(store, run_kernel_sweep, print_kernels, where=where, **how)
+    elif peers:
+        from bench.peers.results import print_peers
+        from bench.peers.sweep import run_peers
+
+        measure(store, run_peers, print_peers, scenes=scene, **how)
+    else:
+        measure(store, run_sweep, where=where, graphics=graphics, threads=threads or THREADS, again=again, **how)
+
+
+def check_together(
+    peers: bool,
+    kernels: bool,
+    kernel: list[str] | None,
+    threads: list[str] | None,
+    scene: list[str] | None,
+    gpus: list[int] | None,
+    cluster: str | None,
+    shared: Mapping[str, Any],
+) -> None:
+    """Refuse options of `sweep` that do not go together; `shared`: those of a sheet on several GPUs. Raises SceneError."""
+    if peers and (kernels or kernel):
+        raise SceneError("--peers", True, "is a sweep of its own; leave out --kernels and --kernel")
+    if threads and (peers or kernels):
+        raise SceneError("--threads", threads[0], "is for the ordinary sweep; leave out --kernels and --peers")
+    if scene and not (peers or gpus):
+        raise SceneError("--scene", scene[0], "chooses among those of --peers or --gpus; add one of them")
+    if kernel and not kernels:
+        raise SceneError("--kernel", kernel[0], "chooses among those of --kernels; add --kernels")
+    if cluster and peers:
+        raise SceneError(
+            "--cluster", cluster, "does not go with --peers, which are built on the machine that times them"
+        )
+    for option, value in shared.items():
+        if value not in (None, False, []) and not gpus:
+            raise SceneError(option, value, "is for a sheet on several GPUs; add --gpus")
+    for count in gpus or ():
+        if count < 1:
+            raise SceneError("--gpus", count, "must be at least 1")
+    if gpus and (peers or kernels or threads or cluster):
+        raise SceneError("--gpus", gpus, "is a sweep of its own; leave out --peers, --kernels, --threads and --cluster")

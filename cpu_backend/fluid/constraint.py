@@ -1,0 +1,204 @@
+"""The phases of a fluid's density constraint on CPU threads, over slices of LANES particles (model/fluid/plan.py, 3 to 5).
+
+Where particles are is in planes, and behind them (QUADS planes on) once more in quads, which neighbours are read from
+(cpu_backend/fluid/quads.py).
+"""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from cpu_backend.contact.colliders import make_collide_row, make_instants
+from cpu_backend.core.compile import Compiler
+from cpu_backend.core.layout import block_of, row_at
+from cpu_backend.fluid.lists import AROUND, RUNS, make_find
+from cpu_backend.fluid.pairs import make_pairs
+from cpu_backend.fluid.quads import LANES, QUAD, QUADS
+from cpu_backend.fluid.rows import make_rows, make_scratch
+from cpu_backend.fluid.walls import make_wall_rows
+from model.fluid.parameters import MAX_NEIGHBOURS
+from model.scene.cloth import COLLIDER_KINDS
+
+
+def make_sides_of(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
+    """sides_of(parameters): the lengths along which the box repeats, and their halves."""
+    repeats, zero = "repeats" in parts, real(0)
+
+    @compiler.compiled
+    def sides_of(p):
+        if repeats:
+            return p.side_x, p.side_y, p.side_z, p.half_x, p.half_y, p.half_z
+        return zero, zero, zero, zero, zero, zero
+
+    return sides_of
+
+
+def make_search_phases(compiler: Compiler, real: Any, parts: frozenset[str], cells_in: Any) -> SimpleNamespace:
+    """`find(part, parts, number, world, parameters, fluids, bodies, kinds)`: lists of neighbours, and factors; `prepare`, the
+    same: with the first `constrain`, whose sums are of the same neighbours."""
+    search = _make_search(compiler, real, parts, cells_in)
+    return SimpleNamespace(
+        find=_make_factors(compiler, real, parts, search, False),
+        prepare=_make_factors(compiler, real, parts, search, True),
+    )
+
+
+def _make_search(compiler: Compiler, real: Any, parts: frozenset[str], cells_in: Any) -> Any:
+    """search(part, parts, world, parameters): the lists of a part's slices."""
+    find_some = make_find(compiler, real, parts, MAX_NEIGHBOURS[2 if "flat" in parts else 3])
+    sides_of = make_sides_of(compiler, real, parts)
+
+    @compiler.compiled
+    def search(part, shared, world, parameters):
+        (count, room, nobody), _, _, in_order, _, (_, cell, starts, order, _), lists, (_, near, who, runs) = world
+        here, slices = np.int64(part) * (4 * AROUND), (count + LANES - 1) // LANES
+        neighbours, longest, entries, missed = lists
+        _, _, counts = cells_in(shared, world, parameters)
+        missed[part] += find_some(
+            slices * part // shared, slices * (part + 1) // shared, count, room, nobody, in_order[1], cell, order, starts,
+            counts, sides_of(parameters), parameters, (neighbours, longest, entries), (
+                row_at(near, here), row_at(near, here + AROUND), row_at(near, here + 2 * AROUND),
+                row_at(near, here + 3 * AROUND), row_at(who, np.int64(part) * AROUND), row_at(runs, np.int64(part) * RUNS),
+            ), in_order[4],
+        )  # fmt: skip
+
+    return search
+
+
+def _make_factors(compiler: Compiler, real: Any, parts: frozenset[str], search: Any, constrains: bool) -> Any:
+    gradients, wall_rows = make_pairs(compiler, real, parts).gradients, make_wall_rows(compiler, real, parts)
+    sides_of, instants = make_sides_of(compiler, real, parts), make_instants(compiler, real, parts)
+    scratch_of, rows = make_scratch(compiler), make_rows(compiler, real, parts)
+    sums_of, numbers_of, own_of = scratch_of.sums_of, scratch_of.numbers_of, scratch_of.own
+    factor_rows, relax, put = rows.factors, rows.relax, make_put(compiler)
+    most, has_walls, zero = MAX_NEIGHBOURS[2 if "flat" in parts else 3], "walls" in parts, real(0)
+
+    @compiler.compiled
+    def factors(part, shared, number, world, parameters, fluids, bodies, kinds):
+        search(part, shared, world, parameters)
+        (count, room, _), _, _, in_order, work, _, (_, longest, entries, _), (scratch, _, _, _) = world
+        place, fluid, (_, factor, multiplier, delta, error, wall) = in_order[1], in_order[4], work
+        slices, sides, (_, end, _) = (count + LANES - 1) // LANES, sides_of(parameters), instants(number, parameters)
+        gx, gy, gz, own, total, share = sums_of(part, scratch)
+        for s in range(slices * part // shared, slices * (part + 1) // shared):
+            base = np.int64(s) * LANES
+            for lane in range(LANES):
+                gx[lane], gy[lane], gz[lane], own[lane], total[lane] = zero, zero, zero, zero, zero
+            gradients(
+                longest[s], base, row_at(entries, base * most), row_at(place, QUADS * room), *numbers_of(part, scratch),
+                *own_of(place, room, base), sides, parameters.support, parameters.inverse_support,
+                parameters.gradient_scale, fluid, fluids, gx, gy, gz, own, total,
+            )  # fmt: skip
+            if has_walls:
+                wall_rows(
+                    bodies, kinds, end, parameters, *own_of(place, room, base), share, *own_of(wall, room, base)
+                )  # fmt: skip
+            factor_rows(
+                parameters.relaxation, parameters.softness, row_at(fluid, base), fluids, gx, gy, gz, own,
+                *own_of(wall, room, base), row_at(factor, base), row_at(multiplier, base),
+            )  # fmt: skip
+            if constrains:
+                relax(
+                    parameters.density_scale, total, share, row_at(factor, base), row_at(multiplier, base),
+                    row_at(delta, base), row_at(error, base),
+                )  # fmt: skip
+                put(row_at(place, QUADS * room + QUAD * base), row_at(delta, base))
+
+    return factors
+
+
+def make_put(compiler: Compiler) -> Any:
+    """put(quads, delta): the changes of a slice's multipliers, into its quads."""
+
+    @compiler.compiled
+    def put(quads, delta):
+        for lane in range(LANES):
+            quads[QUAD * lane + QUAD - 1] = delta[lane]
+
+    return put
+
+
+def make_iteration(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
+    """`constrain(part, parts, number, place, world, parameters, bodies, kinds)`, `correct(part, parts, number, place, there,
+    world, parameters, fluids, bodies, kinds)`: the phases of an iteration."""
+    return SimpleNamespace(
+        constrain=_make_constrain(compiler, real, parts), correct=_make_correct(compiler, real, parts)
+    )
+
+
+def _make_constrain(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
+    densities, wall_rows = make_pairs(compiler, real, parts).densities, make_wall_rows(compiler, real, parts)
+    sides_of, instants = make_sides_of(compiler, real, parts), make_instants(compiler, real, parts)
+    scratch_of, relax = make_scratch(compiler), make_rows(compiler, real, parts).relax
+    sums_of, numbers_of, own_of = scratch_of.sums_of, scratch_of.numbers_of, scratch_of.own
+    most, has_walls, zero = MAX_NEIGHBOURS[2 if "flat" in parts else 3], "walls" in parts, real(0)
+    put = make_put(compiler)
+
+    @compiler.compiled
+    def constrain(part, shared, number, place, world, parameters, bodies, kinds):
+        """The constraints where particles are at `place`, and the changes of their multipliers."""
+        (count, room, _), _, _, _, work, _, (_, longest, entries, _), (scratch, _, _, _) = world
+        _, factor, multiplier, delta, error, wall = work
+        slices, sides, (_, end, _) = (count + LANES - 1) // LANES, sides_of(parameters), instants(number, parameters)
+        total, _, _, _, _, share = sums_of(part, scratch)
+        for s in range(slices * part // shared, slices * (part + 1) // shared):
+            base = np.int64(s) * LANES
+            for lane in range(LANES):
+                total[lane] = zero
+            densities(
+                longest[s], row_at(entries, base * most), row_at(place, QUADS * room), *numbers_of(part, scratch),
+                *own_of(place, room, base), sides, parameters.inverse_support, total,
+            )  # fmt: skip
+            if has_walls:
+                wall_rows(
+                    bodies, kinds, end, parameters, *own_of(place, room, base), share, *own_of(wall, room, base)
+                )  # fmt: skip
+            relax(
+                parameters.density_scale, total, share, row_at(factor, base), row_at(multiplier, base),
+                row_at(delta, base), row_at(error, base),
+            )  # fmt: skip
+            put(row_at(place, QUADS * room + QUAD * base), row_at(delta, base))
+
+    return constrain
+
+
+def _make_correct(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
+    corrections, sides_of = make_pairs(compiler, real, parts).corrections, make_sides_of(compiler, real, parts)
+    collide, scratch_of = make_collide_row(compiler, real, parts), make_scratch(compiler)
+    sums_of, numbers_of, own_of = scratch_of.sums_of, scratch_of.numbers_of, scratch_of.own
+    move, most = make_rows(compiler, real, parts).move, MAX_NEIGHBOURS[2 if "flat" in parts else 3]
+    has_bodies, zero, blocks = bool(parts & set(COLLIDER_KINDS)), real(0), LANES // block_of(real)
+
+    @compiler.compiled
+    def correct(part, shared, number, place, there, world, parameters, fluids, bodies, kinds):
+        """Particles at `place` moved, into `there`."""
+        (count, room, _), _, _, in_order, (_, _, _, delta, _, wall), _, lists, (scratch, _, _, _) = world
+        neighbours, longest, entries = lists[0], lists[1], lists[2]
+        before, fluid, slices, sides = in_order[0], in_order[4], (count + LANES - 1) // LANES, sides_of(parameters)
+        sums = sums_of(part, scratch)
+        ax, ay, az = sums[:3]
+        for s in range(slices * part // shared, slices * (part + 1) // shared):
+            base = np.int64(s) * LANES
+            for lane in range(LANES):
+                ax[lane], ay[lane], az[lane] = zero, zero, zero
+            corrections(
+                longest[s], base, row_at(entries, base * most), row_at(place, QUADS * room), *numbers_of(part, scratch),
+                *own_of(place, room, base), row_at(delta, base), sides, parameters.support, parameters.inverse_support,
+                parameters.gradient_scale, parameters.tensile, parameters.inverse_tensile, ax, ay, az,
+            )  # fmt: skip
+            move(
+                row_at(fluid, base), fluids, row_at(neighbours, base), row_at(delta, base), *own_of(wall, room, base),
+                *own_of(place, room, base), *sums,
+            )  # fmt: skip
+            if has_bodies:
+                collide(bodies, kinds, number, parameters, blocks, before, base, room, ax, np.int64(0), LANES)
+            quads = row_at(there, QUADS * room + QUAD * base)
+            for lane in range(LANES):
+                there[base + lane], there[room + base + lane] = ax[lane], ay[lane]
+                there[2 * room + base + lane] = az[lane]
+                quads[QUAD * lane], quads[QUAD * lane + 1], quads[QUAD * lane + 2] = ax[lane], ay[lane], az[lane]
+
+    return correct

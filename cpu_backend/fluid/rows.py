@@ -1,0 +1,92 @@
+"""What the particles of a slice do by themselves after a sum over neighbours, LANES at a time, for CPU threads
+(model/fluid/plan.py, 4 and 5); and rows of scratch for a slice."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from cpu_backend.core.compile import Compiler
+from cpu_backend.core.layout import row_at
+from cpu_backend.fluid.cells import make_row_of
+from cpu_backend.fluid.quads import LANES
+from model.fluid.parameters import F_WEIGHT
+from model.formulas.fluid import density
+
+SUMS, NUMBERS = 6, 4  # rows of LANES for each part: sums, or a place and a velocity; and what neighbours are
+SCRATCH = SUMS + NUMBERS
+
+
+def make_scratch(compiler: Compiler) -> SimpleNamespace:
+    """`sums_of(part, scratch)`: SUMS rows of a part, one behind the other; `numbers_of(part, scratch)`: NUMBERS more;
+    `own(plane, room, base)`: three planes of a slice's own particles."""
+
+    @compiler.compiled
+    def sums_of(part, scratch):
+        at = np.int64(part) * (SCRATCH * LANES)
+        return (
+            row_at(scratch, at), row_at(scratch, at + LANES), row_at(scratch, at + 2 * LANES),
+            row_at(scratch, at + 3 * LANES), row_at(scratch, at + 4 * LANES), row_at(scratch, at + 5 * LANES),
+        )  # fmt: skip
+
+    @compiler.compiled
+    def numbers_of(part, scratch):
+        at = np.int64(part) * (SCRATCH * LANES) + SUMS * LANES
+        return (
+            row_at(scratch, at), row_at(scratch, at + LANES), row_at(scratch, at + 2 * LANES),
+            row_at(scratch, at + 3 * LANES),
+        )  # fmt: skip
+
+    @compiler.compiled
+    def own(plane, room, base):
+        return row_at(plane, base), row_at(plane, room + base), row_at(plane, 2 * room + base)
+
+    return SimpleNamespace(sums_of=sums_of, numbers_of=numbers_of, own=own)
+
+
+def make_rows(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
+    """`factors(relaxation, softness, fluid, fluids, gx, gy, gz, own, wx, wy, wz, factor, multiplier)`; `relax(scale, total,
+    share, factor, multiplier, delta, error)`: constraints, and changes of multipliers; `move(fluid, fluids, neighbours,
+    delta, wx, wy, wz, px, py, pz, ax, ay, az, vx, vy, vz)`: corrections a become places, and v is 0."""
+    f, averaged, has_walls = density.make(real, compiler.compiled), "averaged" in parts, "walls" in parts
+    constraint, change, change_alone, factor_of = f.constraint, f.change, f.change_alone, f.factor
+    wall_added, moved, moved_mean = f.wall_added, f.moved, f.moved_mean
+    row_of, zero = compiler.compiled(make_row_of(parts)), real(0)
+
+    @compiler.row
+    def factors(relaxation, softness, fluid, fluids, gx, gy, gz, own, wx, wy, wz, factor, multiplier):
+        for lane in range(LANES):
+            weight = fluids[row_of(fluid, lane) + F_WEIGHT]
+            x, y, z = zero, zero, zero
+            if has_walls:
+                x, y, z = wx[lane], wy[lane], wz[lane]
+            factor[lane] = factor_of(relaxation, weight, gx[lane], gy[lane], gz[lane], own[lane], x, y, z, softness)
+            multiplier[lane] = zero
+
+    @compiler.row
+    def relax(scale, total, share, factor, multiplier, delta, error):
+        for lane in range(LANES):
+            c = constraint(total[lane], scale, share[lane] if has_walls else zero)
+            error[lane] = c
+            delta[lane] = change_alone(factor[lane], c) if averaged else change(multiplier[lane], factor[lane], c)
+            multiplier[lane] = multiplier[lane] + delta[lane]
+
+    @compiler.row
+    def move(fluid, fluids, neighbours, delta, wx, wy, wz, px, py, pz, ax, ay, az, vx, vy, vz):
+        for lane in range(LANES):
+            x, y, z, weight = ax[lane], ay[lane], az[lane], fluids[row_of(fluid, lane) + F_WEIGHT]
+            if has_walls:
+                x, y = wall_added(x, delta[lane], wx[lane]), wall_added(y, delta[lane], wy[lane])
+                z = wall_added(z, delta[lane], wz[lane])
+            if averaged:
+                met = real(max(neighbours[lane], 1))
+                ax[lane], ay[lane] = moved_mean(px[lane], weight, x, met), moved_mean(py[lane], weight, y, met)
+                az[lane] = moved_mean(pz[lane], weight, z, met)
+            else:
+                ax[lane], ay[lane] = moved(px[lane], weight, x), moved(py[lane], weight, y)
+                az[lane] = moved(pz[lane], weight, z)
+            vx[lane], vy[lane], vz[lane] = zero, zero, zero
+
+    return SimpleNamespace(factors=factors, relax=relax, move=move)

@@ -1,0 +1,117 @@
+"""A cloth that drinks, on CUDA: model/world/plan.py, `soak`; a thread a particle of the cloth, then one a sample."""
+
+from __future__ import annotations
+
+from functools import cache
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+from numba import cuda
+
+from gpu_backend.core.compile import kernel_options, make_kernels, variant_name
+from gpu_backend.core.formulas import device_formulas
+from gpu_backend.core.quads import SIZE
+from gpu_backend.core.substeps import SubstepSimulation
+from gpu_backend.fluid.among_solids import COUNTED, FluidAmongSolids
+from model.fluid.among_solids import K_LIGHTNESS
+from model.fluid.samples import CORNERS
+from model.formulas.fluid import wetting
+from model.scene.scene import Scene
+from model.world.wetting import drinkers_of, rates_of
+
+
+@cache
+def make_soak(real: Any, math: str) -> SimpleNamespace:
+    """`soak(wetness, first, offsets, samples, slots, found, rates)`; `weigh(wetness, first, vertices, weight, dry, rates,
+    position, lightness)`; `share(corners, shares, lightness, begin, kinds)`: of every sample, from place `begin` of `kinds`
+    on."""
+    f = device_formulas(wetting.make, real, math)
+    soaked, lighter, given_way = f.soaked, f.lighter, f.given_way
+    corners_each, last = np.int32(CORNERS), np.int32(SIZE - 1)
+
+    def soak(wetness, first, offsets, samples, slots, found, rates):
+        k = np.int32(cuda.grid(1))  # type: ignore[call-arg]
+        if k < wetness.size:
+            touched = False
+            for e in range(offsets[first + k], offsets[first + k + 1]):
+                touched = touched or found[slots[samples[e]]] > 0
+            wetness[k] = soaked(wetness[k], touched, rates[0], rates[1])
+
+    def weigh(wetness, first, vertices, weight, dry, rates, position, lightness):
+        k = np.int32(cuda.grid(1))  # type: ignore[call-arg]
+        if k < wetness.size:
+            position[SIZE * np.int64(vertices[k]) + last] = lighter(weight[k], wetness[k], rates[2])
+            lightness[first + k] = lighter(dry[k], wetness[k], rates[2])
+
+    def share(corners, shares, lightness, begin, kinds):
+        s = np.int32(cuda.grid(1))  # type: ignore[call-arg]
+        if s < corners.size // corners_each:
+            at = np.int32(s * corners_each)
+            kinds[begin + s] = given_way(
+                shares[at], shares[at + 1], shares[at + 2], lightness[corners[at]], lightness[corners[at + 1]],
+                lightness[corners[at + 2]],
+            )  # fmt: skip
+
+    return make_kernels((soak, weigh, share), f"wetting_{variant_name(real, math)}", **kernel_options(math))
+
+
+class Wetting:
+    """See cpu_backend/world/wetting.py."""
+
+    launches = 3  # of `soak`
+
+    def __init__(self, scene: Scene, cloth: SubstepSimulation, fluid: FluidAmongSolids, math: str):
+        found, real, new = drinkers_of(scene), cloth.real, cloth.on_device
+        self.vertices, self._first, self._real = found.vertices, np.int32(found.first), real
+        self._cloth, self._fluid, self._kernels = cloth, fluid, make_soak(real, math)
+        empty = np.zeros(len(found.vertices), real)
+        self.wetness, self._kept, self._rates = new(empty), new(empty), new(np.zeros(3, real))
+        self._own, self._dry = new(found.vertices.astype(np.int32)), new(found.lightness.astype(real))
+        self._weight = new(cloth._weight[found.vertices])
+        count, fluids = fluid.particle_count, len(fluid.body.position)
+        self._begin = np.int64(K_LIGHTNESS * count + fluids)
+        self._each = -(-len(found.vertices) // COUNTED), COUNTED, cloth.stream
+        self._samples = -(-(count - fluids) // COUNTED), COUNTED, cloth.stream
+        self.change(scene)
+
+    def change(self, scene: Scene) -> None:
+        """Rates of a scene whose numbers have changed."""
+        self._rates.copy_to_device(rates_of(scene).astype(self._real), stream=self._cloth.stream)
+
+    def soak(self) -> None:
+        """At a substep's end."""
+        fluid = self._fluid
+        _, offsets, samples, _ = fluid._carriers
+        given = offsets, samples, fluid._slots, fluid.cells.found, self._rates
+        self._kernels.soak[self._each](self.wetness, self._first, *given)
+        self.weigh()
+
+    def weigh(self) -> None:
+        """Weights and lightness of what is as wet as it is."""
+        cloth, fluid = self._cloth, self._fluid
+        position, lightness = cloth.position[cloth._current], fluid._carriers[0]
+        given = self._own, self._weight, self._dry, self._rates, position, lightness
+        self._kernels.weigh[self._each](self.wetness, self._first, *given)
+        self._kernels.share[self._samples](*fluid._points, lightness, self._begin, fluid._kinds)
+
+    def keep(self) -> None:
+        """Put the wetness aside."""
+        self._kept.copy_to_device(self.wetness, stream=self._cloth.stream)
+
+    def restore(self) -> None:
+        """As it was put aside."""
+        self.wetness.copy_to_device(self._kept, stream=self._cloth.stream)
+        self.weigh()
+
+    def tell(self) -> np.ndarray:
+        """(n,)"""
+        host = self.wetness.copy_to_host(stream=self._cloth.stream)
+        self._cloth.synchronize()
+        return np.asarray(host)
+
+    def take(self, wetness: np.ndarray) -> None:
+        """Go on from (n,) others."""
+        self.wetness.copy_to_device(np.ascontiguousarray(wetness, self._real), stream=self._cloth.stream)
+        self.weigh()
+        self._cloth.synchronize()

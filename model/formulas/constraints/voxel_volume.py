@@ -1,0 +1,146 @@
+"""The volume of a voxel of five tetrahedra as one constraint, in place of one for each of them.
+
+Linear tetrahedra that each keep their volume leave a body fewer ways to move than it has: it locks near a Poisson's ratio of
+1/2. With the mean of J over a patch of them, here a voxel, there is one volume to keep for about one vertex:
+
+    W_H = k_H (J' - alpha)^2 / 2,    J' = V / V_0 of the voxel,    C = J' - alpha, compliance 1 / (k_H V_0)
+
+J. Nagtegaal, D. Parks, J. Rice, "On Numerically Accurate Finite Element Solutions in the Fully Plastic Range", CMAME 4
+(1974); E. de Souza Neto, F. Andrade Pires, D. Owen, "F-bar-based Linear Triangles and Tetrahedra for Finite Strain Analysis
+of Nearly Incompressible Solids", IJNME 62 (2005). k_H and alpha as in tetrahedron.py, which then keeps the shapes alone.
+
+Corners: those that one tetrahedron has alone, a to d, then those of the one between them, e to h, as Projection.around says:
+a with f, g, h; b with g, h, e; c with h, e, f; d with e, f, g. Of positive volume e, f, g, h, the first and the third of the
+four are negative.
+"""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+from model.formulas import plain
+from model.formulas.bending import make as make_bending
+from model.formulas.distance import make as make_distance
+from model.formulas.lengths import make as make_lengths
+
+CORNERS, COUNT = (
+    8,
+    4,
+)  # values: 1 / (6 V_0) [1/m^3]; the compliance 1 / (k_H V_0) [1/J]; alpha, or 1; a damper's time [s]
+OPERATIONS = 5 * (9 + 27 + 6 + 5) + 4 * 9 + 8 * 6 + 8 * 9 + 20
+
+
+def make_gradients(real, compiled=plain):
+    """gradients(points) -> (six times the volume, its derivatives by the eight corners)."""
+    lengths = make_lengths(real, compiled)
+    dot, cross = lengths.dot, lengths.cross
+
+    @compiled
+    def away(p, q):
+        return q[0] - p[0], q[1] - p[1], q[2] - p[2]
+
+    @compiled
+    def pointed(a, b, c, d):
+        """(six times the volume of a, b, c, d, its derivatives by the four)."""
+        e, f, g = away(a, b), away(a, c), away(a, d)
+        b = cross(f[0], f[1], f[2], g[0], g[1], g[2])
+        c = cross(g[0], g[1], g[2], e[0], e[1], e[2])
+        d = cross(e[0], e[1], e[2], f[0], f[1], f[2])
+        a = -(b[0] + c[0]) - d[0], -(b[1] + c[1]) - d[1], -(b[2] + c[2]) - d[2]
+        return dot(e[0], e[1], e[2], b[0], b[1], b[2]), a, b, c, d
+
+    @compiled
+    def negative(p):
+        return -p[0], -p[1], -p[2]
+
+    @compiled
+    def less_two(own, plus, minus, more):
+        """own + plus - minus - more: two of four tetrahedra at the corner are negative."""
+        return (
+            (own[0] + plus[0]) - (minus[0] + more[0]), (own[1] + plus[1]) - (minus[1] + more[1]),
+            (own[2] + plus[2]) - (minus[2] + more[2]),
+        )  # fmt: skip
+
+    @compiled
+    def less_one(own, plus, more, minus):
+        """own + plus + more - minus: one is."""
+        return (
+            (own[0] + plus[0]) + (more[0] - minus[0]), (own[1] + plus[1]) + (more[1] - minus[1]),
+            (own[2] + plus[2]) + (more[2] - minus[2]),
+        )  # fmt: skip
+
+    @compiled
+    def gradients(points):
+        a, b, c, d, e, f, g, h = points
+        six_a, pa, pf, pg, ph = pointed(a, f, g, h)
+        six_b, qb, qg, qh, qe = pointed(b, g, h, e)
+        six_c, rc, rh, re, rf = pointed(c, h, e, f)
+        six_d, sd, se, sf, sg = pointed(d, e, f, g)
+        six, te, tf, tg, th = pointed(e, f, g, h)
+        return (six + ((six_b - six_a) + (six_d - six_c))), (
+            negative(pa), qb, negative(rc), sd, less_one(te, qe, se, re), less_two(tf, sf, pf, rf),
+            less_one(tg, qg, sg, pg), less_two(th, qh, ph, rh),
+        )  # fmt: skip
+
+    return gradients
+
+
+def make(real, compiled=plain, damped=False, kept=True):
+    """See the package; `damped`: a damper counts; `kept`: multipliers may be other than 0."""
+    softness, shift = make_bending(real, compiled).softness, make_bending(real, compiled).shift
+    reciprocal, dot = make_distance(real, compiled).reciprocal, make_lengths(real, compiled).dot
+    gradients, zero, one = make_gradients(real, compiled), real(0), real(1)
+
+    @compiled
+    def square(g):
+        return dot(g[0], g[1], g[2], g[0], g[1], g[2])
+
+    @compiled
+    def passed(g, now, before):
+        return dot(g[0], g[1], g[2], now[0] - before[0], now[1] - before[1], now[2] - before[2])
+
+    @compiled
+    def scaled(scale, value):
+        return scale * value
+
+    @compiled
+    def weighted(w, n):
+        """The sum of eight products."""
+        return ((w[0] * n[0] + w[1] * n[1]) + (w[2] * n[2] + w[3] * n[3])) + (
+            (w[4] * n[4] + w[5] * n[5]) + (w[6] * n[6] + w[7] * n[7])
+        )
+
+    @compiled
+    def project(points, before, weights, values, multipliers, constants):
+        six, g = gradients(points)
+        scale, compliance = values[0], softness(constants[0], values[1])
+        weight = weighted(
+            weights,
+            (square(g[0]), square(g[1]), square(g[2]), square(g[3]), square(g[4]), square(g[5]), square(g[6]), square(g[7])),
+        )  # fmt: skip
+        violation, gamma = scaled(scale, six) - values[2], zero
+        if damped:
+            gamma = scaled(constants[1], values[3])
+            way = ((passed(g[0], points[0], before[0]) + passed(g[1], points[1], before[1]))
+                   + (passed(g[2], points[2], before[2]) + passed(g[3], points[3], before[3]))
+                   + (passed(g[4], points[4], before[4]) + passed(g[5], points[5], before[5]))
+                   + (passed(g[6], points[6], before[6]) + passed(g[7], points[7], before[7])))  # fmt: skip
+            violation = violation + scaled(gamma, scaled(scale, way))
+        held = scaled(compliance, multipliers[0]) if kept else zero
+        change = scaled(
+            -violation - held, reciprocal(scaled(scale, scaled(scale, weight)), one + gamma, compliance)
+        )  # fmt: skip
+        way = scaled(scale, change)
+        moved = (
+            shift(points[0], weights[0], g[0][0], g[0][1], g[0][2], way),
+            shift(points[1], weights[1], g[1][0], g[1][1], g[1][2], way),
+            shift(points[2], weights[2], g[2][0], g[2][1], g[2][2], way),
+            shift(points[3], weights[3], g[3][0], g[3][1], g[3][2], way),
+            shift(points[4], weights[4], g[4][0], g[4][1], g[4][2], way),
+            shift(points[5], weights[5], g[5][0], g[5][1], g[5][2], way),
+            shift(points[6], weights[6], g[6][0], g[6][1], g[6][2], way),
+            shift(points[7], weights[7], g[7][0], g[7][1], g[7][2], way),
+        )
+        return moved, (multipliers[0] + change if kept else zero,)
+
+    return SimpleNamespace(project=project)
