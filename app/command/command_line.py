@@ -105,8 +105,8 @@ def exit_status(command: Callable[[], int | None]) -> int:
         return told(str(error), error.exit_status)
     except UsageError as error:
         return usage_status(error)
-    except KeyboardInterrupt:
-        return told("stopped", 130)
+    except KeyboardInterrupt as stop:
+        return told(str(stop) or "stopped", 130)
     except BrokenPipeError:  # the reader (head, less) has seen enough
         drop_output()
         return 0

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -26,7 +26,7 @@ from app.driver import open_simulation
 from app.output.export import Exporter, Target, check_export
 from app.output.files import check_state_target, read_state, write_state, write_trajectory
 from app.output.offscreen import check_look
-from app.output.video import Picture, check_render, render
+from app.output.video import Picture, check_render, render, true_rate
 from app.shared import USUAL_LINK, check_asked, check_shared, shares
 from cpu_backend.core.threads import core_count, wait_policy
 from model.core.divergence import MIN_INTERVAL
@@ -132,7 +132,10 @@ def run_scene(scene: Scene, request: Request, *, progress: bool = True) -> Resul
         exporter = Exporter(simulation, target) if target else None
         foaming = Foaming(simulation) if request.render and not clip and shows_foam(scene, request.look) else None
         keepers = [keeper for keeper in (recorder, exporter, foaming) if keeper is not None]
-        seconds, diverged = _advance(simulation, steps, keepers, progress and simulation.rank == 0)
+        try:
+            seconds, diverged = _advance(simulation, steps, keepers, progress and simulation.rank == 0)
+        except KeyboardInterrupt:
+            raise KeyboardInterrupt(*([exporter.stopped] if exporter else [])) from None
         state = simulation.state()
         result = Result(
             _report(simulation, state, steps, seconds, compile_seconds, diverged), state, simulation.scene,
@@ -302,6 +305,7 @@ def _write_results(
             raise InputError(f"{request.render}: nothing moved, so there is no clip to draw; give --steps")
         simulation.load(start)
         per_frame = frame_steps(simulation)
+        picture = replace(picture, fps=true_rate(per_frame, simulation.scene.method.dt))
         result.written.append(
             render(simulation, request.render, steps=steps, steps_per_frame=per_frame, picture=picture)
         )

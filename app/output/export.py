@@ -103,6 +103,19 @@ class Exporter:
         notes.append(f"{len(self.written)} frames, {first} to {last}, {self.every} steps ({seconds:.6g} s) apart")
         return []
 
+    @property
+    def stopped(self) -> str:
+        """What is left of a run that was stopped, in words; every file is whole."""
+        count = len(self.written)
+        if not count:
+            return "stopped; nothing was exported yet"
+        files = (
+            f"1 whole file was written, {self.written[0]}"
+            if count == 1
+            else (f"{count} whole files were written, {self.written[0]} to {self.written[-1]}")
+        )
+        return f"stopped; {files}"
+
     def _write(self, simulation: Simulation) -> None:
         simulation.check()
         scene, position = simulation.scene, simulation.read("position").astype(np.float64)

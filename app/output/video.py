@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import re
+import shutil
 import subprocess
 import tempfile
 from collections.abc import Iterable, Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass
+from fractions import Fraction
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -23,17 +26,20 @@ from model.scene.scene import Scene
 
 FRAME, CLIP = ".png", ".mp4"
 PROGRESS_AFTER = 1.0  # s
+MOST_RATE = 1000  # denominator of a rate: an MP4's time has a whole number of ticks a second
+FULL, NO_ROOM = "No space left", "no space left on the disk"  # ffmpeg's words, and ours
+LEAST_ROOM = 1 << 16  # bytes: with less a disk is full
 
 
 @dataclass(frozen=True)
 class Picture:
     """`width` x `height` pixels, of a clip rounded down to even numbers, under a `caption` (None: the scene's title); of a
-    clip `fps` frames a second. `look`: how tetrahedra are drawn (see OffscreenRenderer)."""
+    clip `fps` frames a second, which need not be a whole number. `look`: how tetrahedra are drawn (see OffscreenRenderer)."""
 
     width: int = 1280
     height: int = 960
     caption: str | None = None
-    fps: int = 60
+    fps: float = 60
     look: tuple[str, ...] = ()
 
 
@@ -44,6 +50,11 @@ Frame = tuple[np.ndarray, float, np.ndarray | None, np.ndarray | None, np.ndarra
 def wetness_of(simulation: Simulation) -> np.ndarray | None:
     """(particles,): of a cloth that drinks, as in State."""
     return np.asarray(simulation.read("wetness")) if "wetting" in simulation.plan.parts else None
+
+
+def true_rate(steps_per_frame: int, dt: float) -> float:
+    """Frames a second of a clip that lasts as long as what it shows, with steps of `dt` [s]; one at least."""
+    return max(1 / (steps_per_frame * dt), 1.0)
 
 
 def ffmpeg_path() -> str:
@@ -67,11 +78,11 @@ class VideoWriter:
     InputError (name, folder, size, disk full) and BackendUnavailable (no ffmpeg).
     """
 
-    def __init__(self, path: Path | str, width: int, height: int, fps: int = 60, sound: Path | None = None):
+    def __init__(self, path: Path | str, width: int, height: int, fps: float = 60, sound: Path | None = None):
         if width % 2 or height % 2 or width < 2 or height < 2:
             raise InputError(f"a clip of {width} x {height} pixels: width and height must be even")
         if fps < 1:
-            raise InputError(f"a clip of {fps} frames a second: must be at least 1")
+            raise InputError(f"a clip of {fps:g} frames a second: must be at least 1")
         self.path = check_target(path, (CLIP,))
         self.width, self.height, self.fps = width, height, fps
         self.frames = 0
@@ -85,7 +96,14 @@ class VideoWriter:
             temporary = stack.enter_context(replacing(self.path))
             self._errors = stack.enter_context(tempfile.TemporaryFile())
             command = [executable, "-y", "-loglevel", "error", "-f", "rawvideo", "-pix_fmt", "rgb24"]
-            command += ["-s", f"{self.width}x{self.height}", "-r", str(self.fps), "-i", "-"]
+            command += [
+                "-s",
+                f"{self.width}x{self.height}",
+                "-r",
+                str(Fraction(self.fps).limit_denominator(MOST_RATE)),
+                "-i",
+                "-",
+            ]
             command += [*self._sound, "-c:a", "aac", "-b:a", "128k", "-ar", "44100"] if self._sound else ["-an"]
             command += ["-c:v", "libx264", "-preset", "veryfast", "-crf", "18", "-pix_fmt", "yuv420p"]
             command += ["-movflags", "+faststart", "-f", "mp4", str(temporary)]
@@ -136,8 +154,16 @@ class VideoWriter:
         assert self._process is not None
         self._process.wait()
         self._errors.seek(0)
-        lines = self._errors.read().decode("utf-8", "replace").strip().splitlines()
-        return InputError(f"{self.path} cannot be written: {lines[-1] if lines else 'ffmpeg stopped'}")
+        told = self._errors.read().decode("utf-8", "replace")
+        return InputError(f"{self.path} cannot be written: {reason(told, self.path)}")
+
+
+def reason(told: str, path: Path) -> str:
+    """Why a clip was not written, by what ffmpeg told, whose lines begin with addresses in its memory."""
+    if FULL in told or shutil.disk_usage(path.parent).free < LEAST_ROOM:
+        return NO_ROOM
+    lines = [re.sub(r"^(\[[^]]*\] *)+", "", line) for line in told.strip().splitlines()]
+    return lines[-1] if lines else "ffmpeg stopped"
 
 
 def render_clip(

@@ -16,6 +16,7 @@ MINUS = "\N{MINUS SIGN}"
 STRAIN_TITLE = f"strain of a spring: (length {MINUS} rest) / rest"
 EDGE_TITLE = f"strain of an edge: (length {MINUS} rest) / rest"
 ZERO_REST_TITLE = "strain of a spring: length / spacing"
+AT_MOST, AT_LEAST = "\N{LESS-THAN OR EQUAL TO}", "\N{GREATER-THAN OR EQUAL TO}"  # what is beyond an end has its colour
 LEGEND_WIDTH, LEGEND_HEIGHT, LEGEND_PARTS = 260, 14, 64  # pixels, pixels, rectangles
 LEGEND_ROOM = 72  # pixels, that a bar of colours takes
 ROW, CHIP = 18, 12  # pixels, of a legend of names
@@ -36,7 +37,7 @@ class Legend:
         shown = colours.level_colours(middles, 1.0) if levels else colours.strain_colours(2 * middles - 1, 1.0)
         part = LEGEND_WIDTH / LEGEND_PARTS
         self._back = pyglet.shapes.Rectangle(
-            0, 0, LEGEND_WIDTH + 44, 84 if has_pins else 64, (255, 255, 255, 225), batch=self._batch
+            0, 0, LEGEND_WIDTH + 60, 84 if has_pins else 64, (255, 255, 255, 225), batch=self._batch
         )
         self._bars = [
             pyglet.shapes.Rectangle(0, 0, part + 0.5, LEGEND_HEIGHT, rgba(tuple(colour)), batch=self._batch)
@@ -60,13 +61,13 @@ class Legend:
             return
         self._shown = (width, most, title)
         self._title.text = title or self._title.text
-        left, bottom = width - LEGEND_WIDTH - 34, 28
-        self._back.position = (left - 22, bottom - 22)
+        left, bottom = width - LEGEND_WIDTH - 42, 28
+        self._back.position = (left - 30, bottom - 22)
         for k, bar in enumerate(self._bars):
             bar.position = (left + k * LEGEND_WIDTH / LEGEND_PARTS, bottom)
-        for k, label in enumerate(self._numbers):
-            value = most * (k / 4 if self._levels else (k - 2) / 2)
-            label.text = "0" if value == 0 else f"{value:.3g}" if self._levels else f"{value:+.3g}".replace("-", MINUS)
+        numbers = range_texts(most, self._levels)
+        for k, (label, number) in enumerate(zip(self._numbers, numbers, strict=True)):
+            label.text = number
             label.position = (left + k * LEGEND_WIDTH / 4, bottom - 14, 0)
         self._title.position = (left + LEGEND_WIDTH / 2, bottom + LEGEND_HEIGHT + 8, 0)
         if self._pin_mark is not None and self._pin_text is not None:
@@ -76,6 +77,14 @@ class Legend:
     def draw(self) -> None:
         """Draw it."""
         self._batch.draw()
+
+
+def range_texts(most: float, levels: bool) -> list[str]:
+    """Five numbers along a bar of colours: of strains from `-most`, of `levels` from 0, to `most`. Its ends are open: what is
+    beyond them has their colour."""
+    values = [most * (k / 4 if levels else (k - 2) / 2) for k in range(5)]
+    texts = ["0" if v == 0 else f"{v:.3g}" if levels else f"{v:+.3g}".replace("-", MINUS) for v in values]
+    return [texts[0] if levels else f"{AT_MOST} {texts[0]}", *texts[1:-1], f"{AT_LEAST} {texts[-1]}"]
 
 
 class NameLegend:

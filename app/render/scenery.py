@@ -12,6 +12,7 @@ from app.render.camera3d import Camera3D
 from app.render.collider_shapes import Ground, Mesh, collider_mesh, grounds, line_distance, shadow_matrix
 from app.render.opengl import shader_program
 from app.render.vertex_arrays import delete_all, draw_elements, refill, static_buffer, uniform_matrix, vertex_array
+from model.scene.cloth import Plane
 from model.scene.scene import Scene
 
 KEY = np.array([-0.45, 0.95, 0.60]) / np.linalg.norm([-0.45, 0.95, 0.60])  # toward the light that throws shadows
@@ -102,15 +103,28 @@ class Scenery:
         program.use()
         program["spacing"] = line_distance(self.size)
         program["area"], program["line"] = colours.GROUND, colours.GROUND_LINE
-        program["reach"] = GROUND_REACH * self.size
+        self._end_planes(program)
         self.shadow_constants(self._shadow_program)
 
     def shadow_constants(self, program: Any) -> None:
         """What never changes in a program of shadows."""
         program.use()
         program["dark"], program["light"] = colours.SHADOW, colours.BACKGROUND
-        program["reach"] = GROUND_REACH * self.size
+        self._end_planes(program)
         program.stop()
+
+    def _end_planes(self, program: Any) -> None:
+        """Where nothing is left of a plane, and of what falls on it: far away, and behind the other planes, if they stand
+        still and are no more than the shaders know."""
+        planes = [collider for _, collider in self.scene.colliders if isinstance(collider, Plane)]
+        if len(planes) > shaders3d.LIMITS or any(any(plane.velocity) for plane in planes):
+            planes = []
+        found = np.zeros((shaders3d.LIMITS, 4))
+        for row, plane in zip(found, planes, strict=False):
+            row[:3] = np.array(plane.normal) / np.linalg.norm(plane.normal)
+            row[3] = -row[:3] @ np.array(plane.point)
+        program["limits"], program["limit_count"] = tuple(map(tuple, found.tolist())), len(planes)
+        program["reach"] = GROUND_REACH * self.size
 
     def draw_colliders(self, lit: Lit, time: float) -> None:
         """Every collider but planes where it is at `time` [s]; `lit` is in use."""
@@ -134,6 +148,10 @@ class Scenery:
         program = self._shadow_program
         gl.glEnable(gl.GL_POLYGON_OFFSET_FILL)  # a little behind the ground, whose lines are drawn over it
         gl.glPolygonOffset(1.0, 2.0)
+        gl.glDepthMask(gl.GL_FALSE)  # or they would hide the lower halves of drops that lie in them
+        # the darker one stays, where those of members of a world lie over each other, which fade at different lengths
+        gl.glEnable(gl.GL_BLEND)
+        gl.glBlendEquation(gl.GL_MIN)
         for ground in grounds(self.scene, time, lowest):
             if ground.normal @ self.light < MIN_SLOPE or not self._above(ground, camera):
                 continue
@@ -147,6 +165,9 @@ class Scenery:
             program.stop()
             for shade in others:
                 shade(camera, flatten, centre)
+        gl.glBlendEquation(gl.GL_FUNC_ADD)
+        gl.glDisable(gl.GL_BLEND)
+        gl.glDepthMask(gl.GL_TRUE)
         gl.glDisable(gl.GL_POLYGON_OFFSET_FILL)
 
     def draw_ground(self, camera: Camera3D, time: float, lowest: float) -> None:

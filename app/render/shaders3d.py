@@ -73,13 +73,22 @@ TINTED_FRAGMENT = (
     .replace("look), look), 1.0);", "look), look), tint, told), 1.0);")
 )  # `told`, 0 to 1: how little light changes a colour that is a number
 
-FADE = """
+LIMITS = 6  # planes that end each other
+FADE = (
+    f"""
+uniform vec4 limits[{LIMITS}];     // planes, normal and distance: what lies behind one is not seen
+uniform int limit_count;
+"""
+    + """
 uniform vec3 centre;        // m, of what is seen of the ground
 uniform float reach;        // m, where nothing is left of it
 float fade(vec3 place) {
+    for (int k = 0; k < limit_count; ++k)
+        if (dot(limits[k], vec4(place, 1.0)) < -1e-4 * reach) return 0.0;
     return 1.0 - smoothstep(0.25, 1.0, distance(place, centre) / reach);
 }
 """
+)
 
 SHADOW_VERTEX = """#version 330 core
 layout(location = 0) in vec3 position;

@@ -16,6 +16,7 @@ from app.render.particle_colours import of_numbers
 from app.render.scenery import Drawn, Lit
 from app.render.sheet_view import SheetView
 from app.render.vertex_arrays import delete_all, draw_elements, refill, static_buffer, vertex_array
+from model.core.build import pinned_indices
 from model.core.errors import InputError
 from model.core.simulation import Simulation
 from model.geometry.normals import mesh_normals
@@ -31,6 +32,7 @@ TITLES = {"stress": "von Mises stress / {}Pa", "strain": "largest strain of a te
 LEVELS = {"stress": von_mises, "strain": largest_strain}
 LEAST = {"stress": 1e-3, "strain": 1e-4}  # Pa, 1: the smallest range
 SHARE = 0.98  # of the vertices that the range holds
+INNER_PIN = 7.0  # pixels, of a pin that is seen through what it lies in
 LOOKS = ("skin", "mesh", "edges", *COLOURINGS)
 
 
@@ -87,6 +89,8 @@ class TetrahedraView(SheetView):
 
     def __init__(self, scene: Scene, detail: Detail = FINE, first_colour: int = 0):
         """`first_colour`: the first body's, of those that bodies have."""
+        from pyglet import gl
+
         super().__init__(scene, detail)
         found = scene.tetrahedra_set
         self.skin, self.colouring, self._most = True, COLOURINGS[0], 0.0
@@ -94,6 +98,8 @@ class TetrahedraView(SheetView):
             True: _Surface(found.skin, first_colour),
             False: _Surface(outer_faces(found), first_colour),
         }
+        inner = np.setdiff1d(pinned_indices(scene.grid), found.surface).astype(np.uint32)
+        self._inner_pins = self._drawn(inner, gl.GL_POINTS)  # bones
         self._tinted = Lit(shaders3d.TINTED_VERTEX, shaders3d.TINTED_FRAGMENT)
 
     def _lits(self) -> list[Any]:
@@ -171,6 +177,19 @@ class TetrahedraView(SheetView):
         draw_elements(*self._surfaces[self.skin].drawn)
         self._tinted.program.stop()
 
+    def _draw_over(self, camera: Any, selected: int | None) -> None:
+        from pyglet import gl
+
+        super()._draw_over(camera, selected)
+        if self.lines or not self._inner_pins[2]:
+            return
+        gl.glDisable(gl.GL_DEPTH_TEST)
+        self._use_points(camera, self._inner_pins[0])
+        self._style(INNER_PIN, colours.PIN, colours.PIN, 0.0, square=True)
+        draw_elements(*self._inner_pins)
+        self._point_program.stop()
+        gl.glEnable(gl.GL_DEPTH_TEST)
+
     def _draw_shadows(self, camera: Camera3D, time: float) -> None:
         shown = [drawn for drawn, _ in self._lines] if self.lines else [self._surfaces[self.skin].drawn]
         self._scenery.draw_shadows(camera, time, self.lowest, shown)
@@ -179,4 +198,5 @@ class TetrahedraView(SheetView):
         """Free the buffers."""
         for surface in self._surfaces.values():
             surface.delete()
+        delete_all([self._inner_pins[0]], [])
         super().delete()

@@ -20,9 +20,16 @@ from model.scene.scene import Scene
 from model.shape_matching.spare import counts, present
 
 
-def numbers_text(demo: Demo, frame_seconds: float, draw_seconds: float, way: str = "") -> str:
+def milliseconds(seconds: float) -> str:
+    """Three digits, or more where there are more before the point."""
+    value = 1e3 * seconds
+    return f"{value:.0f} ms" if value >= 1000 else f"{value:.3g} ms"
+
+
+def numbers_text(demo: Demo, frame_seconds: float, draw_seconds: float, way: str = "", brief: bool = False) -> str:
     """Three lines, the most important first: when and how fast; what is set and what comes of it; who computes and draws.
-    `frame_seconds`, `draw_seconds`: of a frame, smoothed. `way`: how it is drawn, where there is more than one."""
+    `frame_seconds`, `draw_seconds`: of a frame, smoothed. `way`: how it is drawn, where there is more than one. `brief`:
+    without what the panel tells beside it."""
     world, scene = demo.world, demo.world.scene
     speed = 1 / max(frame_seconds, 1e-6)
     running = not (demo.paused or demo.frozen)
@@ -36,14 +43,16 @@ def numbers_text(demo: Demo, frame_seconds: float, draw_seconds: float, way: str
     way = f" ({way})" if way else ""
     whose = f"{demo.titles[demo.current]}: " if len(demo.worlds) > 1 else ""
     steps = demo.steps_of(world)
-    physics, drawing = 1e3 * demo.physics_seconds, 1e3 * draw_seconds
+    rate = f"{speed:.0f} frame{'s' * (round(speed) != 1)}/s"
+    physics, drawing = milliseconds(demo.physics_seconds), milliseconds(draw_seconds)
+    told = f"   gravity {gravity}   {springs}energy {demo.statistics.energy:.4g} J   {strain_text(demo)}"
+    masses = f"   {masses_text(scene, world.body.inverse_mass)}"
     return "\n".join(
         (
-            f"{whose}time {world.time:.2f} s   {speed:.0f} frames/s   {speed * steps * running:.0f} steps/s{state}",
-            f"dt {scene.method.dt:.4g} s, {demo.limit_text()} ({scene.method.name})   gravity {gravity}   {springs}"
-            f"energy {demo.statistics.energy:.4g} J   {strain_text(demo)}",
-            f"{world.backend}, {threads}, {world.options.precision}   {masses_text(scene, world.body.inverse_mass)}   "
-            f"a frame: {steps} step{'s' * (steps != 1)}, physics {physics:.3g} ms, drawing {drawing:.3g} ms{way}",
+            f"{whose}time {world.time:.2f} s   {rate}   {speed * steps * running:.0f} steps/s{state}",
+            f"dt {scene.method.dt:.4g} s, {demo.limit_text()} ({scene.method.name}){'' if brief else told}",
+            f"{world.backend}, {threads}, {world.options.precision}{'' if brief else masses}   "
+            f"a frame: {steps} step{'s' * (steps != 1)}, physics {physics}, drawing {drawing}{way}",
         )
     )
 

@@ -100,7 +100,7 @@ class Overlay:
             way = [f"{view.detail.name}{viewer.drawn_by}"] if viewer.space else []
             if self.demo.world.backend == "gpu":  # of a CPU there is one way
                 way.append(view.vertices.way)
-            text = numbers_text(self.demo, viewer.frame_seconds, viewer.draw_seconds, ", ".join(way))
+            text = numbers_text(self.demo, viewer.frame_seconds, viewer.draw_seconds, ", ".join(way), viewer.panel.open)
             self._numbers.place(text, viewer.shown_width, viewer.height)
         self._numbers.draw()
         return self._numbers.height + 8

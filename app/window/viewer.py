@@ -24,6 +24,7 @@ from app.window.panel.panel import Panel
 from app.window.panes import GAP, Pane, check_alike, panes
 from app.window.shots import Shots
 from app.window.shown import Judge
+from app.window.stillness import Stillness
 from model.scene.scene import Scene
 
 WIDTH, HEIGHT = 1200, 900
@@ -65,6 +66,7 @@ class Viewer:
         self.following.approach(1.0)
         self.controls = Controls(self)
         self.window.push_handlers(on_draw=self._draw)
+        self.stillness = Stillness(self)
 
     def frame_everything(self) -> None:
         """F: show everything now, and follow it from now on."""
@@ -219,11 +221,20 @@ class Viewer:
             demo_state(self.demo, self.camera, self.panes[self.demo.current], self.height) | self.camera.told() | shown
         )
 
+    def _tick(self, passed: float) -> None:
+        """A frame, if there is anything to draw, `passed` [s] after the last one."""
+        if self.frames is not None or self.stillness.wanted(perf_counter()):
+            self.window.draw(passed)
+        else:
+            self._last_frame = perf_counter()
+
     def run(self) -> None:
         """Show the window until it is closed."""
+        self.pyglet.clock.schedule_interval(self._tick, 1 / 60)
         try:
-            self.pyglet.app.run(interval=1 / 60)
+            self.pyglet.app.run(interval=None)
         finally:
+            self.pyglet.clock.unschedule(self._tick)
             if self.state_file is not None:
                 write_state(self.state_file, self.state() | {"closed": True})
             self.window.switch_to()

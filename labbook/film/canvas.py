@@ -18,6 +18,8 @@ TALL = 720  # pixels of a frame for which sizes are told
 HEADING, CAPTION = 58, 112  # of them the heading's and the caption's bands
 CAPTION_SIZE, CAPTION_LINES = 27, 2
 MARGIN = 20
+READABLE = 10  # true pixels: no text is smaller, whatever is asked for
+FOOT = 16  # of a frame TALL high: the middle of the last line of a picture is so far over its lower edge
 ELLIPSIS = "\N{HORIZONTAL ELLIPSIS}"
 
 Colour = tuple[int, int, int]
@@ -67,12 +69,15 @@ class Canvas:
         anchor: str = "la",
     ) -> None:  # fmt: skip
         """A line of text; `anchor` as Pillow has it (la: its top left corner is at x, y)."""
-        scale = self.scale
-        self.draw.text((x * scale, y * scale), text, fill=colour, font=font(round(size * scale), bold), anchor=anchor)
+        place = x * self.scale, y * self.scale
+        self.draw.text(place, text, fill=colour, font=self._font(size, bold), anchor=anchor)
 
     def wide(self, text: str, size: float = 20, bold: bool = False) -> float:
         """How wide a line of text is."""
-        return float(font(round(size * self.scale), bold).getlength(text)) / self.scale
+        return float(self._font(size, bold).getlength(text)) / self.scale
+
+    def _font(self, size: float, bold: bool) -> Any:
+        return font(max(round(size * self.scale), READABLE), bold)
 
     def wrapped(self, text: str, width: float, size: float = 20, bold: bool = False) -> list[str]:
         """The text in lines of at most that width."""
@@ -97,6 +102,11 @@ class Canvas:
         while text and self.wide(text + ELLIPSIS, size, bold) > width:
             text = text[:-1]
         return text.rstrip() + ELLIPSIS
+
+    def fitting(self, texts: Sequence[str], width: float, size: float = 20, bold: bool = False) -> str:
+        """The first of the texts, which say ever less, that is not wider than that; else the last one, shortened."""
+        found = next((text for text in texts if self.wide(text, size, bold) <= width), texts[-1])
+        return self.shortened(found, width, size, bold)
 
     def paste(self, pixels: np.ndarray, x: float, y: float) -> None:
         """(height, width, 3 or 4) uint8 true pixels, with their top left corner at x, y."""

@@ -148,8 +148,9 @@ def _draw_error(canvas: Canvas, results: Results, made: Judged, name: str, at: i
     canvas.text(x, y, f"error {number(made.errors[name][at], 2)} spacings", 24, colour, bold=True)
     point = stored(results, name, made.scene.method.dt)
     if point is not None and point.seconds is not None:
-        told = f"time {seconds(point.seconds, 2)} a simulated second (CPU, {point.precision})"
-        canvas.text(x, y + 38, canvas.shortened(told, 400, 16), 16, FAINT)
+        least = f"{seconds(point.seconds, 2)} a simulated second (CPU)"
+        told = f"time {least[:-1]}, {point.precision})"
+        canvas.text(x, y + 38, canvas.fitting((told, least), 400, 16), 16, FAINT)
 
 
 def _draw_graph(canvas: Canvas, made: Judged, at: int, x: float, width: float) -> None:

@@ -11,7 +11,7 @@ from PIL import Image
 from app.driver import open_simulation
 from app.output.offscreen import OffscreenRenderer
 from bench.store.results import Timing
-from labbook.film.canvas import CPU, FAINT, GPU, LINE, MARGIN, Area, Canvas, Colour
+from labbook.film.canvas import CPU, FAINT, FOOT, GPU, LINE, MARGIN, Area, Canvas, Colour
 from labbook.words import count as counted
 from labbook.words import number, seconds
 from model.scene.scene import Scene
@@ -22,6 +22,7 @@ MOST_LINES = 64  # of a grid that are drawn; of a finer one every n-th
 FALL = 0.2  # of its height that a grid falls as fast as its dampers let it: what is to be seen of it
 LEAST_TIME = 10.0  # s simulated, of small grids
 STILL = 0.1  # of the frames at the end show the end
+FOOT_SIZE, FOOT_LINE = 15, 22  # pixels, of what is told below: its letters, its lines
 
 
 @dataclass(frozen=True)
@@ -117,8 +118,11 @@ def draw_race(race: Race, backend: str, area: Area, count: int, fps: int) -> Ite
     done = [[race.steps(runner, wall) for wall in walls] for runner in race.runners]
     states = [_states(race.scene, backend, steps) for steps in done]
     drawn, every = thinned(race.scene)
-    wide, tall = area.pixels(area.width / area.scale / 2 - 2 * MARGIN), area.pixels(area.height / area.scale - 152)
-    told = _told(race, backend)
+    wide, tall = area.pixels(area.width / area.scale / 2 - 2 * MARGIN), area.pixels(area.height / area.scale - 164)
+    blank = area.canvas()
+    told = blank.balanced(_told(race, backend), blank.width - 2 * MARGIN, FOOT_SIZE)
+    more = FOOT_LINE * (len(told) - 1)
+    tall -= area.pixels(more)
     with OffscreenRenderer(drawn, wide, tall, legend=False) as renderer:
         for ends in states:
             for position in (ends[0], ends[len(ends) // 2], ends[-1]):
@@ -134,8 +138,10 @@ def draw_race(race: Race, backend: str, area: Area, count: int, fps: int) -> Ite
                     picture = pictures[side] = renderer.image()
                 x = MARGIN + side * canvas.width / 2
                 canvas.paste(picture, x, 36)
-                _draw_runner(canvas, race, runner, done[side][frame], max(done[0][-1], done[1][-1]), x)
-            canvas.text(canvas.width / 2, canvas.height - 12, told, 15, FAINT, anchor="mm")
+                _draw_runner(canvas, race, runner, done[side][frame], max(done[0][-1], done[1][-1]), x, more)
+            for number, line in enumerate(reversed(told)):
+                y = canvas.height - FOOT - FOOT_LINE * number
+                canvas.text(canvas.width / 2, y, line, FOOT_SIZE, FAINT, anchor="mm")
             yield canvas.image
 
 
@@ -155,17 +161,20 @@ def _draw_clock(canvas: Canvas, race: Race, every: int, wall: float, slowed: flo
     canvas.text(canvas.width - MARGIN, 14, f"computing for {told} ms", 19, anchor="rm")
 
 
-def _draw_runner(canvas: Canvas, race: Race, runner: Runner, steps: int, most: int, x: float) -> None:
-    width, y = canvas.width / 2 - 2 * MARGIN, canvas.height - 112
+def _draw_runner(
+    canvas: Canvas, race: Race, runner: Runner, steps: int, most: int, x: float, above: float
+) -> None:  # fmt: skip
+    width, y = canvas.width / 2 - 2 * MARGIN, canvas.height - 124 - above
     canvas.box(x, y, width, 8, LINE)
     canvas.box(x, y, width * steps / max(1, most), 8, runner.colour)
     canvas.text(x, y + 14, canvas.shortened(runner.name, width, 20, True), 20, runner.colour, bold=True)
     simulated = steps * race.scene.method.dt
     canvas.text(x, y + 40, f"{counted(steps)} steps, {simulated:.2f} s simulated", 22)
     timing = runner.timing
+    least = f"{seconds(timing.median)} a step; {runner.error}"
     told = f"{seconds(timing.median)} a step in {timing.precision}, median of {timing.count}; {runner.error}"
-    canvas.text(x, y + 69, told, 17, FAINT)
-    canvas.box(canvas.width / 2 - 1, 40, 2, canvas.height - 70, LINE)
+    canvas.text(x, y + 69, canvas.fitting((told, least), width, 17), 17, FAINT)
+    canvas.box(canvas.width / 2 - 1, 40, 2, canvas.height - 78 - above, LINE)
 
 
 def thinned(scene: Scene) -> tuple[Scene, int]:

@@ -11,7 +11,7 @@ from PIL import Image
 
 from app.output.offscreen import OffscreenRenderer
 from labbook.answer import answer_tables
-from labbook.film.canvas import BAND, CPU, FAINT, GPU, INK, LINE, MARGIN, Area
+from labbook.film.canvas import BAND, CPU, FAINT, FOOT, GPU, INK, LINE, MARGIN, Area
 from labbook.film.judged import Judged
 from model.core.errors import SoftlabError
 from plots.core.data import Results
@@ -74,7 +74,7 @@ def draw_figure(results: Results, name: str, area: Area, count: int, fps: int) -
         lay_out(drawn.figure)
         wide, tall = drawn.figure.get_size_inches()
         lines = drawn.provenance
-        foot = 20.0 * len(lines) + 2
+        foot = 22.0 * len(lines) + FOOT / 2
         dpi = min(area.width / wide, (area.height - foot * area.scale) / tall)
         file = io.BytesIO()
         drawn.figure.savefig(file, format="png", dpi=dpi)
@@ -83,7 +83,7 @@ def draw_figure(results: Results, name: str, area: Area, count: int, fps: int) -
     canvas.paste(np.asarray(picture), x, 0)
     for number, line in enumerate(reversed(lines)):
         told = canvas.shortened(line, canvas.width - 2 * MARGIN, 15)
-        canvas.text(canvas.width / 2, canvas.height - 12 - 20 * number, told, 15, FAINT, anchor="mm")
+        canvas.text(canvas.width / 2, canvas.height - FOOT - 22 * number, told, 15, FAINT, anchor="mm")
     return held(canvas.image, count)
 
 
@@ -140,5 +140,5 @@ def _table(rows: Sequence[Sequence[str]], shown: int, told: str, area: Area) -> 
         before = row[0]
         y += row_height
     told = canvas.shortened(told, canvas.width - 2 * MARGIN, 15)
-    canvas.text(canvas.width / 2, canvas.height - 14, told, 15, FAINT, anchor="mm")
+    canvas.text(canvas.width / 2, canvas.height - FOOT, told, 15, FAINT, anchor="mm")
     return canvas.image

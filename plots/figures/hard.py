@@ -19,11 +19,12 @@ VERDICTS_TITLE = "Verdicts of the hard cases"
 ACROSS = 6  # panels a line of the contact sheet
 PANEL = 1.2  # inch, high
 LINE = 0.15  # inch: a line of the verdict table
-WIDEST = -2.6  # columns of it that the cases' titles take
+WIDEST = -3.2  # columns of it that the cases' titles take
 POINT = 1e-12  # m: a shape that is smaller is drawn as a point
 PREFERRED = ("velocity-verlet", "lab", "xpbd gauss-seidel")  # whose end states are shown
 NOT_HARD = ""
 NOT_OF_SHEETS = {NOT_HARD, *BODIES, *OF_TETRAHEDRA, *OF_FLUIDS}  # those of bodies: plots/figures/hard_bodies.py
+SHORT = {" in float32": ", f32", " in float64": ", f64"}  # in a cell
 COLOURS = {"pass": GREEN, "refused": SKY, "known": ORANGE, "fail": VERMILLION}
 
 
@@ -67,19 +68,22 @@ def draw_verdicts(results: Results) -> Drawing | str:
     ax.set_xlim(WIDEST, len(names))
     ax.set_ylim(len(lines), -0.1)
     for y, (case, _, _, cells) in enumerate(lines):
-        ax.text(-0.05, y + 0.5, IN_FULL.get(case, case), ha="right", va="center", fontsize=7)
+        ax.text(-0.05, y + 0.5, IN_FULL.get(case, case), ha="right", va="center", fontsize=8)
         for x, (verdict, text) in enumerate(cells):
             if not verdict:
                 continue
             ax.fill([x + 0.02, x + 0.98, x + 0.98, x + 0.02], [y + 0.05, y + 0.05, y + 0.95, y + 0.95],
                     color=COLOURS[verdict], alpha=0.35, linewidth=0)  # fmt: skip
-            ax.text(x + 0.5, y + 0.5, text, ha="center", va="center", fontsize=6.5)
+            for words, letters in SHORT.items():
+                text = text.replace(words, letters)
+            ax.text(x + 0.5, y + 0.5, text, ha="center", va="center", fontsize=7.5)
     for x, name in enumerate(names):
-        ax.text(x + 0.5, -0.15, name.replace(" ", "\n").replace("-", "-\n"), ha="center", va="bottom", fontsize=7)
+        ax.text(x + 0.5, -0.15, name.replace(" ", "\n").replace("-", "-\n"), ha="center", va="bottom", fontsize=8)
     ran = sorted({row.backend.upper() for row in rows})
     caption = (
         f"Verdicts on {' and '.join(ran)}, the worst over backends and precisions. Refused: with a diagnosis, before a step "
-        "was done. Fails: implied by the method, with what it costs in the text. A failure in capitals is a bug of this lab."
+        "was done. Fails: implied by the method, with what it costs in the text; f32: in float32 alone. A failure in "
+        "capitals is a bug of this lab."
     )
     return Drawing(figure, VERDICTS_TITLE, caption, sources)
 
@@ -128,5 +132,5 @@ def finish_panel(ax: Any, row: HardRow, extent: float) -> None:
     scale = f"{extent:.3g} m" if extent > POINT else "a point"
     fails = row.verdict in ("fail", "known")
     words = f"{row.integrator}, {row.precision}: fails\n" if fails else ""
-    ax.set_title(f"{row.case}\n{words}", fontsize=6.5, pad=1, color=VERMILLION if fails else "black")
-    ax.text(0.5, -0.02, scale, transform=ax.transAxes, fontsize=6, color=GREY, ha="center", va="top")
+    ax.set_title(f"{row.case}\n{words}", fontsize=7.5, pad=1, color=VERMILLION if fails else "black")
+    ax.text(0.5, -0.02, scale, transform=ax.transAxes, fontsize=7, color=GREY, ha="center", va="top")

@@ -69,7 +69,7 @@ def draw(results: Results) -> Drawing | str:
     ax.set_xscale("log")
     ax.set_xlim(LEAST / 2, 2 * OVERSHOT)
     ax.set_ylim(len(names) - 0.5, -0.5)
-    ax.set_yticks(range(len(names)), [titles[name] for name in names], fontsize=6.5)
+    ax.set_yticks(range(len(names)), [titles[name] for name in names], fontsize=7.5)
     ax.set_xlabel("measured over its bound")
     legend_below(figure, [ax])
     caption = (

@@ -67,8 +67,7 @@ def _draw(panels: Sequence[Panel], title: str, scenes: Sequence[str], squares: s
             marks |= _draw_peer(
                 ax, [r for r in found if r.peer == name], curves.get(name) or Curve(label(name), GREY, ".")
             )
-        ax.axhline(1, color=BLACK, linewidth=1, zorder=1)
-        ax.annotate("the lab", (0.99, 1), xycoords=("axes fraction", "data"), ha="right", va="bottom", fontsize=7)
+        ax.axhline(1, color=BLACK, linewidth=1, zorder=1, label="the lab")
         log_axes(ax)
         plain_ticks(ax.yaxis)
         ax.set_title(words, fontsize=8)

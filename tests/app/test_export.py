@@ -178,6 +178,8 @@ def test_a_pattern_writes_a_file_a_frame_at_its_time(tmp_path: Path) -> None:
             exporter.keep(simulation, done)
             if done % 3 == 0:
                 heights.append(simulation.read("position")[:, 1].mean())
+        files = f"{tmp_path / 'f-000.ply'} to {tmp_path / 'f-002.ply'}"
+        assert exporter.stopped == f"stopped; 3 whole files were written, {files}"
         assert exporter.finish(simulation, notes) == [] and "3 frames" in notes[0] and "0.015 s" in notes[0]
     assert sorted(file.name for file in tmp_path.iterdir()) == ["f-000.ply", "f-001.ply", "f-002.ply"]
     lowest = [read(tmp_path / f"f-00{frame}.ply").vertices[:, 1].mean() for frame in range(3)]

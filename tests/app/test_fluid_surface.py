@@ -147,7 +147,7 @@ def test_light_goes_through_and_what_is_in_front_stays_in_front(target: SmoothTa
         gl.glDepthMask(gl.GL_TRUE)
         gl.glClear(gl.GL_COLOR_BUFFER_BIT | gl.GL_DEPTH_BUFFER_BIT)
         gl.glClearDepth(1.0)
-        water.passes(camera)
+        water.passes(camera, target.frame)
         water.shade(camera, target.frame)
         target.finish()
         image = np.empty((SIDE, SIDE, 4), np.uint8)

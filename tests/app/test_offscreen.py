@@ -15,7 +15,7 @@ import pytest
 from app.driver import open_simulation
 from app.output.offscreen import OffscreenRenderer, opengl_available, render_frame
 from app.output.pictures import write_png
-from app.output.video import Picture, VideoWriter, ffmpeg_path, render, render_clip
+from app.output.video import Picture, VideoWriter, ffmpeg_path, reason, render, render_clip, true_rate
 from app.render import colours, opengl
 from model.core.build import rest_positions
 from model.core.errors import BackendUnavailable, Diverged, InputError
@@ -261,10 +261,30 @@ def test_a_full_disk_is_an_input_error(tmp_path: Path, monkeypatch: pytest.Monke
     program.chmod(0o755)
     assert ffmpeg_path()
     monkeypatch.setattr("app.output.video.ffmpeg_path", lambda: str(program))
-    with pytest.raises(InputError, match="No space left"), VideoWriter(tmp_path / "a.mp4", 640, 480) as writer:
+    with (
+        pytest.raises(InputError, match="no space left on the disk"),
+        VideoWriter(tmp_path / "a.mp4", 640, 480) as writer,
+    ):
         for _ in range(200):
             writer.write(np.zeros((480, 640, 3), np.uint8))
     assert [file.name for file in tmp_path.iterdir()] == ["ffmpeg"]
+
+
+def test_what_ffmpeg_tells_is_told_without_its_addresses(tmp_path: Path) -> None:
+    told = "[libx264 @ 0x55aa] broken\n[out#0/mp4 @ 0x56040f10e480] [error] Error closing file\n"
+    assert reason(told, tmp_path / "a.mp4") == "Error closing file"
+    assert reason("", tmp_path / "a.mp4") == "ffmpeg stopped"
+
+
+def test_a_clip_lasts_as_long_as_what_it_shows(tmp_path: Path) -> None:
+    """Eleven frames two steps of 0.01 s apart, the last one shown for as long as the others: 0.22 s."""
+    import imageio_ffmpeg
+
+    with VideoWriter(tmp_path / "a.mp4", 32, 32, true_rate(2, 0.01)) as writer:
+        for _ in range(11):
+            writer.write(np.zeros((32, 32, 3), np.uint8))
+    found = next(imageio_ffmpeg.read_frames(tmp_path / "a.mp4"))
+    assert found["duration"] == pytest.approx(0.22, abs=0.005) and found["fps"] == 50
 
 
 def test_a_window_cannot_open_in_a_process_that_draws_without_one() -> None:

@@ -191,6 +191,16 @@ def test_there_is_a_ground_with_lines_and_a_shadow_on_it() -> None:
         outside = corner - 0.25 * (under - corner)
         dark, light = (near(image, renderer, place, 2).max(axis=0).mean() for place in (inside, outside))
         assert dark < 0.93 < light < 0.98  # shadow, ground; the background is white
+        camera = renderer.camera
+    way = (under - corner) * (1, 0, 1)
+    wall = {"kind": "plane", "normal": way.tolist(), "point": (corner - 0.1 * way).tolist()}
+    with OffscreenRenderer(Scene(scene.as_dict() | {"wall": wall}), 640, 480, legend=False) as walled:
+        walled.camera = camera
+        walled.draw(position)
+        ended = [near(walled.image(), walled, place, 2).max(axis=0).mean() for place in (inside, outside)]
+        assert ended == pytest.approx([dark, 1.0], abs=0.01)  # behind the wall there is no floor
+    with OffscreenRenderer(scene, 640, 480, legend=False) as renderer:
+        renderer.camera = camera
         renderer.camera.pitch = -0.3  # from below: seen through
         renderer.draw(position)
         below = near(renderer.image(), renderer, position.mean(axis=0), 8)

@@ -13,10 +13,13 @@ from hypothesis import strategies as st
 
 from app.render.camera3d import MAX_PITCH, NEAREST, Camera3D
 from app.render.detail import DETAILS, FINE, QUICK, next_detail, usual_detail
+from app.render.legends import range_texts
 from app.render.panels import TIP_GAP, beside_tip, divided
 from app.window.controls import keys_text
 from app.window.demo import NO_BODIES
 from app.window.looks import OF_PLANE, Looks
+from app.window.overlay import MESSAGE_SECONDS
+from app.window.stillness import SETTLE, TOUCHES, Stillness
 
 WINDOW = (1200.0, 900.0)
 LABEL = (70.0, 18.0)
@@ -178,3 +181,43 @@ def test_the_look_changes_in_every_view() -> None:
     looks.toggle("particles")
     assert [(view.detail, view.particles) for view in looks.views] == [(DETAILS[1], True)] * 2
     assert said == [f"plain picture: {DETAILS[1].meaning}", "particles behind the skin"]
+
+
+# ---------------------------------------------------------------------- the ends of legends, and when nothing is drawn
+
+
+def test_the_ends_of_a_legend_are_open() -> None:
+    assert range_texts(1.0, levels=False) == ["\u2264 \u22121", "\u22120.5", "0", "+0.5", "\u2265 +1"]
+    assert range_texts(20.0, levels=True) == ["0", "5", "10", "15", "\u2265 20"]
+
+
+def test_a_paused_window_is_drawn_when_something_changed_alone() -> None:
+    """Some frames after each touch, one at least after a message is over, and all where something moves."""
+    heard: dict[str, Any] = {}
+    demo = SimpleNamespace(paused=True, frozen=False, message_count=0, hand=SimpleNamespace(held=None))
+    panel, shots = SimpleNamespace(open=False, takes_keys=False), SimpleNamespace(recording=False)
+    window = SimpleNamespace(push_handlers=lambda **handlers: heard.update(handlers))
+    still = Stillness(cast(Any, SimpleNamespace(demo=demo, panel=panel, shots=shots, window=window)))
+
+    def drawn(now: float = 0.0) -> int:
+        return sum(still.wanted(now) for _ in range(2 * SETTLE))
+
+    assert drawn() == SETTLE and drawn() == 0
+    for name in TOUCHES:
+        assert heard[name]() is None and drawn() == SETTLE, name  # None: others hear of it, too
+    heard["on_mouse_motion"](3, 4, 1, 1)
+    assert drawn() == 0
+    panel.open = True
+    heard["on_mouse_motion"](3, 4, 1, 1)
+    assert drawn() == SETTLE and drawn() == 0
+    demo.message_count += 1
+    assert drawn() == SETTLE and drawn() == 0
+    assert drawn(1.01 * MESSAGE_SECONDS) == SETTLE and drawn(2 * MESSAGE_SECONDS) == 0
+    for whose, name, value in ((demo, "paused", False), (shots, "recording", True), (panel, "takes_keys", True)):
+        before = getattr(whose, name)
+        setattr(whose, name, value)
+        assert drawn() == 2 * SETTLE, name
+        setattr(whose, name, before)
+        drawn()
+    demo.hand.held = object()
+    assert drawn() == 2 * SETTLE

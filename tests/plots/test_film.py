@@ -23,7 +23,7 @@ from bench.store.database import Store
 from labbook import words
 from labbook.build import CLAIMS
 from labbook.film import film, race, stills
-from labbook.film.canvas import CAPTION_LINES, FULL, QUICK, Area, Format, Stage, divided
+from labbook.film.canvas import CAPTION_LINES, FULL, QUICK, READABLE, Area, Format, Stage, divided
 from labbook.film.film import Lengths, write_film
 from labbook.film.race import races, thinned
 from labbook.film.script import script
@@ -315,6 +315,17 @@ def test_what_cannot_be_made_is_told_at_once(both: Results, tmp_path: Path) -> N
     ):  # fmt: skip
         with pytest.raises(InputError, match=told):
             write_film(results, tmp_path / name, TINY, show=False)
+
+
+def test_small_print_of_a_small_film_is_readable() -> None:
+    """Ten true pixels at least, whatever is asked for; of what does not fit less is said, and then it is cut."""
+    small, large = (Area(form.width, form.height, form.height / 720).canvas() for form in (QUICK, FULL))
+    assert small.wide("a line", 14) * small.scale == pytest.approx(large.wide("a line", READABLE))
+    assert small.wide("a line", 30) == pytest.approx(large.wide("a line", 30), rel=0.05)
+    texts = "a long line of words", "a short line"
+    narrow = 1.01 * large.wide(texts[1])
+    assert large.fitting(texts, 1e3) == texts[0] and large.fitting(texts, narrow) == texts[1]
+    assert large.fitting(texts, narrow / 2).endswith("\N{HORIZONTAL ELLIPSIS}")
 
 
 def test_the_formats_are_ones_that_a_film_can_have() -> None:

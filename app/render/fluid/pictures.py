@@ -92,16 +92,19 @@ class FluidPictures:
         gl.glDrawArrays(gl.GL_TRIANGLES, 0, 3)
         gl.glBindVertexArray(0)
 
-    def copy_from(self, frame: int) -> None:
-        """Picture and depth of a frame buffer of the same size, into BEHIND and BEHIND_DEPTH; drawing goes to it then."""
+    def copy_from(self, frame: int | None) -> None:
+        """Picture and depth of a frame buffer of the same size, into BEHIND and BEHIND_DEPTH, where drawing goes then. None:
+        nothing, infinitely far. Depth must be written."""
         from pyglet import gl
 
         width, height = self.size
-        gl.glBindFramebuffer(gl.GL_READ_FRAMEBUFFER, frame)
-        gl.glBindFramebuffer(gl.GL_DRAW_FRAMEBUFFER, self._frames[BEHIND])
         both = gl.GL_COLOR_BUFFER_BIT | gl.GL_DEPTH_BUFFER_BIT
+        gl.glBindFramebuffer(gl.GL_FRAMEBUFFER, self._frames[BEHIND])
+        if frame is None:
+            gl.glClear(both)
+            return
+        gl.glBindFramebuffer(gl.GL_READ_FRAMEBUFFER, frame)
         gl.glBlitFramebuffer(0, 0, width, height, 0, 0, width, height, both, gl.GL_NEAREST)
-        gl.glBindFramebuffer(gl.GL_FRAMEBUFFER, frame)
 
     def delete(self) -> None:
         """Free them."""

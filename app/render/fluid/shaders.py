@@ -72,16 +72,30 @@ void main() {
 """
 )
 
-# Summed over the particles behind a pixel: how long the line of sight is inside, and what that takes of each colour.
+# How far away the nearest is that is no fluid [m], along the line of view.
+SOLID = """
+uniform sampler2D others;   // the depth of the picture without the fluid, as OpenGL keeps it
+uniform vec2 planes;        // m: near, far
+float solid() {
+    float other = 2.0 * texelFetch(others, ivec2(gl_FragCoord.xy), 0).r - 1.0;
+    return 2.0 * planes.x * planes.y / (planes.y + planes.x - other * (planes.y - planes.x));
+}
+"""
+
+# Summed over the particles behind a pixel that nothing hides: how long the line of sight is inside, and what that takes of
+# each colour.
 THICKNESS_FRAGMENT = (
     "#version 330 core\n"
     + MET
+    + SOLID
     + """
 out vec4 sum;
 void main() {
-    vec2 t = met(normalize(place - eye));
-    if (t.x > t.y || t.x <= 0.0) discard;
-    float inside = SHARE * (t.y - t.x);
+    vec3 ray = normalize(place - eye);
+    vec2 t = met(ray);
+    float end = min(t.y, solid() / dot(ray, ahead));
+    if (t.x > t.y || t.x <= 0.0 || t.x > end) discard;
+    float inside = SHARE * (end - t.x);
     sum = vec4(taken * inside, inside);
 }
 """
@@ -227,13 +241,13 @@ void main() {
 SHADE_FRAGMENT = (
     "#version 330 core\n"
     + NORMAL
+    + SOLID
     + """
 uniform sampler2D thickness;
 uniform sampler2D behind;   // the picture without the fluid
-uniform sampler2D others;   // its depth, as OpenGL keeps it
-uniform vec2 planes;        // m: near, far
 uniform mat3 axes;          // columns: right, up, back, in the world
 uniform vec3 key;           // unit vector toward the light, in the world
+uniform float edge;         // m: a fluid less far before a solid fades
 uniform float bend;         // pixels by which a slope of 1 moves what is seen through a metre of fluid
 uniform vec3 zenith;
 uniform vec3 horizon;
@@ -247,8 +261,7 @@ void main() {
     ivec2 p = ivec2(gl_FragCoord.xy);
     float far = at(p);
     if (far <= 0.0) discard;
-    float other = 2.0 * texelFetch(others, p, 0).r - 1.0;
-    if (far > 2.0 * planes.x * planes.y / (planes.y + planes.x - other * (planes.y - planes.x))) discard;
+    if (far > solid()) discard;
     vec3 here = seen(gl_FragCoord.xy, far), n = normal_at(gl_FragCoord.xy, here), look = -normalize(here);
     vec4 inside = texelFetch(thickness, p, 0);
     float facing = clamp(dot(n, look), 0.0, 1.0);
@@ -259,9 +272,10 @@ void main() {
     float sun = pow(max(dot(mirrored, key), 0.0), 160.0), bright = 0.45 + 0.55 * max(dot(axes * n, key), 0.0);
     vec3 own = exp(-OPAQUE * inside.rgb / max(max(inside.r, max(inside.g, inside.b)), 1e-9));  // the colour that is left most
     through += SCATTER * bright * own * (1.0 - exp(-(inside.r + inside.g + inside.b)));
-    pixel = vec4(mix(through, sky(mirrored), reflected) + 0.7 * sun, 1.0);
+    vec3 shown = mix(through, sky(mirrored), reflected) + 0.7 * sun;
+    pixel = vec4(mix(texelFetch(behind, p, 0).rgb, shown, clamp((solid() - far) / edge, 0.0, 1.0)), 1.0);
 }
-""".replace("OPAQUE", "2.0").replace("SCATTER", "0.28")
+""".replace("OPAQUE", "2.0").replace("SCATTER", "0.7")
 )
 
 # A particle in a plane: a disc with an edge that fades within a pixel.

@@ -33,6 +33,7 @@ SHARE = 0.6  # of a ray's way through a particle: balls of half a spacing and mo
 ZENITH, HORIZON, FLOOR = (0.30, 0.50, 0.78), (0.88, 0.92, 0.96), (0.55, 0.60, 0.63)
 WATER = (2.6, 0.75, 0.35)  # 1/m of red, green, blue: bluer than water is, whose metre is hardly seen
 BEND = 0.25
+EDGE = 2.0  # radii: how far before a solid a fluid is seen in full, so that it ends softly where it touches one
 
 
 class FluidSurface:
@@ -121,8 +122,10 @@ class FluidSurface:
         program.use()
         program["transform"], program["eye"] = uniform_matrix(camera.matrix()), tuple(camera.eye.tolist())
         program["upward"] = tuple(camera.axes[1].tolist())
-        if name == "depth":
-            program["ahead"] = tuple((-camera.axes[2]).tolist())
+        program["ahead"] = tuple((-camera.axes[2]).tolist())
+        if name == "thickness":
+            program["planes"] = (NEAREST * camera.distance, FARTHEST * camera.distance)
+            self._pictures.bind(others=BEHIND_DEPTH)
         gl.glBindVertexArray(self._array)
         gl.glDrawArraysInstanced(gl.GL_TRIANGLE_STRIP, 0, 4, self.count)
         gl.glBindVertexArray(0)
@@ -130,9 +133,10 @@ class FluidSurface:
 
     # ------------------------------------------------------------------ the passes
 
-    def passes(self, camera: Camera3D) -> None:
-        """Depth, filtered, and thickness, of the positions that the buffer holds. Where drawing went before, and its
-        tests, are as they were."""
+    def passes(self, camera: Camera3D, frame: int | None = None) -> None:
+        """Depth, filtered, and thickness, of the positions that the buffer holds, among what the picture and the depth of the
+        frame buffer `frame`, of the camera's size, hold: by itself without. Where drawing went before, and its tests, are
+        as they were."""
         from pyglet import gl
 
         bound, box, on = (
@@ -146,6 +150,7 @@ class FluidSurface:
         gl.glGetBooleanv(gl.GL_DEPTH_WRITEMASK, writes)
         self._pictures.resize(camera.width, camera.height)
         gl.glDepthMask(gl.GL_TRUE)
+        self._pictures.copy_from(frame)
         gl.glEnable(gl.GL_DEPTH_TEST)
         gl.glDisable(gl.GL_BLEND)
         self._pictures.begin(DEPTH)
@@ -227,11 +232,10 @@ class FluidSurface:
         program["focal"], program["middle"] = camera.focal, (camera.width / 2, camera.height / 2)
 
     def shade(self, camera: Camera3D, frame: int) -> None:
-        """Draw the surface of the last `passes` into the frame buffer `frame`, among what its picture and its depth, of the
-        camera's size, hold; drawing goes there afterwards."""
+        """Draw the surface of the last `passes` into that frame buffer; drawing goes there afterwards."""
         from pyglet import gl
 
-        self._pictures.copy_from(frame)
+        gl.glBindFramebuffer(gl.GL_FRAMEBUFFER, frame)
         gl.glDisable(gl.GL_DEPTH_TEST)
         gl.glDisable(gl.GL_BLEND)
         program = self._programs["shade"]
@@ -241,6 +245,7 @@ class FluidSurface:
             program[name] = unit
         program["planes"] = (NEAREST * camera.distance, FARTHEST * camera.distance)
         program["axes"], program["key"] = tuple(camera.axes.ravel().tolist()), tuple(self._light.tolist())
+        program["edge"] = EDGE * self._radius
         program["bend"], program["zenith"], program["horizon"], program["floor_colour"] = BEND, ZENITH, HORIZON, FLOOR
         self._pictures.bind(depth=self._result, thickness=THICKNESS, behind=BEHIND, others=BEHIND_DEPTH)
         self._pictures.screen()

@@ -228,8 +228,9 @@ class FluidView(View):
         from pyglet import gl
 
         if self.space and not self.lines:
-            self._surface.passes(camera)
-            self._surface.shade(camera, (self.onto or self._target).frame)
+            frame = (self.onto or self._target).frame
+            self._surface.passes(camera, frame)
+            self._surface.shade(camera, frame)
             gl.glEnable(gl.GL_BLEND)
             gl.glEnable(gl.GL_DEPTH_TEST)
         if self.space and self.foam:

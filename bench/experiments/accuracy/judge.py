@@ -41,7 +41,10 @@ def judge_run(scene: Scene, state: State, diverged: Diverged | None) -> tuple[fl
     cost = (3 if smooth(scene) else 7) * steps * 4 * evaluation_seconds(scene)  # h and h/2, and h/4 to see the order
     if cost > BUDGET:
         short = state.time * BUDGET / cost
-        return None, f"a converged reference would take about {cost:.0f} s; one for --time {short:.2g} is made at once"
+        return (
+            None,
+            f"a converged reference would take about {cost:.0f} s; one for the first {short:.2g} s is made at once",
+        )
     reference, _, estimate = converged(scene, state.time, tolerance=1e-6, most_steps=int(4 * steps) + 64)
     error, _ = distance(state.position, reference, free, scene.grid.spacing)
     if not np.isfinite(error):

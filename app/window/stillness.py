@@ -1,0 +1,51 @@
+"""When a window needs no new frame: nothing moves in it, and nobody touched it for a while."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from app.window.overlay import MESSAGE_SECONDS
+from app.window.shown import Shown
+
+SETTLE = (
+    60  # frames that are drawn after a touch: for a camera on its way, a tip that appears, a number that is renewed
+)
+TOUCHES = (
+    "on_resize", "on_expose", "on_activate", "on_show", "on_key_press", "on_key_release", "on_text", "on_text_motion",
+    "on_mouse_press", "on_mouse_release", "on_mouse_drag", "on_mouse_scroll",
+)  # fmt: skip
+
+
+class Stillness:
+    """Of a viewer's window: `wanted(now)` before each frame, at `now` [s] of perf_counter, tells whether to draw it."""
+
+    def __init__(self, viewer: Shown):
+        self.viewer, self.demo = viewer, viewer.demo
+        self._left = SETTLE
+        self._messages = self.demo.message_count
+        self._message_ends: float | None = None  # s of perf_counter
+        # on top of all other handlers, and passing all on
+        viewer.window.push_handlers(on_mouse_motion=self._over_panel, **dict.fromkeys(TOUCHES, self.touch))
+
+    def touch(self, *_: Any) -> None:
+        """Something was done."""
+        self._left = SETTLE
+
+    def _over_panel(self, *_: Any) -> None:
+        if self.viewer.panel.open:
+            self.touch()
+
+    def wanted(self, now: float) -> bool:
+        """Whether the next frame may look different from the last one."""
+        demo, viewer = self.demo, self.viewer
+        if demo.message_count != self._messages:
+            self._messages, self._message_ends = demo.message_count, now + MESSAGE_SECONDS
+            self.touch()
+        elif self._message_ends is not None and now > self._message_ends:
+            self._message_ends = None
+            self.touch()
+        moves = not (demo.paused or demo.frozen) or demo.hand.held is not None
+        if moves or viewer.shots.recording or viewer.panel.takes_keys:
+            self.touch()
+        self._left -= 1
+        return self._left >= 0
