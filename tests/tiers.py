@@ -455,6 +455,20 @@ test_simulated_wet_worlds.py test_live* test_bits_are*tetrahedra* test_bits_are*
 test_simulated_matching.py *1-2-3?
 test_simulated_domains.py test_a_cloth_of_constraints*
 test_simulated_fluid_solids.py test_the_bits*walls*
+test_bodies_rest.py test_iterations_make* test_a_stack_sleeps* test_ten* test_bricks*
+test_bodies_hard.py test_a_plane_stops*
+test_hard_fluids.py test_the_laws*
+test_newton.py *
+test_world_cpu.py test_momentum* test_threads_give*
+test_attachments.py test_a_body_on_soft*
+test_matter.py test_every_solver* test_a_body_with_a_limit*
+test_xpbd_laws.py test_error_against*S1-0.01-20* test_error_against*S2*
+test_physics_conservation.py *elastic_pendulum*
+test_physics_hard.py test_hard_case*B5* test_hard_case*rk4*
+test_cpu_reference.py test_published*lab-curtain*
+test_turns.py test_a_lock*
+test_rebound.py test_among* test_it_comes*
+test_fluid_cpu.py test_against*free*
 """)
 
 # Of the parametrised tests in these files, which are dear for each variant, as many variants run by default as show every

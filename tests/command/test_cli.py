@@ -304,7 +304,7 @@ WORDS = st.one_of(
 )
 
 
-@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.lists(WORDS, max_size=6))
 def test_nonsense_never_shows_a_traceback(command, words: list[str]) -> None:
     if words and words[0] in ("demo", "sweep", "accuracy", "lab", "labbook", "figures", "doctor"):
