@@ -71,9 +71,8 @@ def _refuse(scene: SceneParts, kinds: Collection[str], why: str) -> None:
 
 def _check_world(scene: SceneParts) -> None:
     """Raise SceneError for what does not go with a world: what no member knows, what one of them refuses."""
-    method = scene.one("method")
+    method, wet = scene.one("method"), "fluid" in members_of(scene.kinds)
     if method is None:
-        wet = "fluid" in members_of(scene.kinds)
         usual: dict[str, Any] = OF_A_FLUID if wet else {"substeps": SUBSTEPS}
         scene.parts["method"], scene.kinds["method"] = Method(**usual | {"solver": OF_WORLDS}), "method"
     elif method.solver != OF_WORLDS:
@@ -81,6 +80,8 @@ def _check_world(scene: SceneParts) -> None:
         raise SceneError("method.solver", method.solver, told)
     elif method.tetrahedra != "xpbd" and "tetrahedra" not in members_of(scene.kinds):
         raise SceneError("method.tetrahedra", method.tetrahedra, "is for tetrahedral bodies, of which here are none")
+    elif wet:
+        _take_untold(scene, method)
     for name, part in scene.all_of(*BODY_KINDS).items():
         if part.spare:
             raise SceneError(f"{name}.spare", part.spare, "bodies wait in scenes of bodies alone; leave it out")
@@ -100,9 +101,14 @@ def _check_fluids(scene: SceneParts) -> None:
     elif method.solver != OF_FLUIDS:
         raise SceneError("method.solver", method.solver, f"must be {OF_FLUIDS} for fluids")
     else:
-        untold = {field: value for field, value in OF_A_FLUID.items() if field not in method.model_fields_set}
-        scene.parts[scene.name_of("method")] = method.model_copy(update=untold)
+        _take_untold(scene, method)
     check_flow(scene)
+
+
+def _take_untold(scene: SceneParts, method: Method) -> None:
+    """Give the method what fluids take, in the fields that the scene does not tell."""
+    untold = {field: value for field, value in OF_A_FLUID.items() if field not in method.model_fields_set}
+    scene.parts[scene.name_of("method")] = method.model_copy(update=untold)
 
 
 def _check_bodies(scene: SceneParts) -> None:

@@ -36,9 +36,9 @@ class Method(Part):
     macklin a substep's pressure grows over its iterations, each going the part `relaxation` of its way; averaged is that of
     the particle libraries, which shares corrections among neighbours and lets a fluid sink together; divergence-free
     (DFSPH) keeps it by velocities, `iterations` times for their divergence and as often for the density that they lead to. Of
-    fluids `dt` is 1/60 s unless given, with 4 `substeps` of 10 `iterations`. `world`: parts of several families, each by its
-    own solver (bodies shape-matching; `tetrahedra` xpbd, or vbd where no mesh is beside them; a mesh xpbd; fluids pbf) in
-    common substeps and iterations.
+    fluids, also in a world, `dt` is 1/60 s unless given, with 4 `substeps` of 10 `iterations`. `world`: parts of several
+    families, each by its own solver (bodies shape-matching; `tetrahedra` xpbd, or vbd where no mesh is beside them; a mesh
+    xpbd; fluids pbf) in common substeps and iterations; without a fluid and without this table in 20 substeps of 1.
     """
 
     solver: SolverName = "mass-spring"

@@ -60,14 +60,15 @@ def friction_is_ordered(part: Any) -> Any:
 class Grid(Part):
     """N rows x M columns of point masses, row 0 on top, at rest at (column * spacing, -row * spacing).
 
-    The hand-out counts quadrilateral elements: its N x M elements are (N + 1) x (M + 1) masses here.
+    The hand-out counts quadrilateral elements: its N x M elements are (N + 1) x (M + 1) masses here. Pinned are
+    rows or columns at its borders, or `every:K`, each K-th mass of the top row, or the masses [row, column] of a list.
     """
 
     rows: Count  # masses
     columns: Count  # masses
     spacing: Positive = 1.0  # m
     mass: Positive = 0.01  # kg, each
-    pinned: Pins = "none"  # none, top, edges, top-corners ..., every:K of the top row, or [[row, column], ...]
+    pinned: Pins = "none"  # top, bottom, left, right, top-bottom, left-right, top-corners, edges, every:K, [[i, j]]
 
     @field_validator("pinned", mode="before")
     @classmethod

@@ -13,6 +13,7 @@ from rich.console import Console
 from app.command.tables import print_fields
 from model.assets.strokes import letters
 from model.core.errors import SceneError
+from model.core.pins import PIN_WORDS
 from model.scene.fields import REQUIRED, about, document, rows_of
 from model.scene.scene import Scene
 from model.scene.scene_parts import KINDS
@@ -23,6 +24,13 @@ PAGE = Path(__file__).parents[2] / "docs" / "scene.md"
 def test_the_page_is_that_of_the_code() -> None:
     """Made anew: python -c 'from model.scene.fields import document; open("docs/scene.md", "w").write(document())'"""
     assert PAGE.read_text(encoding="utf-8") == document()
+
+
+def test_every_word_for_pins_is_told() -> None:
+    """Of grids and of cloths; `none` is the default."""
+    for kind in ("grid", "cloth"):
+        (row,) = [row for row in rows_of(kind) if row.name == "pinned"]
+        assert {*PIN_WORDS} - {"none"} <= {*re.split(r"[ ,]+", row.note)}, kind
 
 
 def test_every_kind_stands_in_the_table_of_what_it_is_for() -> None:
