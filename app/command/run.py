@@ -29,11 +29,11 @@ from app.output.offscreen import check_look
 from app.output.video import Picture, check_render, render, true_rate
 from app.shared import USUAL_LINK, check_asked, check_shared, shares
 from cpu_backend.core.threads import core_count, wait_policy
-from model.core.divergence import MIN_INTERVAL
 from model.core.energy import energies, spring_strain
 from model.core.errors import Diverged, InputError, SceneError
 from model.core.memory import available_bytes, require
 from model.core.simulation import Simulation, State
+from model.core.stability.divergence import MIN_INTERVAL
 from model.domains.launched import launched_ranks
 from model.fluid.foam import FoamPoints
 from model.geometry.overlaps import overlap_lines

@@ -29,7 +29,7 @@ from gpu_backend.shape_matching.rebound import Rebounds
 from gpu_backend.shape_matching.stages import bind_bodies_stages
 from model.core.plan import Executor
 from model.core.simulation import Options
-from model.formulas.cluster import MOMENTS
+from model.formulas.shape_matching.cluster import MOMENTS
 from model.mass_spring.cloth_parameters import collider_numbers
 from model.scene.scene import Scene
 from model.shape_matching.cluster_tables import first_particles, leans, matching_factors

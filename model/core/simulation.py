@@ -18,13 +18,13 @@ import numpy as np
 from model.core.backend import Backend
 from model.core.build import Body, build
 from model.core.clock import START, Clock, clock_of
-from model.core.diagnosis import diagnose
-from model.core.divergence import DIVERGED_SIZE, check_interval
 from model.core.energy import energies, spring_strain
 from model.core.errors import Diverged, InputError, SceneError
 from model.core.families import family_of, stability_limit
 from model.core.options import PRECISIONS, Options, check_live
 from model.core.plan import Executor, Plan, StageRun
+from model.core.stability.diagnosis import diagnose
+from model.core.stability.divergence import DIVERGED_SIZE, check_interval
 from model.core.state import State, checked_arrays
 from model.fluid.flow import taps_at_start, turned
 from model.scene.scene import Scene
