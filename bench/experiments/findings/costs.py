@@ -20,7 +20,7 @@ from bench.measure.experiment import described
 from bench.measure.items import Group, Items, cost_sources
 from bench.measure.timing import Subject, prepare
 from bench.store.database import Store
-from model.core import simulation as contract
+from model.core import stepping
 from model.core.simulation import PRECISIONS, Simulation
 from model.scene.scene import Scene, load_scene
 
@@ -62,7 +62,7 @@ class _Looking(Subject):
 
 def looks(backend: str, effort: Effort, most: int | None = None) -> list[Group]:
     """The lab's grid at several sizes, both precisions, the backend's own kernel: (without looks, with looks)."""
-    sources = cost_sources(backend, str(contract.__file__))
+    sources = cost_sources(backend, str(stepping.__file__))
     found = []
     for n in LOOK_SIZES[backend]:
         if most and n > most:

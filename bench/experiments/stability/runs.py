@@ -5,7 +5,7 @@ Outcomes are of a damped grid under gravity, some of whose masses are off their 
     settles    it ends at less than SETTLED of the greatest speed it had
     moving     it ends finite, and moves on: bounded, but not at rest
     grows      it is finite so far, but faster in the second half of the time, even after LONGER times as long
-    diverged   it left the finite world, with the step at which it did (model/core/simulation.py says how that is found)
+    diverged   it left the finite world, with the step at which it did (model/core/stepping.py says how that is found)
 
 Speeds are root mean squares over the masses.
 
