@@ -168,7 +168,7 @@ def exact_cost(results: Results) -> Claim:
             supported = True
             parts.append(f"{words.times(ratio)} as long on {where} ({words.masses(fast.particles)})")
         else:
-            parts.append(f"no longer beyond the spread on {where} ({words.masses(fast.particles)})")
+            parts.append(f"no longer beyond measurement noise on {where} ({words.masses(fast.particles)})")
     if not parts:
         return Claim("What exact math costs was not measured.")
     return Claim(f"A step of velocity Verlet in exact math takes {words.listed(parts)}.", numbers, supported)
