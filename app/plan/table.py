@@ -11,7 +11,7 @@ from app.plan.passes import BackendPlan
 from app.plan.report import PlanReport, Row, limit_line, share
 from app.plan.shared import shared_lines
 from model.core.families import family_of
-from model.core.stability_limit import frequency_lines
+from model.core.stability.limit import frequency_lines
 from model.scene.scene import Scene
 from model.shape_matching.spare import counts
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from bench.experiments.findings_determinism import DETERMINISM, RUNS
+from bench.experiments.findings.determinism import DETERMINISM, RUNS
 from labbook import words
 from labbook.claims.claim import Claim, Claims, on_gpu
 from labbook.words import percent

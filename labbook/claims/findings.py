@@ -1,5 +1,5 @@
-"""What the lab book may say about single findings (bench/experiments/findings.py); see labbook/claims/claim.py for the
-rules."""
+"""What the lab book may say about single findings (bench/experiments/findings/experiment.py); see labbook/claims/claim.py
+for the rules."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from functools import cache
 
 import numpy as np
 
-from bench.experiments.findings import AWAY, DAMPERS, DAMPING, DISSIPATION, FLOOR, oscillator
+from bench.experiments.findings.experiment import AWAY, DAMPERS, DAMPING, DISSIPATION, FLOOR, oscillator
 from labbook import words
 from labbook.claims.accuracy import NEAR, SCENE, found_points
 from labbook.claims.claim import Claim, Claims, on_gpu
@@ -107,7 +107,7 @@ def far_away(results: Results) -> Claim:
 def theory(scheme: str, dt: float) -> float:
     """The rate [1/s] at which the amplitude falls (negative: grows): -ln |eigenvalue of one step| / dt.
 
-    Of the oscillator of bench/experiments/findings.py, from the step's matrix (model/core/integrators.py).
+    Of the oscillator of bench/experiments/findings/experiment.py, from the step's matrix (model/core/integrators.py).
     """
     matrix = amplification_matrix(scheme, dt, _frequency(), 0.0)
     return -math.log(float(np.abs(np.linalg.eigvals(matrix)).max())) / dt

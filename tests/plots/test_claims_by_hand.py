@@ -20,7 +20,7 @@ from synthetic_store import (
     kernel_seconds,
 )  # fmt: skip
 
-from bench.experiments import findings
+from bench.experiments.findings import experiment as findings
 from bench.store.database import Store
 from bench.stress.results import HardRow
 from labbook.build import CLAIMS
