@@ -24,7 +24,7 @@ def cut(scene: Scene, count: int, steps: int | None, option: str) -> Decompositi
     family = family_of(scene)
     if family.reach is None:
         raise SceneError(
-            option, count, f"shares sheets of springs or constraints alone so far, no {family.name}; use 1"
+            option, count, f"shares sheets, and bodies that do not meet, alone so far, no {family.name}; use 1"
         )
     return decompose(scene.grid.rows, scene.grid.columns, count, family.reach(scene), steps, option)
 
