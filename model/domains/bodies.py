@@ -21,11 +21,13 @@ from model.core.errors import SceneError
 class Apart:
     """The bodies of a scene, none of which acts on another.
 
-    `weights` (bodies,) int64: how much work each is, in numbers of what is `counted`; `first_particle` (bodies + 1,) int64;
-    `held`: what the scene calls its set of particles; `some(first, end)`: the set of those bodies alone; `clusters(first,
-    end)`: which of all clusters theirs are, in the order in which that set has them, (n,) int64.
+    `names`: of the part of each; `weights` (bodies,) int64: how much work each is, in numbers of what is `counted`;
+    `first_particle` (bodies + 1,) int64; `held`: what the scene calls its set of particles; `some(first, end)`: the set of
+    those bodies alone; `clusters(first, end)`: which of all clusters theirs are, in the order in which that set has them,
+    (n,) int64.
     """
 
+    names: tuple[str, ...]
     weights: np.ndarray
     counted: str
     first_particle: np.ndarray
@@ -43,7 +45,7 @@ class Apart:
 @dataclass(frozen=True)
 class Share:
     """Bodies `first` to before `end`, with the particles `first_particle` to before `end_particle`; `weight`: what of theirs
-    is counted."""
+    is counted; `parts`: the names of theirs."""
 
     number: int
     first: int
@@ -51,6 +53,7 @@ class Share:
     first_particle: int
     end_particle: int
     weight: int
+    parts: tuple[str, ...]
 
     @property
     def particles(self) -> slice:
@@ -103,7 +106,7 @@ def divide(apart: Apart, count: int, option: str) -> Division:
     first = apart.first_particle
     return Division(
         tuple(
-            Share(k, a, b, int(first[a]), int(first[b]), int(ends[b] - ends[a]))
+            Share(k, a, b, int(first[a]), int(first[b]), int(ends[b] - ends[a]), tuple(dict.fromkeys(apart.names[a:b])))
             for k, (a, b) in enumerate(pairwise([*cuts, bodies]))
         ),
         apart.counted,

@@ -25,6 +25,7 @@ def bodies_apart(scene: Scene) -> Apart:
     found = scene.body_set
     firsts = np.array([*(one.first_particle for one in found.copies), found.particle_count])
     return Apart(
+        tuple(copy.name for copy in found.copies),
         np.diff(firsts), "particles", firsts, "body_set",
         lambda first, end: some_bodies(found, first, end),
         lambda first, end: clusters_of(found.copies[first:end]),

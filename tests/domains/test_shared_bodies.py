@@ -156,7 +156,15 @@ def test_no_share_is_heavier_than_a_fair_one_and_a_body(weights: list[int], data
     then has one body. All bodies are owned once, in their order."""
     count = data.draw(st.integers(1, len(weights)))
     firsts = np.concatenate([[0], np.cumsum(weights)])
-    apart = Apart(np.array(weights), "particles", firsts, "", lambda first, end: None, lambda first, end: firsts)
+    apart = Apart(
+        ("it",) * len(weights),
+        np.array(weights),
+        "particles",
+        firsts,
+        "",
+        lambda first, end: None,
+        lambda first, end: firsts,
+    )
     shares = divide(apart, count, "--gpus").shares
     assert [n for share in shares for n in range(share.first, share.end)] == list(range(len(weights)))
     assert all(share.end > share.first and share.weight == sum(weights[share.first : share.end]) for share in shares)
