@@ -19,7 +19,7 @@ from app.output.export import Exporter, Target, check_export
 from app.output.files import check_state_target, read_state, write_state, write_trajectory
 from app.output.offscreen import check_look
 from app.output.video import Picture, check_render, render, true_rate
-from app.shared import USUAL_LINK, check_asked, check_shared
+from app.shared import USUAL_LINK, check_asked, check_cut, check_shared
 from cpu_backend.core.threads import core_count, wait_policy
 from model.core.errors import Diverged, InputError, SceneError
 from model.core.memory import available_bytes, require
@@ -86,6 +86,8 @@ def check_targets(scene: Scene, request: Request, steps: int, notes: list[str]) 
         check_render(request.render)
     check_look(scene, request.look)
     check_asked(request.backend, request.gpus, request.ranks, request.exchange_every, request.link)
+    if request.gpus > 1:
+        check_cut(scene, request.gpus, request.exchange_every, request.link, "--gpus")
     check_shared(max(request.ranks, launched_ranks()), request.render, request.export)
     if request.record:
         check_state_target(request.record)

@@ -102,7 +102,8 @@ class BodiesState(SubstepSimulation):
     def _parameters_changed(self) -> None:
         if self._links:
             self._links.change(self.scene.method)
-        self._own_members.copy_to_device(self._in_own_order().reshape(-1), stream=self.stream)
+        if self.clusters.count:
+            self._own_members.copy_to_device(self._in_own_order().reshape(-1), stream=self.stream)
         self._material.change(self.scene.method)
         self._lattices.change(self.scene.method)
         if self.contacts:

@@ -94,10 +94,11 @@ def body_parts(scene: Scene) -> frozenset[str]:
     """What of bodies needs code beside their clusters: `links`, what their clusters do beside turning, contacts."""
     if not scene.bodies:
         return frozenset()
-    links = {"links"} if scene.body_set.links.count else set()
-    spare = {"spare"} if any(copy.waits for copy in scene.body_set.copies) else set()
-    lattices = {"lattices"} if scene.body_set.lattices else set()
-    return scene.body_set.loose.parts | contact_parts(scene) | rebound_parts(scene) | links | spare | lattices
+    found = scene.body_set
+    links = {"links"} if found.links.count else set()
+    spare = {"spare"} if any(copy.waits for copy in (found.whole or found).copies) else set()
+    lattices = {"lattices"} if found.lattices else set()
+    return found.alike.loose.parts | contact_parts(scene) | rebound_parts(scene) | links | spare | lattices
 
 
 def families(scene_parts: frozenset[str]) -> tuple[Family, ...]:
