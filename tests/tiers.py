@@ -107,7 +107,7 @@ test_xpbd_laws.py test_small_steps_rope* test_tethers*cpu-jacobi? test_tethers*
 test_xpbd_reference_hard.py test_small_steps_rope
 test_xpbd_reference_sheets.py test_first_order*along*
 test_rebound.py test_a_brick_that_lands*cpu* test_bodies_that_meet* test_a_brick_that_lands*
-test_shapes3d.py *closed*mesh2*
+test_surfaces3d.py *closed*mesh2*
 # processes that import the whole lab, and time with it
 test_pools.py test_workers_by_dask test_workers_by_slurm test_a_dask_worker* test_two_real_workers*
 test_sweep_on_many.py *nothing?2? *nothing?3?
@@ -424,6 +424,7 @@ test_vbd_cpu.py test_b21*
 test_sweep_on_many.py test_a_sweep_that_is_killed*
 test_rotation.py *float64*
 test_b1.py *rk4*
+test_b1_limits.py *rk4*
 test_no_trace.py test_the_cpu_reads*
 test_cloth_cpu.py test_fused*
 test_xpbd_cpu.py test_fused* test_members*
@@ -487,6 +488,7 @@ THINNED = {
     "test_xpbd_cpu.py", "test_xpbd_cpu_reference.py", "test_xpbd_laws.py", "test_xpbd_mesh_cpu.py",
     "test_xpbd_assembly.py", "test_cloth_reference.py", "test_cloth_cpu.py", "test_cloth_orders.py",
     "test_cloth_colliders.py", "test_cloth_assembly.py", "test_cpu_bits.py", "test_cpu_reference.py", "test_b1.py",
+    "test_b1_limits.py", "test_contacts_solver.py",
     "test_contacts.py", "test_contacts_scenes.py", "test_hard_cloth.py", "test_hard_xpbd.py", "test_hard_bodies.py",
     "test_accuracy_xpbd.py", "test_accuracy_s6.py", "test_matching.py", "test_lattice_ptx.py",
     "test_bodies_solver.py", "test_simulated_particle_contacts.py", "test_links.py", "test_spare.py",
