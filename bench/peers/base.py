@@ -117,20 +117,15 @@ def grid_refusal(scene: Scene) -> str | None:
     return f"it does not know {', '.join(sorted(unknown))}" if unknown else None
 
 
-class GridConstants:
-    """What a step of the grid needs, rounded once: the numbers that the lab's own kernels read.
+class SheetStart:
+    """A sheet as it starts, in the arithmetic of a peer.
 
-    `real`: the numpy type; `rows`, `columns`; `position`, `velocity` (particles, 2): the start; `free` (rows, columns)
-    bool; `dt`, `half_dt_squared`, `stiffness` (over mass), `stiffness_rest`, `damping` (over mass), `gravity` (along +y):
-    Python floats that `real` holds exactly.
+    `real`: the numpy type; `rows`, `columns`, `count` of masses; `pinned`: the indices of those that stay; `position`,
+    `velocity` (particles, axes); `free` (rows, columns) bool.
     """
 
     def __init__(self, scene: Scene, precision: str):
         self.real: Any = PRECISIONS[precision]
-        record = dict(zip(PARAMETERS, parameter_record(scene, self.real)[0].tolist(), strict=True))
-        self.dt, self.half_dt_squared = record["dt"], record["half_dt_squared"]
-        self.stiffness, self.stiffness_rest = record["stiffness"], record["stiffness_rest"]
-        self.damping, self.gravity = record["damping"], record["gravity"]
         body = build(scene)
         self.rows, self.columns, self.count = body.rows, body.columns, len(body.position)
         self.pinned = body.pinned
@@ -143,6 +138,21 @@ class GridConstants:
         free = np.ones(self.count, bool)
         free[self.pinned] = False
         return free.reshape(self.rows, self.columns)
+
+
+class GridConstants(SheetStart):
+    """What a step of the grid needs, rounded once: the numbers that the lab's own kernels read.
+
+    `dt`, `half_dt_squared`, `stiffness` (over mass), `stiffness_rest`, `damping` (over mass), `gravity` (along +y): Python
+    floats that `real` holds exactly.
+    """
+
+    def __init__(self, scene: Scene, precision: str):
+        super().__init__(scene, precision)
+        record = dict(zip(PARAMETERS, parameter_record(scene, self.real)[0].tolist(), strict=True))
+        self.dt, self.half_dt_squared = record["dt"], record["half_dt_squared"]
+        self.stiffness, self.stiffness_rest = record["stiffness"], record["stiffness_rest"]
+        self.damping, self.gravity = record["damping"], record["gravity"]
 
     @property
     def in_order(self) -> tuple[float, ...]:

@@ -4,14 +4,11 @@ from __future__ import annotations
 
 from functools import cache
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from bench.peers import cuda_cpp, cuda_driver
-from bench.peers.base import Opened
-from model.core.build import build
-from model.core.simulation import PRECISIONS
+from bench.peers.base import Opened, SheetStart
 from model.mass_spring.cloth_parameters import CLOTH_PARAMETERS, cloth_record
 from model.mass_spring.cloth_plan import cloth_parts
 from model.scene.scene import Scene
@@ -40,25 +37,13 @@ def cloth_refusal(scene: Scene) -> str | None:
     return f"it has no {', '.join(sorted(unknown))}" if unknown else None
 
 
-class ClothConstants:
+class ClothConstants(SheetStart):
     """What a step needs, rounded once: the numbers that the lab's own kernels read. See base.GridConstants."""
 
     def __init__(self, scene: Scene, precision: str):
-        self.real: Any = PRECISIONS[precision]
+        super().__init__(scene, precision)
         self._record = dict(zip(CLOTH_PARAMETERS, cloth_record(scene, self.real)[0].tolist(), strict=True))
         self.damped = any(self._record[f"{kind}_damping"] > 0 for kind in KINDS)
-        body = build(scene)
-        self.rows, self.columns, self.count = body.rows, body.columns, len(body.position)
-        self.pinned = body.pinned
-        self.position = body.position.astype(self.real)
-        self.velocity = body.velocity.astype(self.real)
-
-    @property
-    def free(self) -> np.ndarray:
-        """(rows, columns) bool: the masses that move."""
-        free = np.ones(self.count, bool)
-        free[self.pinned] = False
-        return free.reshape(self.rows, self.columns)
 
     @property
     def in_order(self) -> tuple[float, ...]:

@@ -13,8 +13,8 @@ import pytest
 import trimesh
 from bodies_scenes import BEAM, METHOD, TORUS, beams_and_torus
 from fake_cloth import FakeCloth, open_fake
+from real_window import StillWindow, display, needs_display  # noqa: F401
 from test_view3d import drawing, looks_like, near  # noqa: F401  # a fixture among them
-from test_viewer import StillWindow, display, needs_display  # noqa: F401
 
 from app.command.run_parts import bodies_report
 from app.output.export import Exporter, check_export

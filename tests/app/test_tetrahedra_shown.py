@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from real_window import StillWindow, display, needs_display  # noqa: F401
 from test_view3d import drawing  # noqa: F401  # a fixture
-from test_viewer import StillWindow, display, needs_display  # noqa: F401
 
 from app.output.offscreen import OffscreenRenderer, render_frame
 from app.render import colours

@@ -9,14 +9,10 @@ import numpy as np
 import pytest
 from contact_scenes import SPACING, crumpled, folded
 
-from app.driver import open_simulation
-from bench.reference import mass_spring
 from bench.reference.contact import self_contacts as reference
 from cpu_backend.contact.self_contact import Contacts
 from model.contact.self_contact_parameters import MAX_CONTACTS, table_size
 from model.core.build import build, folded_positions
-from model.core.errors import SceneError
-from model.core.simulation import State
 from model.formulas import contact
 from model.scene.scene import Scene
 
@@ -282,66 +278,3 @@ def test_masses_far_off_and_not_finite_ones_end_the_search() -> None:
 
 def test_tables_are_powers_of_two() -> None:
     assert [table_size(n) for n in (1, 2, 3, 5, 1000)] == [2, 4, 8, 16, 2048]
-
-
-# ---------------------------------------------------------------------- in the solver
-
-
-def end_state(scene: Scene, steps: int, **options: Any) -> State:
-    with open_simulation(
-        scene, "cpu", **{"precision": "float64", "math": "exact", "threads": 1} | options
-    ) as simulation:
-        simulation.advance(steps)
-        return simulation.state()
-
-
-@pytest.mark.parametrize("ordering", ["gauss-seidel", "jacobi"])
-def test_a_folded_strip_that_falls_follows_the_reference(ordering: str) -> None:
-    """Layers come down on the floor and on one another, 24 substeps; a substep is some hundred roundings of lengths under
-    1 m, and contacts forget errors rather than let them grow."""
-    scene = folded(10, 5, layer=4).replace({"method.ordering": ordering})
-    state = end_state(scene, 6)
-    position, velocity = reference.simulate(scene, 6, *mass_spring.start(scene), MAX_CONTACTS)
-    h = scene.method.dt / scene.method.substeps
-    assert np.abs(state.position - position).max() < 1e-12
-    assert np.abs(state.velocity - velocity).max() < 1e-12 / h
-    free = end_state(Scene({k: t for k, t in scene.as_dict().items() if k != "self_collision"}), 6)
-    assert np.abs(free.position - position).max() > 1e-3
-
-
-@pytest.mark.parametrize("precision", ["float32", "float64"])
-def test_the_solver_gives_the_same_bits_for_any_number_of_threads(precision: str) -> None:
-    scene = folded(10, 5, layer=4)
-    one = end_state(scene, 5, precision=precision)
-    for threads in (2, 4):
-        other = end_state(scene, 5, precision=precision, threads=threads)
-        assert np.array_equal(one.position, other.position) and np.array_equal(one.velocity, other.velocity)
-
-
-# ---------------------------------------------------------------------- scenes that cannot be
-
-
-@pytest.mark.parametrize(
-    ("change", "match"),
-    [
-        ({"self_collision.thickness": 0.11}, "at most cloth.spacing, 0.1: neighbours"),
-        ({"self_collision.thickness": 0.0}, "greater than 0"),
-        ({"self_collision.sweeps": 0}, "at least 1"),
-        ({"self_collision.dynamic_friction": 0.5}, "at most static_friction"),
-        ({"method.solver": "mass-spring"}, "position-based"),
-        ({"fold.rows": 1}, "at least 2"),
-    ],
-)
-def test_scenes_that_cannot_be_are_refused(change: dict[str, Any], match: str) -> None:
-    with pytest.raises(SceneError, match=match):
-        folded().replace(change)
-
-
-def test_a_grid_has_no_contacts_with_itself() -> None:
-    with pytest.raises(SceneError, match="belongs to a"):
-        Scene({"grid": {"rows": 3, "columns": 3}, "self_collision": {}, "method": {"solver": "xpbd"}})
-
-
-def test_the_fused_kernel_is_refused() -> None:
-    with pytest.raises(SceneError, match="use stages"):
-        end_state(folded(), 1, kernel="fused")

@@ -47,7 +47,7 @@ FIGURES: tuple[Mistake, ...] = (
         {"times in kiloseconds": ('EngFormatter(unit="s")', 'EngFormatter(unit="ks")'), "curves of the quickest repeat": ("y = np.array([value(timing, timing.median) for timing in right])", "y = np.array([value(timing, timing.low) for timing in right])")},
     ),
     *in_file(
-        "plots/core/data.py", "test_figures.py test_claims_by_hand.py",
+        "plots/core/data.py", "test_figures.py test_claims_by_hand.py test_claims_accuracy.py",
         {
             "wrong answers take part": ("return [timing for timing in timings if not is_wrong(timing)]", "return list(timings)"),
             "an infinite error is right": ('infinite = timing.error is not None and timing.error == float("inf")', "infinite = False"),
@@ -56,7 +56,7 @@ FIGURES: tuple[Mistake, ...] = (
     ),
 )  # fmt: skip
 
-HAND = "test_claims_by_hand.py"
+HAND = "test_claims_by_hand.py test_claims_accuracy.py"
 CLAIMS: tuple[Mistake, ...] = (
     *in_file(
         "plots/core/apart.py", "plots/test_apart.py",

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from test_viewer import Window, display, needs_display  # noqa: F401
+from real_window import Window, display, needs_display  # noqa: F401
 
 from app.command.dear_imgui import REMEDY
 

@@ -12,7 +12,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from test_viewer import GRID, PATIENCE, TABLES, display, needs_display  # noqa: F401
+from real_window import PATIENCE, display, needs_display  # noqa: F401
+from test_viewer import GRID, TABLES
 
 from app.window.demo import Demo
 from app.window.demo_report import numbers_text, title_text
