@@ -8,7 +8,7 @@ from typing import NoReturn
 import numpy as np
 
 from model.core.errors import SceneError
-from model.domains.bodies import Apart
+from model.domains.bodies import Apart, require_apart
 from model.scene.attachment import pins
 from model.scene.scene import Scene
 from model.tetrahedra.body_set import TetrahedraSet
@@ -17,9 +17,7 @@ from model.tetrahedra.body_set import TetrahedraSet
 def tetrahedra_apart(scene: Scene) -> Apart:
     """The bodies of a scene, balanced by their tetrahedra. Raises SceneError for what lets them act on each other, and what
     is of all vertices."""
-    if scene.contact is not None:
-        told = "lets bodies meet, which are not shared then: leave it out, and they pass through each other, or run it as one"
-        raise SceneError(f"{scene.name_of('contact')}.kind", "contact", told)
+    require_apart(scene)
     if scene.mesh is not None:
         raise SceneError(f"{scene.name_of('mesh')}.kind", "mesh", "a cloth beside bodies is not shared: run it as one")
     if scene.external is not None and scene.external.magnitude > 0:
