@@ -275,7 +275,9 @@ test_bar.py test_a_jelly_bar_swings_as_its_clusters_say?cpu? test_figures_are_dr
 test_bars_of_peers.py test_an_answer_that_takes_too_long_is_not_waited_for
 test_bodies_hard.py test_a_ball_inside_a_body_pushes_it_out_in_place
     test_a_soft_body_finds_its_shape_again?onto?a?line?across-float32? test_another_body_stops* test_a_hit_keeps_linear*
+    test_what_goes_too_far* test_what_begins_inside* test_a_hit_keeps_angular*soft?
 test_bodies_rest.py test_a_brick_bears_a_heavy_one?10.0-4-float32? test_what_was_dropped*
+    test_bodies_that_were* test_a_heap_of_eight*
 test_bodies_run.py test_the_catalogue_is_readable_at_80_columns
 test_claims_by_hand.py test_wrong_answers_change_no_sentence
 test_cli.py test_what_only_tells?doctor?

@@ -22,7 +22,7 @@ from model.core.families import family_of, stability_limit
 from model.core.family import named
 from model.core.plan import Node, Plan, Stage
 from model.core.simulation import PRECISIONS
-from model.core.stability_limit import frequency_lines
+from model.core.stability.limit import frequency_lines
 from model.scene.scene import Scene
 
 

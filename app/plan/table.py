@@ -10,7 +10,7 @@ from app.plan.fluid import fluid_lines
 from app.plan.passes import BackendPlan
 from app.plan.report import PlanReport, Row, limit_line, share
 from model.core.families import family_of
-from model.core.stability_limit import frequency_lines
+from model.core.stability.limit import frequency_lines
 from model.scene.scene import Scene
 from model.shape_matching.spare import counts
 

@@ -52,6 +52,11 @@ class MeshCollider(SurfaceCollider):
         ordered: np.ndarray = corners[order_of(corners)]
         return ordered
 
+    @cached_property
+    def tree(self) -> np.ndarray:
+        """`numbers` in float64. Raises InputError."""
+        return self.numbers(np.float64)
+
     def numbers(self, real: Any) -> np.ndarray:
         """Of the tree, see model/geometry/triangle_tree.py."""
         return tree_numbers(self.corners, real)

@@ -16,10 +16,10 @@ from model.fluid.fluid_set import FluidSet
 from model.geometry.sheets import sheet_positions
 from model.geometry.topology import mesh_of, pinned_vertices, vertex_masses
 from model.scene.cloth import Cloth, Fold
+from model.scene.kinds import SHEETS
 from model.scene.mesh import Mesh
 from model.scene.parts import Grid
 from model.scene.scene import Scene
-from model.scene.scene_parts import SHEETS
 from model.scene.self_collision import CONTACT_BYTES
 from model.shape_matching.body_set import BodySet
 from model.tetrahedra.body_set import TetrahedraSet

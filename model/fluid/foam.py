@@ -95,7 +95,7 @@ class FoamPoints:
         kind = self.kind[:, None]
         moving = np.where(kind == FOAM, mean, np.where(kind == BUBBLE, dragged, moving))
         place = self._wrapped(self.position + passed * moving)
-        place, moving, met = kept_out(self.scene, place, moving, self._time)
+        place, moving, met = kept_out(self.scene, place, passed * moving, moving, self._time, passed)
         left = self.left - passed * ((self.kind == FOAM) | met)
         middle, reach = position.mean(axis=0), FAR * self.scene.fluid_set.extent + np.ptp(position, axis=0).max()
         stays = (left > 0) & (np.abs(place - middle) < reach).all(axis=1)
@@ -154,7 +154,8 @@ class FoamPoints:
             return
         turn = np.arange(len(each)) - np.repeat(np.cumsum(number) - number, number) + 1  # 1, 2 ... of each particle
         place, moving = self._cylinder(position[each], velocity[each], passed, self._random(each, turn))
-        place, moving, _ = kept_out(self.scene, self._wrapped(place), moving, self._time)
+        way = place - position[each]
+        place, moving, _ = kept_out(self.scene, self._wrapped(place), way, moving, self._time, 0.0)
         left = self.foam.lifetime * (YOUNGEST + (1 - YOUNGEST) * share[each])
         most = self.foam.most
         old = self.position, self.velocity, self.left

@@ -6,13 +6,23 @@ from typing import Any
 
 import numpy as np
 
+from model.contact.mesh_collider import MeshCollider
+from model.contact.surface_collider import SurfaceCollider
+from model.geometry.crossings import corners_of, first_crossings
+from model.geometry.distance_field import DistanceField
 from model.scene.cloth import Box, Capsule, Plane, Sphere
 from model.scene.scene import Scene
 
+ROUNDS = 4  # how often a point is led back to the side of a mesh that it comes from, before it stays where it was
+GAP = 1e-3  # rest distances from a mesh, where it is put: on a triangle its side would be rounding's
+
 
 def outward(collider: Any, place: np.ndarray, time: float) -> tuple[np.ndarray, np.ndarray] | None:
-    """(signed distance (n,) [m], unit normal (n, 3)) of a plane, ball, rod or block, where it is at `time` [s], at places
-    (n, 3) [m]; None of meshes and fields."""
+    """(signed distance (n,) [m], unit normal (n, 3)) of a plane, ball, rod, block or field, where it is at `time` [s], at
+    places (n, 3) [m]; None of a mesh, which has no inside."""
+    if isinstance(collider, DistanceField):
+        distance, normal = _field(collider, _seen(collider, place, time))
+        return distance, normal @ collider.turn_at(time).T
     place = place - time * np.asarray(collider.velocity)
     if isinstance(collider, Plane):
         normal = np.asarray(collider.normal) / np.linalg.norm(collider.normal)
@@ -44,22 +54,80 @@ def _block(away: np.ndarray, half: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return np.where(inside, over.max(axis=1), distance), np.where(inside[:, None], face, normal)
 
 
-def kept_out(
-    scene: Scene, place: np.ndarray, velocity: np.ndarray, time: float
+def _seen(collider: SurfaceCollider, place: np.ndarray, time: float) -> np.ndarray:
+    """Places (n, 3) in the collider's own frame."""
+    away = place - np.asarray(collider.origin) - time * np.asarray(collider.velocity)
+    return np.asarray(away @ collider.turn_at(time))
+
+
+def _field(collider: DistanceField, place: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """In its frame: the distance interpolated, and the way it grows from half a cell before to half a cell beyond; outside
+    the grid infinitely far."""
+    field = collider.field
+    last = field.low + field.spacing * (np.array(field.distance.shape) - 1)
+    within = ((place >= field.low) & (place <= last)).all(axis=1)
+    distance, normal = np.full(len(place), np.inf), np.tile([0.0, 1.0, 0.0], (len(place), 1))
+    some, steps = place[within], field.spacing / 2 * np.eye(3)
+    distance[within] = field.at(some)
+    ends = [[field.at(np.clip(some + side * step, field.low, last)) for step in steps] for side in (-1, 1)]
+    normal[within] = _ball((np.array(ends[1]) - ends[0]).T, 0.0)[1]
+    return distance, normal
+
+
+def _before_mesh(
+    collider: MeshCollider, place: np.ndarray, way: np.ndarray, time: float, passed: float, gap: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """(places (n, dimensions) [m], velocities [m/s], which met a collider (n,)): out by the nearest way, and with what goes
-    into a collider taken from the velocity, relative to its own."""
+    """(places (n, 3) [m] on the side of the mesh that the ways, which `passed` [s] took, come from, normals (n, 3) to that
+    side, which ways met the mesh (n,)). What leads into it is taken from a way, `gap` [m] before it; the rest goes on
+    along it."""
+    begin, end = _seen(collider, place - way, time - passed), _seen(collider, place, time)
+    corners, normal, crosses = corners_of(collider.tree), np.zeros_like(end), np.ones(len(end), bool)
+    met = np.zeros(len(end), bool)
+    for _ in range(ROUNDS):
+        some = np.flatnonzero(crosses)
+        triangle, side = first_crossings(collider.tree, begin[some], end[some])
+        crosses[some] = triangle >= 0
+        some, triangle, side = (array[triangle >= 0] for array in (some, triangle, side))
+        depth = gap - ((end[some] - corners[triangle, 0]) * side).sum(axis=1)
+        end[some] += depth[:, None] * side
+        normal[some], met[some] = side, True
+    some = np.flatnonzero(crosses)
+    stays = some[first_crossings(collider.tree, begin[some], end[some])[0] >= 0]
+    end[stays] = begin[stays]
+    turn = collider.turn_at(time)
+    led = end @ turn.T + collider.origin + time * np.asarray(collider.velocity)
+    return np.where(met[:, None], led, place), normal @ turn.T, met
+
+
+def _own_velocity(collider: Any, place: np.ndarray, time: float) -> np.ndarray:
+    """(n, 3) [m/s]: at which the collider moves at places (n, 3)."""
+    velocity = np.asarray(collider.velocity)
+    if isinstance(collider, SurfaceCollider):
+        return np.asarray(velocity + np.cross(collider.spin, place - collider.origin - time * velocity))
+    return velocity
+
+
+def kept_out(
+    scene: Scene, place: np.ndarray, way: np.ndarray, velocity: np.ndarray, time: float, passed: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """(places (n, dimensions) [m], velocities [m/s], which met a collider (n,)) of points that came a `way` [m] to their
+    places in the time `passed` [s]: out by the nearest way, or back to the side of a mesh that they come from; and with what
+    goes into a collider taken from the velocity, relative to its own."""
     axes = place.shape[1]
-    where, moving = (np.pad(array, ((0, 0), (0, 3 - axes))) for array in (place, velocity))
-    met = np.zeros(len(place), bool)
+    where, moving, came = (np.pad(array, ((0, 0), (0, 3 - axes))) for array in (place, velocity, way))
+    met, start = np.zeros(len(place), bool), where - came
     for _, collider in scene.colliders:
-        found = outward(collider, where, time)
-        if found is None:
-            continue
-        distance, normal = found
-        into = distance < 0
+        if isinstance(collider, MeshCollider):
+            gap = GAP * scene.fluid_set.spacing
+            where, normal, into = _before_mesh(collider, where, where - start, time, passed, gap)
+        else:
+            found = outward(collider, where, time)
+            if found is None:
+                continue
+            distance, normal = found
+            into = distance < 0
+            where = where - np.where(into, distance, 0)[:, None] * normal
         met |= into
-        where = where - np.where(into, distance, 0)[:, None] * normal
-        speed = ((moving - np.asarray(collider.velocity)) * normal).sum(axis=1)
+        speed = ((moving - _own_velocity(collider, where, time)) * normal).sum(axis=1)
         moving = moving - np.where(into & (speed < 0), speed, 0)[:, None] * normal
     return where[:, :axes], moving[:, :axes], met

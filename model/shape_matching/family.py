@@ -6,7 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from model.scene.checks import MATCHED, OF_BODIES
+from model.scene.checks.fit import OF_BODIES
+from model.scene.checks.solver import MATCHED
 from model.scene.scene import Scene
 from model.shape_matching.apart import bodies_apart
 from model.shape_matching.energy import goal_strain, window_energy

@@ -6,18 +6,9 @@ from dataclasses import dataclass
 
 from model.contact.particle_parameters import contact_parts
 from model.core.plan import Node, Plan, Stage
-from model.formulas import (
-    cluster,
-    colliders,
-    contact,
-    deformation,
-    distance,
-    lattice,
-    pace,
-    particle_contact,
-    rebound,
-    shape_matching,
-)  # fmt: skip
+from model.formulas import colliders, contact, distance, particle_contact
+from model.formulas.shape_matching import cluster, deformation, lattice, pace, rebound
+from model.formulas.shape_matching import grid as shape_matching
 from model.mass_spring.cloth_plan import cloth_parts
 from model.mass_spring.plan import WIND, own_stages
 from model.scene.cloth import SPRING_KINDS
