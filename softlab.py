@@ -1,5 +1,6 @@
 """The command line of the soft-body lab: one function a sub-command, nothing else; those that measure: bench/*commands.py,
-that advise: bench/advice_commands.py; on files and stores: app/command/file_commands.py, bench/store/commands.py."""
+that advise: bench/advice_commands.py; that tell what the store says: labbook/commands.py; on files and stores:
+app/command/file_commands.py, bench/store/commands.py."""
 
 from __future__ import annotations
 
@@ -17,22 +18,18 @@ from typing import Annotated
 import typer
 
 from app.command.command_line import (
-    DEFAULT_STORE,
     Backend,
     Commands,
     Math,
     Precision,
     SceneName,
     Settings,
-    StorePath,
     Threads,
     compilations_told,
     errors,
     exit_status,
     out,
     scene_of,
-    tell_of_no_store,
-    typed,
 )
 from app.command.file_commands import filing
 from bench.advice_commands import advising
@@ -40,6 +37,7 @@ from bench.commands import measuring
 from bench.scale_commands import scaling
 from bench.store.commands import keeping
 from bench.sweep_commands import sweeping
+from labbook.commands import telling
 from model.domains.launched import launched_ranks
 
 app = typer.Typer(
@@ -70,12 +68,6 @@ def softlab(
     ] = False,
 ) -> None:
     """A soft-body lab: the same scenes on CPU threads and on CUDA, how fast and how wrong each run was."""
-
-
-Folder = Annotated[Path, typer.Option("--out", help="The folder to write to.")]
-DEFAULT_FIGURES = Path("softlab-results") / "figures"
-DEFAULT_BOOK = Path("softlab-results") / "labbook.pdf"
-DEFAULT_FILM = Path("softlab-results") / "film.mp4"
 
 
 def main() -> None:
@@ -205,65 +197,8 @@ def demo(
         )
 
 
-app.registered_commands += (
-    sweeping.registered_commands + measuring.registered_commands + advising.registered_commands
-)  # here: it is the order of --help
-
-
-@app.command(epilog="Example: softlab figures --out figures")
-def figures(
-    store: StorePath = DEFAULT_STORE,
-    folder: Folder = DEFAULT_FIGURES,
-    energies: Annotated[
-        Path | None, typer.Option(help="Only the energies of a trajectory written by run --record.")
-    ] = None,
-) -> None:
-    """Draw every figure from the store, over the committed measurements."""
-    from labbook.jobs import make_figures
-
-    for path in make_figures(store, folder, energies):
-        out.print(str(path), markup=False)
-
-
-@app.command(epilog="Example: softlab labbook --out labbook.pdf")
-def labbook(
-    store: StorePath = DEFAULT_STORE, pdf: Annotated[Path, typer.Option("--out", help="The PDF.")] = DEFAULT_BOOK
-) -> None:
-    """Write the lab book (PDF) from the store."""
-    from labbook.jobs import make_labbook
-
-    tell_of_no_store(store, "the lab book")
-    out.print(str(make_labbook(store, pdf)), markup=False)
-
-
-@app.command(epilog="Example: softlab film --out film.mp4   (captions alone: --no-voice)")
-def film(
-    store: StorePath = DEFAULT_STORE,
-    mp4: Annotated[
-        Path, typer.Option("--out", help="The film (.mp4); its captions come beside it (.srt).")
-    ] = DEFAULT_FILM,
-    voice: Annotated[bool, typer.Option(help="Narrate it, where piper or espeak-ng is installed.")] = True,
-    quick: Annotated[bool, typer.Option("--quick", help="Half a minute, 640 x 360.")] = False,
-) -> None:
-    """Make a narrated film of two minutes from the store: both implementations side by side, with times and errors."""
-    from labbook.jobs import make_film
-
-    tell_of_no_store(store, "the film")
-    with compilations_told():
-        make_film(out, store, mp4, quick=quick, voice=voice)
-
-
-@app.command(epilog="Example: softlab lab --quick")
-def lab(
-    quick: Annotated[
-        bool, typer.Option("--quick", help="Small: a minute or two on two cores, later less than one.")
-    ] = False,
-    store: StorePath = DEFAULT_STORE,
-) -> None:
-    """Everything: doctor, sweep, accuracy, stability, figures, lab book."""
-    from labbook.jobs import whole_lab
-
-    whole_lab(out, quick=quick, store_path=store, command=typed())
+for group in (sweeping, measuring, advising, telling):
+    app.registered_commands += group.registered_commands  # here: it is the order of --help
 
 
 @app.command(epilog="Example: softlab scenes")
@@ -321,7 +256,8 @@ def doctor() -> None:
     print_findings(out, examine())
 
 
-app.registered_commands += scaling.registered_commands + filing.registered_commands + keeping.registered_commands
+for group in (scaling, filing, keeping):
+    app.registered_commands += group.registered_commands
 
 
 if __name__ == "__main__":

@@ -7,11 +7,11 @@ from pathlib import Path
 
 from app.auto_threads import AUTO, open_quickest
 from app.shared import USUAL_LINK, open_shared
-from model.core.diagnosis import refusal
 from model.core.errors import SceneError
 from model.core.families import family_of
 from model.core.family import named
 from model.core.simulation import Options, Simulation, State
+from model.core.stability.diagnosis import refusal
 from model.scene.scene import Scene, load_scene
 
 BACKENDS = ("cpu", "gpu")

@@ -1,4 +1,4 @@
-"""A sheet that several GPUs or processes share: how it is opened, and what a run says of it."""
+"""A scene that several GPUs or processes share: how it is opened, and what a run says of it."""
 
 from __future__ import annotations
 
@@ -10,7 +10,8 @@ from model.core.family import named
 from model.core.options import Options
 from model.core.simulation import Simulation
 from model.domains.launched import launched_ranks
-from model.domains.simulation import DecomposedSimulation
+from model.domains.shared_bodies import SharedBodies, division, is_apart
+from model.domains.simulation import DecomposedSimulation, cut
 from model.scene.scene import Scene
 
 LINKS = {  # of GPUs: the class that opens a sheet which they share
@@ -19,6 +20,7 @@ LINKS = {  # of GPUs: the class that opens a sheet which they share
     "nccl": "gpu_backend.domains.nccl:NcclSimulation",
 }
 USUAL_LINK = "flags"
+BODIES = "gpu_backend.domains.bodies:GpuBodies"  # which need none
 
 
 def check_sharing(backend: str, gpus: int, ranks: int, link: str | None) -> None:
@@ -43,6 +45,17 @@ def check_asked(backend: str, gpus: int, ranks: int, exchange_every: int | None,
             raise SceneError(option, value, "is for a sheet that several share; add --gpus or --ranks")
 
 
+def check_cut(scene: Scene, count: int, steps: int | None, link: str | None, option: str) -> None:
+    """Raise SceneError where so many cannot share the scene, before anything is opened or started; `steps` between two
+    exchanges and `link` None: not said."""
+    if not is_apart(scene):
+        cut(scene, count, steps, option)
+        return
+    division(scene, count, steps, option)
+    if link is not None:
+        raise SceneError("--link", link, "is for a sheet that is shared by its rows: bodies send nothing; leave it out")
+
+
 def open_shared(
     scene: Scene,
     backend: str,
@@ -53,23 +66,33 @@ def open_shared(
     exchange_every: int | None,
     link: str,
 ) -> Simulation:
-    """The scene's sheet in windows; see app/driver.py. Raises SceneError, BackendUnavailable."""
+    """The scene in windows; see app/driver.py. Raises SceneError, BackendUnavailable."""
     check_sharing(backend, gpus, ranks, link)
     if backend == "cpu":
         from cpu_backend.domains.mpi import MpiRanks
-        from cpu_backend.domains.ranks import RankSimulation
+        from cpu_backend.domains.ranks import on_ranks
 
-        return RankSimulation(scene, options, MpiRanks(ranks), threads, exchange_every)
-    opened: Simulation = named(LINKS[link])(scene, options, gpus, exchange_every)
+        return on_ranks(scene, options, MpiRanks(ranks), threads, exchange_every)
+    if is_apart(scene):
+        check_cut(scene, gpus, exchange_every, None if link == USUAL_LINK else link, "--gpus")
+    place = BODIES if is_apart(scene) else LINKS[link]
+    opened: Simulation = named(place)(scene, options, gpus, exchange_every)
     return opened
 
 
 def shares(simulation: Simulation) -> dict[str, Any]:
-    """What a report says of a sheet that several share."""
+    """What a report says of a scene that several share."""
+    name = "ranks" if simulation.backend == "cpu" else "gpus"
+    if isinstance(simulation, SharedBodies):
+        found = simulation.division
+        return {
+            name: found.count,
+            "bodies_each": [share.end - share.first for share in found.shares],
+            "balance": found.balance,
+        }
     if not isinstance(simulation, DecomposedSimulation):
         return {}
     cut = simulation.decomposition
-    name = "ranks" if simulation.backend == "cpu" else "gpus"
     return {
         name: cut.count,
         "exchange_every": cut.interval,

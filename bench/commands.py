@@ -53,8 +53,8 @@ def accuracy(
     from bench.experiments.accuracy.experiment import run_accuracy
     from bench.experiments.accuracy.points import labels_of
     from bench.experiments.convergence import run_convergence
-    from bench.experiments.findings import run_findings
-    from bench.experiments.findings_costs import run_costs
+    from bench.experiments.findings.costs import run_costs
+    from bench.experiments.findings.experiment import run_findings
 
     scenes = labels_of([*(names or []), *(scene or [])]) or None
     if findings is None:

@@ -143,8 +143,8 @@ def _measurements(console: Console, store: Any, quick: bool, command: str) -> di
     from bench.experiments.bar_costs import run_bar_costs
     from bench.experiments.busy import run_busy
     from bench.experiments.convergence import run_convergence
-    from bench.experiments.findings import run_findings
-    from bench.experiments.findings_costs import run_costs
+    from bench.experiments.findings.costs import run_costs
+    from bench.experiments.findings.experiment import run_findings
     from bench.experiments.projections import run_projections
     from bench.experiments.stability.experiment import run_stability
     from bench.experiments.sweep import run_sweep

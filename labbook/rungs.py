@@ -38,9 +38,9 @@ HEAD = (
 
 @dataclass(frozen=True)
 class Rung:
-    """A kernel at the size where it gains most. `best`, `under`: its timing there and that of the kernel `below`, None where
-    it is at no size faster beyond the spread; `first`: the numbers of masses at which it is the fastest of all, of `sizes`
-    that were timed; `suspect`: whether the times are marked so."""
+    """A kernel at the size where it gains most. `best`, `under`: its timing there and that of the kernel `below`, None
+    where it is at no size faster beyond measurement noise; `first`: the numbers of masses at which it is the fastest of
+    all, of `sizes` that were timed; `suspect`: whether the times are marked so."""
 
     kernel: str
     below: str

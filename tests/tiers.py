@@ -275,7 +275,9 @@ test_bar.py test_a_jelly_bar_swings_as_its_clusters_say?cpu? test_figures_are_dr
 test_bars_of_peers.py test_an_answer_that_takes_too_long_is_not_waited_for
 test_bodies_hard.py test_a_ball_inside_a_body_pushes_it_out_in_place
     test_a_soft_body_finds_its_shape_again?onto?a?line?across-float32? test_another_body_stops* test_a_hit_keeps_linear*
+    test_what_goes_too_far* test_what_begins_inside* test_a_hit_keeps_angular*soft?
 test_bodies_rest.py test_a_brick_bears_a_heavy_one?10.0-4-float32? test_what_was_dropped*
+    test_bodies_that_were* test_a_heap_of_eight*
 test_bodies_run.py test_the_catalogue_is_readable_at_80_columns
 test_claims_by_hand.py test_wrong_answers_change_no_sentence
 test_cli.py test_what_only_tells?doctor?
@@ -356,6 +358,7 @@ test_restitution.py test_a_cloth_bounces_off_all_kinds?cpu?
 test_rotation.py test_it_is_the_rotation_of_the_singular_value_decomposition?random*
     test_it_is_the_rotation_of_the_singular_value_decomposition?rigid-*
 test_shapes.py test_every_shape_is_a_body?octopus-coarsest?
+test_shared_bodies.py test_a_catalogue_scene*
 test_shared_projections.py test_ranks*small-steps*-8-4?
 test_simulated_domains.py test_a_cloth_of_constraints_has_the_bits_of_the_cpu?changes0-peer?
 test_simulated_fluid.py test_it_is_the_judges_and_stage_by_stage_the_same_bits?cup?

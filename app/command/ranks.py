@@ -12,11 +12,10 @@ from tempfile import TemporaryDirectory
 
 from app.command.run import Request
 from app.command.run_length import step_count
-from app.shared import check_asked, check_shared
+from app.shared import check_asked, check_cut, check_shared
 from model.core.errors import BackendUnavailable, SceneError
 from model.domains.launched import STATUS_FILE, launched_rank, launched_ranks
 from model.domains.processes import abort, mpi_installed, mpiexec
-from model.domains.simulation import cut
 from model.scene.scene import Scene
 
 
@@ -35,7 +34,7 @@ def among_ranks(scene: Scene, request: Request) -> tuple[Request, int]:
         )
     many = max(wanted, launched)
     check_shared(many, request.render, request.export)
-    cut(scene, many, request.exchange_every, option)
+    check_cut(scene, many, request.exchange_every, request.link, option)
     step_count(scene, request.steps, request.time, [])
     shared = replace(request, gpus=many) if by_nccl else replace(request, ranks=many)
     return shared, many if launched == 1 else 0

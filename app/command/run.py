@@ -8,38 +8,28 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Protocol
 
-import numpy as np
 import psutil
 
 from app.command.foaming import Foaming, frame_steps, shows_foam
 from app.command.run_length import step_count
-from app.command.run_parts import (
-    bodies_report,
-    body_lines,
-    caught_lines,
-    collider_lines,
-    contact_report,
-    fluid_notes,
-    fluid_report,
-)
+from app.command.run_parts import body_lines, caught_lines, collider_lines, fluid_notes
+from app.command.run_report import run_report
 from app.driver import open_simulation
 from app.output.export import Exporter, Target, check_export
 from app.output.files import check_state_target, read_state, write_state, write_trajectory
 from app.output.offscreen import check_look
 from app.output.video import Picture, check_render, render, true_rate
-from app.shared import USUAL_LINK, check_asked, check_shared, shares
+from app.shared import USUAL_LINK, check_asked, check_cut, check_shared
 from cpu_backend.core.threads import core_count, wait_policy
-from model.core.divergence import MIN_INTERVAL
-from model.core.energy import energies, spring_strain
 from model.core.errors import Diverged, InputError, SceneError
 from model.core.memory import available_bytes, require
 from model.core.simulation import Simulation, State
+from model.core.stability.divergence import MIN_INTERVAL
 from model.domains.launched import launched_ranks
 from model.fluid.foam import FoamPoints
 from model.geometry.overlaps import overlap_lines
 from model.scene.scene import Scene
 from model.scene.sheets import mesh_lines, rest_lines
-from model.shape_matching.spare import counts
 
 WARM_UP_STEPS = 512  # on a real GPU: enough to capture every graph that a long run replays
 PROGRESS_SECONDS = 0.2  # how often the progress bar moves
@@ -96,6 +86,8 @@ def check_targets(scene: Scene, request: Request, steps: int, notes: list[str]) 
         check_render(request.render)
     check_look(scene, request.look)
     check_asked(request.backend, request.gpus, request.ranks, request.exchange_every, request.link)
+    if request.gpus > 1:
+        check_cut(scene, request.gpus, request.exchange_every, request.link, "--gpus")
     check_shared(max(request.ranks, launched_ranks()), request.render, request.export)
     if request.record:
         check_state_target(request.record)
@@ -138,7 +130,7 @@ def run_scene(scene: Scene, request: Request, *, progress: bool = True) -> Resul
             raise KeyboardInterrupt(*([exporter.stopped] if exporter else [])) from None
         state = simulation.state()
         result = Result(
-            _report(simulation, state, steps, seconds, compile_seconds, diverged), state, simulation.scene,
+            run_report(simulation, state, steps, seconds, compile_seconds, diverged), state, simulation.scene,
             notes=notes, diverged=diverged, rank=simulation.rank,
         )  # fmt: skip
         if result.rank != 0:
@@ -238,51 +230,6 @@ def _advance(
         if shown is not None:
             shown.stop()
     return seconds, None
-
-
-def _report(
-    simulation: Simulation, state: State, steps: int, seconds: float, compile_seconds: float, diverged: Diverged | None
-) -> dict[str, Any]:
-    scene = simulation.scene
-    energy = energies(scene, state.position, state.velocity, state.plastic, state.inverse_mass, state.wetness)
-    strained = scene.springs or scene.cloth or scene.bodies or scene.tetrahedra or scene.is_world
-    strain = spring_strain(scene, state.position, plastic=state.plastic) if strained else np.zeros(0)
-    speed = (state.velocity.astype("float64") ** 2).sum(axis=1)
-    count = counts(scene, simulation.body.inverse_mass).particles
-    rate = count * steps / seconds if seconds > 0 and not diverged else None
-    return {
-        "scene": scene.name,
-        "backend": simulation.backend,
-        "device": simulation.device,
-        "threads": simulation.threads,
-        "threads_reason": simulation.threads_reason,
-        "precision": simulation.options.precision,
-        "math": simulation.options.math,
-        "kernel": simulation.kernel,
-        **shares(simulation),
-        "method": scene.method.label,
-        "particles": count,
-        "dimensions": scene.dimensions,
-        "steps": steps if diverged is None else state.step,
-        "dt": scene.method.dt,
-        "substeps": scene.method.substeps,
-        "iterations": scene.method.iterations,
-        "time": state.time,
-        "seconds": seconds,
-        "compile_seconds": compile_seconds,
-        "particle_steps_per_second": rate,
-        "kinetic_energy": energy["kinetic"],
-        "potential_energy": energy["potential"],
-        "conserved": energy["conserved"],
-        "max_speed": float(speed.max() ** 0.5),
-        "max_strain": None if scene.fluids else float(np.abs(strain).max()) if len(strain) else 0.0,
-        "error": None,
-        "error_reason": "not judged",
-        "outcome": "ok" if diverged is None else "diverged",
-        **contact_report(simulation, state),
-        **bodies_report(simulation, state),
-        **fluid_report(simulation, state),
-    }
 
 
 def _write_results(

@@ -22,7 +22,6 @@ UNITS = {
     "compile_seconds": "s",
     "kinetic_energy": "J",
     "potential_energy": "J",
-    "conserved": "J",
     "max_speed": "m/s",
     "error": "of the spacing",
     "mean_compression": "of the density at rest",
@@ -30,6 +29,7 @@ UNITS = {
     "height": "m",
 }
 LABELS = {"mean_compression": "density error, mean", "largest_compression": "density error, largest"}
+MODIFIED = "J (2 x kinetic + potential, which the step lab conserves instead)"
 ABSENT = ("error", "threads_reason", "max_strain")  # no line where there is none
 
 
@@ -51,9 +51,14 @@ def print_report(console: Console, report: dict[str, Any], written: list[Path]) 
     for key, value in report.items():
         if key in ("error_reason", "waiting", "waiting_particles") or (key in ABSENT and value is None):
             continue
-        unit = "of the spacing, from its goal" if key == "max_strain" and "bodies" in report else UNITS.get(key, "")
+        label, unit = LABELS.get(key, key.replace("_", " ")), UNITS.get(key, "")
+        if key == "max_strain" and "bodies" in report:
+            unit = "of the spacing, from its goal"
+        elif key == "conserved":
+            modified = value != report["kinetic_energy"] + report["potential_energy"]
+            label, unit = ("modified energy", MODIFIED) if modified else ("total energy", "J")
         more = f"+ {number(waiting[key])} waiting" if waiting.get(key) else ""
-        table.add_row(LABELS.get(key, key.replace("_", " ")), f"{number(value)} {unit}{more}".rstrip())
+        table.add_row(label, f"{number(value)} {unit}{more}".rstrip())
     if report["error_reason"]:
         label = "error" if report["error"] is None else ""
         table.add_row(label, ("not known: " if report["error"] is None else "") + escape(report["error_reason"]))

@@ -16,13 +16,13 @@ import numpy as np
 
 from app.driver import BACKENDS
 from app.plan.passes import BackendPlan
-from app.plan.shared import SharedPlan
+from app.plan.shared import BodiesPlan, SharedPlan
 from model.core.errors import SceneError
 from model.core.families import family_of, stability_limit
 from model.core.family import named
 from model.core.plan import Node, Plan, Stage
 from model.core.simulation import PRECISIONS
-from model.core.stability_limit import frequency_lines
+from model.core.stability.limit import frequency_lines
 from model.scene.scene import Scene
 
 
@@ -70,7 +70,7 @@ class PlanReport:
     rows: tuple[Row, ...]
     backends: tuple[BackendPlan, ...]
     unknown: dict[str, str]
-    shared: SharedPlan | None = None
+    shared: SharedPlan | BodiesPlan | None = None
 
     @property
     def item(self) -> int:

@@ -1,4 +1,4 @@
-"""What `softlab plan --gpus N` says: who owns which rows, what is sent, and what the link allows."""
+"""What `softlab plan --gpus N` says: who owns which rows or bodies, what is sent, and what the link allows."""
 
 from __future__ import annotations
 
@@ -7,8 +7,10 @@ from typing import Any
 
 from app.command.tables import number
 from model.core.memory import readable
+from model.domains.bodies import Division
 from model.domains.decomposition import Decomposition
 from model.domains.link import NVLINK, Link
+from model.domains.shared_bodies import division, is_apart
 from model.domains.simulation import cut
 from model.scene.scene import Scene
 
@@ -62,30 +64,75 @@ class SharedPlan:
             "most_masses_per_second": self.most_masses if self.message else None,
         }  # fmt: skip
 
+    def lines(self) -> list[str]:
+        """For a person."""
+        found = self.decomposition
+        lines = [f"shared by {found.count} GPUs, by rows; halos of {found.halo} rows, exchanged {found.told}"]
+        for domain in found.domains[:LINES]:
+            state = readable(domain.window_rows * found.columns * self.mass_bytes)
+            held = f"holds {domain.window_first} to {domain.window_end - 1} ({state} a state)"
+            lines.append(f"  GPU {domain.number}: owns rows {domain.first} to {domain.end - 1}, {held}")
+        if found.count > LINES:
+            lines.append(f"  and {found.count - LINES} more")
+        lines.append(f"  {100 * (found.repeated - 1):.2g} % of the rows are computed twice")
+        lines.append(
+            f"  {readable(self.message)} to each neighbour an exchange, {readable(self.bytes_per_step)} a step, each way"
+        )
+        link = self.link
+        lines.append(
+            f"  {link.name} ({1e6 * link.latency:g} us, {link.bandwidth / 1e9:g} GB/s; {link.source}) adds "
+            f"{1e6 * self.step_seconds:.2g} us a step: at most {number(self.most_masses / 1e9)} G masses a second"
+        )
+        return lines
 
-def shared_plan(scene: Scene, gpus: int, exchange_every: int | None, item: int) -> SharedPlan:
-    """The plan of a scene's sheet on so many GPUs; `item`: bytes of a scalar. Raises SceneError."""
+
+@dataclass(frozen=True)
+class BodiesPlan:
+    """Of bodies that several GPUs share; `particle_bytes`: as `mass_bytes` of a sheet."""
+
+    division: Division
+    particle_bytes: int
+
+    def as_dict(self) -> dict[str, Any]:
+        """For `--json`."""
+        found = self.division
+        return {
+            "gpus": found.count, "balanced_by": found.counted, "balance": found.balance,
+            "shares": [
+                {
+                    "first_body": s.first, "end_body": s.end, "parts": list(s.parts),
+                    "particles": s.end_particle - s.first_particle, found.counted: s.weight,
+                }
+                for s in found.shares
+            ],
+            "bytes_per_step": 0,
+        }  # fmt: skip
+
+    def lines(self) -> list[str]:
+        """For a person."""
+        found = self.division
+        lines = [
+            f"shared by {found.count} GPUs, body by body, balanced by {found.counted}; nothing crosses a link as they step"
+        ]
+        for share in found.shares[:LINES]:
+            bodies = (
+                f"body {share.first}" if share.end == share.first + 1 else f"bodies {share.first} to {share.end - 1}"
+            )
+            names = share.parts if len(share.parts) < 4 else (share.parts[0], "...", share.parts[-1])
+            particles = share.end_particle - share.first_particle
+            told = f"{number(particles)} particles ({readable(particles * self.particle_bytes)} a state)"
+            if found.counted != "particles":
+                told = f"{number(share.weight)} {found.counted}, {told}"
+            lines.append(f"  GPU {share.number}: owns {bodies} ({', '.join(names)}), {told}")
+        if found.count > LINES:
+            lines.append(f"  and {found.count - LINES} more")
+        fair = f"the heaviest share has {100 / (found.count * found.balance):.3g} % of the {found.counted}"
+        return [*lines, f"  {fair}: at most {found.count * found.balance:.3g} times as fast as one"]
+
+
+def shared_plan(scene: Scene, gpus: int, exchange_every: int | None, item: int) -> SharedPlan | BodiesPlan:
+    """The plan of a scene on so many GPUs; `item`: bytes of a scalar. Raises SceneError."""
     numbers = 2 if scene.dimensions == 2 else 4  # of a position: pairs in a plane, quads in space
+    if is_apart(scene):
+        return BodiesPlan(division(scene, gpus, exchange_every, "--gpus"), 2 * numbers * item)
     return SharedPlan(cut(scene, gpus, exchange_every, "--gpus"), 2 * numbers * item)
-
-
-def shared_lines(plan: SharedPlan) -> list[str]:
-    """For a person."""
-    found = plan.decomposition
-    lines = [f"shared by {found.count} GPUs, by rows; halos of {found.halo} rows, exchanged {found.told}"]
-    for domain in found.domains[:LINES]:
-        state = readable(domain.window_rows * found.columns * plan.mass_bytes)
-        held = f"holds {domain.window_first} to {domain.window_end - 1} ({state} a state)"
-        lines.append(f"  GPU {domain.number}: owns rows {domain.first} to {domain.end - 1}, {held}")
-    if found.count > LINES:
-        lines.append(f"  and {found.count - LINES} more")
-    lines.append(f"  {100 * (found.repeated - 1):.2g} % of the rows are computed twice")
-    lines.append(
-        f"  {readable(plan.message)} to each neighbour an exchange, {readable(plan.bytes_per_step)} a step, each way"
-    )
-    link = plan.link
-    lines.append(
-        f"  {link.name} ({1e6 * link.latency:g} us, {link.bandwidth / 1e9:g} GB/s; {link.source}) adds "
-        f"{1e6 * plan.step_seconds:.2g} us a step: at most {number(plan.most_masses / 1e9)} G masses a second"
-    )
-    return lines

@@ -9,9 +9,8 @@ from app.command.tables import number
 from app.plan.fluid import fluid_lines
 from app.plan.passes import BackendPlan
 from app.plan.report import PlanReport, Row, limit_line, share
-from app.plan.shared import shared_lines
 from model.core.families import family_of
-from model.core.stability_limit import frequency_lines
+from model.core.stability.limit import frequency_lines
 from model.scene.scene import Scene
 from model.shape_matching.spare import counts
 
@@ -100,7 +99,7 @@ def print_plan(console: Console, report: PlanReport) -> None:
     for one in report.backends:
         console.print()
         _print_backend(console, one)
-    for line in shared_lines(report.shared) if report.shared else ():
+    for line in report.shared.lines() if report.shared else ():
         console.print(line, soft_wrap=True, markup=False)
     for name, reason in report.unknown.items():
         console.print(f"\n{name}: {reason}", soft_wrap=True, markup=False)

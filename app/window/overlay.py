@@ -11,9 +11,9 @@ from app.render import colours
 from app.render.legends import Legends
 from app.render.opengl import drawing_text
 from app.render.panels import Arrow, Panel, Style
-from app.window.controls import hint, keys_text
 from app.window.demo_report import numbers_text, title_text
 from app.window.frame_times import FrameGraph, FrameTimes
+from app.window.keys import hint, keys_text
 from app.window.shown import Shown
 
 NUMBERS = Style(13, bold=True), Style(10), Style(9, colour=colours.FAINT)  # the first line matters most

@@ -48,7 +48,7 @@ from bench.store.database import Store
 from model.core.build import build
 from model.core.errors import SceneError, SoftlabError, UnstableTimeStep
 from model.core.simulation import PRECISIONS, Simulation, State
-from model.scene.checks import SOLVERS_OF_TETRAHEDRA
+from model.scene.checks.tetrahedra import SOLVERS_OF_TETRAHEDRA
 from model.scene.scene import Scene
 
 TETRAHEDRA = "tetrahedra"  # value of `finding`

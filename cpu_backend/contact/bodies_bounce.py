@@ -15,8 +15,8 @@ from cpu_backend.core.layout import row_at
 from cpu_backend.core.progress import shares
 from cpu_backend.shape_matching.damping import make_damping
 from cpu_backend.shape_matching.rebound import AXES, make_rebound
-from model.formulas import rebound
-from model.formulas.pace import MOTION
+from model.formulas.shape_matching import rebound
+from model.formulas.shape_matching.pace import MOTION
 
 
 def make_motions(compiler: Compiler, real: Any, place: int) -> SimpleNamespace:

@@ -10,7 +10,7 @@ from cpu_backend.contact.particles_cells import AXES, BOX
 from cpu_backend.contact.particles_find import PLACES, ROOM, TABLE, make_find_stage
 from cpu_backend.core.layout import aligned_zeros
 from model.contact.particle_parameters import MAX_NEIGHBOURS
-from model.formulas.cluster import LANES
+from model.formulas.shape_matching.cluster import LANES
 
 CELLS = 12  # of the table for a particle: with less it goes round for what falls in a column
 

@@ -13,7 +13,8 @@ from cpu_backend.core.compile import Compiler
 from cpu_backend.core.layout import row_at
 from cpu_backend.core.progress import shares
 from model.contact.particle_parameters import G_DISTANCE, G_OWN, H_RESTITUTION, H_SETTLING, MAX_NEIGHBOURS
-from model.formulas import particle_contact, rebound
+from model.formulas import particle_contact
+from model.formulas.shape_matching import rebound
 
 
 def make_passes(compiler: Compiler, real: Any, scaled: bool) -> SimpleNamespace:

@@ -31,7 +31,7 @@ from model.contact.particle_parameters import (
     PAIRS,
 )
 from model.formulas import particle_contact
-from model.formulas.cluster import LANES
+from model.formulas.shape_matching.cluster import LANES
 
 PLACES = 2 * AXES  # numbers of a sorted particle: where it is, where it lay at rest
 HOLDS = BOX  # of the table's only: whether it holds all cells that there are

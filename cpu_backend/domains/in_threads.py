@@ -13,7 +13,7 @@ from cpu_backend.core.simulation import RowsSimulation
 from cpu_backend.domains.ranks import RankExchange, Ranks
 from model.core.errors import BackendUnavailable
 from model.domains.decomposition import Decomposition
-from model.domains.exchange import PATIENCE
+from model.domains.exchange import PATIENCE, Exchange, NothingSent
 from model.domains.processes import lost
 
 
@@ -41,11 +41,24 @@ class Meeting:
         return found
 
 
-class ThreadExchange(RankExchange):
-    """Through queues; see Exchange."""
+class AmongThreads(NothingSent):
+    """What all threads tell one another; see Exchange."""
+
+    def __init__(self, rank: int, meeting: Meeting):
+        self.rank, self._meeting = rank, meeting
+
+    def gather(self, owned: np.ndarray) -> np.ndarray:
+        return np.concatenate(self._meeting.all_of(self.rank, owned))
+
+    def largest(self, number: float) -> float:
+        return max(self._meeting.all_of(self.rank, number))
+
+
+class ThreadExchange(RankExchange, AmongThreads):
+    """Borders through queues; see Exchange."""
 
     def __init__(self, window: RowsSimulation, decomposition: Decomposition, rank: int, meeting: Meeting):
-        super().__init__(window, decomposition, rank)
+        RankExchange.__init__(self, window, decomposition, rank)
         self._meeting = meeting
 
     def _send(self, rank: int, message: np.ndarray) -> None:
@@ -57,12 +70,6 @@ class ThreadExchange(RankExchange):
         except Empty:
             raise lost(f"rank {rank}", self._meeting.patience) from None
 
-    def gather(self, owned: np.ndarray) -> np.ndarray:
-        return np.concatenate(self._meeting.all_of(self.rank, owned))
-
-    def largest(self, number: float) -> float:
-        return max(self._meeting.all_of(self.rank, number))
-
 
 class ThreadRanks(Ranks):
     """One of the threads that meet."""
@@ -72,6 +79,9 @@ class ThreadRanks(Ranks):
 
     def exchange(self, window: RowsSimulation, decomposition: Decomposition) -> RankExchange:
         return ThreadExchange(window, decomposition, self.rank, self.meeting)
+
+    def apart(self) -> Exchange:
+        return AmongThreads(self.rank, self.meeting)
 
 
 def run_in_threads(count: int, program: Callable[[Ranks], Any], patience: float = PATIENCE) -> list[Any]:

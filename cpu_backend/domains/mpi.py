@@ -9,15 +9,29 @@ import numpy as np
 from cpu_backend.core.simulation import RowsSimulation
 from cpu_backend.domains.ranks import RankExchange, Ranks
 from model.domains.decomposition import Decomposition
+from model.domains.exchange import Exchange, NothingSent
 from model.domains.processes import await_request, gather_rows, largest_of, world_of
 
 
-class MpiExchange(RankExchange):
+class AmongProcesses(NothingSent):
+    """What all processes tell one another; see Exchange."""
+
+    def __init__(self, rank: int, world: Any):
+        self.rank, self._world = rank, world
+
+    def gather(self, owned: np.ndarray) -> np.ndarray:
+        return gather_rows(self._world, owned)
+
+    def largest(self, number: float) -> float:
+        return largest_of(self._world, number)
+
+
+class MpiExchange(RankExchange, AmongProcesses):
     """By messages that are sent and received without waiting, looked at until they are there; see Exchange."""
 
     def __init__(self, window: RowsSimulation, decomposition: Decomposition, rank: int, world: Any):
-        super().__init__(window, decomposition, rank)
-        self._world: Any = world
+        RankExchange.__init__(self, window, decomposition, rank)
+        self._world = world
         self._pending: list[tuple[int, Any]] = []
         self._coming: dict[int, Any] = {}
 
@@ -37,12 +51,6 @@ class MpiExchange(RankExchange):
             rank, request = self._pending.pop()
             await_request(request, f"rank {rank}")
 
-    def gather(self, owned: np.ndarray) -> np.ndarray:
-        return gather_rows(self._world, owned, self.decomposition)
-
-    def largest(self, number: float) -> float:
-        return largest_of(self._world, number)
-
 
 class MpiRanks(Ranks):
     """All processes that MPI knows of. Raises BackendUnavailable without MPI or with another than the launcher's, SceneError
@@ -54,3 +62,6 @@ class MpiRanks(Ranks):
 
     def exchange(self, window: RowsSimulation, decomposition: Decomposition) -> RankExchange:
         return MpiExchange(window, decomposition, self.rank, self._world)
+
+    def apart(self) -> Exchange:
+        return AmongProcesses(self.rank, self._world)

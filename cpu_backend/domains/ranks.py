@@ -1,4 +1,4 @@
-"""A sheet on several CPU ranks: processes or threads that have a window each and run the same program."""
+"""A sheet, or bodies, on several CPU ranks: processes or threads that have a window each and run the same program."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from model.core.options import Options
 from model.core.simulation import Simulation
 from model.domains.decomposition import Border, Decomposition
 from model.domains.exchange import Exchange
+from model.domains.shared_bodies import SharedBodies, division, is_apart
 from model.domains.simulation import DecomposedSimulation, cut
 from model.scene.scene import Scene
 
@@ -68,6 +69,10 @@ class Ranks:
         """Between this rank's window and the others'."""
         raise NotImplementedError
 
+    def apart(self) -> Exchange:
+        """Among ranks whose windows send each other nothing."""
+        raise NotImplementedError
+
 
 class RankSimulation(DecomposedSimulation):
     """This rank's window of a sheet. `threads`: of each rank; `1x`, `2x`, `4x` of its share of the cores, or a number."""
@@ -86,6 +91,31 @@ class RankSimulation(DecomposedSimulation):
     def _connect(self) -> Exchange:
         window: Any = self.windows[0]
         return self._ranks.exchange(window, self.decomposition)
+
+
+class RankBodies(SharedBodies):
+    """This rank's share of bodies that never meet. `threads`: as of RankSimulation."""
+
+    backend = "cpu"
+
+    def __init__(
+        self, scene: Scene, options: Options, ranks: Ranks, threads: str | int = "1x", steps: int | None = None
+    ):
+        self._ranks, self._words = ranks, shared_threads(threads, ranks.count)
+        super().__init__(scene, options, division(scene, ranks.count, steps, "--ranks"), [ranks.rank])
+
+    def _open(self, place: int, scene: Scene, options: Options) -> Simulation:
+        return named(family_of(scene).solvers["cpu"])(scene, options, self._words)
+
+    def _connect(self) -> Exchange:
+        return self._ranks.apart()
+
+
+def on_ranks(
+    scene: Scene, options: Options, ranks: Ranks, threads: str | int = "1x", steps: int | None = None
+) -> RankSimulation | RankBodies:
+    """This rank's part of a scene, whichever way it is shared. Raises SceneError for one that is not."""
+    return (RankBodies if is_apart(scene) else RankSimulation)(scene, options, ranks, threads, steps)
 
 
 def shared_threads(threads: str | int, ranks: int) -> str | int:

@@ -12,9 +12,9 @@ from cpu_backend.core.compile import Compiler
 from cpu_backend.core.layout import row_at
 from cpu_backend.core.progress import shares
 from cpu_backend.shape_matching.shapes import AT_SHAPES
-from model.formulas import cluster, pace
-from model.formulas.cluster import LANES
-from model.formulas.pace import MOMENTA, MOTION
+from model.formulas.shape_matching import cluster, pace
+from model.formulas.shape_matching.cluster import LANES
+from model.formulas.shape_matching.pace import MOMENTA, MOTION
 from model.shape_matching.cluster_tables import shaping
 
 

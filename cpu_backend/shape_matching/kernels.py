@@ -17,8 +17,9 @@ import numpy as np
 from cpu_backend.core.compile import Compiler
 from cpu_backend.core.layout import row_at
 from cpu_backend.shape_matching.shapes import ENTRIES, make_shapes
-from model.formulas import cluster, rotation
-from model.formulas.cluster import LANES, MOMENTS
+from model.formulas import rotation
+from model.formulas.shape_matching import cluster
+from model.formulas.shape_matching.cluster import LANES, MOMENTS
 
 AXES = 3
 FRAME = 12  # numbers of a cluster that particles go by: its rotation, by rows, and its centre

@@ -21,7 +21,7 @@ from cpu_backend.shape_matching.lattice_layout import FRAME, QUATERNION
 from cpu_backend.shape_matching.lattice_rows import GOAL_LINE, LINE, SLICE, WINDOW, make_line_sums
 from cpu_backend.shape_matching.lattice_scan import make_goal_scan, make_moment_scan
 from cpu_backend.shape_matching.lattice_turns import make_turns
-from model.formulas import lattice
+from model.formulas.shape_matching import lattice
 from model.shape_matching.lattice import (
     T_CENTRE,
     T_COUNT,

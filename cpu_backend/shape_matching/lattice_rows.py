@@ -1,4 +1,5 @@
-"""Passes over lattices on CPU threads, row by row along x; see formulas/lattice.py for what is summed and in which order.
+"""Passes over lattices on CPU threads, row by row along x; see formulas/shape_matching/lattice.py for what is summed and in
+which order.
 
 Rows are arrays of unchecked length (`row_at`), none of which overlap; what belongs together (the sums of a window, and so on)
 are so many rows one after the other, `pitch` apart: of a slice in a thread's scratch, or planes of the whole. Vectors are
@@ -12,7 +13,7 @@ from typing import Any
 
 from cpu_backend.core.compile import Compiler
 from cpu_backend.core.layout import row_at
-from model.formulas import lattice
+from model.formulas.shape_matching import lattice
 
 LINE, SLICE, WINDOW = 6, 9, 12  # sums over a row, a slice and a whole window: differences and turns, three each
 GOAL_LINE = 6  # of ways to goals, after the passes along z and y; after z, as many as of a slice

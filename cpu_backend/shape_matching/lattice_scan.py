@@ -1,5 +1,5 @@
-"""Sums over windows of lattices along y and z, on CPU threads: the one scan of formulas/lattice.py, of moments and of ways
-to goals.
+"""Sums over windows of lattices along y and z, on CPU threads: the one scan of formulas/shape_matching/lattice.py, of
+moments and of ways to goals.
 
 Of an axis, a scan is given the rows of positions, of what is summed and of sums, each as (array, from row to row, from
 plane to plane), and three numbers a row from its table.
@@ -12,7 +12,7 @@ from typing import Any
 from cpu_backend.core.compile import Compiler
 from cpu_backend.core.layout import row_at
 from cpu_backend.shape_matching.lattice_rows import make_goals, make_moments, make_rows
-from model.formulas import lattice
+from model.formulas.shape_matching import lattice
 
 
 def make_scan(compiler: Compiler, real: Any, planes: int, keeps_all: bool, term: Any, add: Any, end: Any) -> Any:

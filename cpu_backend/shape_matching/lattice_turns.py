@@ -11,7 +11,8 @@ from cpu_backend.core.compile import Compiler
 from cpu_backend.core.layout import row_at
 from cpu_backend.shape_matching.lattice_layout import FRAME, QUATERNION
 from cpu_backend.shape_matching.lattice_rows import make_rows
-from model.formulas import lattice, rotation
+from model.formulas import rotation
+from model.formulas.shape_matching import lattice
 
 
 def make_rotation_rows(compiler: Compiler, real: Any) -> SimpleNamespace:

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from model.formulas.cluster import LANES
+from model.formulas.shape_matching.cluster import LANES
 from model.shape_matching.body_set import BodySet
 from model.shape_matching.cluster_tables import first_particles, leans
 from model.shape_matching.clusters import Clusters

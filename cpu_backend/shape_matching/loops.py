@@ -22,7 +22,7 @@ from cpu_backend.shape_matching.particles import make_particles
 from cpu_backend.shape_matching.rebound import at_rebound, make_rebound
 from model.core.own_forces import own_forces
 from model.formulas import distance
-from model.formulas.cluster import LANES
+from model.formulas.shape_matching.cluster import LANES
 from model.scene.cloth import COLLIDER_KINDS
 from model.shape_matching.cluster_tables import shaping
 

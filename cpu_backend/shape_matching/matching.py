@@ -26,7 +26,7 @@ from cpu_backend.shape_matching.matching_rows import (
     make_goal_rows,
     make_motion_rows,
 )
-from model.formulas import shape_matching
+from model.formulas.shape_matching import grid as shape_matching
 from model.shape_matching.lattice import T_CENTRE, T_INVERSE, T_SHARE
 
 AXES = 2

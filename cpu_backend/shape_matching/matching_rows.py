@@ -15,7 +15,8 @@ from cpu_backend.core.compile import Compiler
 from cpu_backend.core.layout import row_at
 from cpu_backend.core.own_forces import make_own_row
 from model.core.own_forces import own_forces
-from model.formulas import distance, shape_matching
+from model.formulas import distance
+from model.formulas.shape_matching import grid as shape_matching
 from model.shape_matching.lattice import T_CENTRE, T_COUNT, T_INVERSE, T_MASS, T_SHARE
 
 LINE = 4  # sums along a row of masses

@@ -10,7 +10,7 @@ import numpy as np
 from numba import prange
 
 from cpu_backend.core.compile import Compiler
-from model.formulas import shape_matching
+from model.formulas.shape_matching import grid as shape_matching
 from model.shape_matching.lattice import T_CENTRE, T_COUNT, T_INVERSE, T_MASS, T_SHARE
 
 AXES = 2

@@ -8,8 +8,8 @@ import numpy as np
 
 from cpu_backend.shape_matching.layout import Layout
 from cpu_backend.shape_matching.shapes import ENTRIES
-from model.formulas.deformation import SHAPE
-from model.formulas.pace import MOTION
+from model.formulas.shape_matching.deformation import SHAPE
+from model.formulas.shape_matching.pace import MOTION
 from model.scene.method import Method
 from model.shape_matching.cluster_tables import damping_factors, shape_table, shaping
 from model.shape_matching.clusters import Clusters

@@ -14,7 +14,7 @@ from cpu_backend.core.layout import row_at
 from cpu_backend.core.own_forces import make_own_force
 from cpu_backend.shape_matching.kernels import AXES
 from model.formulas import distance
-from model.formulas.cluster import LANES
+from model.formulas.shape_matching.cluster import LANES
 
 
 def make_particles(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:

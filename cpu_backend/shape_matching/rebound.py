@@ -14,9 +14,9 @@ from cpu_backend.core.layout import row_at
 from cpu_backend.core.progress import shares
 from cpu_backend.shape_matching.damping import at_damping, make_damping, make_lane_sum
 from cpu_backend.shape_matching.kernels import AXES
-from model.formulas import rebound
-from model.formulas.cluster import LANES
-from model.formulas.pace import MOTION
+from model.formulas.shape_matching import rebound
+from model.formulas.shape_matching.cluster import LANES
+from model.formulas.shape_matching.pace import MOTION
 
 DAMPING = 4  # arrays of clusters that damping takes, after whose come those of here
 

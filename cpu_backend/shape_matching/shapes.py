@@ -7,9 +7,9 @@ from typing import Any
 
 from cpu_backend.core.compile import Compiler
 from cpu_backend.core.layout import row_at
-from model.formulas import deformation
-from model.formulas.cluster import LANES
-from model.formulas.deformation import S_CREEP, S_INVERSE, S_LIMIT, S_LINEAR, S_THRESHOLD, SHAPE
+from model.formulas.shape_matching import deformation
+from model.formulas.shape_matching.cluster import LANES
+from model.formulas.shape_matching.deformation import S_CREEP, S_INVERSE, S_LIMIT, S_LINEAR, S_THRESHOLD, SHAPE
 
 # where the clusters' arrays have tables, plastic strains, and those after this iteration, all flat
 AT_SHAPES, AT_PLASTIC, AT_BENT = 6, 7, 8

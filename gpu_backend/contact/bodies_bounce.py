@@ -16,7 +16,8 @@ from gpu_backend.core.formulas import device_formulas
 from gpu_backend.core.quads import SIZE, load_quad, store_quad
 from gpu_backend.shape_matching.kernels import ROWS
 from model.contact.particle_parameters import MAX_NEIGHBOURS
-from model.formulas import particle_contact, rebound
+from model.formulas import particle_contact
+from model.formulas.shape_matching import rebound
 
 
 @cache

@@ -121,7 +121,7 @@ class NcclExchange(Exchange):
                     time.sleep(NAP)
 
     def gather(self, owned: np.ndarray) -> np.ndarray:
-        return gather_rows(self._world, owned, self.decomposition) if self._world else owned
+        return gather_rows(self._world, owned) if self._world else owned
 
     def largest(self, number: float) -> float:
         return largest_of(self._world, number) if self._world else number

@@ -8,20 +8,16 @@ a GPU, then they take turns on it: no kernel waits for another, so that nothing 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from contextlib import AbstractContextManager
 from typing import Any
 
 import numpy as np
 
 from gpu_backend.core.device import require_gpu
-from gpu_backend.core.simulation import CudaSimulation
 from gpu_backend.domains.devices import at, connect, devices_for, new_event
 from gpu_backend.domains.kernels import make_border_kernels
 from gpu_backend.domains.units import StateUnits
-from model.core.families import family_of
-from model.core.family import named
+from gpu_backend.domains.windows import OnGpus
 from model.core.options import Options
-from model.core.simulation import Simulation
 from model.domains.decomposition import Border, Decomposition
 from model.domains.exchange import Exchange
 from model.domains.simulation import DecomposedSimulation, cut
@@ -77,22 +73,12 @@ class PeerExchange(Exchange):
             event.wait(window.stream)
 
 
-class GpuWindows(DecomposedSimulation):
-    """Windows on GPUs, the domain `mine[k]` on GPU `devices[k]`; see model/domains/simulation.py."""
-
-    backend = "gpu"
-    windows: list[Any]
+class GpuWindows(OnGpus, DecomposedSimulation):
+    """Windows of a sheet, the domain `mine[k]` on GPU `devices[k]`; see model/domains/simulation.py."""
 
     def __init__(self, scene: Scene, options: Options, cut: Decomposition, mine: Sequence[int], devices: Sequence[int]):
         self.devices = devices
         super().__init__(scene, options, cut, mine)
-
-    def _at(self, place: int) -> AbstractContextManager[Any]:
-        return at(self.devices[place])
-
-    def _open(self, place: int, scene: Scene, options: Options) -> Simulation:
-        window: CudaSimulation = named(family_of(scene).solvers["gpu"])(scene, options)
-        return window
 
 
 class PeerSimulation(GpuWindows):
@@ -104,9 +90,7 @@ class PeerSimulation(GpuWindows):
         devices = devices_for(count)
         connect(devices)
         super().__init__(scene, options, found, range(count), devices)
-        here = len(set(devices))
-        if here < count:
-            self.device = f"{count} windows on {here} x {self.windows[0].device}"
+        self._tell_of_turns()
 
     def _connect(self) -> Exchange:
         return PeerExchange(self.windows, self.decomposition, self.devices)

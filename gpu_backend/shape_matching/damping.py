@@ -1,5 +1,5 @@
 """CUDA kernels that damp the motion inside clusters: LANES threads gather a cluster's momenta, one makes its rigid motion of
-them, a thread a particle goes towards those of its clusters. Sums have the order of model/formulas/cluster.py.
+them, a thread a particle goes towards those of its clusters. Sums have the order of model/formulas/shape_matching/cluster.py.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ from gpu_backend.core.world import World
 from gpu_backend.shape_matching.kernels import AXES, PITCH, ROWS, TOGETHER, make_move
 from gpu_backend.xpbd.kernels import make_clock
 from gpu_backend.xpbd.point import make_motion
-from model.formulas import cluster, pace
-from model.formulas.cluster import LANES
-from model.formulas.pace import MOMENTA
+from model.formulas.shape_matching import cluster, pace
+from model.formulas.shape_matching.cluster import LANES
+from model.formulas.shape_matching.pace import MOMENTA
 
 SHARED = TOGETHER * MOMENTA * PITCH  # numbers of a block
 

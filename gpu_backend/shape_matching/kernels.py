@@ -1,8 +1,8 @@
 """CUDA kernels of bodies: LANES threads sum a cluster up, a thread turns it, a thread a particle gathers its goals.
 
-No atomics: a cluster's sums have the order of model/formulas/cluster.py, a particle's goals that of its clusters. Particles
-and members of clusters are quads (rest offset and mass; in a particle's order rest offset and factor), a cluster's frame
-three of them: a row of its rotation and its centre along that axis.
+No atomics: a cluster's sums have the order of model/formulas/shape_matching/cluster.py, a particle's goals that of its
+clusters. Particles and members of clusters are quads (rest offset and mass; in a particle's order rest offset and factor),
+a cluster's frame three of them: a row of its rotation and its centre along that axis.
 """
 
 from __future__ import annotations
@@ -21,8 +21,9 @@ from gpu_backend.core.quads import SIZE, load_quad, store_quad
 from gpu_backend.core.world import World
 from gpu_backend.xpbd.kernels import make_clock
 from gpu_backend.xpbd.point import make_motion
-from model.formulas import cluster, rotation
-from model.formulas.cluster import LANES, MOMENTS
+from model.formulas import rotation
+from model.formulas.shape_matching import cluster
+from model.formulas.shape_matching.cluster import LANES, MOMENTS
 
 AXES = 3
 THREADS = 128  # a block

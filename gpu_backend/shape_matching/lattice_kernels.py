@@ -1,7 +1,8 @@
 """CUDA kernels of lattices: passes along x with a thread a mass, along y and z with a thread for a group of windows.
 
-See formulas/lattice.py for what is summed and in which order. Threads that are neighbours work on neighbours along x. What
-is summed lies in planes of `total` numbers: the three components of differences, then those of turns, axis by axis.
+See formulas/shape_matching/lattice.py for what is summed and in which order. Threads that are neighbours work on neighbours
+along x. What is summed lies in planes of `total` numbers: the three components of differences, then those of turns, axis by
+axis.
 """
 
 from __future__ import annotations
@@ -16,7 +17,8 @@ from numba import cuda
 from gpu_backend.core.compile import kernel_options, make_kernels, variant_name
 from gpu_backend.core.formulas import device_formulas
 from gpu_backend.core.quads import load_quad, store_quad
-from model.formulas import lattice, rotation
+from model.formulas import rotation
+from model.formulas.shape_matching import lattice
 from model.shape_matching.lattice import T_CENTRE, T_COUNT, T_INVERSE, T_MASS, T_SHARE, V_MATCHING, V_SPACING, V_TURN
 
 THREADS = 128  # a block

@@ -1,6 +1,6 @@
 """Shape matching of a grid on CUDA: a thread sums up the window around its mass, then one gathers what its windows want.
 
-See model/formulas/shape_matching.py for the order of sums. No atomics: clusters lie in memory of their own, a quad each
+See model/formulas/shape_matching/grid.py for the order of sums. No atomics: clusters lie in memory of their own, a quad each
 (centre x, centre y, cosine, sine), and a mass reads those of the windows it is in.
 """
 
@@ -17,7 +17,7 @@ from gpu_backend.core.compile import inlined, kernel_options, make_kernels, vari
 from gpu_backend.core.formulas import device_formulas
 from gpu_backend.core.quads import SIZE, load_quad, store_quad
 from gpu_backend.xpbd.kernels import make_place
-from model.formulas import shape_matching
+from model.formulas.shape_matching import grid as shape_matching
 from model.scene.scene import Scene
 from model.shape_matching.lattice import matching_axis
 

@@ -1,6 +1,6 @@
 """CUDA kernels of rigid bodies that come off colliders as a whole: a thread a particle takes down what colliders gave it,
 LANES threads sum up what a cluster makes of it, a thread a particle goes with its cluster. See
-model/shape_matching/rigid_rebound.py; sums have the order of model/formulas/cluster.py.
+model/shape_matching/rigid_rebound.py; sums have the order of model/formulas/shape_matching/cluster.py.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ from gpu_backend.shape_matching.damping import make_damping_ends, make_gather, m
 from gpu_backend.shape_matching.kernels import AXES, PITCH, ROWS, THREADS, TOGETHER
 from gpu_backend.xpbd.kernels import make_clock
 from gpu_backend.xpbd.point import make_motion
-from model.formulas import cluster, rebound
-from model.formulas.cluster import LANES
-from model.formulas.rebound import SUMS
+from model.formulas.shape_matching import cluster, rebound
+from model.formulas.shape_matching.cluster import LANES
+from model.formulas.shape_matching.rebound import SUMS
 from model.shape_matching.clusters import Clusters
 from model.shape_matching.rigid_rebound import rebound_limits, whole_clusters
 

@@ -17,8 +17,9 @@ from gpu_backend.core.compile import kernel_options, make_kernel, variant_name
 from gpu_backend.core.formulas import device_formulas
 from gpu_backend.core.quads import load_quad, store_quad
 from gpu_backend.shape_matching.kernels import ROWS
-from model.formulas import cluster, deformation, rotation
-from model.formulas.cluster import MOMENTS
+from model.formulas import rotation
+from model.formulas.shape_matching import cluster, deformation
+from model.formulas.shape_matching.cluster import MOMENTS
 
 
 @cache

@@ -14,29 +14,22 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from gpu_backend.contact.particles import ParticleContacts, particle_contact_bytes
 from gpu_backend.contact.particles_project import make_contact_ends
 from gpu_backend.core.device import simulated
 from gpu_backend.core.launch import Graphs, can_capture
-from gpu_backend.core.quads import SIZE
-from gpu_backend.core.substeps import SubstepSimulation, launched_kernel
+from gpu_backend.core.substeps import launched_kernel
 from gpu_backend.mass_spring.cloth.kernels import make_cloth_tools
-from gpu_backend.shape_matching.kernels import AXES, ROWS, THREADS, TOGETHER, make_bodies_clusters, make_bodies_ends
-from gpu_backend.shape_matching.lattice import Lattices, lattice_bytes
-from gpu_backend.shape_matching.links import DeviceLinks
-from gpu_backend.shape_matching.material import ClusterMaterial
+from gpu_backend.shape_matching.kernels import THREADS, TOGETHER, make_bodies_clusters, make_bodies_ends
 from gpu_backend.shape_matching.rebound import Rebounds
 from gpu_backend.shape_matching.stages import bind_bodies_stages
+from gpu_backend.shape_matching.state import BodiesState
 from model.core.plan import Executor
 from model.core.simulation import Options
-from model.formulas.cluster import MOMENTS
-from model.mass_spring.cloth_parameters import collider_numbers
 from model.scene.scene import Scene
-from model.shape_matching.cluster_tables import first_particles, leans, matching_factors
 from model.xpbd.plan import xpbd_plan
 
 
-class Bodies(SubstepSimulation):
+class Bodies(BodiesState):
     """See model/core/simulation.py for the contract. `threads` is the number of threads a block."""
 
     def __init__(self, scene: Scene, options: Options, stream: Any = None):
@@ -46,61 +39,7 @@ class Bodies(SubstepSimulation):
         self._require_space()
         self._start(THREADS)
 
-    def _require_space(self) -> None:
-        item, entries, clusters = np.dtype(self.real).itemsize, len(self.clusters.indices), self.clusters.count
-        needed = item * (8 * SIZE * self.particle_count + 2 * SIZE * entries + (MOMENTS + 7 * SIZE) * clusters)
-        needed += 4 * (2 * entries + self.particle_count + 2 * clusters) + lattice_bytes(self.scene.body_set, item)
-        if self.scene.contact:
-            needed += particle_contact_bytes(self.scene, item)
-        self._require_memory(needed, "bodies", f"{self.particle_count} particles, {entries} entries of clusters")
-
-    # ------------------------------------------------------------------ arrays
-
-    def _zeros(self, count: int) -> Any:
-        return self.zeros(count, self.real)
-
-    def _allocate(self) -> None:
-        scene, real, clusters = self.scene, self.real, self.clusters
-        self._allocate_quads(collider_numbers(scene, real))
-        self.rotation, self.turned, self.kept_rotation = (self._zeros(SIZE * clusters.count) for _ in range(3))
-        self._weight = (self.body.inverse_mass * scene.grid.mass).astype(real)
-        members = np.concatenate([clusters.rest, clusters.masses[:, None]], axis=1).astype(real)
-        self._firsts = self.on_device(first_particles(clusters))
-        self._entries = (
-            self.on_device(clusters.offsets), self._firsts, self.on_device(clusters.indices), self.on_device(members)
-        )  # fmt: skip
-        self._leans = self.on_device(leans(clusters, real))
-        self._sums, self._frames = self._zeros(MOMENTS * clusters.count), self._zeros(ROWS * SIZE * clusters.count)
-        self.contacts = ParticleContacts(scene, real, self.options.math, self.stream) if scene.contact else None
-        starts, self._own = clusters.of_particle
-        self._own_members = self.on_device(self._in_own_order())
-        self._gathered = (
-            self.on_device(starts), self.on_device(clusters.owner[self._own]), self._own_members, self._frames
-        )  # fmt: skip
-
-        variant = real, self.options.math
-        self._material = ClusterMaterial(clusters, self._own, self._kernel_parts(), *variant, self.stream)
-        self._material.change(scene.method)
-        self._rebounds: Rebounds | None = None
-        if self.plan.parts & {"rigid-rebound", "rigid-bounce"}:
-            those = clusters, self._own, self.particle_count, self.contacts, self._kernel_parts()
-            self._rebounds = Rebounds(*those, *variant, self.stream)
-        self._lattices = Lattices(scene.body_set, *variant, self.stream)
-        self._lattices.change(scene.method)
-        given = scene.body_set, scene.method, *variant, self.stream
-        self._links: Any = DeviceLinks(*given) if scene.body_set.links.count else None
-
-    def _in_own_order(self) -> np.ndarray:
-        """(entries, 4): rest offsets and factors, particle by particle."""
-        method = self.scene.method
-        factors = matching_factors(self.clusters, method.dt / method.substeps, method.iterations)
-        return np.concatenate([self.clusters.rest, factors[:, None]], axis=1)[self._own].astype(self.real)
-
     # ------------------------------------------------------------------ kernels
-
-    def _kernel_parts(self) -> frozenset[str]:
-        found = self.plan.parts - {"clusters"} | {"load"}  # every particle has a weight of its own
-        return found | {"pins"} if "spare" in found else found  # what is parked stays
 
     def _build(self) -> None:
         """Compile and load every kernel, by running it once on arrays that `reset` then overwrites."""
@@ -231,75 +170,3 @@ class Bodies(SubstepSimulation):
             )
         ends += Rebounds.launches if self._rebounds and self._rebounds.turns else 0
         return method.substeps * (ends + iteration * method.iterations)
-
-    # ------------------------------------------------------------------ the contract
-
-    @property
-    def contacts_lost(self) -> int:
-        """Of particles' neighbours, those that there was no room for since the start."""
-        return self.contacts.lost if self.contacts else 0
-
-    def _keep(self) -> None:
-        super()._keep()
-        self.kept_rotation.copy_to_device(self.rotation, stream=self.stream)
-        self._lattices.keep()
-        self._material.keep()
-
-    def _restore(self) -> None:
-        super()._restore()
-        self.rotation.copy_to_device(self.kept_rotation, stream=self.stream)
-        self._lattices.restore()
-        self._material.restore()
-
-    def _parameters_changed(self) -> None:
-        if self._links:
-            self._links.change(self.scene.method)
-        self._own_members.copy_to_device(self._in_own_order().reshape(-1), stream=self.stream)
-        self._material.change(self.scene.method)
-        self._lattices.change(self.scene.method)
-        if self.contacts:
-            self.contacts.change(self.scene)
-        super()._parameters_changed()
-
-    def _weights_changed(self) -> None:
-        self._weight = (self.body.inverse_mass * self.scene.body_set.mass).astype(self.real)
-
-    def _of_all(self, loose: Any, of_lattices: Any, rows: int = 1) -> np.ndarray:
-        """(clusters, rows * 4): arrays of quads, those of loose clusters first."""
-        arrays = [loose] * bool(self.clusters.count) + [of_lattices] * bool(self._lattices.copies)
-        return np.concatenate([self._quads(array).reshape(-1, rows * SIZE) for array in arrays])
-
-    def _download_rotation(self) -> np.ndarray:
-        return self._of_all(self.rotation, self._lattices.rotation)
-
-    def _upload_rotation(self, rotation: np.ndarray | None) -> None:
-        count = self.clusters.count
-        start = np.zeros((count + self._lattices.clusters, SIZE), self.real)
-        start[:, 0] = 1
-        quads = start if rotation is None else rotation
-        for array, values in ((self.rotation, quads[:count]), (self._lattices.rotation, quads[count:])):
-            if len(values):
-                array.copy_to_device(np.ascontiguousarray(values).reshape(-1), stream=self.stream)
-        if rotation is None:
-            self._match(self.position[self._current], self.rotation, look=True)
-            self._lattices.settle()
-        self.synchronize()
-
-    def _download_plastic(self) -> np.ndarray | None:
-        self.synchronize()
-        return self._material.download()
-
-    def _upload_plastic(self, plastic: np.ndarray | None) -> None:
-        self._material.upload(plastic)
-
-    def _look(self) -> np.ndarray:
-        """(clusters, 3, 4): the rows of rotations, and centres, where particles are now."""
-        self._match(self.position[self._current], self.turned, look=True)
-        return self._of_all(self._frames, self._lattices.frames, ROWS).reshape(-1, ROWS, SIZE)
-
-    def _read_deformation(self) -> np.ndarray:
-        return np.ascontiguousarray(self._look()[:, :, :AXES])
-
-    def _read_clusters(self) -> tuple[np.ndarray, np.ndarray]:
-        centre = self._look()[:, :, AXES].copy()
-        return self._of_all(self.turned, self._lattices.turned), centre

@@ -104,22 +104,53 @@ def make_substep_ends(real: Any, math: str, parts: frozenset[str]) -> SimpleName
 
 
 @cache
+def make_assembly(real: Any, math: str, parts: frozenset[str]) -> Any:
+    """assemble(kind, group, particles, matrix, lists, world): of a block, the rows of SUMMED particles put together from
+    blocks of their tetrahedra; the damper's too, and where they are damped, what dampers add."""
+    gather, inline = make_rows(real, math, parts).gather, inlined(math)
+    access, moved = make_block_access(math), device_formulas(passes.make, real, math).moved
+    load_block, store_block = access.load_block, access.store_block
+    summed, kept, damped = np.int32(SUMMED), np.int32(BLOCKS_EACH), DAMPED in parts
+
+    @inline
+    def assemble(kind, group, particles, matrix, lists, world):
+        t, threads = np.int32(cuda.threadIdx.x), np.int32(cuda.blockDim.x)
+        first, rate = np.int32(group * summed), world.parameters.newton_rate
+        last = np.int32(min(np.int32(first + summed), particles))
+        for n in range(lists.starts[first] + t, lists.starts[last], threads):
+            limit = np.int32(matrix.found.size // 9)
+            if kind == DAMPER_ROWS:
+                limit = np.int32(len(lists.materials) * kept)
+            m = gather(n, lists, matrix.found, limit)
+            if kind == DAMPER_ROWS:
+                store_block(matrix.damper, n, m)
+            else:
+                if damped:
+                    d = load_block(matrix.damper, n)
+                    m = (
+                        moved(m[0], rate, d[0]), moved(m[1], rate, d[1]), moved(m[2], rate, d[2]),
+                        moved(m[3], rate, d[3]), moved(m[4], rate, d[4]), moved(m[5], rate, d[5]),
+                        moved(m[6], rate, d[6]), moved(m[7], rate, d[7]), moved(m[8], rate, d[8]),
+                    )  # fmt: skip
+                store_block(matrix.blocks, n, m)
+        cuda.syncthreads()
+
+    return assemble
+
+
+@cache
 def make_unit_passes(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
     """`of_elements(kind, unit, count, ...)`: of a block, the passes over UNIT tetrahedra; `of_particles(kind, group, ...)`:
     those over SUMMED particles; both leave sums of groups in `sums`."""
     inline, look, blocks = inlined(math), make_look(real, math), make_blocks(real, math)
-    rows = make_rows(real, math, parts)
-    gather, settle_row = rows.gather, rows.settle_row
+    rows, assemble = make_rows(real, math, parts), make_assembly(real, math, parts)
+    settle_row = rows.settle_row
     solve, moving = make_solving(real, math, rows.apply), make_moving(real, math, parts, rows.resist)
     weigh, move, dragged, drags = moving.weigh, moving.move, moving.dragged, moving.drags
     ends, add_groups = make_substep_ends(real, math, parts), make_sums(real, math).add_groups
     begin, finish, corrected = ends.begin, ends.finish, make_coarse(real, math).corrected
-    access, moved = make_block_access(math), device_formulas(passes.make, real, math).moved
-    load_block, store_block = access.load_block, access.store_block
     zero, summed, unit_size, both = real(0), np.int32(SUMMED), np.int32(UNIT), np.int32(2)
-    damped, moves = DAMPED in parts, MOTION in parts
-    ordered, kept = math == "exact", np.int32(BLOCKS_EACH)
-    next_one = np.int32(1)
+    moves, ordered, next_one = MOTION in parts, math == "exact", np.int32(1)
 
     @inline
     def of_elements(kind, unit, count, v, matrix, lists, values, safe, shared, sums):
@@ -143,30 +174,6 @@ def make_unit_passes(real: Any, math: str, parts: frozenset[str]) -> SimpleNames
             groups = np.int32((count + summed - 1) // summed)
             width = np.int32(min(unit_size, np.int32(count - unit * unit_size)))
             add_groups(shared, both, width, np.int32(unit * unit_size // summed), groups, sums)
-
-    @inline
-    def assemble(kind, group, particles, matrix, lists, world):
-        """The blocks of the group's rows, of the damper's too."""
-        t, threads = np.int32(cuda.threadIdx.x), np.int32(cuda.blockDim.x)
-        first, rate = np.int32(group * summed), world.parameters.newton_rate
-        last = np.int32(min(np.int32(first + summed), particles))
-        for n in range(lists.starts[first] + t, lists.starts[last], threads):
-            limit = np.int32(matrix.found.size // 9)
-            if kind == DAMPER_ROWS:
-                limit = np.int32(len(lists.materials) * kept)
-            m = gather(n, lists, matrix.found, limit)
-            if kind == DAMPER_ROWS:
-                store_block(matrix.damper, n, m)
-            else:
-                if damped:
-                    d = load_block(matrix.damper, n)
-                    m = (
-                        moved(m[0], rate, d[0]), moved(m[1], rate, d[1]), moved(m[2], rate, d[2]),
-                        moved(m[3], rate, d[3]), moved(m[4], rate, d[4]), moved(m[5], rate, d[5]),
-                        moved(m[6], rate, d[6]), moved(m[7], rate, d[7]), moved(m[8], rate, d[8]),
-                    )  # fmt: skip
-                store_block(matrix.blocks, n, m)
-        cuda.syncthreads()
 
     @inline
     def of_particles(kind, group, particles, v, matrix, lists, coarse, world, time, shares, shared, sums):

@@ -130,7 +130,7 @@ def fastest(results: Results, target: float = 1e-3) -> Claim:
     clear = clear and not small((other.seconds or 0.0) / (best.seconds or 1.0))
     numbers["next"] = other.seconds or 0.0
     after = f"the next integrator is {other.integrator} with {seconds(other.seconds or 0.0)}"
-    text += f"; {after}." if clear else f"; {after}, no difference beyond the spread."
+    text += f"; {after}." if clear else f"; {after}, no difference beyond measurement noise."
     return Claim(text, numbers, clear)
 
 
@@ -156,7 +156,7 @@ def equal_error(results: Results, target: float = 1e-3) -> Claim:
             and not small(ratio)
             and ((row.cpu.low or 0) > (row.gpu.high or 0) or (row.cpu.high or 0) < (row.gpu.low or 0))
         )
-        told = _times_as_fast(ratio) if clear else "GPU and CPU differ by no more than the spread"
+        told = _times_as_fast(ratio) if clear else "GPU and CPU differ by no more than measurement noise"
         if row.speed_up_copied is not None:
             numbers[f"copied{name}"] = row.speed_up_copied
             whole = "" if parts else " of the end state to the host in both times"

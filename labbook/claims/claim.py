@@ -1,9 +1,9 @@
 """What the lab book may say: every claim is a function of the results that returns a sentence made from the data.
 
-A claim is `supported` when what it compares is apart (plots/core/apart.py), or a number it needs is there at all.
-Otherwise its sentence is neutral: no difference beyond the spread, or not measured. Timings whose answer was wrong take
-no part; suspect ones only where there are no others, and then the sentence says so. Every sentence names the machine that
-its numbers are from. Here: threads, and each backend by itself; comparisons and accuracy have files of their own.
+A claim is `supported` when what it compares is apart (plots/core/apart.py), or a number it needs is there at all. Otherwise
+its sentence is neutral: no difference beyond measurement noise, or not measured. Timings whose answer was wrong take no
+part; suspect ones only where there are no others, and then the sentence says so. Every sentence names the machine that its
+numbers are from. Here: threads, and each backend by itself; comparisons and accuracy have files of their own.
 """
 
 from __future__ import annotations
@@ -104,7 +104,7 @@ def threads_at(results: Results, end: int) -> Claim:
         elif verdict < 0:
             parts.append(f"a step with {word} threads takes {percent(ratio)} of the time of 1x{suspect}")
         else:
-            parts.append(f"{word} threads show no difference to 1x beyond the spread{suspect}")
+            parts.append(f"{word} threads show no difference to 1x beyond measurement noise{suspect}")
     text = f"{on(source, 'cpu')}, at {masses(size)}, {words.listed(parts)}."
     return Claim(text, numbers | {"masses": size}, supported)
 
@@ -123,16 +123,16 @@ def threads_best(results: Results) -> Claim:
     start, of = on(source, "cpu"), f"of the {len(sizes)} square sizes{suspect}"
     if not faster and slower:
         text = (
-            f"{start}, at none {of} are 2x or 4x threads faster than 1x beyond the spread; at {len(slower)} of them one or "
-            "both are slower."
+            f"{start}, at none {of} are 2x or 4x threads faster than 1x beyond measurement noise; at {len(slower)} of them "
+            "one or both are slower."
         )
     elif faster:
         text = (
-            f"{start}, at {len(faster)} {of} 2x or 4x threads are faster than 1x beyond the spread, the smallest of them "
-            f"{masses(min(faster))}; at {len(slower)} others one or both are slower."
+            f"{start}, at {len(faster)} {of} 2x or 4x threads are faster than 1x beyond measurement noise, the smallest of "
+            f"them {masses(min(faster))}; at {len(slower)} others one or both are slower."
         )
     else:
-        text = f"{start}, at none {of} do 2x or 4x threads differ from 1x beyond the spread."
+        text = f"{start}, at none {of} do 2x or 4x threads differ from 1x beyond measurement noise."
     return Claim(text, numbers, bool(faster or slower))
 
 
@@ -187,7 +187,7 @@ def float64_cost(source: Source | None, backend: str, word: str | None) -> Claim
     ratio = double.median / single.median
     start = f"{on(source, backend)}, at"
     if apart(double, single) == 0:
-        text = f"{start} {masses(single.particles)}, float64 and float32 differ by no more than the spread{suspect}."
+        text = f"{start} {masses(single.particles)}, float64 and float32 differ by no more than measurement noise{suspect}."
         return Claim(text, {"ratio": ratio}, False)
     text = f"{start} {masses(single.particles)}, a step in float64 takes {times(ratio)} as long as in float32{suspect}."
     return Claim(text, {"ratio": ratio, "masses": single.particles}, True)

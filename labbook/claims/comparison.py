@@ -47,7 +47,7 @@ def overtakes(results: Results) -> Claim:
     start = f"{on_gpu(source)}, against the fastest thread count of the {source.processor} and at the same step:"
     at_last = f"at {masses(last.gpu.particles)}, {largest},"
     if not last.clear:
-        return Claim(f"{start} {at_last} there is no difference beyond the spread{suspect}.", numbers, False)
+        return Claim(f"{start} {at_last} there is no difference beyond measurement noise{suspect}.", numbers, False)
     if last.ratio < 1:
         text = f"{start} {at_last} the GPU's step takes {times(1 / last.ratio)} as long as the CPU's"
     elif crossed:
@@ -83,7 +83,9 @@ def drawing(results: Results) -> Claim:
                 f"{masses(without.particles)}{suspect}"
             )
         else:
-            parts.append(f"{label} drawing costs no more than the spread, at {masses(without.particles)}{suspect}")
+            parts.append(
+                f"{label} drawing costs no more than measurement noise, at {masses(without.particles)}{suspect}"
+            )
     if not parts:
         reason = skipped_reason(results)
         return Claim("Nothing was timed with graphics" + (f": {reason.rstrip('.')}." if reason else "."))
@@ -108,7 +110,7 @@ def overtakes_drawing(results: Results) -> Claim:
     text = f"{start} the CPU is ahead up to {masses(ahead[-1].gpu.particles)}; at" if ahead else f"{start}, at"
     text = f"{text} {masses(last.gpu.particles)}"
     if not last.clear:
-        return Claim(f"{text} GPU and CPU differ by no more than the spread{suspect}.", numbers, bool(ahead))
+        return Claim(f"{text} GPU and CPU differ by no more than measurement noise{suspect}.", numbers, bool(ahead))
     return Claim(f"{text} the GPU's step is {times(last.ratio)} as fast as the CPU's{suspect}.", numbers, True)
 
 
@@ -125,7 +127,7 @@ def shape(results: Results) -> Claim:
     numbers = {"least": min(ratios), "most": max(ratios), "off": len(off)}
     start = f"{on(source, 'cpu')}, against squares of as many masses, {len(found)} long, tall and odd grids"
     if not off:
-        return Claim(f"{start} show no difference beyond the spread{suspect}.", numbers, False)
+        return Claim(f"{start} show no difference beyond measurement noise{suspect}.", numbers, False)
     text = f"{start} take between {percent(min(ratios))} and {percent(max(ratios))} of the time{suspect}."
     return Claim(text, numbers, True)
 
@@ -164,7 +166,9 @@ def peers(results: Results) -> Claim:
             numbers[f"{backend} {one.peer}"] = one.ratio
             same = one.low <= 1 <= one.high
             mark = " (suspect)" if one.suspect and not all(each.suspect for each in here) else ""
-            told.append(f"{'as long, within the spread,' if same else times(one.ratio)} by {label(one.peer)}{mark}")
+            told.append(
+                f"{'as long, within measurement noise,' if same else times(one.ratio)} by {label(one.peer)}{mark}"
+            )
         if told:
             suspect = SUSPECT if all(one.suspect for one in here) else ""
             parts.append(f"on {where(backend, source)}, at {masses(size)}, {words.listed(told)}{suspect}")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from bench.experiments.findings_determinism import DETERMINISM, RUNS
+from bench.experiments.findings.determinism import DETERMINISM, RUNS
 from labbook import words
 from labbook.claims.claim import Claim, Claims, on_gpu
 from labbook.words import percent
@@ -91,7 +91,7 @@ def _largest(found: list[Cost]) -> dict[str, Cost]:
 
 def _compared(cost: Cost) -> str:
     if cost.least <= 1 <= cost.most:
-        return "takes, within the spread, the time"
+        return "takes, within measurement noise, the time"
     return f"takes {words.times(cost.ratio)} the time"
 
 

@@ -1,5 +1,5 @@
-"""What the lab book may say about single findings (bench/experiments/findings.py); see labbook/claims/claim.py for the
-rules."""
+"""What the lab book may say about single findings (bench/experiments/findings/experiment.py); see labbook/claims/claim.py
+for the rules."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from functools import cache
 
 import numpy as np
 
-from bench.experiments.findings import AWAY, DAMPERS, DAMPING, DISSIPATION, FLOOR, oscillator
+from bench.experiments.findings.experiment import AWAY, DAMPERS, DAMPING, DISSIPATION, FLOOR, oscillator
 from labbook import words
 from labbook.claims.accuracy import NEAR, SCENE, found_points
 from labbook.claims.claim import Claim, Claims, on_gpu
@@ -107,7 +107,7 @@ def far_away(results: Results) -> Claim:
 def theory(scheme: str, dt: float) -> float:
     """The rate [1/s] at which the amplitude falls (negative: grows): -ln |eigenvalue of one step| / dt.
 
-    Of the oscillator of bench/experiments/findings.py, from the step's matrix (model/core/integrators.py).
+    Of the oscillator of bench/experiments/findings/experiment.py, from the step's matrix (model/core/integrators.py).
     """
     matrix = amplification_matrix(scheme, dt, _frequency(), 0.0)
     return -math.log(float(np.abs(np.linalg.eigvals(matrix)).max())) / dt
@@ -168,7 +168,7 @@ def exact_cost(results: Results) -> Claim:
             supported = True
             parts.append(f"{words.times(ratio)} as long on {where} ({words.masses(fast.particles)})")
         else:
-            parts.append(f"no longer beyond the spread on {where} ({words.masses(fast.particles)})")
+            parts.append(f"no longer beyond measurement noise on {where} ({words.masses(fast.particles)})")
     if not parts:
         return Claim("What exact math costs was not measured.")
     return Claim(f"A step of velocity Verlet in exact math takes {words.listed(parts)}.", numbers, supported)

@@ -113,8 +113,9 @@ def viscosity(results: Results) -> Claim:
         numbers[who] = fine.numbers[laws.VISCOSITY]
         more = ""
         if coarse.spacing > fine.spacing:
-            numbers[f"{who} ratio"] = ratio = coarse.numbers[laws.VISCOSITY] / fine.numbers[laws.VISCOSITY]
-            more = f" ({ratio:.2g} times as much with particles {coarse.spacing / fine.spacing:.2g} times as far apart)"
+            numbers[f"{who} ratio"] = coarse.numbers[laws.VISCOSITY] / fine.numbers[laws.VISCOSITY]
+            wider = coarse.spacing / fine.spacing
+            more = f" ({coarse.numbers[laws.VISCOSITY]:.2g} m²/s at {wider:.2g} times the particle spacing)"
         parts.append(f"{numbers[who]:.2g} m²/s by {who}{more}")
     fine = min(held[2], key=lambda r: r.spacing)
     text = (

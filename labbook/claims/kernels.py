@@ -30,8 +30,8 @@ def choice(results: Results, backend: str) -> Claim:
     slower = [(mine.median / t.median, t) for mine, t in pairs if apart(mine, t) > 0]
     good = len(best) - len(slower)
     text = (
-        f"{on(source, backend)}, the kernel that is chosen by itself is the fastest, or not slower beyond the spread, at "
-        f"{good} of the {len(best)} sizes"
+        f"{on(source, backend)}, the kernel that is chosen by itself is the fastest, or not slower beyond measurement noise, "
+        f"at {good} of the {len(best)} sizes"
     )
     if len(best) < timed:
         text += f" at which it was timed beside the others undisturbed, of {timed}"
@@ -135,7 +135,7 @@ def crowded(results: Results, kernel: str, against: str | None = None) -> Claim:
     verdict = apart(packed, base)
     if verdict == 0:
         return Claim(
-            f"{at} {seconds(packed.median)}, which differs from {name} by no more than the spread{suspect}.",
+            f"{at} {seconds(packed.median)}, which differs from {name} by no more than measurement noise{suspect}.",
             numbers,
             False,
         )

@@ -103,7 +103,7 @@ def budget(results: Results) -> Claim:
 
 
 def decided(results: Results) -> Claim:
-    """The gate: whether at the stiffest bars the best solver takes a tenth of the cheapest position-based setting's
+    """Whether at the stiffest bars the best solver takes a tenth of the cheapest position-based setting's
     time, within WITHIN of the mesh's own rest and motion."""
     parts: list[str] = []
     numbers: dict[str, float] = {}

@@ -45,9 +45,13 @@ class Material:
         found = {"linear": self.linear, "plastic": self.creep, "cluster_damping": self.damping}
         return frozenset(name for name, values in found.items() if (values > 0).any())
 
+    def some(self, chosen: np.ndarray | slice) -> Material:
+        """Of the `chosen` clusters."""
+        return Material(**{field.name: getattr(self, field.name)[chosen] for field in fields(Material)})
+
     def first(self, count: int) -> Material | None:
         """Of the first `count` clusters; None where they only turn."""
-        found = Material(**{field.name: getattr(self, field.name)[:count] for field in fields(Material)})
+        found = self.some(slice(count))
         return found if found.parts else None
 
 

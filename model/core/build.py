@@ -16,10 +16,10 @@ from model.fluid.fluid_set import FluidSet
 from model.geometry.sheets import sheet_positions
 from model.geometry.topology import mesh_of, pinned_vertices, vertex_masses
 from model.scene.cloth import Cloth, Fold
+from model.scene.kinds import SHEETS
 from model.scene.mesh import Mesh
 from model.scene.parts import Grid
 from model.scene.scene import Scene
-from model.scene.scene_parts import SHEETS
 from model.scene.self_collision import CONTACT_BYTES
 from model.shape_matching.body_set import BodySet
 from model.tetrahedra.body_set import TetrahedraSet
@@ -101,7 +101,7 @@ def wave(grid: Grid, amplitude: float, time: float = 0.0) -> np.ndarray:
 
 
 _built: WeakValueDictionary[str, Body] = WeakValueDictionary()  # those that an open simulation holds
-_given: ContextVar[Body | None] = ContextVar("given", default=None)  # see rows_of
+_given: ContextVar[Body | None] = ContextVar("given", default=None)  # see `given`
 
 
 def build(scene: Scene) -> Body:
@@ -109,9 +109,9 @@ def build(scene: Scene) -> Body:
 
     Raises SceneError where they would not fit into memory or into 32-bit indices.
     """
-    given = _given.get()
-    if given is not None:
-        return given
+    told = _given.get()
+    if told is not None:
+        return told
     key = scene.canonical()
     body = _built.get(key)
     if body is None:
@@ -119,17 +119,19 @@ def build(scene: Scene) -> Body:
     return body
 
 
-@contextmanager
-def rows_of(whole: Body, first_row: int, rows: int) -> Iterator[None]:
-    """What is built within are rows of another sheet's masses: where these are, and no new arrays."""
-    held = slice(first_row * whole.columns, (first_row + rows) * whole.columns)
+def some_of(whole: Body, held: slice, rows: int = 1) -> Body:
+    """Those `held` of the whole's particles, in so many rows: views of its arrays, measured by its `size`."""
     inverse_mass = whole.inverse_mass[held]
-    token = _given.set(
-        Body(
-            rows, whole.columns, whole.position[held], whole.velocity[held], inverse_mass,
-            np.flatnonzero(inverse_mass == 0), whole.size,
-        )
+    return Body(
+        rows, len(inverse_mass) // rows, whole.position[held], whole.velocity[held], inverse_mass,
+        np.flatnonzero(inverse_mass == 0), whole.size,
     )  # fmt: skip
+
+
+@contextmanager
+def given(body: Body) -> Iterator[None]:
+    """What is built within is this one, whatever the scene."""
+    token = _given.set(body)
     try:
         yield
     finally:

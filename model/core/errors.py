@@ -60,7 +60,7 @@ class InputError(SoftlabError):
 
 class UnstableTimeStep(SceneError):
     """The step size is over the stability limit of the scene and integrator. `limit` [s] is the largest that holds;
-    `cause` and `way_out`: of model/core/diagnosis.py, where the plain ones do not tell enough."""
+    `cause` and `way_out`: of model/core/stability/diagnosis.py, where the plain ones do not tell enough."""
 
     def __init__(self, dt: float, limit: float, integrator: str, cause: str | None = None, way_out: str | None = None):
         self.limit = limit
@@ -88,7 +88,7 @@ class Diverged(SoftlabError):
 
     Attributes: `step` (the first bad step, counted from the scene's start), `particle` (the lowest bad index),
     `limit` (the dt [s] that would have held, or None where none is known), `cause` and `remedy` (with its number; given by
-    model/core/diagnosis.py).
+    model/core/stability/diagnosis.py).
     """
 
     exit_status = 1

@@ -11,6 +11,7 @@ import numpy as np
 
 from model.core.clock import Clock
 from model.core.plan import Plan
+from model.domains.bodies import Apart
 from model.domains.decomposition import Reach
 from model.scene.scene import Scene
 
@@ -33,6 +34,8 @@ class SolverFamily:
     `simulate` judges it. `unknown`: why no converged reference of the motion is known, and what to ask instead; None: one is.
     `reach(scene)`: how far a step reads along the rows of its sheet, so that several can share it (model/domains); raises
     SceneError for a part that cannot be shared; None: no scene of the family can yet.
+    `apart(scene)`: the bodies of a scene in which none acts on another, so that several share them body by body
+    (model/domains/bodies.py); raises SceneError for what lets them; None: no scene of the family can yet.
     """
 
     name: str
@@ -51,6 +54,7 @@ class SolverFamily:
     reference: str
     unknown: str | None = None
     reach: Callable[[Scene], Reach] | None = None
+    apart: Callable[[Scene], Apart] | None = None
 
 
 ANY_SHEET = frozenset({"damping", "gravity", "external", "perturbation", "method"})  # kinds that go with every sheet

@@ -162,7 +162,7 @@ def frequency_bound(scene: Scene) -> float:
 
     A spring's stiffness matrix has no eigenvalue above k in any state, so w^2 <= k/m times the largest eigenvalue of the
     grid's Laplacian, which is at most twice the most springs on one mass (Gershgorin): 8 k/m inside a grid. Where springs
-    alternate, k is the stiffest one's; where masses differ, m the lightest one; model/core/stability_limit.py tells how
+    alternate, k is the stiffest one's; where masses differ, m the lightest one; model/core/stability/limit.py tells how
     much of it the net itself needs. A cloth's is model/mass_spring/cloth_bounds.py; of a mesh from a file and of bodies,
     whose solvers have no limit that follows from it, nothing is known.
     """

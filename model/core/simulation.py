@@ -1,38 +1,35 @@
 """The contract a backend fulfils: one class per backend and solver, opened by app/driver.py.
 
-`Simulation` holds what is the same for every backend: the step counter, live parameters, and the hunt for the first bad
-step. A backend adds the methods of model/core/backend.py. The state stays on the backend's device; nothing is allocated in
-`advance`.
+`Simulation` holds what is the same for every backend: states in and out, what is read of them, live parameters; steps, their
+count and the hunt for the first bad one are in model/core/stepping.py. A backend adds the methods of model/core/backend.py.
+The state stays on the backend's device; nothing is allocated in `advance`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from math import isqrt
-from numbers import Integral
 from typing import Any
 
 import numpy as np
 
-from model.core.backend import Backend
 from model.core.build import Body, build
 from model.core.clock import START, Clock, clock_of
-from model.core.diagnosis import diagnose
-from model.core.divergence import DIVERGED_SIZE, check_interval
 from model.core.energy import energies, spring_strain
-from model.core.errors import Diverged, InputError, SceneError
+from model.core.errors import InputError, SceneError
 from model.core.families import family_of, stability_limit
 from model.core.options import PRECISIONS, Options, check_live
 from model.core.plan import Executor, Plan, StageRun
+from model.core.stability.divergence import DIVERGED_SIZE, check_interval
 from model.core.state import State, checked_arrays
+from model.core.stepping import Stepping
 from model.fluid.flow import taps_at_start, turned
 from model.scene.scene import Scene
 from model.shape_matching import spare
 from model.shape_matching.cluster_tables import checked_clusters, every_plastic
 
 
-class Simulation(Backend):
+class Simulation(Stepping):
     """One world under one solver on one backend, a context manager.
 
     Public attributes: `scene`, `body` (its arrays at time 0), `options`, `real` (numpy type of the precision), `plan`,
@@ -49,7 +46,6 @@ class Simulation(Backend):
     _executor: Executor
 
     threads_reason: str | None = None  # of so many threads, where they were asked for as `auto`
-    closed = False  # left as a context manager
 
     def __init__(self, scene: Scene, options: Options):
         self.scene = scene
@@ -88,75 +84,6 @@ class Simulation(Backend):
     def __exit__(self, *_: object) -> None:
         self.close()
         self.closed = True
-
-    def advance(self, steps: int) -> None:
-        """Do `steps` steps of `method.dt` each. Raises Diverged (then the state is the last checked finite one).
-
-        The state is looked at every `check_interval` steps, and whenever it is read; the interval in which it went bad is
-        then replayed to name the first bad step and particle. Raises SceneError for steps that are no number of them, and
-        InputError when it was closed.
-        """
-        if self.closed:
-            raise InputError("this simulation is closed; open another one")
-        if not isinstance(steps, Integral) or steps < 0:
-            raise SceneError("steps", steps, "must be a whole number of at least 0")
-        while steps > 0:
-            batch = min(steps, self.check_interval - (self.step - self._kept_step))
-            self._run(batch)
-            self._count(batch)
-            steps -= batch
-            if self.step - self._kept_step >= self.check_interval:
-                self.check()
-
-    def _count(self, steps: int) -> None:
-        self.step += steps
-        self.time = self._clock.at(self.step, self.scene.method.dt)
-
-    def check(self, keep: bool = True) -> None:
-        """Look at the state now; raise Diverged if it is bad, else put it aside as the last good one (if `keep`)."""
-        if self.step == self._kept_step:
-            return
-        if self._first_diverged() < 0:
-            if keep:
-                self._put_aside()
-            return
-        last = self.step
-        self.rewind()
-        begin, _ = self._replay(last, isqrt(last - self.step))  # so that both ways together look the fewest times
-        self.rewind()
-        if begin > self.step:
-            self._run(begin - self.step)
-            self._count(begin - self.step)
-        _, bad = self._replay(last, 1)
-        step = self.step
-        self.rewind()
-        found = diagnose(self.scene, self.limit, self._download()[1])
-        raise Diverged(step, bad, self.scene.method.dt, self.limit, found.cause, found.remedy)
-
-    def _replay(self, last: int, interval: int) -> tuple[int, int]:
-        """Go on to step `last` or the first look at a bad state: (step of the look before, the bad particle or -1)."""
-        begin, bad = self.step, -1
-        while bad < 0 and self.step < last:
-            begin = self.step
-            batch = min(interval, last - begin)
-            self._run(batch)
-            self._count(batch)
-            bad = self._first_diverged()
-        return begin, bad
-
-    def _put_aside(self) -> None:
-        self._keep()
-        self._kept_step, self._kept_time = self.step, self.time
-        self.kept += 1
-
-    def rewind(self) -> None:
-        """Back to the state that was put aside last, without a copy through the host.
-
-        That is the one loaded last, until `kept` moves on: a look at the state (`check`, `state`, and `advance` every
-        `check_interval` steps) puts a newer one aside.
-        """
-        self._restore()
-        self.step, self.time = self._kept_step, self._kept_time
 
     def state(self) -> State:
         """A copy of the state on the host. Raises Diverged rather than hand out a bad one."""

@@ -10,7 +10,7 @@ PATIENCE = 60.0  # s; no wait for a neighbour takes longer
 
 
 class Exchange(ABC):
-    """Between the windows of one sheet, those of this process and of others. One exchange is a `post` and a `wait`; all
+    """Between the windows of one scene, those of this process and of others. One exchange is a `post` and a `wait`; all
     processes make the same calls in the same order. `rank`: of this process; one alone is number 0."""
 
     rank = 0
@@ -34,3 +34,13 @@ class Exchange(ABC):
 
     def close(self) -> None:  # noqa: B027 - nothing to free is a valid answer
         """Free what it holds."""
+
+
+class NothingSent(Exchange):
+    """Between parts none of which acts on another: they meet where a state is gathered."""
+
+    def post(self) -> None:
+        """Nothing."""
+
+    def wait(self) -> None:
+        """For nobody."""

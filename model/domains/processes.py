@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 
 from model.core.errors import BackendUnavailable, SceneError
-from model.domains.decomposition import Decomposition
 from model.domains.exchange import PATIENCE
 from model.domains.launched import launched_ranks
 
@@ -84,10 +83,11 @@ def await_request(request: Any, who: str) -> None:
             time.sleep(NAP)
 
 
-def gather_rows(world: Any, owned: np.ndarray, decomposition: Decomposition) -> np.ndarray:
-    """Of the masses (masses, axes) that each process owns, those of all, in order."""
+def gather_rows(world: Any, owned: np.ndarray) -> np.ndarray:
+    """Of the rows (masses, axes) that each process owns, those of all, in order."""
     axes = owned.shape[1]
-    counts = np.array([domain.end - domain.first for domain in decomposition.domains]) * decomposition.columns
+    counts = np.zeros(world.Get_size(), np.int64)
+    await_request(world.Iallgather(np.array([len(owned)], np.int64), counts), "another process")
     whole = np.empty((int(counts.sum()), axes), owned.dtype)
     kind = mpi().FLOAT if owned.dtype == np.float32 else mpi().DOUBLE
     mass = kind.Create_contiguous(axes).Commit()  # counts of MPI are 32-bit: of masses, not of numbers

@@ -1,25 +1,22 @@
-"""A sheet that is stepped in windows: the contract of a simulation, kept by the windows together."""
+"""A sheet that is stepped in windows of its rows: the contract of a simulation, kept by the windows together."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from contextlib import AbstractContextManager, nullcontext
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from model.core.build import rows_of
+from model.core.build import some_of
 from model.core.errors import SceneError
 from model.core.families import family_of, scene_plan
 from model.core.options import Options
 from model.core.own_forces import own_parts
 from model.core.simulation import Simulation
 from model.domains.decomposition import Decomposition, Domain, decompose
-from model.domains.exchange import Exchange
+from model.domains.windows import WindowedSimulation
 from model.scene.scene import Scene
-
-NOBODY = 2**62  # beyond any particle's number
 
 
 def cut(scene: Scene, count: int, steps: int | None, option: str) -> Decomposition:
@@ -27,7 +24,7 @@ def cut(scene: Scene, count: int, steps: int | None, option: str) -> Decompositi
     family = family_of(scene)
     if family.reach is None:
         raise SceneError(
-            option, count, f"shares sheets of springs or constraints alone so far, no {family.name}; use 1"
+            option, count, f"shares sheets, and bodies that do not meet, alone so far, no {family.name}; use 1"
         )
     return decompose(scene.grid.rows, scene.grid.columns, count, family.reach(scene), steps, option)
 
@@ -46,14 +43,9 @@ def window_scene(scene: Scene, pinned: np.ndarray, domain: Domain, divided: int 
     return scene.replace(changes)
 
 
-class DecomposedSimulation(Simulation):
-    """See model/core/simulation.py for the contract. `windows`: those of this process, simulations of their own, of the
-    domains `mine`; `exchange`: what connects them to all others. In `exact` math the bits are those of the sheet as one.
-
-    A backend opens the windows (`_open`) and says how they are connected (`_connect`).
-    """
-
-    exchange: Exchange
+class DecomposedSimulation(WindowedSimulation):
+    """See model/domains/windows.py. `windows` are of the domains `mine`. In `exact` math the bits are those of the sheet as
+    one."""
 
     def __init__(self, scene: Scene, options: Options, cut: Decomposition, mine: Sequence[int]):
         super().__init__(scene, options)
@@ -62,55 +54,19 @@ class DecomposedSimulation(Simulation):
             raise SceneError("live", "poke", "pulls a mass of the whole sheet: run it as one, not shared")
         self.decomposition, self.mine = cut, [cut.domains[k] for k in mine]
         self.plan = scene_plan(scene, options.live)
-        self.windows: list[Simulation] = []
-        try:
-            for place, domain in enumerate(self.mine):
-                own = replace(options, first_particle=domain.window_first * cut.columns)
-                part = window_scene(scene, self.body.pinned, domain, cut.divided)
-                with self._at(place), rows_of(self.body, domain.window_first, domain.window_rows):
-                    window = self._open(place, part, own)
-                    window._bound = self._bound
-                    self.windows.append(window)
-            self.kernel, self.threads = self.windows[0].kernel, self.windows[0].threads
-            self.device = f"{cut.count} x {self.windows[0].device}"
-            self.exchange = self._connect()
-            self._parameters_changed()
-            self.reset()
-        except BaseException:
-            self.close()
-            raise
-
-    def _open(self, place: int, scene: Scene, options: Options) -> Simulation:
-        """The simulation of window number `place` of this process."""
-        raise NotImplementedError
-
-    def _connect(self) -> Exchange:
-        """The exchange of the windows, which have been opened."""
-        raise NotImplementedError
-
-    def _at(self, place: int) -> AbstractContextManager[Any]:
-        """Where window number `place` of this process is spoken to: its device."""
-        return nullcontext()
-
-    def _each(self, do: Callable[[Simulation], Any]) -> list[Any]:
-        found = []
-        for place, window in enumerate(self.windows):
-            with self._at(place):
-                found.append(do(window))
-        return found
-
-    @property
-    def rank(self) -> int:
-        return self.exchange.rank
+        self.firsts = [domain.window_first * cut.columns for domain in self.mine]
+        parts = []
+        for first, domain in zip(self.firsts, self.mine, strict=True):
+            own = replace(options, first_particle=first)
+            held = some_of(self.body, slice(first, domain.window_end * cut.columns), domain.window_rows)
+            parts.append((window_scene(scene, self.body.pinned, domain, cut.divided), own, held))
+        self._open_windows(cut.count, parts)
 
     @property
     def whole_steps(self) -> int:
         """Steps that end with an exchange, an even number of them: what graphs replay."""
         cut = self.decomposition
         return 2 * cut.steps if cut.divided == 1 else 1 + cut.divided % 2
-
-    def slowest(self, seconds: float) -> float:
-        return self.exchange.largest(seconds)
 
     # ------------------------------------------------------------------ the contract
 
@@ -123,28 +79,10 @@ class DecomposedSimulation(Simulation):
         done = 0
         while done < steps:
             now = min(self.decomposition.steps, steps - done)
-            for place, window in enumerate(self.windows):
-                window.step = first + done
-                with self._at(place):
-                    window._run(now)
+            self._run_each(first + done, now)
             self.exchange.post()
             self.exchange.wait()
             done += now
-
-    def _keep(self) -> None:
-        self._each(lambda window: window._keep())
-
-    def _restore(self) -> None:
-        self._each(lambda window: window._restore())
-
-    def _first_diverged(self) -> int:
-        """A halo is as right as what its neighbour owns, so that a window may be looked at as a whole."""
-        lowest = NOBODY
-        for domain, bad in zip(self.mine, self._each(lambda window: window._first_diverged()), strict=True):
-            if bad >= 0:
-                lowest = min(lowest, domain.window_first * self.decomposition.columns + bad)
-        lowest = int(-self.exchange.largest(-lowest))
-        return -1 if lowest == NOBODY else lowest
 
     def _parameters_changed(self) -> None:
         def send(window: Simulation) -> None:
@@ -174,12 +112,3 @@ class DecomposedSimulation(Simulation):
             held = slice(domain.window_first * columns, domain.window_end * columns)
             with self._at(place):
                 window._upload(np.ascontiguousarray(position[held]), np.ascontiguousarray(velocity[held]))
-
-    def synchronize(self) -> None:
-        self._each(lambda window: window.synchronize())
-
-    def close(self) -> None:
-        self._each(lambda window: window.close())
-        self.windows = []
-        if "exchange" in self.__dict__:
-            self.exchange.close()

@@ -10,9 +10,9 @@ from pydantic.fields import FieldInfo
 
 from model.core.errors import SceneError
 from model.geometry.shapes import Shape
+from model.scene.kinds import KINDS
 from model.scene.mesh_source import MeshSource
 from model.scene.parts import Part
-from model.scene.scene_parts import KINDS
 from model.scene.words import notes_of, suggestion
 
 TOLD = KINDS | {"shape": Shape}  # which is no table of its own, but a body's

@@ -11,10 +11,12 @@ from pathlib import Path
 from typing import Any
 
 from model.core.errors import SceneError
-from model.scene.checks import check_fit, check_solver
+from model.scene.checks.fit import check_fit
+from model.scene.checks.solver import check_solver
+from model.scene.kinds import KINDS, SEVERAL, SHEETS
 from model.scene.method import FIELDS_OF_SOLVER, Method
 from model.scene.reader import scene_tables
-from model.scene.scene_parts import KINDS, SEVERAL, SHEETS, SceneParts
+from model.scene.scene_parts import SceneParts
 from model.scene.words import suggestion
 
 

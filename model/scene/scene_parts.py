@@ -1,4 +1,4 @@
-"""What a scene consists of: its tables, each checked by itself. What goes with what: model/scene/checks.py.
+"""What a scene consists of: its tables, each checked by itself. What goes with what: model/scene/checks.
 
 Top-level tables are named parts; `kind` defaults to the table's name, so `[grid]` is the part *grid* of kind *grid*.
 """
@@ -6,20 +6,17 @@ Top-level tables are named parts; `kind` defaults to the table's name, so `[grid
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from functools import cached_property
 from typing import Any
 
 from pydantic import ValidationError
 
-from model.contact.mesh_collider import MeshCollider
 from model.core.errors import SceneError
 from model.fluid.fluid_set import FluidSet, make_fluid_set
-from model.geometry.distance_field import DistanceField
 from model.scene.attachment import Attachment, motion_with, pins
 from model.scene.bodies import BODY_KINDS, Placed
 from model.scene.cloth import (
-    CLOTH_KINDS,
     COLLIDER_KINDS,
     CONSTRAINT_KINDS,
     SPRING_KINDS,
@@ -29,15 +26,15 @@ from model.scene.cloth import (
     Fold,
     Wind,
 )
-from model.scene.flow import FLOW_KINDS, Emitter, Sink
-from model.scene.fluid import FLUID_KINDS, Domain, Fluid, Foam
+from model.scene.flow import Emitter, Sink
+from model.scene.fluid import Domain, Fluid, Foam
+from model.scene.kinds import KINDS
 from model.scene.members import member_tables, members_of
-from model.scene.mesh import MESH_KINDS, Mesh
+from model.scene.mesh import Mesh
 from model.scene.method import Method
 from model.scene.motion import Motion
 from model.scene.particle_contact import Contact
 from model.scene.parts import (
-    GRID_KINDS,
     Damping,
     Elastic,
     External,
@@ -52,38 +49,10 @@ from model.scene.regions import Region
 from model.scene.self_collision import SelfCollision
 from model.scene.tetrahedra import TETRAHEDRAL_KINDS, Material, TetrahedralBody
 from model.scene.words import scene_error, suggestion
-from model.scene.xpbd import XPBD_KINDS, Attachments, Load
+from model.scene.xpbd import Attachments, Load
 from model.shape_matching.body_set import BodySet, make_body_set
 from model.tetrahedra.body_set import TetrahedraSet, make_tetrahedra_set
 from model.world.world_set import WorldSet, make_world_set
-
-KINDS: dict[str, type[Part]] = (
-    GRID_KINDS
-    | {"method": Method}
-    | CLOTH_KINDS
-    | {"mesh_collider": MeshCollider, "distance_field": DistanceField}
-    | MESH_KINDS
-    | XPBD_KINDS
-    | BODY_KINDS
-    | TETRAHEDRAL_KINDS
-    | FLUID_KINDS
-    | FLOW_KINDS
-    | {"contact": Contact, "region": Region, "attachment": Attachment, "material": Material}
-)
-SHEETS = ("grid", "cloth", "mesh")  # a scene has one of them
-SEVERAL = (
-    *SHEETS,
-    *BODY_KINDS,
-    *TETRAHEDRAL_KINDS,
-    "fluid",
-    *FLOW_KINDS,
-    *COLLIDER_KINDS,
-    "load",
-    "motion",
-    "region",
-    "attachment",
-    "material",
-)  # may be more than one, or are refused otherwise
 
 
 def _part(kind: str) -> Any:
@@ -137,6 +106,12 @@ class SceneParts:
     def name_of(self, *kinds: str, default: str = "") -> str:
         """What the scene calls its first part of these kinds; `default`: where it has none."""
         return next(iter(self.all_of(*kinds)), default)
+
+    def refuse(self, kinds: Collection[str], why: str) -> None:
+        """Raise SceneError for the first part of one of the `kinds`."""
+        for name, kind in self.kinds.items():
+            if kind in kinds:
+                raise SceneError(f"{name}.kind", kind, why)
 
     @cached_property
     def grid(self) -> Grid:

@@ -45,7 +45,8 @@ class BodySet(ParticleRow):
 
     `position` (particles, 3) float64 [m], at the start; `velocity` likewise [m/s]; `body` (particles,) int32: the copy each
     is of; `clusters`, whose rest positions are those at the start, with those of `lattices` last; `links`; `copies`. To the
-    rest of the lab it is a row of masses: `rows` 1, `columns` all, `spacing` [m] and `mass` [kg] the mean ones.
+    rest of the lab it is a row of masses: `rows` 1, `columns` all, `spacing` [m] and `mass` [kg] the mean ones. `whole`: the
+    set of which this is a share (model/shape_matching/apart.py), None: it is none.
     """
 
     position: np.ndarray
@@ -58,6 +59,7 @@ class BodySet(ParticleRow):
     mass: float
     lattices: tuple[LatticeCopies, ...] = ()
     pinned: str = "none"
+    whole: BodySet | None = None
 
     @cached_property
     def loose(self) -> Clusters:
@@ -75,6 +77,11 @@ class BodySet(ParticleRow):
     def in_cluster_order(self) -> list[Copy]:
         """The copies, in the order of their clusters."""
         return _by_cluster(self.copies)
+
+    @property
+    def alike(self) -> BodySet:
+        """The set that says what code its loose clusters need: the whole one, so that every share runs the same."""
+        return self.whole if self.whole and self.loose.count else self
 
     @property
     def waiting(self) -> np.ndarray:

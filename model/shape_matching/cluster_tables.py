@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from model.core.errors import InputError
-from model.formulas.deformation import S_CREEP, S_INVERSE, S_LIMIT, S_LINEAR, S_THRESHOLD, SHAPE
+from model.formulas.shape_matching.deformation import S_CREEP, S_INVERSE, S_LIMIT, S_LINEAR, S_THRESHOLD, SHAPE
 from model.shape_matching.clusters import Clusters, binned, matching_share
 from model.shape_matching.rigid_rebound import whole_clusters
 

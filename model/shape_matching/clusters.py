@@ -17,7 +17,7 @@ import numpy as np
 
 from model.assets.material import Material
 from model.core.errors import InputError
-from model.formulas.deformation import MIN_VOLUME
+from model.formulas.shape_matching.deformation import MIN_VOLUME
 from model.geometry.lists import grouped
 
 FLAT = 1e-4  # of the moments of rest offsets, least over largest: a hundredth as thick as it is long

@@ -6,8 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from model.scene.checks import MATCHED, OF_BODIES
+from model.scene.checks.fit import OF_BODIES
+from model.scene.checks.solver import MATCHED
 from model.scene.scene import Scene
+from model.shape_matching.apart import bodies_apart
 from model.shape_matching.energy import goal_strain, window_energy
 from model.xpbd.family import SHEET
 
@@ -51,6 +53,7 @@ BODIES = replace(
     passes={"cpu": "app.plan.xpbd:bodies_on_cpu", "gpu": "app.plan.xpbd:bodies_on_gpu"},
     reference="bench.reference.shape_matching",
     reach=None,
+    apart=bodies_apart,
     unknown="no error can be told of bodies: clusters are their material, and have no converged reference; softlab bar holds "
     "that material against closed forms, softlab throughput times bodies",
 )

@@ -44,7 +44,7 @@ def rebound_parts(scene: Scene) -> frozenset[str]:
     """`rigid-rebound`, and `cluster_damping`, which makes rigid motions, where a collider gives back to a rigid body;
     `rigid-bounce`, where particles do."""
     found: set[str] = set()
-    if whole_clusters(scene.body_set.loose).any():
+    if whole_clusters(scene.body_set.alike.loose).any():
         if any(collider.restitution > 0 for _, collider in scene.colliders):
             found |= {"rigid-rebound", "cluster_damping"}
         if scene.contact is not None and scene.contact.restitution > 0:

@@ -6,18 +6,9 @@ from dataclasses import dataclass
 
 from model.contact.particle_parameters import contact_parts
 from model.core.plan import Node, Plan, Stage
-from model.formulas import (
-    cluster,
-    colliders,
-    contact,
-    deformation,
-    distance,
-    lattice,
-    pace,
-    particle_contact,
-    rebound,
-    shape_matching,
-)  # fmt: skip
+from model.formulas import colliders, contact, distance, particle_contact
+from model.formulas.shape_matching import cluster, deformation, lattice, pace, rebound
+from model.formulas.shape_matching import grid as shape_matching
 from model.mass_spring.cloth_plan import cloth_parts
 from model.mass_spring.plan import WIND, own_stages
 from model.scene.cloth import SPRING_KINDS
@@ -103,10 +94,11 @@ def body_parts(scene: Scene) -> frozenset[str]:
     """What of bodies needs code beside their clusters: `links`, what their clusters do beside turning, contacts."""
     if not scene.bodies:
         return frozenset()
-    links = {"links"} if scene.body_set.links.count else set()
-    spare = {"spare"} if any(copy.waits for copy in scene.body_set.copies) else set()
-    lattices = {"lattices"} if scene.body_set.lattices else set()
-    return scene.body_set.loose.parts | contact_parts(scene) | rebound_parts(scene) | links | spare | lattices
+    found = scene.body_set
+    links = {"links"} if found.links.count else set()
+    spare = {"spare"} if any(copy.waits for copy in (found.whole or found).copies) else set()
+    lattices = {"lattices"} if found.lattices else set()
+    return found.alike.loose.parts | contact_parts(scene) | rebound_parts(scene) | links | spare | lattices
 
 
 def families(scene_parts: frozenset[str]) -> tuple[Family, ...]:

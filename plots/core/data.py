@@ -42,7 +42,7 @@ class Source:
     `scene`: the sweep's, as nested tables without the grid's size. `costs`: of the accuracy runs, by configuration.
     `kernels`: timings of forced kernels; `energies`: samples with joules, by configuration; `defaults`: of forced
     kernels, whether the backend would have chosen them, by configuration. `peers`: what was timed beside the lab.
-    `findings`: timings behind single findings (bench/experiments/findings.py), small grids first. The timings
+    `findings`: timings behind single findings (bench/experiments/findings/experiment.py), small grids first. The timings
     of a stage are of one version of the code (bench/store/versions.py); `left_out`: how many were of another.
     `alone`: committed, and no machine of the user's is told of, from which it would have to be told apart."""
 

@@ -26,7 +26,7 @@ CURVES = (
     ("kinetic", "kinetic", ORANGE, "-"),
     ("spring", "in the springs", BLUE, "--"),
     ("gravity", "in gravity (0 at the start's top row)", GREEN, "-."),
-    ("conserved", "what the scheme keeps", PURPLE, ":"),
+    ("conserved", "2 x kinetic + potential, which the step conserves", PURPLE, ":"),
 )
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from bench.experiments.findings_determinism import DETERMINISM
+from bench.experiments.findings.determinism import DETERMINISM
 from plots.core.backends import on_backends, sources_of
 from plots.core.colours import BLUE, GREEN, GREY, ORANGE, VERMILLION
 from plots.core.data import Results

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from bench.experiments.findings import AWAY, FLOOR
+from bench.experiments.findings.experiment import AWAY, FLOOR
 from plots.core.data import Results
 from plots.core.style import Drawing, legend_below, log_axes, new_figure
 from plots.figures.work_precision import INTEGRATORS

@@ -1,12 +1,12 @@
-"""The measures of findings, findings_costs and findings_determinism (bench/experiments) as rows, machine by machine."""
+"""The measures of bench/experiments/findings as rows, machine by machine."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-from bench.experiments.findings import ERROR, RATE
-from bench.experiments.findings_costs import INTERVAL, LOOKS, SHARE
-from bench.experiments.findings_determinism import DIFFERENT, GATHER
+from bench.experiments.findings.costs import INTERVAL, LOOKS, SHARE
+from bench.experiments.findings.determinism import DIFFERENT, GATHER
+from bench.experiments.findings.experiment import ERROR, RATE
 from bench.measure.costs_timing import LEAST, MOST, RATIO
 from bench.store.results import Measure, Timing, by_configuration
 from bench.store.schema import tables_by_kind

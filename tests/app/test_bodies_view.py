@@ -22,10 +22,10 @@ from app.render.camera3d import Camera3D
 from app.render.collider_shapes import grounds, shadow_matrix
 from app.render.particle_colours import COLOURINGS, cluster_colours, nearest_clusters, particle_colours
 from app.render.scenery import KEY
-from app.window.controls import BODY_KEYS, KEYS, hint, keys_text
 from app.window.demo import Demo
 from app.window.demo_report import masses_text, numbers_text
 from app.window.hand import neighbour
+from app.window.keys import BODY_KEYS, KEYS, hint, keys_text
 from app.window.mouse import Mouse
 from model.core.errors import InputError
 from model.scene.scene import Scene

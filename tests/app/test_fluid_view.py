@@ -15,7 +15,7 @@ from app.render.fluid.outlines import SIDES, outlines
 from app.render.fluid.view import COLOURINGS, LOOKS
 from app.render.framing import seen_points
 from app.render.particle_colours import of_numbers
-from app.window.controls import FLUID_KEYS, keys_text
+from app.window.keys import FLUID_KEYS, keys_text
 from model.core.errors import InputError
 from model.fluid.foam import FOAM, FoamPoints
 from model.fluid.measure import density_errors

@@ -15,8 +15,8 @@ from test_viewer import StillWindow, display, needs_display  # noqa: F401
 from app.output.offscreen import OffscreenRenderer, render_frame
 from app.render import colours
 from app.render.tetrahedra_view import COLOURINGS, outer_faces
-from app.window.controls import SPACE_KEYS, TETRAHEDRA_KEYS, keys_text
 from app.window.demo import Demo
+from app.window.keys import SPACE_KEYS, TETRAHEDRA_KEYS, keys_text
 from app.window.materials import FIRST_DAMPING, material_changes, material_text
 from model.core.errors import InputError
 from model.scene.scene import Scene

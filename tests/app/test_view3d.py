@@ -20,8 +20,8 @@ from app.render.camera3d import Camera3D
 from app.render.collider_shapes import grounds, shadow_matrix
 from app.render.scenery import KEY
 from app.render.sheet_view import heavy_masses
-from app.window.controls import SPACE_KEYS, keys_text
 from app.window.demo import Demo
+from app.window.keys import SPACE_KEYS, keys_text
 from model.core.build import rest_positions
 from model.core.errors import InputError
 from model.scene.scene import Scene, load_scene

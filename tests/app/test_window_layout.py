@@ -15,8 +15,8 @@ from app.render.camera3d import MAX_PITCH, NEAREST, Camera3D
 from app.render.detail import DETAILS, FINE, QUICK, next_detail, usual_detail
 from app.render.legends import range_texts
 from app.render.panels import TIP_GAP, beside_tip, divided
-from app.window.controls import keys_text
 from app.window.demo import NO_BODIES
+from app.window.keys import keys_text
 from app.window.looks import OF_PLANE, Looks
 from app.window.overlay import MESSAGE_SECONDS
 from app.window.stillness import SETTLE, TOUCHES, Stillness

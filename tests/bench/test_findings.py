@@ -5,8 +5,17 @@ import math
 import numpy as np
 import pytest
 
-from bench.experiments import findings
-from bench.experiments.findings import AWAY, DAMPERS, DAMPING, DISSIPATION, FLOOR, RATE, amplitude_rate, run_findings
+from bench.experiments.findings import experiment as findings
+from bench.experiments.findings.experiment import (
+    AWAY,
+    DAMPERS,
+    DAMPING,
+    DISSIPATION,
+    FLOOR,
+    RATE,
+    amplitude_rate,
+    run_findings,
+)
 from bench.store.database import Store
 from bench.store.results import measures
 from labbook.claims.findings import CLAIMS

@@ -11,10 +11,11 @@ import pytest
 from read_figures import LABELS, labels
 from typer.testing import CliRunner
 
-from bench.experiments import findings_costs, findings_determinism
 from bench.experiments.checks import LIMITS, displaced
-from bench.experiments.findings_costs import INTERVAL, LOOKS, SHARE, looks, run_costs
-from bench.experiments.findings_determinism import (
+from bench.experiments.findings import costs as findings_costs
+from bench.experiments.findings import determinism as findings_determinism
+from bench.experiments.findings.costs import INTERVAL, LOOKS, SHARE, looks, run_costs
+from bench.experiments.findings.determinism import (
     DETERMINISM,
     DIFFERENT,
     DISTANCE,
@@ -31,10 +32,10 @@ from bench.measure.timing import Sample, Subject
 from bench.store.database import Store
 from bench.store.results import measures
 from labbook.claims.costs import CLAIMS
-from model.core import divergence
-from model.core.divergence import check_interval
 from model.core.errors import SceneError, SoftlabError
 from model.core.simulation import State
+from model.core.stability import divergence
+from model.core.stability.divergence import check_interval
 from model.scene.scene import load_scene
 from plots.core.data import Results
 from plots.core.read import load
@@ -256,7 +257,7 @@ def test_what_the_claims_say_of_a_gpu():
     )
     assert told.supported and told.numbers == {"atomics": 2.0, "different": 7, "gpu colours": 1.05}
     assert "7 of 9 repeated runs ended in other bits" in told.sentence
-    assert "within the spread" in told.sentence
+    assert "within measurement noise" in told.sentence
     for share, cheap in ((0.004, True), (0.02, False)):
         look = ratios(1.0, **{SHARE: share, INTERVAL: 1024})
         told = CLAIMS["looks-cost"](made_up((LOOKS, "looks", True, "float32", look)))

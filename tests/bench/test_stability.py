@@ -17,7 +17,7 @@ from bench.store.database import Store
 from bench.store.results import measures
 from model.core.families import stability_limit
 from model.core.integrators import INTEGRATORS
-from model.core.stability_limit import scene_frequency
+from model.core.stability.limit import scene_frequency
 from model.scene.scene import load_scene
 
 N = 10

@@ -55,7 +55,7 @@ MEASURING = {  # command -> what does its work
     "sweep --kernels": "bench.experiments.kernel_sweep.run_kernel_sweep",
     "sweep --peers": "bench.peers.sweep.run_peers",
     "accuracy --no-findings": "bench.experiments.accuracy.experiment.run_accuracy",
-    "accuracy": "bench.experiments.findings.run_findings",
+    "accuracy": "bench.experiments.findings.experiment.run_findings",
     "stability": "bench.experiments.stability.experiment.run_stability",
     "projections": "bench.experiments.projections.run_projections",
     "throughput": "bench.experiments.throughput.run_throughput",
@@ -117,7 +117,7 @@ def test_the_status_tells_how_it_ended(
     monkeypatch.setattr(sys, "argv", ["softlab", *command.split()])
     for path in MEASURING.values():  # what comes before or after in the same command
         monkeypatch.setattr(path, lambda *_, **__: DONE)
-    monkeypatch.setattr("bench.experiments.findings_costs.run_costs", lambda *_, **__: DONE)
+    monkeypatch.setattr("bench.experiments.findings.costs.run_costs", lambda *_, **__: DONE)
     monkeypatch.setattr("bench.experiments.tetrahedral.meshes.run_meshes", lambda *_, **__: DONE)
     monkeypatch.setattr("bench.experiments.bar_costs.run_bar_costs", lambda *_, **__: DONE)
     monkeypatch.setattr("bench.experiments.convergence.run_convergence", lambda *_, **__: DONE)

@@ -20,8 +20,8 @@ from model.core.errors import BackendUnavailable, InputError
 RUNS = {
     "bench.experiments.sweep.run_sweep": "sweep",
     "bench.experiments.accuracy.experiment.run_accuracy": "accuracy",
-    "bench.experiments.findings.run_findings": "findings",
-    "bench.experiments.findings_costs.run_costs": "costs",
+    "bench.experiments.findings.experiment.run_findings": "findings",
+    "bench.experiments.findings.costs.run_costs": "costs",
     "bench.experiments.convergence.run_convergence": "convergence",
     "bench.experiments.projections.run_projections": "projections",
     "bench.experiments.throughput.run_throughput": "throughput",

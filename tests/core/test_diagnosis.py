@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from model.core.diagnosis import diagnose
 from model.core.errors import Diverged
 from model.core.families import stability_limit
 from model.core.integrators import INTEGRATORS, damping_rate, frequency_bound
+from model.core.stability.diagnosis import diagnose
 from model.scene.scene import Scene, load_scene
 
 

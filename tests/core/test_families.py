@@ -8,9 +8,9 @@ from model.core.errors import SceneError
 from model.core.families import FAMILIES, family_of, scene_plan, stability_limit
 from model.core.family import SolverFamily, named
 from model.mass_spring.plan import mass_spring_plan
+from model.scene.kinds import KINDS
 from model.scene.reader import catalogue
 from model.scene.scene import load_scene
-from model.scene.scene_parts import KINDS
 
 ONES = {family.name: family for family in FAMILIES}
 

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from model.core.build import pinned_indices
 from model.core.errors import SceneError
 from model.core.integrators import frequency_bound
-from model.core.stability_limit import (
+from model.core.stability.limit import (
     MAX_MASSES,
     Net,
     frequency_lines,

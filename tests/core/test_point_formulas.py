@@ -7,21 +7,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from model.formulas import (
-    bending,
-    cloth,
-    cluster,
-    contact,
-    deformation,
-    distance,
-    lattice,
-    pace,
-    particle_contact,
-    rebound,
-    shape_matching,
-    springs,
-    wind,
-)  # fmt: skip
+from model.formulas import bending, cloth, contact, distance, particle_contact, springs, wind
+from model.formulas.shape_matching import cluster, deformation, lattice, pace, rebound
+from model.formulas.shape_matching import grid as shape_matching
 
 RANDOM = np.random.default_rng(12)
 D = np.array([0.3, -0.4, 1.2])  # 1.3 long

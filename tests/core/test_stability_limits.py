@@ -12,7 +12,7 @@ from bench.reference import mass_spring as reference
 from model.core.errors import SceneError, UnstableTimeStep
 from model.core.families import stability_limit
 from model.core.integrators import INTEGRATORS, amplification_matrix, frequency_bound
-from model.core.stability_limit import scene_frequency
+from model.core.stability.limit import scene_frequency
 from model.scene.scene import Scene, load_scene
 
 NAMES = list(INTEGRATORS)

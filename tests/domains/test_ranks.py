@@ -6,7 +6,7 @@ import pytest
 
 from app.driver import open_simulation
 from cpu_backend.domains.in_threads import Meeting, ThreadRanks, run_in_threads
-from cpu_backend.domains.ranks import RankSimulation, shared_threads
+from cpu_backend.domains.ranks import RankSimulation, on_ranks, shared_threads
 from model.core.errors import BackendUnavailable, Diverged, SceneError
 from model.core.options import Options
 from model.core.simulation import State
@@ -166,7 +166,7 @@ def test_a_cloth_has_the_bits_of_one(name, integrator, halo):
         ("cloth-mesh", {}, "no position-based mesh; use 1"),
         ("cloth-flamenco", {}, "pins anywhere"),
         ("cloth-self", {}, "meet from anywhere"),
-        ("jelly-block", {}, "no bodies; use 1"),
+        ("jelly-block", {}, "1 body is never cut; use 1"),
         ("dam-break", {}, "no fluid; use 1"),
         ("fem-cantilever", {}, "no tetrahedral body; use 1"),
         ("cloth-twist", {}, "moves pins"),
@@ -177,7 +177,7 @@ def test_a_cloth_has_the_bits_of_one(name, integrator, halo):
 def test_what_cannot_be_shared_says_so(name, changes, said):
     scene = load_scene(name).replace(changes)
     with pytest.raises(SceneError, match=said):
-        run_in_threads(2, lambda ranks: RankSimulation(scene, Options(), ranks), patience=5)
+        run_in_threads(2, lambda ranks: on_ranks(scene, Options(), ranks), patience=5)
 
 
 def test_one_mass_of_a_cloth_is_not_pulled():

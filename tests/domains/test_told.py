@@ -1,4 +1,4 @@
-"""What is said of a grid that several share: by the plan, by the doctor."""
+"""What is said of a scene that several share: by the plan, by the doctor."""
 
 from types import SimpleNamespace
 
@@ -6,7 +6,7 @@ import pytest
 
 from app.command import doctor_shared
 from app.command.findings import Finding
-from app.plan.shared import shared_lines, shared_plan
+from app.plan.shared import shared_plan
 from model.core.errors import BackendUnavailable, SceneError
 from model.domains.link import NVLINK, Link
 from model.scene.scene import load_scene
@@ -34,13 +34,25 @@ def test_the_link_allows_no_more_than_a_grid_an_exchange():
 
 
 def test_many_domains_are_not_all_listed():
-    lines = shared_lines(plan_of(4096, 10, 64))
+    lines = plan_of(4096, 10, 64).lines()
     assert sum("owns rows" in line for line in lines) == 16 and "  and 48 more" in lines
 
 
 def test_one_gpu_sends_nothing():
     found = plan_of(64, 10, 1)
-    assert found.message == 0 and found.as_dict()["most_masses_per_second"] is None and shared_lines(found)
+    assert found.message == 0 and found.as_dict()["most_masses_per_second"] is None and found.lines()
+
+
+def test_bodies_are_owned_whole_and_send_nothing():
+    """Two of 314 particles and one of 314, two of 559, of 32 bytes each in float32: cut where 1030 would be half."""
+    found = shared_plan(load_scene("plastic"), 2, None, item=4)
+    shares = found.as_dict()["shares"]
+    assert [(s["first_body"], s["end_body"], s["particles"]) for s in shares] == [(0, 3, 942), (3, 5, 1118)]
+    assert found.as_dict()["bytes_per_step"] == 0 and found.as_dict()["balance"] == pytest.approx(1030 / 1118)
+    first, *owners, last = found.lines()
+    assert "body by body" in first and "nothing crosses" in first
+    assert owners[0] == "  GPU 0: owns bodies 0 to 2 (clay, putty, jelly), 942 particles (29.4 KiB a state)"
+    assert last == "  the heaviest share has 54.3 % of the particles: at most 1.84 times as fast as one"
 
 
 def test_a_link_has_a_latency_and_a_bandwidth():

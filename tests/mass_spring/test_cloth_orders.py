@@ -18,7 +18,7 @@ from model.core.errors import Diverged, SceneError
 from model.core.families import stability_limit
 from model.core.integrators import frequency_bound
 from model.core.simulation import State
-from model.core.stability_limit import frequency_lines, scene_frequency, scene_net
+from model.core.stability.limit import frequency_lines, scene_frequency, scene_net
 from model.mass_spring.cloth_bounds import cloth_eigenvalue
 from model.mass_spring.energy import spring_ends
 from model.scene.scene import Scene, load_scene

@@ -246,7 +246,7 @@ FORMULAS: tuple[Mistake, ...] = (
         },
     ),
     *in_file(
-        "model/formulas/cluster.py",
+        "model/formulas/shape_matching/cluster.py",
         "test_point_formulas.py",
         {
             "a body leans": ("return moment - way * lean", "return moment"),
@@ -266,7 +266,7 @@ FORMULAS: tuple[Mistake, ...] = (
         },
     ),
     *in_file(
-        "model/formulas/shape_matching.py",
+        "model/formulas/shape_matching/grid.py",
         "test_point_formulas.py",
         {
             "rows of a window count upwards": ("rotation_2d(sums[2], -sums[4], sums[3], -sums[5], one, zero)", "rotation_2d(sums[2], sums[4], sums[3], sums[5], one, zero)"),
@@ -274,7 +274,7 @@ FORMULAS: tuple[Mistake, ...] = (
         },
     ),
     *in_file(
-        "model/formulas/pace.py",
+        "model/formulas/shape_matching/pace.py",
         "test_point_formulas.py",
         {"a spin about the first particle": ("return moment - (a * b - c * d) * inverse_mass", "return moment")},
     ),
@@ -292,7 +292,7 @@ FORMULAS: tuple[Mistake, ...] = (
         {"a stretched spring has no stiffness across": ("across = max(zero, stiffness - stiffness_rest * inverse)", "across = zero * inverse")},
     ),
     *in_file(
-        "model/formulas/deformation.py",
+        "model/formulas/shape_matching/deformation.py",
         "test_point_formulas.py",
         {
             "shear counts half": ("half * (dot(rxx, ryx, rzx, fxy, fyy, fzy)", "(dot(rxx, ryx, rzx, fxy, fyy, fzy)"),
@@ -336,7 +336,7 @@ FORMULAS: tuple[Mistake, ...] = (
         {"a target is reached in half a step": ("(position - self.held) / dt", "2 * (position - self.held) / dt")},
     ),
     *in_file(
-        "model/core/divergence.py",
+        "model/core/stability/divergence.py",
         "test_physics_diverged.py::test_a_coordinate_beyond_a_million_times_the_size_has_diverged",
         {"diverged beyond 1e9 sizes": ("DIVERGED_SIZE = 1e6", "DIVERGED_SIZE = 1e9")},
     ),

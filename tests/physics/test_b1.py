@@ -14,12 +14,12 @@ from bench.reference import mass_spring as reference
 from bench.stress.cases import CASES
 from bench.stress.experiment import case_scene
 from bench.stress.laws import hanging
-from model.core.diagnosis import CAUSES, Diagnosis, diagnose, refusal
 from model.core.energy import energies
 from model.core.errors import Diverged, SceneError, UnstableTimeStep
 from model.core.families import stability_limit
 from model.core.integrators import INTEGRATORS, amplification_matrix, damping_rate, frequency_bound
-from model.core.stability_limit import MAX_MASSES, frequency_lines, largest_frequency, scene_frequency, scene_net
+from model.core.stability.diagnosis import CAUSES, Diagnosis, diagnose, refusal
+from model.core.stability.limit import MAX_MASSES, frequency_lines, largest_frequency, scene_frequency, scene_net
 from model.mass_spring.energy import spring_ends, spring_stiffness
 from model.mass_spring.plan import mass_spring_plan
 from model.scene.scene import Scene, load_scene

@@ -6,8 +6,8 @@ from fake_cloth import FakeCloth
 
 from bench.reference import mass_spring as reference
 from model.core.build import build
-from model.core.divergence import MAX_INTERVAL, MIN_INTERVAL, check_interval
 from model.core.errors import Diverged
+from model.core.stability.divergence import MAX_INTERVAL, MIN_INTERVAL, check_interval
 from model.scene.scene import Scene, load_scene
 
 FARTHEST = 1e6  # times a scene's size: what the lab promises to call diverged

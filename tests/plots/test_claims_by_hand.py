@@ -20,7 +20,7 @@ from synthetic_store import (
     kernel_seconds,
 )  # fmt: skip
 
-from bench.experiments import findings
+from bench.experiments.findings import experiment as findings
 from bench.store.database import Store
 from bench.stress.results import HardRow
 from labbook.build import CLAIMS
@@ -175,7 +175,7 @@ def of_two(cpu_time: float, gpu_time: float, **how: Any) -> Any:
     [
         ((3e-5, 1e-5), "the smallest size, where it is 3.0\N{NO-BREAK SPACE}times as fast"),
         ((1e-5, 3e-5), "the GPU's step takes 3.0\N{NO-BREAK SPACE}times as long as the CPU's"),
-        ((1e-5, 1.01e-5), "no difference beyond the spread"),
+        ((1e-5, 1.01e-5), "no difference beyond measurement noise"),
     ],
 )
 def test_which_backend_is_faster(seconds: tuple[float, float], words: str) -> None:
@@ -187,7 +187,7 @@ def test_which_backend_is_faster(seconds: tuple[float, float], words: str) -> No
     [
         ((3e-5, 1e-5), "the GPU's step is 3.0\N{NO-BREAK SPACE}times as fast as the CPU's"),
         ((1e-5, 3e-5), "the largest size that both ran, there 3.0\N{NO-BREAK SPACE}times as fast"),
-        ((1e-5, 1.01e-5), "differ by no more than the spread"),
+        ((1e-5, 1.01e-5), "differ by no more than measurement noise"),
     ],
 )
 def test_which_backend_is_faster_with_graphics(seconds: tuple[float, float], words: str) -> None:
@@ -208,7 +208,7 @@ def accurate(**errors: tuple[float, float, str, str]) -> Any:
     [
         ((1e-2, 1e-3), "the GPU is 10\N{NO-BREAK SPACE}times as fast as the CPU"),
         ((1e-3, 1e-2), "the CPU is 10\N{NO-BREAK SPACE}times as fast as the GPU"),
-        ((1e-3, 1e-3), "differ by no more than the spread"),
+        ((1e-3, 1e-3), "differ by no more than measurement noise"),
     ],
 )
 def test_which_backend_is_faster_at_equal_error(costs: tuple[float, float], words: str) -> None:

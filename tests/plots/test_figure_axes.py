@@ -23,7 +23,7 @@ from synthetic_store import (
     kernel_seconds,
 )  # fmt: skip
 
-from bench.experiments import findings
+from bench.experiments.findings import experiment as findings
 from bench.store.database import Store
 from model.core.families import stability_limit
 from model.core.integrators import INTEGRATORS

@@ -96,10 +96,10 @@ def test_claims_turn_neutral_where_the_spread_overlaps() -> None:
     results = noisy()
     for end in (0, -1):
         made = claims.threads_at(results, end)
-        assert not made.supported and "beyond the spread" in made.sentence
+        assert not made.supported and "beyond measurement noise" in made.sentence
     assert not claims.threads_best(results).supported
-    assert "no more than the spread" in claims.CLAIMS["cpu-float64"](results).sentence
-    assert "beyond the spread" in comparison_claims.shape(results).sentence
+    assert "no more than measurement noise" in claims.CLAIMS["cpu-float64"](results).sentence
+    assert "beyond measurement noise" in comparison_claims.shape(results).sentence
 
 
 def test_more_threads_are_praised_only_where_they_are_faster() -> None:

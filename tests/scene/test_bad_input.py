@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 from app.driver import open_simulation
 from model.core.build import build
 from model.core.errors import InputError, SceneError, SoftlabError
+from model.scene.kinds import KINDS
 from model.scene.reader import parse_settings
 from model.scene.scene import Scene, load_scene
-from model.scene.scene_parts import KINDS
 
 NAN, INF = float("nan"), float("inf")
 

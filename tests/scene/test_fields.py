@@ -15,8 +15,8 @@ from model.assets.strokes import letters
 from model.core.errors import SceneError
 from model.core.pins import PIN_WORDS
 from model.scene.fields import REQUIRED, about, document, rows_of
+from model.scene.kinds import KINDS
 from model.scene.scene import Scene
-from model.scene.scene_parts import KINDS
 
 PAGE = Path(__file__).parents[2] / "docs" / "scene.md"
 

@@ -14,7 +14,7 @@ from bench.reference.steps import masses
 from model.core.build import build
 from model.core.families import stability_limit
 from model.core.integrators import frequency_bound, lightest_mass
-from model.core.stability_limit import scene_frequency, scene_net
+from model.core.stability.limit import scene_frequency, scene_net
 from model.scene.scene import Scene
 
 SLACK = {"stiffness": 1e-12}  # N/m: what holds a mass does not matter

@@ -14,9 +14,9 @@ import numpy as np
 import pytest
 from test_viewer import GRID, PATIENCE, TABLES, display, needs_display  # noqa: F401
 
-from app.window.controls import WORLDS_KEY, hint, keys_text
 from app.window.demo import Demo
 from app.window.demo_report import numbers_text, title_text
+from app.window.keys import WORLDS_KEY, hint, keys_text
 from app.window.panes import GAP, MAX_WORLDS, check_alike, panes, titles_of
 from app.window.worlds import STEPS_PER_FRAME
 from model.core.errors import SceneError

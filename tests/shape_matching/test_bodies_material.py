@@ -36,7 +36,7 @@ from model.assets.skin import make_skin
 from model.assets.soft_body import MATERIAL, RigidBody, SoftBody
 from model.core.errors import InputError, SceneError
 from model.core.plan import Moment
-from model.formulas import deformation, pace
+from model.formulas.shape_matching import deformation, pace
 from model.geometry.normals import mesh_normals
 from model.geometry.shapes import Shape
 from model.shape_matching.clusters import Clusters, matching_share

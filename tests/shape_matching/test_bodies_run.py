@@ -22,7 +22,7 @@ from app.plan.table import print_plan
 from model.core.build import masses
 from model.core.energy import energies, spring_strain
 from model.core.errors import SoftlabError
-from model.formulas import cluster
+from model.formulas.shape_matching import cluster
 from model.scene.reader import catalogue
 from model.scene.scene import Scene, load_scene
 from model.shape_matching.energy import window_energy

@@ -1,14 +1,14 @@
-"""The scatters of bench/experiments/scatter_gpu.py at 8 x 8 masses, against the lab's own kernel: the same sums in another
-order."""
+"""The scatters of bench/experiments/findings/scatter_gpu.py at 8 x 8 masses, against the lab's own kernel: the same sums in
+another order."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from bench.experiments import findings_determinism
 from bench.experiments.checks import LIMITS, displaced
-from bench.experiments.findings_determinism import (
+from bench.experiments.findings import determinism as findings_determinism
+from bench.experiments.findings.determinism import (
     DIFFERENT,
     DISTANCE,
     GATHER,

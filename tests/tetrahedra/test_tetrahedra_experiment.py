@@ -32,7 +32,7 @@ from bench.experiments.tetrahedral.cantilever import (
     exact_rest,
     sag,
 )
-from bench.experiments.tetrahedral.decides import decisions, gates
+from bench.experiments.tetrahedral.decides import decisions, targets
 from bench.measure.costs_timing import SECONDS
 from bench.measure.experiment import described
 from bench.store.database import Store
@@ -159,11 +159,11 @@ def test_the_soonest_is_near_and_moves() -> None:
     assert (rest.best.solver, rest.best.substeps, rest.rows.substeps) == ("newton", 1, 325)
     assert (motion.best.substeps, motion.rows.substeps) == (20, 325)
     assert rest.share == pytest.approx(0.05) and motion.share == pytest.approx(0.4)
-    met, missed = gates(found)
-    assert met.endswith("gate met") and missed.endswith("gate not met") and "1e7 Pa" in met
+    met, missed = targets(found)
+    assert met.endswith("is reached") and missed.endswith("is missed") and "1e7 Pa" in met
     assert [b.substeps for b in frontier(found)] == [1, 1, 20, 325, 512]
-    assert [told.rpartition(": ")[2] for told in gates(found[1:4])] == ["gate not decided"] * 2
-    assert gates(found[3:4]) == [] and decisions(found[:1])[0].best is None
+    assert all(told.endswith("to compare it with") for told in targets(found[1:4])) and len(targets(found[1:4])) == 2
+    assert targets(found[3:4]) == [] and decisions(found[:1])[0].best is None
 
 
 def test_what_takes_too_long_is_told(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -42,8 +42,8 @@ from odd_values import (
 
 from bench.store.database import Store
 from bench.store.transfer import export
+from model.scene.kinds import KINDS
 from model.scene.reader import catalogue
-from model.scene.scene_parts import KINDS
 
 FIELDS = [(kind, name) for kind, part in KINDS.items() for name in part.model_fields]
 

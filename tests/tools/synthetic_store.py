@@ -10,10 +10,10 @@ from pathlib import Path
 
 import numpy as np
 
-from bench.experiments import findings
 from bench.experiments.accuracy.experiment import STAGE
 from bench.experiments.accuracy.judgement import ERROR, GROWTH, HALF
 from bench.experiments.accuracy.points import COPY, COST
+from bench.experiments.findings import experiment as findings
 from bench.experiments.stability.experiment import analytic, chain
 from bench.experiments.stability.points import EDGE, LIMIT, OUTCOME, STEP
 from bench.experiments.stability.runs import linear

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from app.render import colours, shaders
+from app.render.fluid.disc_shaders import DISC_FRAGMENT, DISC_VERTEX
 from app.render.fluid.outlines import outlines
-from app.render.fluid.shaders import DISC_FRAGMENT, DISC_VERTEX
 from app.render.opengl import shader_program
 from app.render.vertex_arrays import (
     delete_all,

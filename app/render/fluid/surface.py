@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from app.render.camera3d import FARTHEST, NEAREST, Camera3D
-from app.render.fluid import shaders
+from app.render.fluid import filter_shaders, shaders
 from app.render.fluid.pictures import BEHIND, BEHIND_DEPTH, DEPTH, NORMALS, OTHER_DEPTH, THICKNESS, FluidPictures
 from app.render.opengl import shader_program
 from app.render.scenery import KEY
@@ -56,9 +56,9 @@ class FluidSurface:
             for name, vertex, fragment in (
                 ("depth", shaders.ELLIPSOID_VERTEX, shaders.DEPTH_FRAGMENT),
                 ("thickness", shaders.ELLIPSOID_VERTEX, shaders.THICKNESS_FRAGMENT.replace("SHARE", str(SHARE))),
-                ("narrow-range", shaders.SCREEN_VERTEX, shaders.NARROW_FRAGMENT),
-                ("curvature-flow", shaders.SCREEN_VERTEX, shaders.CURVATURE_FRAGMENT),
-                ("blur", shaders.SCREEN_VERTEX, shaders.BLUR_FRAGMENT),
+                ("narrow-range", shaders.SCREEN_VERTEX, filter_shaders.NARROW_FRAGMENT),
+                ("curvature-flow", shaders.SCREEN_VERTEX, filter_shaders.CURVATURE_FRAGMENT),
+                ("blur", shaders.SCREEN_VERTEX, filter_shaders.BLUR_FRAGMENT),
                 ("normal", shaders.SCREEN_VERTEX, shaders.NORMAL_FRAGMENT),
                 ("shade", shaders.SCREEN_VERTEX, shaders.SHADE_FRAGMENT),
             )

@@ -123,7 +123,7 @@ class Advice:
         if best is not None and second is not None:
             ratio = second.seconds / best.seconds
             clear = second.seconds > min(best.median, NOISE * best.seconds)
-            close = f"{ratio:.2g} times as long" if clear else "no difference beyond the spread of the repeats"
+            close = f"{ratio:.2g} times as long" if clear else "no difference beyond measurement noise"
             lines += [f"runner-up  {self._line(second)}; {close}", f"           {_margin(second)}"]
         lines += [f"  then     {self._line(choice)}" for choice in self.choices[2:]]
         lines += [f"  not      {name}: {reason}" for name, reason in self.beaten]

@@ -37,7 +37,7 @@ from bench.store.database import Store
 from bench.store.results import configuration, measures_of
 from model.core.integrators import INTEGRATORS, damping_rate
 from model.core.simulation import PRECISIONS, Simulation
-from model.core.stability_limit import scene_frequency
+from model.core.stability.limit import scene_frequency
 from model.scene.scene import Scene, load_scene
 
 MEANING = 1  # of what is stored; changed when an outcome or an edge comes to mean something else

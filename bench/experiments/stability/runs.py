@@ -5,12 +5,12 @@ Outcomes are of a damped grid under gravity, some of whose masses are off their 
     settles    it ends at less than SETTLED of the greatest speed it had
     moving     it ends finite, and moves on: bounded, but not at rest
     grows      it is finite so far, but faster in the second half of the time, even after LONGER times as long
-    diverged   it left the finite world, with the step at which it did (model/core/simulation.py says how that is found)
+    diverged   it left the finite world, with the step at which it did (model/core/stepping.py says how that is found)
 
 Speeds are root mean squares over the masses.
 
 Edges are measured on a net whose springs have no rest length. Its equation is exactly linear, x'' = -A x - gamma x', so
-that the largest frequency of A decides (model/core/stability_limit.py) and the step size at which growth begins is had by
+that the largest frequency of A decides (model/core/stability/limit.py) and the step size at which growth begins is had by
 bisection of "does it grow?", knowing nothing of the integrator.
 """
 
@@ -25,7 +25,7 @@ from model.core.build import pinned_indices, wave
 from model.core.errors import Diverged, SceneError
 from model.core.integrators import damping_rate
 from model.core.simulation import Simulation, State
-from model.core.stability_limit import MAX_MASSES, scene_frequency
+from model.core.stability.limit import MAX_MASSES, scene_frequency
 from model.scene.scene import Scene
 
 SETTLES, MOVING, GROWS, DIVERGED = 0, 1, 2, 3  # as stored

@@ -1,5 +1,5 @@
-"""Which solver is soonest within a hundredth of the answer of its own mesh, at each Young's modulus and size; and the gate
-that decides whether a solver beside the position-based ones was worth it.
+"""Which solver is soonest within a hundredth of the answer of its own mesh, at each Young's modulus and size; and the
+target that a solver beside the position-based ones is held to: a tenth of their time.
 
 At rest a solver that begins each step where the last one ended stands still where it was let go, however little it does: so
 a setting counts there only if in motion it makes MOVES of its way, too.
@@ -20,10 +20,8 @@ from bench.store.results import measures
 from bench.store.tables import print_table
 
 MOVES = 0.75  # of its way in half a vibration
-STIFF, TENTH = (
-    1e7,
-    0.1,
-)  # Pa; the gate: the best solver in at most a tenth of the cheapest position-based setting's time
+STIFF = 1e7  # Pa, of the bars that the target is for
+TARGET = 0.1  # of the cheapest position-based setting's time, which the best solver is to take at most
 AT_REST, IN_MOTION = "at rest", "in motion"
 
 
@@ -78,8 +76,8 @@ def setting(bar: Bar | None) -> str:
     return f"{told}: {1e3 * bar.seconds:.3g} ms{'?' * bar.suspect}"
 
 
-def gates(found: Sequence[Bar]) -> list[str]:
-    """A sentence for each mesh of the stiffest bars: whether the gate is met there, at rest and in motion."""
+def targets(found: Sequence[Bar]) -> list[str]:
+    """A sentence for each mesh of the stiffest bars: whether the target is reached there, at rest and in motion."""
     told = []
     for one in decisions(found):
         if one.young != STIFF or one.best is None:
@@ -90,16 +88,18 @@ def gates(found: Sequence[Bar]) -> list[str]:
         ).replace("e+0", "e")  # fmt: skip
         if one.share is None:
             told.append(
-                f"{start}; no position-based setting that was measured gets within {WITHIN:.0%}: gate not decided"
+                f"{start}; no position-based setting that was measured gets within {WITHIN:.0%} to compare it with"
             )
         else:
-            verdict = "met" if one.share <= TENTH else "not met"
-            told.append(f"{start}, {one.share:.2g} of the time of {setting(one.rows)}: gate {verdict}")
+            verdict = "reached" if one.share <= TARGET else "missed"
+            told.append(
+                f"{start}, {one.share:.2g} of the time of {setting(one.rows)}: the target, {TARGET:g} or less, is {verdict}"
+            )
     return told
 
 
 def print_decisions(console: Console, found: Sequence[Bar]) -> None:
-    """Which setting is soonest, a line a mesh; and the gate."""
+    """Which setting is soonest, a line a mesh; and the target."""
     lines = []
     by_mesh: dict[tuple[str, int, float], dict[str, Decision]] = {}
     for one in decisions(found):
@@ -118,7 +118,7 @@ def print_decisions(console: Console, found: Sequence[Bar]) -> None:
             "position-based",
         )
         print_table(console, heads, lines, f"soonest within {WITHIN:.0%} of the mesh's own answer, a frame of 1/60 s")
-        for sentence in gates(found):
+        for sentence in targets(found):
             console.print(sentence, highlight=False, soft_wrap=True)
 
 

@@ -76,7 +76,7 @@ def end(scene: Scene, **options: Any) -> State:
 def test_windows_have_the_bits_of_the_cpu(name: str, bindings: Bindings, monkeypatch: pytest.MonkeyPatch) -> None:
     """In a plane and in space; three windows, the middle one with two neighbours."""
     monkeypatch.setattr(nccl, "devices_for", lambda count: list(range(count)))
-    for module in ("nccl", "peers"):
+    for module in ("nccl", "windows"):
         monkeypatch.setattr(f"gpu_backend.domains.{module}.at", lambda device: nullcontext())
     sheet = "grid" if name == "lab-grid" else "cloth"
     scene = load_scene(name).replace({f"{sheet}.rows": 13, f"{sheet}.columns": 5})

@@ -5,10 +5,11 @@ All kernels of the lab gather. That repeats bit for bit, whatever the number of 
 and a mass is written by one thread alone; but a spring's pull is wanted at both of its ends. What it is held against:
 
 - on the GPU a scatter with atomic additions, which evaluates each spring once and does not repeat, and the same with
-  springs in four colours, which does (bench/experiments/scatter_gpu.py). The gather is the lab's `graph`, a launch a step
-  as theirs.
-- on the CPU a scatter in four colours (bench/experiments/scatter_cpu.py), and a gather that evaluates each spring twice
-  (bench/experiments/gather_cpu.py). The lab's `fused` carries a pull to the other end, so that it does so once.
+  springs in four colours, which does (bench/experiments/findings/scatter_gpu.py). The gather is the lab's `graph`, a launch
+  a step as theirs.
+- on the CPU a scatter in four colours (bench/experiments/findings/scatter_cpu.py), and a gather that evaluates each spring
+  twice (bench/experiments/findings/gather_cpu.py). The lab's `fused` carries a pull to the other end, so that it does so
+  once.
 
 First each is held against the lab's CPU in float64 `exact` math; a wrong answer gets no ratio. How often `RUNS` runs from
 one start ended in other bits than the first is counted.
@@ -22,8 +23,9 @@ from functools import partial
 from typing import Any
 
 from app.driver import open_simulation
-from bench.experiments import checks, gather_cpu, scatter_cpu
+from bench.experiments import checks
 from bench.experiments.checks import compare, displaced
+from bench.experiments.findings import gather_cpu, scatter_cpu
 from bench.measure.costs_timing import RATIO, Effort, Measures, Record, in_turn
 from bench.measure.experiment import described
 from bench.measure.items import Group, cost_sources
@@ -47,7 +49,7 @@ def determinism(backend: str, effort: Effort, most: int | None = None) -> list[G
     """The lab's grid at several sizes, both precisions: (gather, the others), all in `fast` math."""
     files = [checks.__file__, scatter_cpu.__file__, gather_cpu.__file__]
     if backend == "gpu":
-        from bench.experiments import scatter_gpu
+        from bench.experiments.findings import scatter_gpu
 
         files = [checks.__file__, scatter_gpu.__file__]
     sources = cost_sources(backend, *map(str, files), __file__)
@@ -71,7 +73,7 @@ def open_way(scene: Scene, backend: str, precision: str, how: str) -> Simulation
     if how == GATHER:
         return open_simulation(scene, backend, precision=precision, kernel=_own_kernel(backend))
     if backend == "gpu":
-        from bench.experiments.scatter_gpu import ScatterGrid
+        from bench.experiments.findings.scatter_gpu import ScatterGrid
 
         return ScatterGrid(scene, precision, how)
     make: Callable[..., Simulation] = scatter_cpu.ColouredGrid if how == scatter_cpu.COLOURS else gather_cpu.GatherGrid

@@ -1,5 +1,5 @@
 """What the lab's own care costs: looking for a diverged state (here), and adding forces in a fixed order
-(bench/experiments/findings_determinism.py). Ratios of times sampled in turn in one process, kept in the store, resumable.
+(bench/experiments/findings/determinism.py). Ratios of times sampled in turn in one process, kept in the store, resumable.
 
 A look costs little beside the steps between two looks, often less than the repeats scatter. So it is measured twice: as
 the ratio of the same steps with looks at their real interval and without any, and as the time of a look by itself over
@@ -20,7 +20,7 @@ from bench.measure.experiment import described
 from bench.measure.items import Group, Items, cost_sources
 from bench.measure.timing import Subject, prepare
 from bench.store.database import Store
-from model.core import simulation as contract
+from model.core import stepping
 from model.core.simulation import PRECISIONS, Simulation
 from model.scene.scene import Scene, load_scene
 
@@ -36,7 +36,7 @@ NEVER = 2**62  # steps
 
 def groups(store: Store, backends: Sequence[str], quick: bool) -> list[Group]:
     """All costs; `quick`: no grid wider than QUICK_MOST, fewer and shorter samples."""
-    from bench.experiments.findings_determinism import determinism
+    from bench.experiments.findings.determinism import determinism
     from bench.measure.vertex_timing import vertex_groups  # draws: not loaded before it is used
 
     effort, most = (QUICK, QUICK_MOST) if quick else (FULL, None)
@@ -62,7 +62,7 @@ class _Looking(Subject):
 
 def looks(backend: str, effort: Effort, most: int | None = None) -> list[Group]:
     """The lab's grid at several sizes, both precisions, the backend's own kernel: (without looks, with looks)."""
-    sources = cost_sources(backend, str(contract.__file__))
+    sources = cost_sources(backend, str(stepping.__file__))
     found = []
     for n in LOOK_SIZES[backend]:
         if most and n > most:

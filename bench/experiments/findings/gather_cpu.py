@@ -1,4 +1,4 @@
-"""The lab's step as a plain gather, on CPU threads: for bench/experiments/findings_determinism.py, not for users.
+"""The lab's step as a plain gather, on CPU threads: for bench/experiments/findings/determinism.py, not for users.
 
 Each mass sums the pulls of its own four springs, so that each spring is evaluated twice, once for either mass, and nothing
 is shared. The lab's kernel `fused` gathers, too, but carries a pull from mass to mass and from row to row.

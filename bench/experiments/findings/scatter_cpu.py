@@ -1,4 +1,4 @@
-"""The lab's step as a scatter over springs, on CPU threads: for bench/experiments/findings_determinism.py, not for users.
+"""The lab's step as a scatter over springs, on CPU threads: for bench/experiments/findings/determinism.py, not for users.
 
 Each spring is evaluated once and added to both of its masses. Two threads must not add to one mass at a time, so the
 springs are taken in four colours, no two of which meet in a mass: along a row the even ones, then the odd ones (a row
@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numba import prange
 
-from bench.experiments.gather_cpu import GatherGrid
+from bench.experiments.findings.gather_cpu import GatherGrid
 from cpu_backend.core.compile import Compiler
 from cpu_backend.core.layout import PLANES, row_at
 from cpu_backend.mass_spring.grid.rows import variant_name

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 # Steps between two looks for a diverged state. A look takes 0.01 ms of a small grid on a CPU, 0.4 ms (its launches and
-# copies) on a GPU; it is to cost under 1 % (measured by bench/experiments/findings_costs.py). So the interval is a number of
+# copies) on a GPU; it is to cost under 1 % (measured by bench/experiments/findings/costs.py). So the interval is a number of
 # mass-steps, which a GPU does in a small part of a CPU's time; small grids, whose steps take less than a microsecond,
 # have a largest one.
 MIN_INTERVAL = 1024

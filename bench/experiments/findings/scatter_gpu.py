@@ -1,4 +1,4 @@
-"""The lab's step as a scatter over springs, on CUDA: for bench/experiments/findings_determinism.py, not for users.
+"""The lab's step as a scatter over springs, on CUDA: for bench/experiments/findings/determinism.py, not for users.
 
 One thread a spring evaluates it once and adds the pull to both of its masses; a second kernel, one thread a mass, does the
 step and clears the sums. Two ways to keep two threads from adding to one mass at a time:

@@ -1,0 +1,61 @@
+"""What a run did, in numbers: what `softlab run --json` prints, and `softlab run` in words (app/command/tables.py)."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from app.command.run_parts import bodies_report, contact_report, fluid_report
+from app.shared import shares
+from model.core.energy import energies, spring_strain
+from model.core.errors import Diverged
+from model.core.simulation import Simulation, State
+from model.shape_matching.spare import counts
+
+
+def run_report(
+    simulation: Simulation, state: State, steps: int, seconds: float, compile_seconds: float, diverged: Diverged | None
+) -> dict[str, Any]:
+    """Of a run of `steps` steps that took `seconds` [s], and ended in `state`: energies [J], speeds [m/s], strain, what its
+    solver tells of contacts, bodies and fluids."""
+    scene = simulation.scene
+    energy = energies(scene, state.position, state.velocity, state.plastic, state.inverse_mass, state.wetness)
+    strained = scene.springs or scene.cloth or scene.bodies or scene.tetrahedra or scene.is_world
+    strain = spring_strain(scene, state.position, plastic=state.plastic) if strained else np.zeros(0)
+    speed = (state.velocity.astype("float64") ** 2).sum(axis=1)
+    count = counts(scene, simulation.body.inverse_mass).particles
+    rate = count * steps / seconds if seconds > 0 and not diverged else None
+    return {
+        "scene": scene.name,
+        "backend": simulation.backend,
+        "device": simulation.device,
+        "threads": simulation.threads,
+        "threads_reason": simulation.threads_reason,
+        "precision": simulation.options.precision,
+        "math": simulation.options.math,
+        "kernel": simulation.kernel,
+        **shares(simulation),
+        "method": scene.method.label,
+        "particles": count,
+        "dimensions": scene.dimensions,
+        "steps": steps if diverged is None else state.step,
+        "dt": scene.method.dt,
+        "substeps": scene.method.substeps,
+        "iterations": scene.method.iterations,
+        "time": state.time,
+        "seconds": seconds,
+        "compile_seconds": compile_seconds,
+        "particle_steps_per_second": rate,
+        "kinetic_energy": energy["kinetic"],
+        "potential_energy": energy["potential"],
+        "conserved": energy["conserved"],
+        "max_speed": float(speed.max() ** 0.5),
+        "max_strain": None if scene.fluids else float(np.abs(strain).max()) if len(strain) else 0.0,
+        "error": None,
+        "error_reason": "not judged",
+        "outcome": "ok" if diverged is None else "diverged",
+        **contact_report(simulation, state),
+        **bodies_report(simulation, state),
+        **fluid_report(simulation, state),
+    }

@@ -1,0 +1,141 @@
+"""Which keys the demo's window has for what it shows, in words: the help of key H and the hint below."""
+
+from __future__ import annotations
+
+from itertools import zip_longest
+
+KEYS = (
+    ("G", "gravity on, off"),
+    ("[ ]", "time step / 1.25, x 1.25"),
+    ("{ }", "stiffness / 1.25, x 1.25"),
+    ("- +", "fewer, more steps a frame"),
+    ("space", "pause, go on"),
+    ("R", "restart as the scene says"),
+    ("B", "CPU or GPU, state kept"),
+    ("T", "threads 1x, 2x, 4x the cores"),
+    ("mouse", "drag a mass: pull it"),
+    ("arrows", "select a mass"),
+    ("Enter", "push it (down, or last arrow)"),
+    ("wheel", "zoom at the pointer"),
+    ("right", "drag: move the view"),
+    ("F", "frame everything"),
+    ("M", "milliseconds of frames: graph"),
+    ("N", "numbers at the top"),
+    ("A", "adjust everything: panel"),
+    (".", "one step, then a pause"),
+    ("S", "save a picture (PNG)"),
+    ("Escape", "close"),
+)
+DETAIL_KEY = ("V", "fine, plain, quick picture")
+SPACE_KEYS = (
+    *KEYS[:8],
+    ("L", "surface, springs"),
+    DETAIL_KEY,
+    *KEYS[8:11],
+    ("left", "drag beside it: turn (middle)"),
+    *KEYS[11:],
+)
+BODY_KEYS = (  # without springs there is no stiffness to change
+    *KEYS[:2],
+    *KEYS[3:8],
+    ("P K C I", "particles, skin, clusters, links"),
+    ("L", "particles or skin"),
+    ("O", "colour by body, group, cluster"),
+    DETAIL_KEY,
+    ("D X", "drop a body, take one out"),
+    ("mouse", "drag a body: pull it"),
+    ("arrows", "select a particle"),
+    ("Enter", "push its body (down, or arrow)"),
+    *SPACE_KEYS[13:],
+)
+TETRAHEDRA_KEYS = (
+    *SPACE_KEYS[:2],
+    ("{ }", "Young's modulus / 1.25, x 1.25"),
+    ("( )", "Poisson's ratio down, up"),
+    ("< >", "damping / 2, x 2"),
+    *SPACE_KEYS[3:8],
+    ("L", "edges of tetrahedra, or surface"),
+    ("K", "skin, or the mesh's surface"),
+    ("O", "colour by body, stress, strain"),
+    *SPACE_KEYS[9:],
+)
+WORLD_KEYS = (
+    *SPACE_KEYS[:2],
+    *SPACE_KEYS[3:8],
+    ("L", "skins, or particles and edges"),
+    *SPACE_KEYS[9:],
+)
+FLUID_KEYS = (
+    *KEYS[:2],
+    *KEYS[3:8],
+    ("L", "surface, particles"),
+    ("O", "colour by fluid, speed, density"),
+    ("W", "white water: spray, foam, bubbles"),
+    DETAIL_KEY,
+    ("mouse", "drag a particle: pull it"),
+    ("arrows", "select a particle"),
+    ("Enter", "push it (down, or last arrow)"),
+    *SPACE_KEYS[13:],
+)
+WORLDS_KEY = ("Tab", "change one world alone, all")
+TWO_COLUMNS_FROM = 760  # pixels of window width
+HINT = (
+    "H: keys    G: gravity    drag a mass to pull it    space: pause    [ ]: time step    R: restart    Escape: close"
+)
+SPACE_HINT = (
+    "H: keys    L: surface, springs    drag beside the cloth: turn    drag a mass to pull it    F: frame    "
+    "space: pause    R: restart    Escape: close"
+)
+BODY_HINT = (
+    "H: keys    P: particles    K: skin    drag beside the bodies: turn    drag a body to pull it    F: frame    "
+    "space: pause    R: restart    Escape: close"
+)
+TETRAHEDRA_HINT = (
+    "H: keys    O: stress, strain    K: skin, mesh    drag beside the bodies: turn    drag a body to pull it    F: frame    "
+    "space: pause    R: restart    Escape: close"
+)
+
+
+FLUID_HINT = (
+    "H: keys    L: surface, particles    O: colours    drag beside the fluid: turn    F: frame    space: pause    "
+    "R: restart    Escape: close"
+)
+WORLD_HINT = (
+    "H: keys    L: skins, particles and edges    drag beside the bodies: turn    drag a particle to pull it    F: frame    "
+    "space: pause    R: restart    Escape: close"
+)
+OWN = {  # of what a view shows (View.subject), or of sheets in space and in a plane: keys, and those needed first
+    "bodies": (BODY_KEYS, BODY_HINT),
+    "tetrahedra": (TETRAHEDRA_KEYS, TETRAHEDRA_HINT),
+    "fluid": (FLUID_KEYS, FLUID_HINT),
+    "world": (WORLD_KEYS, WORLD_HINT),
+    "space": (SPACE_KEYS, SPACE_HINT),
+    "plane": (KEYS, HINT),
+}
+IN_SPACE = (DETAIL_KEY, ("left", "drag beside it: turn (middle)"))  # keys that a plane has no use for
+
+
+def _own(subject: str, space: bool) -> tuple[tuple[tuple[str, str], ...], str]:
+    return OWN.get(subject) or OWN["space" if space else "plane"]
+
+
+def hint(subject: str = "sheet", space: bool = False, several: bool = False) -> str:
+    """The keys that a user needs first; as `keys_text`."""
+    _, found = _own(subject, space)
+    if several:  # the last keys give way to it: the legend is beside them
+        return found.replace("H: keys", "H: keys    Tab: one world alone").replace(
+            "    R: restart    Escape: close", ""
+        )
+    return found
+
+
+def keys_text(width: int, subject: str = "sheet", space: bool = False, several: bool = False) -> str:
+    """What the keys do, in lines that fit a window of `width` pixels. `subject`: of what is shown (View.subject); `space`: in
+    three dimensions; `several`: worlds side by side."""
+    own = tuple(key for key in _own(subject, space)[0] if space or key not in IN_SPACE)
+    keys = (*((WORLDS_KEY,) if several else ()), *own)
+    lines = [f"{key:8}{meaning:33}" for key, meaning in keys]
+    if width >= TWO_COLUMNS_FROM:
+        half = (len(lines) + 1) // 2
+        lines = [left + right for left, right in zip_longest(lines[:half], lines[half:], fillvalue="")]
+    return "\n".join(line.rstrip() for line in [*lines, "H       shows and hides these keys"])

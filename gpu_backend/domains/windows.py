@@ -1,0 +1,36 @@
+"""Where windows lie on GPUs, whatever they hold."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import AbstractContextManager
+from typing import Any
+
+from gpu_backend.core.simulation import CudaSimulation
+from gpu_backend.domains.devices import at
+from model.core.families import family_of
+from model.core.family import named
+from model.core.options import Options
+from model.core.simulation import Simulation
+from model.domains.windows import WindowedSimulation
+from model.scene.scene import Scene
+
+
+class OnGpus(WindowedSimulation):
+    """Window k of this process is on GPU `devices[k]`; see model/domains/windows.py."""
+
+    backend = "gpu"
+    devices: Sequence[int]
+
+    def _at(self, place: int) -> AbstractContextManager[Any]:
+        return at(self.devices[place])
+
+    def _open(self, place: int, scene: Scene, options: Options) -> Simulation:
+        window: CudaSimulation = named(family_of(scene).solvers["gpu"])(scene, options)
+        return window
+
+    def _tell_of_turns(self) -> None:
+        """Say so where windows take turns on a GPU."""
+        count, here = len(self.devices), len(set(self.devices))
+        if here < count:
+            self.device = f"{count} windows on {here} x {self.windows[0].device}"

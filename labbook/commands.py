@@ -1,0 +1,74 @@
+"""The commands that tell what the store says: figures, the lab book, the film, the whole lab; softlab.py takes them among its
+own."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from app.command.command_line import DEFAULT_STORE, StorePath, compilations_told, out, tell_of_no_store, typed
+
+telling = typer.Typer()
+
+Folder = Annotated[Path, typer.Option("--out", help="The folder to write to.")]
+DEFAULT_FIGURES = Path("softlab-results") / "figures"
+DEFAULT_BOOK = Path("softlab-results") / "labbook.pdf"
+DEFAULT_FILM = Path("softlab-results") / "film.mp4"
+
+
+@telling.command(epilog="Example: softlab figures --out figures")
+def figures(
+    store: StorePath = DEFAULT_STORE,
+    folder: Folder = DEFAULT_FIGURES,
+    energies: Annotated[
+        Path | None, typer.Option(help="Only the energies of a trajectory written by run --record.")
+    ] = None,
+) -> None:
+    """Draw every figure from the store, over the committed measurements."""
+    from labbook.jobs import make_figures
+
+    for path in make_figures(store, folder, energies):
+        out.print(str(path), markup=False)
+
+
+@telling.command(epilog="Example: softlab labbook --out labbook.pdf")
+def labbook(
+    store: StorePath = DEFAULT_STORE, pdf: Annotated[Path, typer.Option("--out", help="The PDF.")] = DEFAULT_BOOK
+) -> None:
+    """Write the lab book (PDF) from the store."""
+    from labbook.jobs import make_labbook
+
+    tell_of_no_store(store, "the lab book")
+    out.print(str(make_labbook(store, pdf)), markup=False)
+
+
+@telling.command(epilog="Example: softlab film --out film.mp4   (captions alone: --no-voice)")
+def film(
+    store: StorePath = DEFAULT_STORE,
+    mp4: Annotated[
+        Path, typer.Option("--out", help="The film (.mp4); its captions come beside it (.srt).")
+    ] = DEFAULT_FILM,
+    voice: Annotated[bool, typer.Option(help="Narrate it, where piper or espeak-ng is installed.")] = True,
+    quick: Annotated[bool, typer.Option("--quick", help="Half a minute, 640 x 360.")] = False,
+) -> None:
+    """Make a narrated film of two minutes from the store: both implementations side by side, with times and errors."""
+    from labbook.jobs import make_film
+
+    tell_of_no_store(store, "the film")
+    with compilations_told():
+        make_film(out, store, mp4, quick=quick, voice=voice)
+
+
+@telling.command(epilog="Example: softlab lab --quick")
+def lab(
+    quick: Annotated[
+        bool, typer.Option("--quick", help="Small: a minute or two on two cores, later less than one.")
+    ] = False,
+    store: StorePath = DEFAULT_STORE,
+) -> None:
+    """Everything: doctor, sweep, accuracy, stability, figures, lab book."""
+    from labbook.jobs import whole_lab
+
+    whole_lab(out, quick=quick, store_path=store, command=typed())

@@ -1,0 +1,161 @@
+"""Bodies that never meet, stepped in shares: the contract of a simulation, kept by the shares together."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from math import prod
+from typing import Any
+
+import numpy as np
+
+from model.core.build import some_of
+from model.core.errors import SceneError
+from model.core.families import family_of, scene_plan
+from model.core.options import Options
+from model.domains.bodies import Apart, Division, Share, divide
+from model.domains.windows import WindowedSimulation
+from model.scene.scene import Scene
+
+TURN = 64  # steps that are asked of one GPU before the next one is spoken to: one that is full holds up whoever asks
+
+
+def is_apart(scene: Scene) -> bool:
+    """Whether several share the scene body by body, not by rows."""
+    return family_of(scene).apart is not None
+
+
+def division(scene: Scene, count: int, steps: int | None, option: str) -> Division:
+    """The scene's bodies in `count` shares. Raises SceneError for what lets bodies act on each other, and where there are
+    fewer of them; `steps` between two exchanges are none."""
+    if steps is not None:
+        raise SceneError(
+            "--exchange-every", steps, "is for a sheet that is shared by its rows: bodies send nothing; leave it out"
+        )
+    return divide(bodies_of(scene), count, option)
+
+
+def bodies_of(scene: Scene) -> Apart:
+    """Raises SceneError."""
+    apart = family_of(scene).apart
+    assert apart is not None
+    return apart(scene)
+
+
+class SharedBodies(WindowedSimulation):
+    """See model/domains/windows.py. `windows` are of the shares `mine`. In `exact` math the bits are those of one."""
+
+    def __init__(self, scene: Scene, options: Options, division: Division, mine: Sequence[int]):
+        if "targets" in options.live:
+            raise SceneError("live", "targets", "are of all pinned vertices: run it as one, not shared")
+        super().__init__(scene, options)
+        self.division, self.mine = division, [division.shares[k] for k in mine]
+        self.plan, self._apart = scene_plan(scene, options.live), bodies_of(scene)
+        self.firsts = [share.first_particle for share in self.mine]
+        self._sent = scene
+        of_each = [self._apart.clusters(share.first, share.end) for share in division.shares]
+        self._clusters, self._of_mine = np.concatenate(of_each), [of_each[k] for k in mine]
+        parts = []
+        for share in self.mine:
+            some = self._apart.some(share.first, share.end)
+            parts.append((self._apart.scene(scene, some), options, some_of(self.body, share.particles)))
+        self._open_windows(division.count, parts)
+
+    def _shares(self, do: Callable[[Share, Any, np.ndarray], Any]) -> list[Any]:
+        """What `do(share, window, clusters)` gives of each of this process: a share, who steps it, its clusters among all."""
+        found, known = [], zip(self.mine, self.windows, self._of_mine, strict=True)
+        for place, of_one in enumerate(known):
+            with self._at(place):
+                found.append(do(*of_one))
+        return found
+
+    def _gathered(self, arrays: Sequence[np.ndarray]) -> np.ndarray:
+        """Of rows that each share of this process has, those of all, in the order of shares."""
+        owned = np.ascontiguousarray(np.concatenate(arrays))
+        row = owned.shape[1:]
+        return self.exchange.gather(owned.reshape(len(owned), prod(row))).reshape(-1, *row)
+
+    def _by_cluster(self, arrays: Sequence[np.ndarray], loose: bool = False) -> np.ndarray:
+        """The same of rows of clusters, in the order of the scene's; `loose`: of those alone, which come first everywhere."""
+        gathered = self._gathered(arrays)
+        places = self._clusters[self._clusters < len(gathered)] if loose else self._clusters
+        whole = np.empty_like(gathered)
+        whole[places] = gathered
+        return whole
+
+    # ------------------------------------------------------------------ the contract
+
+    def _run(self, steps: int) -> None:
+        turn = TURN if len(self.windows) > 1 else steps
+        for done in range(0, steps, turn):
+            self._run_each(self.step + done, min(turn, steps - done))
+
+    def _parameters_changed(self) -> None:
+        changed, self._sent = self.scene is not self._sent, self.scene
+
+        def send(share: Share, window: Any, clusters: np.ndarray) -> None:
+            if changed:
+                window.scene = self._apart.scene(self.scene, window.scene.grid)
+            here = share.first_particle <= self._poke_particle < share.end_particle
+            window._poke_particle = self._poke_particle - share.first_particle if here else -1
+            window._poke_force, window._record, window._clock = self._poke_force, self._record, self._clock
+            window._parameters_changed()
+
+        self._shares(send)
+
+    def _weights_changed(self) -> None:
+        def send(share: Share, window: Any, clusters: np.ndarray) -> None:
+            window.body = some_of(self.body, share.particles)
+            window._weights_changed()
+
+        self._shares(send)
+
+    def _download(self) -> tuple[np.ndarray, np.ndarray]:
+        both = self._each(lambda window: window._download())
+        return self._gathered([one for one, _ in both]), self._gathered([one for _, one in both])
+
+    def _upload(self, position: np.ndarray, velocity: np.ndarray) -> None:
+        def send(share: Share, window: Any, clusters: np.ndarray) -> None:
+            held = share.particles
+            window._upload(np.ascontiguousarray(position[held]), np.ascontiguousarray(velocity[held]))
+
+        self._shares(send)
+
+    def _download_rotation(self) -> np.ndarray | None:
+        found = self._each(lambda window: window._download_rotation())
+        return None if found[0] is None else self._by_cluster(found)
+
+    def _upload_rotation(self, rotation: np.ndarray | None) -> None:
+        self._shares(
+            lambda share, window, clusters: window._upload_rotation(None if rotation is None else rotation[clusters])
+        )
+
+    def _download_plastic(self) -> np.ndarray | None:
+        if "plastic" not in self.plan.parts:
+            return None
+        found = self._each(lambda window: window._download_plastic())
+        empty = np.zeros((0, 3, 3), self.real)  # of a share of lattices alone, which do not creep
+        return self._by_cluster([empty if one is None else one for one in found], loose=True)
+
+    def _upload_plastic(self, plastic: np.ndarray | None) -> None:
+        def send(share: Share, window: Any, clusters: np.ndarray) -> None:
+            window._upload_plastic(None if plastic is None else plastic[clusters[clusters < len(plastic)]])
+
+        self._shares(send)
+
+    def _read_clusters(self) -> tuple[np.ndarray, np.ndarray]:
+        both = self._each(lambda window: window._read_clusters())
+        return self._by_cluster([one for one, _ in both]), self._by_cluster([one for _, one in both])
+
+    def _read_deformation(self) -> np.ndarray:
+        return self._by_cluster(self._each(lambda window: window._read_deformation()))
+
+    def _pin_velocity(self, step: int) -> Any:
+        """Of the pins of this process's shares; what others hold is theirs to tell."""
+        found = np.zeros((len(self.body.pinned), 3), self.real)
+
+        def fill(share: Share, window: Any, clusters: np.ndarray) -> None:
+            first, end = np.searchsorted(self.body.pinned, (share.first_particle, share.end_particle))
+            found[first:end] = window._pin_velocity(step)
+
+        self._shares(fill)
+        return found

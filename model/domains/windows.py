@@ -1,0 +1,104 @@
+"""A scene that is stepped in windows, simulations of its parts: what they do of the contract whatever they hold."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager, nullcontext
+from typing import Any
+
+from model.core.build import Body, given
+from model.core.options import Options
+from model.core.simulation import Simulation
+from model.domains.exchange import Exchange
+from model.scene.scene import Scene
+
+NOBODY = 2**62  # beyond any particle's number
+
+
+class WindowedSimulation(Simulation):
+    """See model/core/simulation.py for the contract. `windows`: those of this process, simulations of their own, the first
+    particles of which have the numbers `firsts` in the whole; `exchange`: what connects them to all others.
+
+    A backend opens the windows (`_open`) and says how they are connected (`_connect`).
+    """
+
+    exchange: Exchange
+    windows: list[Any]
+    firsts: list[int]
+
+    def _open_windows(self, count: int, parts: Sequence[tuple[Scene, Options, Body]]) -> None:
+        """Those of this process, of `count` in all: of each what it steps, how, and its particles at time 0."""
+        self.windows = []
+        try:
+            for place, (scene, options, body) in enumerate(parts):
+                with self._at(place), given(body):
+                    window = self._open(place, scene, options)
+                    window._bound = self._bound
+                    self.windows.append(window)
+            self.kernel, self.threads = self.windows[0].kernel, self.windows[0].threads
+            self.device = f"{count} x {self.windows[0].device}"
+            self.exchange = self._connect()
+            self._parameters_changed()
+            self.reset()
+        except BaseException:
+            self.close()
+            raise
+
+    def _open(self, place: int, scene: Scene, options: Options) -> Simulation:
+        """The simulation of window number `place` of this process."""
+        raise NotImplementedError
+
+    def _connect(self) -> Exchange:
+        """The exchange of the windows, which have been opened."""
+        raise NotImplementedError
+
+    def _at(self, place: int) -> AbstractContextManager[Any]:
+        """Where window number `place` of this process is spoken to: its device."""
+        return nullcontext()
+
+    def _each(self, do: Callable[[Any], Any]) -> list[Any]:
+        found = []
+        for place, window in enumerate(self.windows):
+            with self._at(place):
+                found.append(do(window))
+        return found
+
+    def _run_each(self, first: int, steps: int) -> None:
+        """So many steps of every window, which count them from `first` on."""
+        for place, window in enumerate(self.windows):
+            window.step = first
+            with self._at(place):
+                window._run(steps)
+
+    @property
+    def rank(self) -> int:
+        return self.exchange.rank
+
+    def slowest(self, seconds: float) -> float:
+        return self.exchange.largest(seconds)
+
+    # ------------------------------------------------------------------ the contract
+
+    def _keep(self) -> None:
+        self._each(lambda window: window._keep())
+
+    def _restore(self) -> None:
+        self._each(lambda window: window._restore())
+
+    def _first_diverged(self) -> int:
+        """What a window holds of its neighbours' is as right as theirs, so that it may be looked at as a whole."""
+        lowest = NOBODY
+        for first, bad in zip(self.firsts, self._each(lambda window: window._first_diverged()), strict=True):
+            if bad >= 0:
+                lowest = min(lowest, first + bad)
+        lowest = int(-self.exchange.largest(-lowest))
+        return -1 if lowest == NOBODY else lowest
+
+    def synchronize(self) -> None:
+        self._each(lambda window: window.synchronize())
+
+    def close(self) -> None:
+        self._each(lambda window: window.close())
+        self.windows = []
+        if "exchange" in self.__dict__:
+            self.exchange.close()

@@ -1,0 +1,114 @@
+"""Parts of a scene that do not go together: each check raises SceneError, with what would do."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from model.core.errors import SceneError
+from model.fluid.flow import check_flow
+from model.fluid.fluid_set import check_among_solids, check_fluids
+from model.scene.bodies import BODY_KINDS
+from model.scene.checks.solver import OF_MESHES
+from model.scene.checks.tetrahedra import check_tetrahedra
+from model.scene.cloth import CLOTH_KINDS, COLLIDER_KINDS, SPRING_KINDS
+from model.scene.kinds import KINDS
+from model.scene.members import SUBSTEPS, members_of
+from model.scene.method import OF_FLUIDS, OF_WORLDS, Method
+from model.scene.particle_contact import MAX_KINDS
+from model.scene.scene_parts import SceneParts
+
+GRID_ONLY = ("springs", "manufactured")
+WITH_FLUIDS = ("fluid", "emitter", "sink", "domain", "foam", "gravity", "external", "method", *COLLIDER_KINDS)
+OF_A_FLUID: dict[str, Any] = {"solver": OF_FLUIDS, "dt": 1 / 60, "substeps": 4, "iterations": 10}  # unless told
+OF_BODIES = (*BODY_KINDS, "contact", "damping", "gravity", "method", *COLLIDER_KINDS)  # what goes with them
+
+
+def check_fit(scene: SceneParts) -> None:
+    """Raise SceneError for a part that belongs to the other kind of sheet."""
+    if scene.is_world:
+        _check_world(scene)
+        return
+    if scene.fluids:
+        _check_fluids(scene)
+        return
+    scene.refuse(("domain", "emitter", "sink", "foam", "wetting"), "is for fluids; leave it out")
+    if scene.tetrahedra:
+        check_tetrahedra(scene)
+        return
+    if scene.bodies:
+        _check_bodies(scene)
+        return
+    scene.refuse(("region", "attachment", "material"), "is for tetrahedral bodies; leave it out")
+    of_cloth = {*CLOTH_KINDS, *COLLIDER_KINDS, "self_collision"} - {"cloth", *OF_MESHES}
+    scene.refuse(
+        GRID_ONLY if scene.cloth else of_cloth,
+        f"belongs to a {'grid' if scene.cloth else 'cloth'}; a cloth has {', '.join(SPRING_KINDS)}, wind and colliders, a "
+        f"grid has {', '.join(GRID_ONLY)}",
+    )
+
+
+def _check_world(scene: SceneParts) -> None:
+    """Raise SceneError for what does not go with a world: what no member knows, what one of them refuses."""
+    method, wet = scene.one("method"), "fluid" in members_of(scene.kinds)
+    if method is None:
+        usual: dict[str, Any] = OF_A_FLUID if wet else {"substeps": SUBSTEPS}
+        scene.parts["method"], scene.kinds["method"] = Method(**usual | {"solver": OF_WORLDS}), "method"
+    elif method.solver != OF_WORLDS:
+        told = f"must be {OF_WORLDS} where {' and '.join(members_of(scene.kinds))} are in one scene"
+        raise SceneError("method.solver", method.solver, told)
+    elif method.tetrahedra != "xpbd" and "tetrahedra" not in members_of(scene.kinds):
+        raise SceneError("method.tetrahedra", method.tetrahedra, "is for tetrahedral bodies, of which here are none")
+    elif wet:
+        _take_untold(scene, method)
+    for name, part in scene.all_of(*BODY_KINDS).items():
+        if part.spare:
+            raise SceneError(f"{name}.spare", part.spare, "bodies wait in scenes of bodies alone; leave it out")
+    scene.refuse(("emitter", "sink"), "goes with fluids alone yet, without bodies; leave it out")
+    members = scene.members  # made here, so that each is checked as a scene of its own
+    if "fluid" in members:
+        check_among_solids(members["fluid"])
+
+
+def _check_fluids(scene: SceneParts) -> None:
+    """Raise SceneError for what does not go with fluids, or not yet."""
+    scene.refuse(KINDS.keys() - WITH_FLUIDS, f"does not go with fluids yet, which have {', '.join(WITH_FLUIDS)}")
+    check_fluids(scene.fluids, scene.domain, scene.name_of("domain"))
+    method = scene.one("method")
+    if method is None:
+        scene.parts["method"], scene.kinds["method"] = Method(**OF_A_FLUID), "method"
+    elif method.solver != OF_FLUIDS:
+        raise SceneError("method.solver", method.solver, f"must be {OF_FLUIDS} for fluids")
+    else:
+        _take_untold(scene, method)
+    check_flow(scene)
+
+
+def _take_untold(scene: SceneParts, method: Method) -> None:
+    """Give the method what fluids take, in the fields that the scene does not tell."""
+    untold = {field: value for field, value in OF_A_FLUID.items() if field not in method.model_fields_set}
+    scene.parts[scene.name_of("method")] = method.model_copy(update=untold)
+
+
+def _check_bodies(scene: SceneParts) -> None:
+    """Raise SceneError for what does not go with bodies."""
+    scene.refuse(KINDS.keys() - OF_BODIES, f"does not go with bodies, which have {', '.join(OF_BODIES)}")
+    _check_contact(scene)
+    method = scene.one("method")
+    if method is None:
+        scene.parts["method"], scene.kinds["method"] = Method(solver="shape-matching"), "method"
+    elif not method.matches_shapes:
+        raise SceneError("method.solver", method.solver, "must be shape-matching for bodies")
+
+
+def _check_contact(scene: SceneParts) -> None:
+    """Raise SceneError where bodies ask for contacts that the scene does not have, or has too many kinds of."""
+    if scene.contact is not None and len(scene.bodies) > MAX_KINDS:
+        raise SceneError("contact", len(scene.bodies), f"at most {MAX_KINDS} kinds of bodies; use copies")
+    if scene.contact is not None and scene.contact.distance is not None:
+        told = "is between tetrahedral bodies; particles have a radius"
+        raise SceneError(f"{scene.name_of('contact')}.distance", scene.contact.distance, told)
+    for name, body in scene.bodies.items():
+        if scene.contact is None:
+            for field in ("group", "avoids", "adhesion", "self_collision", "radius"):
+                if field in body.model_fields_set and getattr(body, field) not in (None, 0, ()):
+                    raise SceneError(f"{name}.{field}", getattr(body, field), "needs contacts: add a table [contact]")

@@ -1,0 +1,125 @@
+"""What a scene's solver does not know: each check raises SceneError, with what would do."""
+
+from __future__ import annotations
+
+from model.core.errors import SceneError
+from model.scene.cloth import CONSTRAINT_KINDS, SPRING_KINDS
+from model.scene.kinds import KINDS
+from model.scene.method import OF_FLUIDS, OF_WORLDS
+from model.scene.method import OF_TETRAHEDRA as TETRAHEDRAL_SOLVERS
+from model.scene.motion import motions_of_pins
+from model.scene.parts import Elastic
+from model.scene.scene_parts import SceneParts
+from model.scene.xpbd import XPBD_KINDS
+
+OF_MESHES = tuple(kind for kind in CONSTRAINT_KINDS if kind not in SPRING_KINDS)
+NOT_OF_MESHES = ("shear", "fold", "motion", "load", "self_collision")
+MATCHED = ("grid", "springs", "damping", "gravity", "external", "perturbation", "method")  # by clusters of masses
+
+
+def check_solver(scene: SceneParts) -> None:
+    """Raise SceneError for a part that the scene's solver does not know."""
+    solver, integrator = scene.method.solver, scene.method.integrator
+    if scene.is_world:  # whose members are checked
+        return
+    if solver == OF_WORLDS:
+        told = "is for parts of several families, such as bodies beside tetrahedral ones"
+        raise SceneError("method.solver", solver, told)
+    if scene.method.sleeping_speed > 0 and not scene.tetrahedra:
+        raise SceneError(
+            "method.sleeping_speed", scene.method.sleeping_speed, "is for tetrahedral bodies; leave it out"
+        )
+    if scene.method.rows == "blocks" and not scene.tetrahedra:
+        raise SceneError("method.rows", "blocks", "is for tetrahedral bodies; leave it out")
+    if solver == OF_FLUIDS and not scene.fluids:
+        raise SceneError("method.solver", solver, "is for fluids; take mass-spring, xpbd, pbd or shape-matching")
+    if solver in TETRAHEDRAL_SOLVERS and not scene.tetrahedra:
+        raise SceneError(
+            "method.solver", solver, "is for tetrahedral bodies; take mass-spring, xpbd, pbd or shape-matching"
+        )
+    if not scene.cloth and not scene.method.position_based and integrator.startswith("implicit-euler"):
+        raise SceneError(
+            "method.integrator", integrator, "is for a cloth; a grid takes velocity-verlet, rk4 and other explicit ones"
+        )  # fmt: skip
+    for name, kind in scene.kinds.items():
+        part = scene.parts[name]
+        if scene.method.position_based:
+            if kind == "manufactured":
+                raise SceneError(f"{name}.kind", kind, f"belongs to the solver mass-spring, not to {solver}")
+        elif kind in XPBD_KINDS:
+            raise SceneError(
+                f"{name}.kind", kind, "needs a position-based solver: --set method.solver=xpbd, or leave it out"
+            )
+        elif isinstance(part, Elastic) and part.inextensible:
+            raise SceneError(
+                f"{name}.compliance", 0.0,
+                "must be greater than 0 for the solver mass-spring (an infinite stiffness); xpbd takes 0",
+            )  # fmt: skip
+    if scene.motions:
+        motions_of_pins(scene.grid, scene.motions)  # refuses those of masses that are not pinned
+    for name, load in scene.loads.items():
+        row, column = load.at
+        if row >= scene.grid.rows or column >= scene.grid.columns:
+            raise SceneError(
+                f"{name}.at", list(load.at),
+                f"lies outside the sheet; rows are 0 to {scene.grid.rows - 1}, columns 0 to {scene.grid.columns - 1}",
+            )  # fmt: skip
+
+    _check_self_collision(scene)
+    _check_matching(scene)
+    _check_mesh(scene)
+
+
+def _check_matching(scene: SceneParts) -> None:
+    """Raise SceneError for what the solver shape-matching does not know."""
+    if not scene.method.matches_shapes or scene.bodies:
+        return
+    if scene.cloth:
+        raise SceneError("method.solver", scene.method.solver, "is for a grid; a cloth takes mass-spring, xpbd or pbd")
+    scene.refuse(KINDS.keys() - MATCHED, "is not known to the solver shape-matching; leave it out")
+    springs, name = scene.springs, scene.name_of("springs", default="springs")
+    if springs is None:
+        raise SceneError(
+            name, None, "must be there for the solver shape-matching: its clusters are as stiff as they are"
+        )
+    for field, value, allowed, fits in (
+        ("compliance", springs.compliance, "greater than 0", not springs.inextensible),
+        ("stiffness_ratio", springs.stiffness_ratio, "1", not springs.alternate),
+        ("rest_length", springs.rest_length, "greater than 0", springs.rest_length > 0),
+    ):
+        if not fits:
+            raise SceneError(f"{name}.{field}", value, f"must be {allowed} for the solver shape-matching")
+
+
+def _check_mesh(scene: SceneParts) -> None:
+    """Raise SceneError for what a mesh cannot have, and for what only a mesh has."""
+    bending = scene.name_of("bending", default="bending")
+    model = getattr(scene.cloth_springs.get("bending"), "model", "distance")
+    if scene.mesh is None:
+        scene.refuse(OF_MESHES, "is for a mesh, which a cloth and a grid are not; leave it out")
+        if model != "distance":
+            raise SceneError(f"{bending}.model", model, "is for a mesh; a cloth's bending is one of distances")
+        return
+    if not scene.method.position_based:
+        raise SceneError("method.solver", scene.method.solver, "must be xpbd or pbd for a mesh")
+    if scene.method.ordering != "gauss-seidel":
+        raise SceneError("method.ordering", scene.method.ordering, "must be gauss-seidel for a mesh")
+    for name, kind in scene.kinds.items():
+        if kind in NOT_OF_MESHES and not (kind == "motion" and scene.tetrahedra):
+            why = "a mesh's diagonals are edges, structural ones" if kind == "shear" else "a rectangular cloth has it"
+            raise SceneError(f"{name}.kind", kind, f"does not go with a mesh: {why}; leave it out")
+    if model != "distance" and scene.cloth_springs["bending"].damping > 0:
+        raise SceneError(
+            f"{bending}.damping", scene.cloth_springs["bending"].damping, f"must be 0 for the model {model}"
+        )  # fmt: skip
+
+
+def _check_self_collision(scene: SceneParts) -> None:
+    """Raise SceneError where the sheet cannot keep the thickness."""
+    part = scene.self_collision
+    if part is not None and part.thickness > scene.grid.spacing:
+        raise SceneError(
+            "self_collision.thickness", part.thickness,
+            f"must be at most cloth.spacing, {scene.grid.spacing:g}: neighbours of the sheet are nearer to each other than "
+            "that, and would be driven apart for ever",
+        )  # fmt: skip

@@ -1,0 +1,83 @@
+"""What does not go with tetrahedral bodies, and how their surfaces may meet: raises SceneError, with what would do."""
+
+from __future__ import annotations
+
+from model.core.errors import SceneError
+from model.scene.attachment import check_attachment
+from model.scene.cloth import COLLIDER_KINDS, CONSTRAINT_KINDS
+from model.scene.kinds import KINDS
+from model.scene.members import OF_PARTICLES, SUBSTEPS
+from model.scene.method import OF_TETRAHEDRA as TETRAHEDRAL_SOLVERS
+from model.scene.method import Method
+from model.scene.particle_contact import MAX_KINDS
+from model.scene.scene_parts import SceneParts
+from model.scene.tetrahedra import TETRAHEDRAL_KINDS
+from model.tetrahedra.matter import check_material
+from model.tetrahedra.selection import check_word
+
+SOLVERS_OF_TETRAHEDRA = ("xpbd", *TETRAHEDRAL_SOLVERS)
+OF_TETRAHEDRA = (
+    *TETRAHEDRAL_KINDS, "contact", "damping", "external", "gravity", "method", "motion", "region", "attachment", "material",
+    "mesh", "wind", *(kind for kind in CONSTRAINT_KINDS if kind != "shear"), *COLLIDER_KINDS,
+)  # fmt: skip
+MEETING = ("xpbd", "vbd")  # solvers under which tetrahedral bodies meet
+
+
+def check_tetrahedra(scene: SceneParts) -> None:
+    """Raise SceneError for what does not go with tetrahedral bodies, or not yet."""
+    told = ", ".join(OF_TETRAHEDRA)
+    scene.refuse(KINDS.keys() - OF_TETRAHEDRA, f"does not go with tetrahedral bodies, which have {told}")
+    for name, part in scene.tetrahedra.items():
+        for word in part.pinned:
+            check_word(f"{name}.pinned", word, scene.regions)
+    for name, material in scene.materials.items():
+        check_material(name, material, scene.tetrahedra, scene.regions)
+    method = scene.one("method")
+    if method is None:
+        scene.parts["method"], scene.kinds["method"] = Method(solver="xpbd", substeps=SUBSTEPS), "method"
+    elif method.solver not in SOLVERS_OF_TETRAHEDRA:
+        told = " or ".join(SOLVERS_OF_TETRAHEDRA)
+        raise SceneError("method.solver", method.solver, f"must be {told} for tetrahedral bodies")
+    elif method.ordering != "gauss-seidel":
+        raise SceneError("method.ordering", method.ordering, "must be gauss-seidel for tetrahedral bodies")
+    colliders = dict(scene.all_of(*COLLIDER_KINDS))
+    for name, held in scene.held_parts.items():
+        check_attachment(name, held, scene.holdable, colliders)
+        check_word(f"{name}.vertices", held.vertices, scene.regions)
+    if scene.method.rows == "blocks":
+        for name, part in scene.tetrahedra.items():
+            if part.material == "neo-hookean":
+                raise SceneError(
+                    f"{name}.material", part.material, "has no blocks: its rows balance each other at rest"
+                )
+    for name, part in scene.tetrahedra.items():
+        if part.volume == "voxels" and scene.method.solver not in ("xpbd", "world"):
+            told = (
+                f"goes with xpbd alone, and not with {scene.method.solver}: --set method.solver=xpbd, or leave it out"
+            )
+            raise SceneError(f"{name}.volume", part.volume, told)
+    if scene.mesh and scene.method.solver != "xpbd":
+        told = f"goes with tetrahedral bodies under xpbd alone, and not under {scene.method.solver}: "
+        raise SceneError(f"{scene.name_of('mesh')}.kind", "mesh", told + "--set method.solver=xpbd, or leave it out")
+    if not scene.mesh:
+        scene.refuse(CONSTRAINT_KINDS, "holds a cloth together: add one, a table [mesh], or leave it out")
+        scene.refuse(("wind",), "blows on a cloth alone: add one, a table [mesh], or leave it out")
+    _check_surfaces(scene)
+
+
+def _check_surfaces(scene: SceneParts) -> None:
+    """Raise SceneError for contacts that surfaces of tetrahedral bodies do not know, or a solver of them does not."""
+    part, name = scene.contact, scene.name_of("contact", default="contact")
+    if part is None:
+        for body, of_body in scene.tetrahedra.items():
+            if of_body.self_collision:
+                raise SceneError(f"{body}.self_collision", True, "needs contacts: add a table [contact]")
+        return
+    if scene.method.solver not in MEETING:
+        told = f"tetrahedral bodies meet under {' or '.join(MEETING)}; without a [contact] they pass through each other"
+        raise SceneError(f"{name}.kind", "contact", f"is not known to the solver {scene.method.solver}: {told}")
+    if len(scene.holdable) > MAX_KINDS:
+        raise SceneError(name, len(scene.holdable), f"at most {MAX_KINDS} tetrahedral bodies that meet")
+    for field in OF_PARTICLES:
+        if getattr(part, field) != type(part).model_fields[field].default:
+            raise SceneError(f"{name}.{field}", getattr(part, field), "is for bodies of particles; leave it out")

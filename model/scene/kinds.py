@@ -1,0 +1,46 @@
+"""The kinds of tables that a scene file may have, and which of them more than once."""
+
+from __future__ import annotations
+
+from model.contact.mesh_collider import MeshCollider
+from model.geometry.distance_field import DistanceField
+from model.scene.attachment import Attachment
+from model.scene.bodies import BODY_KINDS
+from model.scene.cloth import CLOTH_KINDS, COLLIDER_KINDS
+from model.scene.flow import FLOW_KINDS
+from model.scene.fluid import FLUID_KINDS
+from model.scene.mesh import MESH_KINDS
+from model.scene.method import Method
+from model.scene.particle_contact import Contact
+from model.scene.parts import GRID_KINDS, Part
+from model.scene.regions import Region
+from model.scene.tetrahedra import TETRAHEDRAL_KINDS, Material
+from model.scene.xpbd import XPBD_KINDS
+
+KINDS: dict[str, type[Part]] = (
+    GRID_KINDS
+    | {"method": Method}
+    | CLOTH_KINDS
+    | {"mesh_collider": MeshCollider, "distance_field": DistanceField}
+    | MESH_KINDS
+    | XPBD_KINDS
+    | BODY_KINDS
+    | TETRAHEDRAL_KINDS
+    | FLUID_KINDS
+    | FLOW_KINDS
+    | {"contact": Contact, "region": Region, "attachment": Attachment, "material": Material}
+)
+SHEETS = ("grid", "cloth", "mesh")  # a scene has one of them
+SEVERAL = (
+    *SHEETS,
+    *BODY_KINDS,
+    *TETRAHEDRAL_KINDS,
+    "fluid",
+    *FLOW_KINDS,
+    *COLLIDER_KINDS,
+    "load",
+    "motion",
+    "region",
+    "attachment",
+    "material",
+)  # may be more than one, or are refused otherwise

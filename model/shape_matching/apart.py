@@ -1,0 +1,105 @@
+"""Some of a scene's bodies of clusters as a set of their own, for those who share bodies that never meet."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from model.core.errors import SceneError
+from model.domains.bodies import Apart
+from model.geometry.lists import offsets_of, ranges
+from model.scene.scene import Scene
+from model.shape_matching.body_set import BodySet, Copy
+from model.shape_matching.clusters import Clusters
+from model.shape_matching.lattice import LatticeCopies
+from model.shape_matching.links import Links
+
+
+def bodies_apart(scene: Scene) -> Apart:
+    """The bodies of a scene, balanced by their particles. Raises SceneError where particles may meet."""
+    if scene.contact is not None:
+        told = "lets bodies meet, which are not shared then: leave it out, and they pass through each other, or run it as one"
+        raise SceneError(f"{scene.name_of('contact')}.kind", "contact", told)
+    found = scene.body_set
+    firsts = np.array([*(one.first_particle for one in found.copies), found.particle_count])
+    return Apart(
+        tuple(copy.name for copy in found.copies),
+        np.diff(firsts), "particles", firsts, "body_set",
+        lambda first, end: some_bodies(found, first, end),
+        lambda first, end: clusters_of(found.copies[first:end]),
+    )  # fmt: skip
+
+
+def _in_order(copies: Sequence[Copy]) -> list[Copy]:
+    return sorted(copies, key=lambda copy: copy.first_cluster)
+
+
+def clusters_of(copies: Sequence[Copy]) -> np.ndarray:
+    """(n,) int64: which clusters of the whole set are those of some copies, ascending."""
+    order = _in_order(copies)
+    firsts, counts = (
+        np.array(some) for some in zip(*((c.first_cluster, c.baked.clusters.count) for c in order), strict=True)
+    )
+    return ranges(firsts, counts)[1]
+
+
+def some_bodies(whole: BodySet, first: int, end: int) -> BodySet:
+    """Copies `first` to before `end`, numbered from 0 on as are their particles and clusters. Every value is the whole set's,
+    its mean mass and spacing too, in which kernels count."""
+    copies = whole.copies[first:end]
+    begin, stop = copies[0].first_particle, copies[-1].particles.stop
+    new_cluster, cluster = {}, 0
+    for copy in _in_order(copies):
+        new_cluster[copy.number], cluster = cluster, cluster + copy.baked.clusters.count
+    chosen = clusters_of(copies)
+    return replace(
+        whole,
+        position=whole.position[begin:stop],
+        velocity=whole.velocity[begin:stop],
+        body=whole.body[begin:stop] - np.int32(first),
+        clusters=_some_clusters(whole.clusters, chosen, begin, stop),
+        links=_some_links(whole.links, begin, stop),
+        copies=tuple(
+            replace(
+                copy, number=copy.number - first, first_particle=copy.first_particle - begin,
+                first_cluster=new_cluster[copy.number],
+            )
+            for copy in copies
+        ),
+        lattices=tuple(_some_lattices(whole, copies, new_cluster)),
+        whole=whole,
+    )  # fmt: skip
+
+
+def _some_clusters(whole: Clusters, chosen: np.ndarray, begin: int, stop: int) -> Clusters:
+    sizes = np.diff(whole.offsets)[chosen]
+    entries = ranges(whole.offsets[chosen].astype(np.int64), sizes)[1]
+    return Clusters(
+        offsets_of(sizes), (whole.indices[entries] - begin).astype(np.int32), whole.coefficients[entries],
+        whole.stiffness[chosen], whole.mass[begin:stop], whole.position[begin:stop],
+        whole.material and whole.material.some(chosen),
+    )  # fmt: skip
+
+
+def _some_links(whole: Links, begin: int, stop: int) -> Links:
+    """In the colours and the order that they have among all."""
+    mine = (whole.ends[:, 0] >= begin) & (whole.ends[:, 0] < stop)
+    before = np.concatenate([[0], np.cumsum(mine)])
+    return Links(
+        (whole.ends[mine] - begin).astype(np.int32), whole.rest_length[mine], whole.compliance[mine],
+        before[whole.starts].astype(np.int32),
+    )  # fmt: skip
+
+
+def _some_lattices(whole: BodySet, copies: Sequence[Copy], new_cluster: dict[int, int]) -> list[LatticeCopies]:
+    begin, numbers = copies[0].first_particle, {copy.first_particle: copy.number for copy in copies}
+    found = []
+    for one in whole.lattices:
+        places = one.first_particle + one.lattice.size * np.arange(one.copies)
+        mine = [int(place) for place in places if int(place) in numbers]
+        if mine:
+            cluster = new_cluster[numbers[mine[0]]]
+            found.append(replace(one, first_particle=mine[0] - begin, first_cluster=cluster, copies=len(mine)))
+    return found

@@ -1,0 +1,180 @@
+"""Bodies that never meet have the bits of one, in however many shares; ranks are threads here, test_mpi.py runs processes."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from app.driver import open_simulation
+from cpu_backend.domains.in_threads import run_in_threads
+from cpu_backend.domains.ranks import RankBodies, on_ranks
+from model.core.errors import Diverged, SceneError
+from model.core.options import Options
+from model.core.simulation import State
+from model.domains.bodies import Apart, divide
+from model.scene.scene import Scene, load_scene
+
+BOX = {"shape": {"name": "box", "sides": [0.2, 0.2, 0.2], "resolution": 2}, "particle_spacing": 0.1}
+PLANE = {"kind": "plane", "point": [0.0, 0.0, 0.0], "normal": [0.0, 1.0, 0.0], "velocity": [0.0, 0.1, 0.0]}
+METHOD = {"solver": "shape-matching", "dt": 0.01, "substeps": 1, "iterations": 1}
+SOFT = {"kind": "soft_body", **BOX, "cluster_stiffness": 4000.0, "velocity": [0.3, -2.0, 0.0], "spin": [1.0, 2.0, 3.0]}
+BODIES: dict[str, dict[str, Any]] = {  # of every kind and material, in an order that mixes those of lattices with others
+    "soft": SOFT | {"copies": [2, 1, 1]},
+    "block": {"kind": "soft_lattice", **BOX, "region": 1, "cluster_stiffness": 4000.0, "copies": [2, 1, 1]}
+    | {"velocity": [0.0, -1.0, 0.5]},
+    "rigid": {"kind": "rigid_body", **BOX, "velocity": [0.0, -3.0, 0.0], "spin": [3.0, 0.0, 1.0]},
+    "clay": SOFT | {"linear": 0.5, "plastic_threshold": 0.01, "plastic_creep": 50.0, "plastic_limit": 0.4}
+    | {"cluster_damping": 5.0},
+    "sheet": {"kind": "soft_sheet", "shape": {"name": "sheet", "resolution": 3, "scale": 0.3}}
+    | {"particle_spacing": 0.1, "link_stiffness": 1000.0, "velocity": [0.0, -1.0, 0.0], "spare": 1},
+}  # fmt: skip
+
+
+def scene_of(*names: str, **more: Any) -> Scene:
+    """Those bodies, a little above the ground, which comes up to meet them."""
+    parts = {name: BODIES[name] | {"origin": [1.5 * n, 0.14, 0.0]} for n, name in enumerate(names or BODIES)}
+    return Scene({**parts, "ground": PLANE | {"restitution": 0.5}, "gravity": {}, "method": METHOD} | more)
+
+
+def alone(scene: Scene, steps: int, **options: Any) -> State:
+    with open_simulation(scene, threads=1, math="exact", **options) as simulation:
+        simulation.advance(steps)
+        return simulation.state()
+
+
+def shared(scene: Scene, count: int, steps: int, **options: Any) -> list[State]:
+    """What each rank gathered."""
+
+    def program(ranks: Any) -> State:
+        with on_ranks(scene, Options(math="exact", **options), ranks, 1) as simulation:
+            simulation.advance(steps // 2)
+            simulation.advance(steps - steps // 2)
+            return simulation.state()
+
+    return run_in_threads(count, program, patience=60)
+
+
+def same(found: State, wanted: State) -> None:
+    """To the bit."""
+    for name in ("position", "velocity", "rotation", "plastic", "inverse_mass"):
+        one, other = getattr(found, name), getattr(wanted, name)
+        assert (one is None) == (other is None), name
+        assert one is None or one.tobytes() == other.tobytes(), name
+    assert (found.step, found.time) == (wanted.step, wanted.time)
+
+
+@pytest.mark.parametrize("count", [2, 3, 4, 7])
+def test_bodies_of_every_kind_have_the_bits_of_one(count: int) -> None:
+    """Seven and a spare one, on the ground within 8 steps: rigid ones come off as wholes, clay creeps."""
+    scene = scene_of()
+    wanted = alone(scene, 8)
+    assert wanted.plastic is not None and np.abs(wanted.plastic - np.eye(3)).max() > 1e-3  # and so it has been pressed
+    for found in shared(scene, count, 8):
+        same(found, wanted)
+
+
+def test_float64_and_the_kernel_by_stages() -> None:
+    scene = scene_of("soft", "block")
+    wanted = alone(scene, 2, precision="float64")
+    for found in shared(scene, 2, 2, precision="float64", kernel="stages"):
+        same(found, wanted)
+
+
+def driven(simulation: Any, poked: int) -> tuple[State, np.ndarray, np.ndarray]:
+    """Everything a user may do to bodies while they move; where clusters are in the end."""
+    with simulation:
+        simulation.poke(poked, (300.0, 0.0, 0.0))
+        simulation.advance(2)
+        simulation.set("gravity.enabled", False)
+        simulation.set("method.dt", 0.004)
+        simulation.poke(None)
+        simulation.add_body("sheet", (0.0, 2.0, 0.0), (0.0, 1.0, 0.0))
+        simulation.remove_body(0)
+        simulation.advance(3)
+        kept = simulation.state()
+        simulation.advance(2)
+        simulation.load(kept)
+        simulation.advance(1)
+        return simulation.state(), simulation.read("deformation"), simulation.read("centre")
+
+
+def test_what_is_done_to_bodies_reaches_their_shares() -> None:
+    """A force on a particle of the second share, gravity and the step size while they fall, one that comes and one that goes,
+    a state that is loaded."""
+    scene, live = scene_of("soft", "clay", "sheet"), frozenset({"poke", "gravity", "dt"})
+    poked = scene.body_set.copies[2].first_particle + 1
+    one = driven(open_simulation(scene, threads=1, math="exact", live=live), poked)
+    options = Options(math="exact", live=live)
+    for found in run_in_threads(2, lambda ranks: driven(RankBodies(scene, options, ranks, 1), poked), patience=60):
+        same(found[0], one[0])
+        assert all(mine.tobytes() == other.tobytes() for mine, other in zip(found[1:], one[1:], strict=True))
+
+
+def test_they_diverge_where_one_does() -> None:
+    """The last body leaves by a thousand kilometres a step, and is beyond a million times the scene's size within a few: the
+    same first bad step and particle are named."""
+    scene = scene_of("soft", "rigid").replace({"rigid.velocity": [0.0, 1e8, 0.0]})
+    with pytest.raises(Diverged) as of_one:
+        alone(scene, 8)
+    with pytest.raises(Diverged) as of_two:
+        shared(scene, 2, 8)
+    assert (of_two.value.step, of_two.value.particle) == (of_one.value.step, of_one.value.particle)
+
+
+@pytest.mark.parametrize(
+    "names, more, count, said",
+    [
+        (("soft", "rigid"), {"contact": {}}, 2, "lets bodies meet"),
+        (("soft", "rigid"), {}, 4, "at most 3; use fewer"),
+        (("clay",), {}, 2, "1 body is never cut; use 1"),
+        (("soft",), {}, 0, "at least 1"),
+    ],
+)
+def test_what_cannot_be_shared_says_so(names: tuple[str, ...], more: dict[str, Any], count: int, said: str) -> None:
+    with pytest.raises(SceneError, match=said):
+        run_in_threads(max(1, count), lambda ranks: opened(scene_of(*names, **more), ranks, count), patience=5)
+
+
+def opened(scene: Scene, ranks: Any, count: int) -> Any:
+    ranks.count = count
+    return on_ranks(scene, Options(), ranks, 1)
+
+
+def test_bodies_exchange_nothing() -> None:
+    with pytest.raises(SceneError, match="bodies send nothing"):
+        run_in_threads(2, lambda ranks: on_ranks(scene_of("soft"), Options(), ranks, 1, 4), patience=5)
+
+
+@given(st.lists(st.integers(1, 10_000), min_size=1, max_size=40), st.data())
+@settings(deadline=None, max_examples=50)
+def test_no_share_is_heavier_than_a_fair_one_and_a_body(weights: list[int], data: st.DataObject) -> None:
+    """Each cut is at most half of the heaviest body from where it would be fair, unless a share would be empty there, which
+    then has one body. All bodies are owned once, in their order."""
+    count = data.draw(st.integers(1, len(weights)))
+    firsts = np.concatenate([[0], np.cumsum(weights)])
+    apart = Apart(
+        ("it",) * len(weights),
+        np.array(weights),
+        "particles",
+        firsts,
+        "",
+        lambda first, end: None,
+        lambda first, end: firsts,
+    )
+    shares = divide(apart, count, "--gpus").shares
+    assert [n for share in shares for n in range(share.first, share.end)] == list(range(len(weights)))
+    assert all(share.end > share.first and share.weight == sum(weights[share.first : share.end]) for share in shares)
+    assert max(share.weight for share in shares) <= sum(weights) / count + max(weights)
+
+
+@pytest.mark.parametrize("count", [2, 3, 4])
+def test_a_catalogue_scene_has_the_bits_of_one_after_2_000_steps(count: int) -> None:
+    """The gate: clay, putty and jelly on the ground."""
+    scene = load_scene("plastic")
+    wanted = alone(scene, 2000)
+    for found in shared(scene, count, 2000):
+        same(found, wanted)

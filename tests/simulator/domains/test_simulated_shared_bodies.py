@@ -1,0 +1,53 @@
+"""Bodies that never meet in shares on the GPU, under the simulator: the bits of one, on the CPU."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from app.driver import open_simulation
+from model.core.errors import SceneError
+from model.core.state import State
+from model.scene.scene import Scene
+
+BOX = {"shape": {"name": "box", "sides": [0.2, 0.2, 0.2], "resolution": 2}, "particle_spacing": 0.1}
+PLANE = {"kind": "plane", "point": [0.0, 0.0, 0.0], "normal": [0.0, 1.0, 0.0]}
+FALLING = {"cluster_stiffness": 4000.0, "velocity": [0.0, -3.0, 0.0], "spin": [1.0, 2.0, 3.0]}
+SCENE = {
+    "soft": {"kind": "soft_body", **BOX, **FALLING, "origin": [0.0, 0.14, 0.0], "plastic_creep": 50.0}
+    | {"plastic_threshold": 0.01, "plastic_limit": 0.4},
+    "block": {"kind": "soft_lattice", **BOX, **FALLING, "region": 1, "origin": [1.0, 0.14, 0.0]},
+    "rigid": {"kind": "rigid_body", **BOX, "velocity": [0.0, -3.0, 0.0], "origin": [2.0, 0.14, 0.0]},
+    "ground": PLANE | {"restitution": 0.5},
+    "gravity": {},
+    "method": {"solver": "shape-matching", "dt": 0.01, "substeps": 1, "iterations": 1},
+}  # fmt: skip
+
+
+def end(**options: Any) -> State:
+    with open_simulation(Scene(SCENE), math="exact", **options) as simulation:
+        simulation.advance(1)
+        simulation.advance(3)
+        return simulation.state()
+
+
+@pytest.mark.parametrize("gpus", [2, 3])
+def test_shares_have_the_bits_of_the_cpu(gpus: int) -> None:
+    """Of two the first has what creeps and a lattice, the other what comes off the ground as a whole; of three one has a
+    lattice alone."""
+    found, wanted = end(backend="gpu", gpus=gpus), end(threads=1)
+    for name in ("position", "velocity", "rotation", "plastic"):
+        one, other = getattr(found, name), getattr(wanted, name)
+        assert np.array_equal(one, other), name
+
+
+def test_shares_need_no_link() -> None:
+    with pytest.raises(SceneError, match="bodies send nothing"):
+        end(backend="gpu", gpus=2, link="nccl")
+
+
+def test_more_shares_than_bodies_are_refused() -> None:
+    with pytest.raises(SceneError, match="at most 3; use fewer"):
+        end(backend="gpu", gpus=4)
