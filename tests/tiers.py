@@ -33,7 +33,8 @@ COMPILED = {
     "test_hard_fluids.py": "test_the_laws*",
     "test_kinematic.py": "test_an_end* test_both_ends*", "test_matter.py": "test_two_halves* test_every_solver*",  # statics
     "test_attachments.py": "test_a_body_on_soft*", "test_cloth_beside.py": "test_the_weight* test_a_box_slides*",
-    "test_accuracy.py": "*", "test_accuracy_s6.py": "*", "test_accuracy_xpbd.py": "*",  # to the end
+    "test_accuracy.py": "*", "test_accuracy_s6.py": "*", "test_accuracy_xpbd.py": "*",
+    "test_iterations.py": "*",  # to the end
 }  # fmt: skip
 
 # Tests for --thorough alone: dear, and of what others hold too, on a smaller scene, by another way, or for another value. A
@@ -89,7 +90,7 @@ test_cpu_bits.py test_bits*semi* test_bits*explicit* test_bits*lab* test_bits*ta
 test_lattice.py test_against_the_reference_and_the_same* test_contacts_and_spares* test_float32_loses*
 test_b1.py test_kernels*shape5? test_kernels*shape4?
 test_matching.py test_kernels_and_threads*3-float32* test_kernels_and_threads*4-float32*
-test_peers.py test_what_approaches*
+test_peers_compared.py test_what_approaches*
 test_peers_sheets.py test_iterations_approach*
 test_no_trace.py *no_instruction*float64* *velocity-verlet-parts2*float64* *lab-parts0*float64?
 # orders and limits: with a force fewer, or by the reference
@@ -134,7 +135,8 @@ test_vbd_ptx.py *fast-1? *fast-2? *exact-1? *exact-2? *nothing?1? *nothing?2?
 test_bodies_rest.py test_the_catalogues*
 test_bodies_hard.py test_a_soft_body_finds*plane-float64?
 test_mesh_collider_scenes.py test_jelly_stays* test_more_triangles*
-test_motion.py test_the_twisted_sheet* test_fused*damped?moving-rk4*
+test_motion.py test_fused*damped?moving-rk4*
+test_motion_scenes.py test_the_twisted_sheet*
 test_particle_contacts.py test_many_bodies_have* test_bricks_stand* test_the_catalogues*
 test_spare.py test_what_leaves*
 test_contact_restitution.py test_a_swarm* test_whole_steps*
@@ -165,7 +167,8 @@ test_accuracy.py test_nothing_is_measured* test_front_against* test_what_the_sto
     test_a_cloth_is_judged* test_figures_know_the_cloth* test_points_of* test_a_reference_of_contacts
 test_accuracy_s6.py test_errors_of_the_rope test_implicit_euler_among* test_the_figure_shows* test_a_rope_at_rest*
     test_references_of* test_converged*jacobi*
-test_accuracy_xpbd.py test_the_published_errors* test_two_errors* test_iterations*xpbd?jacobi?
+test_accuracy_xpbd.py test_the_published_errors*
+test_iterations.py test_two_errors* test_iterations*xpbd?jacobi?
 test_ablate.py test_of_chaos* test_over_the_limit* test_dropping_a_random* test_dropped_parts*
 test_advise.py test_the_command_writes* test_no_cheaper*0.0001? test_no_cheaper*0.2? test_no_cheaper*0.01?
 test_advise_tetrahedra.py test_what_is_advised*solver2* test_what_is_advised*solver3* test_float32*
@@ -229,7 +232,7 @@ test_matching.py test_kernels_and_threads*4-float64?
 test_xpbd_laws.py test_mass_ratio*cpu-100-1-jacobi* test_mass_ratio*cpu-10-10*
 test_bar.py test_windows*cpu-2? test_nothing_is_measured_twice* test_springs_do_not*
 test_stability.py test_a_run_is_stored* *edge*float32-explicit* *edge*float32-semi* *edge*float32-velocity*
-test_accuracy_xpbd.py test_iterations_leave*
+test_iterations.py test_iterations_leave*
 test_accuracy_s6.py test_converged*
 test_labbook.py test_the_book_is_built*
 test_findings.py *
@@ -262,7 +265,7 @@ OVER_A_SECOND = table("""
 test_accuracy.py test_the_cloth_belongs_to_the_full_mode
 test_accuracy_s6.py test_implicit_euler_of_a_loaded_rope
 test_accuracy_xpbd.py test_a_run_with_a_load_is_judged_by_a_reference_that_knows_it
-    test_residuals_of_one_constraint_vanish
+test_iterations.py test_residuals_of_one_constraint_vanish
 test_advise.py test_an_error_that_nothing_reaches test_chaos_forbids_an_answer
     test_no_cheaper_configuration_of_the_grid_reaches_the_error?0.001?
 test_attachments.py test_a_side_turns_with_a_mesh_that_spins test_a_vertex_is_drawn_to_a_point
@@ -270,9 +273,10 @@ test_attachments.py test_a_side_turns_with_a_mesh_that_spins test_a_vertex_is_dr
 test_b1.py test_both_executions_are_the_reference?cpu-fused-rk4-float64? test_rk4_gives_the_same_bits_on_the_cpu
 test_bad_sizes.py test_a_full_standard_output_is_a_line
 test_baked.py test_damaged_files_are_made_anew
-test_bar.py test_a_jelly_bar_swings_as_its_clusters_say?cpu? test_figures_are_drawn_or_say_why_not
+test_bar.py test_a_jelly_bar_swings_as_its_clusters_say?cpu?
     test_springs_are_a_chain?cpu-mass-spring-1-verlet_frequency?
     test_springs_are_a_chain?cpu-xpbd-32-implicit_frequency?
+test_bar_told.py test_figures_are_drawn_or_say_why_not
 test_bars_of_peers.py test_an_answer_that_takes_too_long_is_not_waited_for
 test_bodies_hard.py test_a_ball_inside_a_body_pushes_it_out_in_place
     test_a_soft_body_finds_its_shape_again?onto?a?line?across-float32? test_another_body_stops* test_a_hit_keeps_linear*
@@ -317,7 +321,7 @@ test_hard_bodies.py test_the_laws_hold?B17?bricks-float64? test_the_laws_hold?B1
 test_hard_fluids.py test_the_laws_hold?F1-pbf?macklin-float64?
 test_hard_tetrahedra.py test_the_laws_hold?B21?flat-xpbd?gauss-seidel-float64?
 test_hard_xpbd.py test_tethers_hold_a_long_chain?xpbd?gauss-seidel? test_tethers_hold_a_long_chain?xpbd?jacobi?
-test_implicit.py test_converged_xpbd_is_implicit_euler_but_for_the_turning
+test_implicit_newton.py test_converged_xpbd_is_implicit_euler_but_for_the_turning
 test_kernel_sweep.py test_a_kernel_that_breaks_is_skipped_with_its_reason
     test_arithmetic_rates_are_measured_for_both_precisions
     test_every_kernel_is_a_configuration_of_its_name_and_checked_and_r* test_forced_and_chosen_kernels_do_not_mix
@@ -450,7 +454,8 @@ test_rebound.py test_two_that_meet*
 test_hard_bodies.py test_the_laws*B17*
 test_physics_statics.py test_two_corner*
 test_advise.py test_an_answer_in_words* test_own_reference*
-test_kernel_sweep.py test_joules* test_a_wrong_kernel*
+test_joules.py test_joules*
+test_kernel_sweep.py test_a_wrong_kernel*
 test_accuracy_xpbd.py test_a_name_picks*
 test_cli.py test_what_only_tells?scenes?
 test_simulated_newton.py test_bits_of_groups*
@@ -484,7 +489,8 @@ THINNED = {
     "test_simulated_xpbd.py", "test_simulated_cloth_tiles.py", "test_simulated_mesh.py", "test_simulated_contacts.py",
     "test_simulated_motion.py", "test_simulated_matching.py", "test_simulated_bodies.py", "test_simulated_cloth.py",
     "test_simulated_hard.py", "test_simulated_implicit.py", "test_simulated_tiles.py",
-    "test_simulated_alternating.py", "test_simulated_gpu.py", "test_motion.py", "test_implicit.py",
+    "test_simulated_alternating.py", "test_simulated_gpu.py", "test_motion.py", "test_motion_scenes.py", "test_implicit.py",
+    "test_implicit_newton.py", "test_iterations.py",
     "test_xpbd_cpu.py", "test_xpbd_cpu_reference.py", "test_xpbd_laws.py", "test_xpbd_mesh_cpu.py",
     "test_xpbd_assembly.py", "test_cloth_reference.py", "test_cloth_cpu.py", "test_cloth_orders.py",
     "test_cloth_colliders.py", "test_cloth_assembly.py", "test_cpu_bits.py", "test_cpu_reference.py", "test_b1.py",

@@ -210,7 +210,7 @@ FORMULAS: tuple[Mistake, ...] = (
     ),
     *in_file(
         "model/formulas/contact.py",
-        "test_point_formulas.py",
+        "test_contact_formulas.py",
         {
             "neighbours in the sheet are held apart by the thickness": ("min(min(thickness, rest), gap + push)", "min(thickness, gap + push)"),
             "a contact's own load is forgotten": ("return weight * load + ((a", "return weight + ((a"),
@@ -230,7 +230,7 @@ FORMULAS: tuple[Mistake, ...] = (
     ),
     *in_file(
         "model/formulas/particle_contact.py",
-        "test_point_formulas.py",
+        "test_contact_formulas.py",
         {
             "particles are split by the other's contacts": (
                 "stiffness = weight * contacts + other_weight * other_contacts",
@@ -247,7 +247,7 @@ FORMULAS: tuple[Mistake, ...] = (
     ),
     *in_file(
         "model/formulas/shape_matching/cluster.py",
-        "test_point_formulas.py",
+        "test_cluster_formulas.py",
         {
             "a body leans": ("return moment - way * lean", "return moment"),
             "goals are rotated backwards": (
@@ -267,7 +267,7 @@ FORMULAS: tuple[Mistake, ...] = (
     ),
     *in_file(
         "model/formulas/shape_matching/grid.py",
-        "test_point_formulas.py",
+        "test_cluster_formulas.py",
         {
             "rows of a window count upwards": ("rotation_2d(sums[2], -sums[4], sums[3], -sums[5], one, zero)", "rotation_2d(sums[2], sums[4], sums[3], sums[5], one, zero)"),
             "goals of a window lie below": ("(sums[3] - sums[4] * down)", "(sums[3] + sums[4] * down)"),
@@ -275,7 +275,7 @@ FORMULAS: tuple[Mistake, ...] = (
     ),
     *in_file(
         "model/formulas/shape_matching/pace.py",
-        "test_point_formulas.py",
+        "test_cluster_formulas.py",
         {"a spin about the first particle": ("return moment - (a * b - c * d) * inverse_mass", "return moment")},
     ),
     *in_file(
@@ -293,7 +293,7 @@ FORMULAS: tuple[Mistake, ...] = (
     ),
     *in_file(
         "model/formulas/shape_matching/deformation.py",
-        "test_point_formulas.py",
+        "test_cluster_formulas.py",
         {
             "shear counts half": ("half * (dot(rxx, ryx, rzx, fxy, fyy, fzy)", "(dot(rxx, ryx, rzx, fxy, fyy, fzy)"),
             "a volume's cube root without its last steps": ("y = y * ((cube + two * volume) / (two * cube + volume))", "y = y"),
