@@ -119,7 +119,7 @@ def run(
         ),
     ] = None,
     allow_unstable: Annotated[bool, typer.Option("--allow-unstable", help="Run over the stability limit.")] = False,
-    gpus: Annotated[int, typer.Option(help="GPUs that share the grid by its rows, with --backend gpu.")] = 1,
+    gpus: Annotated[int, typer.Option(help="GPUs that share a sheet by its rows, or bodies, with --backend gpu.")] = 1,
     ranks: Annotated[int, typer.Option(help="Processes of MPI that share it, with --backend cpu.")] = 1,
     exchange_every: Annotated[
         int | None, typer.Option(help="Steps between two exchanges of borders (default: as it suits).")

@@ -3,6 +3,8 @@
 Particles are listed by slices of LANES that follow each other: entry k of all lanes, then entry k + 1. What a lane lacks, as
 another has more, is filled with `nobody`, a particle so far off that it adds 0 to every sum. So loops over lanes are vectors,
 and each lane's sum goes in the order of its own list.
+
+Numbers of entries are made unsigned where many are written: of a signed one numba asks first whether it counts from the end.
 """
 
 from __future__ import annotations
@@ -21,7 +23,7 @@ from model.formulas.fluid import density
 AROUND = 1024  # particles of the cells around one that are gathered; where there are more, they are looked at in place
 RUNS = 64  # numbers: the ends of runs around a cell
 FAR = 1e15  # m: nobody's place; its square is still a number in float32
-TOGETHER = 4  # bits that are followed in one go, whether so many are left or not
+TOGETHER = 12  # bits that are followed in one go, whether so many are left or not
 
 
 def make_wrap(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
@@ -74,7 +76,7 @@ def _make_picked(compiler: Compiler, real: Any, parts: frozenset[str], most: int
                 continue
             for k in range(found, end, TOGETHER):  # what is behind the last is overwritten by what comes
                 for n in range(TOGETHER):
-                    entries[(k + n) * LANES + lane] = who[first + lowest_bit(near)]
+                    entries[np.uint64((k + n) * LANES + lane)] = who[np.uint64(first + lowest_bit(near))]
                     near = without_lowest(near)
             found = end
         return found
@@ -151,6 +153,17 @@ def make_find(compiler: Compiler, real: Any, parts: frozenset[str], most: int) -
     picked, runs_around = _make_picked(compiler, real, parts, most), _make_runs_around(compiler, real, parts)
     gathered, filled_up = gather.gathered, gather.filled_up
 
+    @compiler.row
+    def filled(longest, nobody, neighbours, entries):
+        """Nobody in what the lists of a slice lack."""
+        shortest = longest
+        for lane in range(LANES):
+            shortest = min(shortest, np.int64(neighbours[lane]))
+        for k in range(shortest, longest):
+            for lane in range(LANES):
+                here = np.uint64(k * LANES + lane)
+                entries[here] = nobody if neighbours[lane] <= k else entries[here]
+
     @compiler.compiled
     def find(
         first, last, count, room, nobody, place, cell, order, starts, counts, sides, parameters, lists, around, fluid
@@ -200,9 +213,7 @@ def make_find(compiler: Compiler, real: Any, parts: frozenset[str], most: int) -
                 missed += max(found - most, 0)
                 neighbours[i] = np.int32(min(found, most))
                 longest[s] = max(longest[s], neighbours[i])
-            for lane in range(LANES):
-                for k in range(neighbours[np.int64(s) * LANES + lane], longest[s]):
-                    own[k * LANES + lane] = np.int32(nobody)
+            filled(np.int64(longest[s]), np.int32(nobody), row_at(neighbours, np.int64(s) * LANES), own)
         return missed
 
     return find

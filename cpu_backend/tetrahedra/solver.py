@@ -18,7 +18,6 @@ from cpu_backend.xpbd.mesh import MeshPositionBased
 from cpu_backend.xpbd.mesh_kernels import make_mesh_stages
 from model.core.constraints import ConstraintSet, Projection
 from model.core.plan import Executor, Moment, Plan, StageRun
-from model.core.state import State
 from model.scene.scene import Scene
 from model.tetrahedra.constraints import SLEEP, SLEEPING, constraint_sets, projections_of, tetrahedra_plan
 from model.tetrahedra.tables import cloth_lists
@@ -87,9 +86,9 @@ class Tetrahedra(MeshPositionBased):
         """(particles, 3) [m/s]: velocities as the last substep ended."""
         return np.zeros((self.scene.tetrahedra_set.particle_count, 3), self.real)
 
-    def load(self, state: State) -> None:
-        """With the state's velocities as the last ones."""
-        super().load(state)
+    def _upload(self, position: np.ndarray, velocity: np.ndarray) -> None:
+        """With these velocities as the last ones."""
+        super()._upload(position, velocity)
         if SLEEPING in self.plan.parts:
             self._earlier[...] = self._velocity[:, :3]
 

@@ -23,7 +23,6 @@ from gpu_backend.xpbd.mesh import MeshPositionBased
 from model.core.constraints import ConstraintSet, Projection
 from model.core.errors import SceneError
 from model.core.plan import Executor, Plan, StageRun
-from model.core.state import State
 from model.scene.scene import Scene
 from model.tetrahedra.constraints import SLEEP, SLEEPING, constraint_sets, projections_of, tetrahedra_plan
 from model.tetrahedra.tables import cloth_lists, surface_lists
@@ -88,9 +87,9 @@ class Tetrahedra(MeshPositionBased):
         position, velocity, before = self.position[0], self.velocity[0], self.position[1]
         return super()._stages() | {SLEEP: lambda moment: self._keep_places(before, position, velocity)}
 
-    def load(self, state: State) -> None:
-        """With the state's velocities as the last ones."""
-        super().load(state)
+    def _upload(self, position: np.ndarray, velocity: np.ndarray) -> None:
+        """With these velocities as the last ones."""
+        super()._upload(position, velocity)
         if SLEEPING in self.plan.parts:
             self._earlier.copy_to_device(self.velocity[self._current], stream=self.stream)
 

@@ -8,7 +8,7 @@ all runs of a colour are projected at once, in any order, to the same bits.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -68,6 +68,14 @@ class ConstraintSet:
     def colours(self) -> int:
         """How many."""
         return len(self.starts) - 1
+
+    def some(self, chosen: np.ndarray, first_particle: int = 0) -> ConstraintSet:
+        """The `chosen` (constraints,) bool, whole runs, in their colours and order; particles counted from `first_particle`.
+        Colours of which none is left are gone."""
+        before = np.concatenate([[0], np.cumsum(chosen)])
+        starts = np.unique(before[self.starts]).astype(self.starts.dtype)
+        corners = (self.corners[chosen] - first_particle).astype(np.int32)
+        return replace(self, corners=corners, values=self.values[chosen], starts=starts)
 
     @property
     def sweep(self) -> list[np.ndarray]:

@@ -42,6 +42,13 @@ class Apart:
         return found
 
 
+def require_apart(scene: Any) -> None:
+    """Raises SceneError for a scene's contacts, which let bodies meet."""
+    if scene.contact is not None:
+        told = "lets bodies meet, which are not shared then: leave it out, and they pass through each other, or run it as one"
+        raise SceneError(f"{scene.name_of('contact')}.kind", "contact", told)
+
+
 @dataclass(frozen=True)
 class Share:
     """Bodies `first` to before `end`, with the particles `first_particle` to before `end_particle`; `weight`: what of theirs

@@ -7,8 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from model.core.errors import SceneError
-from model.domains.bodies import Apart
+from model.domains.bodies import Apart, require_apart
 from model.geometry.lists import offsets_of, ranges
 from model.scene.scene import Scene
 from model.shape_matching.body_set import BodySet, Copy
@@ -19,9 +18,7 @@ from model.shape_matching.links import Links
 
 def bodies_apart(scene: Scene) -> Apart:
     """The bodies of a scene, balanced by their particles. Raises SceneError where particles may meet."""
-    if scene.contact is not None:
-        told = "lets bodies meet, which are not shared then: leave it out, and they pass through each other, or run it as one"
-        raise SceneError(f"{scene.name_of('contact')}.kind", "contact", told)
+    require_apart(scene)
     found = scene.body_set
     firsts = np.array([*(one.first_particle for one in found.copies), found.particle_count])
     return Apart(

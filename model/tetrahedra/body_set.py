@@ -49,8 +49,10 @@ class TetrahedraSet(ParticleRow):
     the edges from the first corner as columns; `volume` (tetrahedra,) [m^3]; `surface` (triangles, 3) int32, the cloth's
     last; `first_particle` of each of `names`; `skin`; `voxel` (tetrahedra, 3) int32: the place of each one's voxel in its
     body, along the longest side first, 0 of those that are of none; `run` (tetrahedra,) int32: how many tetrahedra, itself
-    among them, its voxel is, which stand one after the other; 1 of those of none; `sheet`: the cloth. To the rest of the lab
-    it is a row of masses: `rows` 1, `columns` all, `spacing` the mean edge [m], `mass` the mean one.
+    among them, its voxel is, which stand one after the other; 1 of those of none; `sheet`: the cloth; `whole`: the set of
+    which this is a share, whose first particle and tetrahedron there are `begins` (model/tetrahedra/apart.py), None: it is
+    none. To the rest of the lab it is a row of masses: `rows` 1, `columns` all, `spacing` the mean edge [m], `mass` the mean
+    one.
     """
 
     names: tuple[str, ...]
@@ -73,11 +75,18 @@ class TetrahedraSet(ParticleRow):
     regions: Mapping[str, Region] = field(default_factory=dict)
     attachments: Mapping[str, Attachment] = field(default_factory=dict)
     sheet: Sheet | None = None
+    whole: TetrahedraSet | None = None
+    begins: tuple[int, int] = (0, 0)
+
+    @property
+    def alike(self) -> TetrahedraSet:
+        """The set that says what code bodies need: the whole one, so that every share runs the same."""
+        return self.whole or self
 
     @property
     def pinned(self) -> str:
         """`sides` where some particle is, else `none`."""
-        return "sides" if len(self.pinned_vertices) else "none"
+        return "sides" if len(self.alike.pinned_vertices) else "none"
 
     @cached_property
     def mass(self) -> float:
@@ -131,6 +140,10 @@ class TetrahedraSet(ParticleRow):
 
     def pin_motions(self, motions: Mapping[str, Motion]) -> np.ndarray:
         """(pins,) int64: of each pinned vertex the number of its motion in `motions`, -1: it has none. Raises SceneError."""
+        if self.whole is not None:
+            begin = self.begins[0]
+            first, end = np.searchsorted(self.whole.pinned_vertices, (begin, begin + self.particle_count))
+            return self.whole.pin_motions(motions)[first:end]
         chosen = {}
         for name, motion in motions.items():
             if not isinstance(motion.pins, str):

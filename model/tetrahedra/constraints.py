@@ -39,18 +39,18 @@ _known: WeakKeyDictionary[TetrahedraSet, Sets] = WeakKeyDictionary()  # colourin
 def tetrahedra_parts(scene: Scene, live: frozenset[str] = frozenset()) -> frozenset[str]:
     """The parts that need code: a sheet's (model/xpbd/plan.py), the materials, whether one has a damper, whether they
     are taken as blocks and whether multipliers are kept; a cloth's models. Every mass has a weight of its own (`load`)."""
-    bodies = scene.tetrahedra.values()
-    damped = {DAMPED} if scene.tetrahedra_set.matter.damping.any() else set()
+    found = scene.tetrahedra_set
+    damped = {DAMPED} if found.alike.matter.damping.any() else set()
     blocks = {BLOCKS} if scene.method.rows == "blocks" else set()
     iterated = {ITERATED} if scene.method.iterations > 1 else set()
     sleeping = {SLEEPING} if scene.method.sleeping_speed > 0 else set()
-    told = {"motion"} if "targets" in live and len(scene.tetrahedra_set.pinned_vertices) else set()
-    parts = xpbd_parts(scene, live) | {"load"} | {part.material for part in bodies}
-    slowed = {BODY_DAMPING} if any(part.mass_damping > 0 for part in bodies) else set()
+    told = {"motion"} if "targets" in live and len(found.pinned_vertices) else set()
+    parts = xpbd_parts(scene, live) | {"load"} | {part.material for part in found.parts}
+    slowed = {BODY_DAMPING} if any(part.mass_damping > 0 for part in found.alike.parts) else set()
     cloth = model_parts(scene) | ({CLOTH} if scene.mesh else frozenset())
-    whole = {WHOLE} if any(part.volume == "voxels" for part in bodies) else set()
+    whole = {WHOLE} if any(part.volume == "voxels" for part in found.parts) else set()
     own = damped | blocks | iterated | told | slowed | sleeping | cloth | whole
-    return parts | own | attachment_parts(scene.tetrahedra_set)
+    return parts | own | attachment_parts(found)
 
 
 def materials(parts: frozenset[str]) -> tuple[str, ...]:
@@ -121,8 +121,16 @@ def tetrahedra_of_sets(found: TetrahedraSet) -> tuple[np.ndarray, ...]:
 
 
 def _known_sets(found: TetrahedraSet) -> Sets:
-    """(which tetrahedra each set of them holds, the sets)."""
-    if found not in _known:
+    """(which tetrahedra each set of them holds, the sets); of a share those of the whole set, in its colours and order."""
+    if found not in _known and found.whole is not None:
+        begin, tetrahedron = found.begins
+        own = []
+        for chosen, one in zip(*_known_sets(found.whole), strict=True):
+            mine = (one.corners[:, 0] >= begin) & (one.corners[:, 0] < begin + found.particle_count)
+            if mine.any():
+                own.append((one.some(mine, begin), chosen[mine] - tetrahedron))
+        _known[found] = tuple(chosen for _, chosen in own), tuple(one for one, _ in own)
+    elif found not in _known:
         whole = np.array([part.volume == "voxels" for part in found.parts])[found.body]
         kinds = np.stack([material_of(found), found.run, whole])
         each = (np.flatnonzero((kinds == kind[:, None]).all(axis=0)) for kind in np.unique(kinds, axis=1).T)

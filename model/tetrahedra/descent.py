@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -46,6 +46,24 @@ class Descent:
     corners: np.ndarray
     values: np.ndarray
 
+    def some(self, begin: int, stop: int) -> Descent:
+        """Of particles `begin` to before `stop`, counted from there, whose tetrahedra are theirs alone."""
+        here = (self.order >= begin) & (self.order < stop)
+        mine = (self.corners[:, 0] >= begin) & (self.corners[:, 0] < stop)
+        number = np.cumsum(mine) - 1
+        entries = self.entries[np.repeat(here, np.diff(self.offsets))]
+        before = np.concatenate([[0], np.cumsum(here)])
+        return replace(
+            self,
+            order=(self.order[here] - begin).astype(np.int32),
+            starts=np.unique(before[self.starts]).astype(np.int32),
+            offsets=offsets_of(np.diff(self.offsets)[here]),
+            entries=(CORNERS * number[entries // CORNERS] + entries % CORNERS).astype(np.int32),
+            falls=self.falls[here],
+            corners=(self.corners[mine] - begin).astype(np.int32),
+            values=self.values[mine],
+        )
+
     @property
     def colours(self) -> int:
         """How many."""
@@ -64,8 +82,16 @@ class Descent:
 
 def descents(scene: Scene) -> tuple[Descent, ...]:
     """Of each material that the scene has, in the order of MATERIALS. Kept with the bodies."""
-    found = scene.tetrahedra_set
-    if found not in _known:
+    return _descents(scene.tetrahedra_set)
+
+
+def _descents(found: TetrahedraSet) -> tuple[Descent, ...]:
+    """Of a share those of the whole set, in its colours and order."""
+    if found not in _known and found.whole is not None:
+        begin = found.begins[0]
+        some = (one.some(begin, begin + found.particle_count) for one in _descents(found.whole))
+        _known[found] = tuple(one for one in some if len(one.corners))
+    elif found not in _known:
         made = material_of(found)
         together = np.concatenate([found.tetrahedra, springs(found, "vbd").fours])
         colours = vertex_colours(together, found.particle_count)

@@ -12,6 +12,7 @@ from model.core.parameters import rounded_record
 from model.geometry.measures import edge_lengths
 from model.scene.cloth import COLLIDER_KINDS, CONSTRAINT_KINDS
 from model.scene.scene import Scene
+from model.tetrahedra.apart import tetrahedra_apart
 from model.tetrahedra.attachments import KIND, stored
 from model.tetrahedra.constraints import CONSTANTS, constraint_sets, tetrahedra_plan, through_note
 from model.tetrahedra.material import energies
@@ -73,5 +74,6 @@ TETRAHEDRA = SolverFamily(
     solvers={"cpu": "cpu_backend.tetrahedra.solver:Tetrahedra", "gpu": "gpu_backend.tetrahedra.solver:Tetrahedra"},
     passes={"cpu": "app.plan.mesh:mesh_on_cpu", "gpu": "app.plan.mesh:tetrahedra_on_gpu"},
     reference="bench.reference.tetrahedra",
+    apart=tetrahedra_apart,
     unknown="no converged motion of tetrahedra is known; softlab tetrahedra tells how far a bar is from rest",
 )

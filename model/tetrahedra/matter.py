@@ -30,6 +30,10 @@ class Matter:
         """(mu, lambda) [Pa]."""
         return lame_of(self.young_modulus, self.poisson_ratio)
 
+    def some(self, chosen: slice) -> Matter:
+        """Of the `chosen` tetrahedra."""
+        return Matter(*(getattr(self, name)[chosen] for name in NAMES))
+
     def masses(self, mesh: TetrahedralMesh, ratio: float | None = None) -> np.ndarray:
         """(vertices,) [kg]: a quarter of each tetrahedron at each of its corners (lumped); neighbours at most `ratio`
         apart."""

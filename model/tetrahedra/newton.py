@@ -23,6 +23,7 @@ from model.formulas import colliders, distance
 from model.formulas.constraints.tetrahedron import MATERIALS
 from model.formulas.elastic import deformation, tangent
 from model.scene.scene import Scene
+from model.tetrahedra.apart import none_apart
 from model.tetrahedra.body_set import TetrahedraSet
 from model.tetrahedra.constraints import tetrahedra_parts, through_note
 from model.tetrahedra.family import TETRAHEDRA
@@ -126,4 +127,5 @@ TETRAHEDRA_NEWTON = replace(
     },
     passes={"cpu": "app.plan.mesh:newton_on_cpu", "gpu": "app.plan.mesh:newton_on_gpu"},
     reference="bench.reference.tetrahedra_newton",
+    apart=none_apart,
 )

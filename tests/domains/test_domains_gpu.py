@@ -1,4 +1,4 @@
-"""A grid in windows on real GPUs: the bits of one. Where there is one GPU, its windows take turns on it."""
+"""A grid in windows, bodies in shares, on real GPUs: the bits of one. Where there is one GPU, they take turns on it."""
 
 from __future__ import annotations
 
@@ -135,6 +135,30 @@ def test_a_cloth_of_constraints_has_the_bits_of_one_gpu(ordering: str, link: str
     wanted = end(scene, 60, backend="gpu")
     for kernel in (None, "tiled", "graph"):
         same(end(scene, 60, backend="gpu", gpus=3, link=link, kernel=kernel), wanted)
+
+
+@pytest.mark.parametrize("kernel", [None, "launch"])
+def test_bodies_in_shares_have_the_bits_of_one_gpu(kernel: str | None) -> None:
+    """Clay, putty and jelly; in turns of 64 steps, which graphs of many steps take."""
+    scene, how = load_scene("plastic"), {"backend": "gpu", "kernel": kernel}
+    found, wanted = end(scene, 1000, gpus=3, **how), end(scene, 1000, **how)
+    same(found, wanted)
+    assert np.array_equal(found.rotation, wanted.rotation) and np.array_equal(found.plastic, wanted.plastic)
+
+
+@pytest.mark.parametrize("solver", ["xpbd", "vbd"])
+def test_tetrahedra_in_shares_have_the_bits_of_one_gpu(solver: str) -> None:
+    """Five bars that fall, two of single tetrahedra, whose colours are all bodies': by whichever kernel each share takes."""
+    box = {"shape": {"name": "box", "sides": [0.4, 0.2, 0.2]}, "edge": 0.05, "young_modulus": 1e5, "damping": 0.01}
+    bars = {
+        f"bar{n}": box | {"kind": "tetrahedral_body", "origin": [n, 0.3, 0.0], "spin": [n, 2.0, 0.0]} | sweep
+        for n, sweep in enumerate(
+            [{}, {}, {"sweep": "tetrahedra"}, {"material": "neo-hookean"}, {"sweep": "tetrahedra"}]
+        )
+    }
+    method = {"solver": solver, "dt": 1 / 240, "substeps": 2, "iterations": 4}
+    scene = Scene({**bars, "plane": {}, "gravity": {}, "method": method})
+    same(end(scene, 300, backend="gpu", gpus=3), end(scene, 300, backend="gpu"))
 
 
 @pytest.mark.parametrize("precision", ["float32", "float64"])

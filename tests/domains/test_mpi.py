@@ -10,24 +10,25 @@ import numpy as np
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-COMMAND = ["softlab.py", "run", "lab-grid", "--math", "exact", "--no-judge", "--threads", "1"]
+ALIKE = ["--math", "exact", "--no-judge", "--threads", "1"]
+COMMAND = ["softlab.py", "run", "lab-grid", *ALIKE]
 needs_mpi = pytest.mark.skipif(find_spec("mpi4py") is None, reason='mpi4py is not installed: pip install -e ".[mpi]"')
 
 
-def softlab(*arguments, launcher=(), **environment):
+def softlab(*arguments, scene="lab-grid", **environment):
     done = subprocess.run(
-        [*launcher, sys.executable, *COMMAND, *map(str, arguments)],
+        [sys.executable, "softlab.py", "run", scene, *ALIKE, *map(str, arguments)],
         cwd=ROOT, capture_output=True, text=True, timeout=500, env={**os.environ, **environment},
     )  # fmt: skip
     return done.returncode, done.stdout, done.stderr
 
 
-def states(folder, arguments, *, ranks):
+def states(folder, arguments, *, ranks, scene="lab-grid"):
     """The files of positions and velocities that one process and `ranks` leave."""
     found = []
     for count in (1, ranks):
         out = folder / f"{count}.npz"
-        status, _, told = softlab(*arguments, "--ranks", count, "--out", out)
+        status, _, told = softlab(*arguments, "--ranks", count, "--out", out, scene=scene)
         assert status == 0, told
         with np.load(out) as state:
             found.append((state["position"], state["velocity"], int(state["step"])))
@@ -45,6 +46,14 @@ def assert_same(found):
 def test_processes_have_the_bits_of_one_after_10_000_steps(tmp_path, ranks):
     """The gate: exact math, whatever the number of processes."""
     assert_same(states(tmp_path, ["--steps", 10_000, "--set", "grid.rows=40"], ranks=ranks))
+
+
+@needs_mpi
+def test_processes_have_the_bits_of_one_of_bodies(tmp_path):
+    """Clay, putty and jelly on the ground after 1000 steps; their rotations and what clay was bent into are gathered, too."""
+    assert_same(states(tmp_path, ["--steps", 1000], ranks=3, scene="plastic"))
+    with np.load(tmp_path / "1.npz") as one, np.load(tmp_path / "3.npz") as three:
+        assert all(np.array_equal(one[name], three[name]) for name in ("rotation", "plastic", "inverse_mass"))
 
 
 @needs_mpi

@@ -50,7 +50,8 @@ def floating(density: float) -> Scene:
 def test_a_block_floats_as_deep_as_it_weighs(density: float) -> None:
     """Archimedes: depth = height times the ratio of densities, on the mean of two seconds, after one. The water's level
     follows from its volume, which it keeps to a percent (the column of NUMERICS F1). Within 2 % of the height, a sixth of a
-    rest distance: water at rest gives way in steps of about a tenth of one, and keeps a block as deep as it came."""
+    rest distance: water at rest gives way to no less than a quarter of one, and keeps a block as deep as it came, here nearer
+    than that (docs/method.md, Among solids)."""
     scene, depths = floating(density), []
     block, water = (scene.world_set.slices()[name] for name in ("bodies", "fluid"))
     free = TANK**2 - ACROSS**2

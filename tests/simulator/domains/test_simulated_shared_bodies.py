@@ -26,10 +26,10 @@ SCENE = {
 }  # fmt: skip
 
 
-def end(**options: Any) -> State:
-    with open_simulation(Scene(SCENE), math="exact", **options) as simulation:
+def end(scene: Scene, **options: Any) -> State:
+    with open_simulation(scene, math="exact", **options) as simulation:
         simulation.advance(1)
-        simulation.advance(3)
+        simulation.advance(1)
         return simulation.state()
 
 
@@ -37,7 +37,7 @@ def end(**options: Any) -> State:
 def test_shares_have_the_bits_of_the_cpu(gpus: int) -> None:
     """Of two the first has what creeps and a lattice, the other what comes off the ground as a whole; of three one has a
     lattice alone."""
-    found, wanted = end(backend="gpu", gpus=gpus), end(threads=1)
+    found, wanted = end(Scene(SCENE), backend="gpu", gpus=gpus), end(Scene(SCENE), threads=1)
     for name in ("position", "velocity", "rotation", "plastic"):
         one, other = getattr(found, name), getattr(wanted, name)
         assert np.array_equal(one, other), name
@@ -45,9 +45,35 @@ def test_shares_have_the_bits_of_the_cpu(gpus: int) -> None:
 
 def test_shares_need_no_link() -> None:
     with pytest.raises(SceneError, match="bodies send nothing"):
-        end(backend="gpu", gpus=2, link="nccl")
+        end(Scene(SCENE), backend="gpu", gpus=2, link="nccl")
 
 
 def test_more_shares_than_bodies_are_refused() -> None:
     with pytest.raises(SceneError, match="at most 3; use fewer"):
-        end(backend="gpu", gpus=4)
+        end(Scene(SCENE), backend="gpu", gpus=4)
+
+
+BAR = {
+    "kind": "tetrahedral_body",
+    "shape": {"name": "box", "sides": [0.2, 0.1, 0.1]},
+    "edge": 0.1,
+    "young_modulus": 1e4,
+}
+TETRAHEDRA = {
+    "turned": BAR | {"pinned": ["left"]},
+    "turn": {"kind": "motion", "pins": "left", "body": "turned", "angular_velocity": 5.0, "axis": [1.0, 0.0, 0.0]},
+    "voxels": BAR | {"origin": [1.0, 0.06, 0.0], "damping": 0.01, "velocity": [0.0, -2.0, 0.0]},
+    "single": BAR
+    | {"origin": [2.0, 0.06, 0.0], "sweep": "tetrahedra", "mass_damping": 2.0, "velocity": [0.0, -2.0, 0.0]},
+    "ground": PLANE,
+    "gravity": {},
+}
+
+
+@pytest.mark.parametrize("solver, sleeping", [("xpbd", {"sleeping_speed": 0.5}), ("vbd", {})])
+def test_tetrahedra_in_shares_have_the_bits_of_the_cpu(solver: str, sleeping: dict[str, float]) -> None:
+    """Three shares: a bar that is turned, and two that fall and have no pin."""
+    method = {"solver": solver, "dt": 0.01, "substeps": 1, "iterations": 2}
+    scene = Scene(TETRAHEDRA | {"method": method | sleeping})
+    found, wanted = end(scene, backend="gpu", gpus=3), end(scene, threads=1)
+    assert np.array_equal(found.position, wanted.position) and np.array_equal(found.velocity, wanted.velocity)

@@ -1,0 +1,137 @@
+"""Tetrahedral bodies that never meet have the bits of one, in however many shares."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from app.driver import open_simulation
+from cpu_backend.domains.in_threads import run_in_threads
+from cpu_backend.domains.ranks import on_ranks
+from model.core.errors import SceneError
+from model.core.options import Options
+from model.core.state import State
+from model.scene.scene import Scene
+
+BOX = {
+    "kind": "tetrahedral_body",
+    "shape": {"name": "box", "sides": [0.2, 0.1, 0.1]},
+    "edge": 0.1,
+    "young_modulus": 1e4,
+}
+FALLS = {"velocity": [0.2, -2.0, 0.0], "spin": [1.0, 2.0, 3.0]}
+BODIES: dict[str, dict[str, Any]] = {  # of every material, order of sweeps and kind of damping
+    "turned": BOX | {"pinned": ["left"]},
+    "hookean": BOX | FALLS | {"material": "neo-hookean", "damping": 0.01},
+    "held": BOX | FALLS | {"mass_damping": 2.0},
+    "single": BOX | FALLS | {"sweep": "tetrahedra", "young_modulus": 2e4},
+    "six": BOX | FALLS | {"tetrahedra": 6, "material": "corotated"},
+    "wholes": BOX | FALLS | {"volume": "voxels", "poisson_ratio": 0.49},
+    "alone": BOX | FALLS | {"sweep": "tetrahedra", "density": 500.0},
+}  # fmt: skip
+METHOD = {"solver": "xpbd", "dt": 0.01, "substeps": 2, "iterations": 2}
+
+
+def scene_of(*names: str, **more: Any) -> Scene:
+    """Those bodies, just above the ground; one is turned at its end, one goes with a ball that it is held by."""
+    parts = {name: BODIES[name] | {"origin": [n, 0.11, 0.0]} for n, name in enumerate(names or BODIES)}
+    turn = {"kind": "motion", "pins": "left", "body": "turned", "angular_velocity": 5.0, "axis": [1.0, 0.0, 0.0]}
+    ground = {"kind": "plane", "point": [0.0, 0.0, 0.0], "normal": [0.0, 1.0, 0.0], "static_friction": 0.4}
+    ball = {"kind": "sphere", "center": [2.0, 1.0, 0.0], "radius": 0.2, "velocity": [0.0, 0.5, 0.0]}
+    grip = {"kind": "attachment", "body": "held", "vertices": "right", "to": "ball"}
+    moved: dict[str, Any] = {"turn": turn} if "turned" in parts else {}
+    moved |= {"ball": ball, "grip": grip} if "held" in parts else {}
+    return Scene({**parts, **moved, "ground": ground, "gravity": {}, "method": METHOD, **more})
+
+
+def alone(scene: Scene, steps: int, **options: Any) -> State:
+    with open_simulation(scene, threads=1, math="exact", **options) as simulation:
+        simulation.advance(steps)
+        return simulation.state()
+
+
+def same_in_shares(scene: Scene, count: int, steps: int, **options: Any) -> None:
+    """Whatever ranks gather has the bits of one, also where it goes on from a state."""
+
+    def program(ranks: Any) -> State:
+        with on_ranks(scene, Options(math="exact", **options), ranks, 1) as simulation:
+            simulation.advance(steps // 2)
+            simulation.load(simulation.state())
+            simulation.advance(steps - steps // 2)
+            return simulation.state()
+
+    wanted = alone(scene, steps, **options)
+    for found in run_in_threads(count, program, patience=60):
+        for one, other in ((found.position, wanted.position), (found.velocity, wanted.velocity)):
+            assert one.tobytes() == other.tobytes()
+
+
+@pytest.mark.parametrize("count", [2, 3, 4, 7])
+def test_bodies_of_every_kind_have_the_bits_of_one(count: int) -> None:
+    same_in_shares(scene_of(), count, 4)
+
+
+@pytest.mark.parametrize("chebyshev", [0.0, 0.9])
+def test_vertex_block_descent_has_the_bits_of_one(chebyshev: float) -> None:
+    """Colours of vertices are those that they have among all."""
+    names = [name for name in BODIES if name != "wholes"]
+    method = METHOD | {"solver": "vbd", "iterations": 3, "substeps": 1, "chebyshev": chebyshev}
+    same_in_shares(scene_of(*names, method=method), 4, 2)
+
+
+def test_bodies_that_sleep_have_the_bits_of_one() -> None:
+    """Vertices slower than a metre a second keep their places; what was slow before is a state's to tell."""
+    same_in_shares(scene_of("turned", "hookean", "single", method=METHOD | {"sleeping_speed": 1.0}), 2, 4)
+
+
+def test_a_force_on_a_vertex_reaches_its_share() -> None:
+    """Of the second share, in float64; gravity is switched off meanwhile."""
+    scene, live = scene_of("turned", "single", "six"), frozenset({"poke", "gravity"})
+    poked = scene.tetrahedra_set.particle_count - 2
+
+    def driven(simulation: Any) -> State:
+        with simulation:
+            simulation.poke(poked, (0.0, 20.0, 5.0))
+            simulation.advance(2)
+            simulation.set("gravity.enabled", False)
+            simulation.poke(None)
+            simulation.advance(1)
+            return simulation.state()
+
+    wanted = driven(open_simulation(scene, threads=1, precision="float64", math="exact", live=live))
+    options = Options("float64", "exact", live=live)
+    for found in run_in_threads(2, lambda ranks: driven(on_ranks(scene, options, ranks, 1)), patience=60):
+        assert found.position.tobytes() == wanted.position.tobytes()
+
+
+CLOTH = {"shape": "sheet", "rows": 2, "columns": 2, "spacing": 0.1, "density": 0.5}
+SPRING = {"kind": "attachment", "body": "hookean", "vertices": "left", "compliance": 1e-4}
+
+
+@pytest.mark.parametrize(
+    "more, said",
+    [
+        ({"contact": {}}, "lets bodies meet"),
+        ({"method": METHOD | {"solver": "newton"}}, "method.solver=xpbd"),
+        ({"tie": SPRING | {"to": "six"}}, "ties what it holds"),
+        ({"external": {"magnitude": 1.0}}, "a number for each vertex"),
+        ({"mesh": CLOTH, "structural": {"stiffness": 10.0}}, "a cloth beside bodies"),
+    ],
+)
+def test_what_couples_bodies_says_so(more: dict[str, Any], said: str) -> None:
+    with pytest.raises(SceneError, match=said):
+        run_in_threads(2, lambda ranks: on_ranks(scene_of("hookean", "six", **more), Options(), ranks, 1), patience=5)
+
+
+def test_targets_are_of_all_pinned_vertices() -> None:
+    options = Options(live=frozenset({"targets"}))
+    with pytest.raises(SceneError, match="targets"):
+        run_in_threads(2, lambda ranks: on_ranks(scene_of(), options, ranks, 1), patience=5)
+
+
+@pytest.mark.parametrize("solver", ["xpbd", "vbd"])
+def test_bodies_have_the_bits_of_one_after_1_000_steps(solver: str) -> None:
+    """The gate: they fall, come to rest, and one is turned all the while."""
+    names = [name for name in BODIES if solver == "xpbd" or name != "wholes"]
+    same_in_shares(scene_of(*names, method=METHOD | {"solver": solver, "substeps": 4}), 3, 1000)
