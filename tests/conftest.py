@@ -17,7 +17,8 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
-from tiers import COMPILED, ONLY_THOROUGH, OVER_A_SECOND, THINNED
+from over_a_second import OVER_A_SECOND
+from tiers import COMPILED, ONLY_THOROUGH, THINNED
 from variants import covering
 
 from cpu_backend.core.threads import core_count  # before numba: it asks for four times the cores

@@ -9,7 +9,7 @@ import numpy as np
 
 from app.driver import open_simulation
 from bench.stress.trial import Check, Trial
-from model.geometry.cup import HEIGHT, RADIUS, WALL
+from model.geometry.surfaces.cup import HEIGHT, RADIUS, WALL
 from model.scene.scene import Scene
 
 LEVELLED = 6.0  # s: until two vessels are looked at

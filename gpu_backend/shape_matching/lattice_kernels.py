@@ -1,8 +1,7 @@
 """CUDA kernels of lattices: passes along x with a thread a mass, along y and z with a thread for a group of windows.
 
-See formulas/shape_matching/lattice.py for what is summed and in which order. Threads that are neighbours work on neighbours
-along x. What is summed lies in planes of `total` numbers: the three components of differences, then those of turns, axis by
-axis.
+See formulas/shape_matching/lattice.py for what is summed and in which order. Neighbouring threads work on neighbours along
+x. What is summed lies in planes of `total` numbers: the three components of differences, then those of turns, by axis.
 """
 
 from __future__ import annotations
@@ -34,9 +33,8 @@ def make_lattice_kernels(real: Any, math: str) -> SimpleNamespace:
     of a group a thread goes through, one after the other: many take the fewest sums, few the most threads.
 
     `sum_lines(..., out)` without a source, `sum_slices(..., out, span)`, `sum_windows(..., out, span)`: moments; `turn(...,
-    rotation, turned, frames, look)`: rotations, and in the source ways to the centres and the rotations' columns;
-    `goal_slices(..., out, span)`, `goal_lines(..., out, span)`: ways to goals, and where masses are; `move_lines(...)`:
-    masses.
+    rotation, turned, frames, look)`: rotations, and in the source ways to centres and the columns of rotations;
+    `goal_slices(..., out, span)`, `goal_lines(..., out, span)`: ways to goals, places of masses; `move_lines(...)`: masses.
     """
     found = [*_lines(real, math), *_moments(real, math), _turn(real, math), *_goals(real, math)]
     return make_kernels(found, f"lattice_{variant_name(real, math)}", **kernel_options(math))

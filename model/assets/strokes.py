@@ -11,7 +11,7 @@ from functools import cache
 
 import numpy as np
 
-from model.geometry.surface_nets import Field
+from model.geometry.surfaces.surface_nets import Field
 
 
 def _segments(points: np.ndarray, nodes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -11,10 +11,10 @@ import numpy as np
 from pydantic import model_validator
 
 from model.assets.strokes import blended, extruded, letters, outline, polygon, tube, union
-from model.geometry.cup import cup
 from model.geometry.mesh import TriangleMesh, triangle_mesh
 from model.geometry.sheets import cell_corners, sheet_triangles
-from model.geometry.surface_nets import Field, surface
+from model.geometry.surfaces.cup import cup
+from model.geometry.surfaces.surface_nets import Field, surface
 from model.scene.parts import Count, Part, Positive
 
 ShapeName = Literal[

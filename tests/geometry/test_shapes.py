@@ -8,11 +8,11 @@ from hypothesis import strategies as st
 
 from model.assets.strokes import letters
 from model.core.errors import SoftlabError
-from model.geometry.cup import HEIGHT, RADIUS, WALL
 from model.geometry.mesh import triangle_mesh
 from model.geometry.shapes import BEAM, COARSEST, FINEST, LETTER_DEPTH, STAR_DEPTH, TORUS, Shape
 from model.geometry.solid import solid
-from model.geometry.surface_nets import JUST, MARGIN, surface
+from model.geometry.surfaces.cup import HEIGHT, RADIUS, WALL
+from model.geometry.surfaces.surface_nets import JUST, MARGIN, surface
 
 SHAPES = {
     "star": {},

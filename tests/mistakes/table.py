@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from .formulas import FORMULAS
+from .formulas_of_bodies import BODIES
 from .kernels import KERNELS
 from .reporting import REPORTING
 
-MISTAKES = (*FORMULAS, *KERNELS, *REPORTING)
+MISTAKES = (*FORMULAS, *BODIES, *KERNELS, *REPORTING)

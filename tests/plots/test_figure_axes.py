@@ -45,7 +45,7 @@ ELSEWHERE = {  # figure -> the file whose test holds its labels to the table
     "tetrahedra-mesh": "test_tetrahedra_meshes.py",
     **dict.fromkeys(["hard-states", "hard-verdicts"], "test_hard.py"),
     "hard-bodies": "test_hard_bodies.py",
-    **dict.fromkeys(["bar-solvers", "bar-clusters"], "test_bar.py"),
+    **dict.fromkeys(["bar-solvers", "bar-clusters"], "test_bar_told.py"),
     "bar-costs": "test_bar_costs.py",
     **dict.fromkeys(["fluids-truth", "fluids-phases"], "test_fluid_figures.py"),
     "gpus": "test_gpu_figure.py",
