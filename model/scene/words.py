@@ -30,12 +30,18 @@ def notes_of(part: type[Part]) -> dict[str, str]:
     return found
 
 
-def _fields_within(kind: type[Part], way: list[str]) -> list[str]:
-    """The names of the fields of a part, or of a table inside of it."""
+def _kind_within(kind: type[Part], way: tuple[int | str, ...]) -> type[Part]:
+    """The kind of a part, of a table inside of it, or of one in a list of tables (whose number leads to no other kind)."""
     for step in way:
-        within = kind.model_fields[step].annotation
-        kind = next(choice for choice in (within, *get_args(within)) if hasattr(choice, "model_fields"))
-    return list(kind.model_fields)
+        if isinstance(step, str):
+            within = kind.model_fields[step].annotation
+            kind = next(choice for choice in (within, *get_args(within)) if hasattr(choice, "model_fields"))
+    return kind
+
+
+def _holds_tables(kind: type[Part], location: list[str]) -> bool:
+    """Whether a part's field is a list of tables."""
+    return any(hasattr(choice, "model_fields") for choice in get_args(kind.model_fields[location[0]].annotation))
 
 
 def scene_error(part: str, error: ValidationError, kind: type[Part]) -> SceneError:
@@ -43,13 +49,13 @@ def scene_error(part: str, error: ValidationError, kind: type[Part]) -> SceneErr
     complaints = error.errors(include_url=False)  # a misspelt key explains the one that then is missing
     first = next((c for c in complaints if c["type"] == "extra_forbidden"), complaints[0])
     location = [str(step) for step in first["loc"]]
-    if first["type"] == "missing" and len(first["loc"]) > 1 and isinstance(first["loc"][1], int):
+    if first["type"] == "missing" and isinstance(first["loc"][-1], int):
         return SceneError(f"{part}.{location[0]}", first["input"], "has too few numbers")
     if first["type"] == "missing":
-        note = notes_of(kind).get(location[0])
-        return SceneError(f"{part}.{location[0]}", None, f"must be given{f': {note}' if note else ''}")
+        note = notes_of(_kind_within(kind, first["loc"][:-1])).get(location[-1])
+        return SceneError(".".join([part, *location]), None, f"must be given{f': {note}' if note else ''}")
     if first["type"] == "extra_forbidden":
-        known = _fields_within(kind, location[:-1])
+        known = list(_kind_within(kind, first["loc"][:-1]).model_fields)
         near = suggestion(location[-1], known)
         if location[1:] and location[-1] in kind.model_fields:
             near = f" (did you mean {part}.{location[-1]}?)"
@@ -72,6 +78,8 @@ def scene_error(part: str, error: ValidationError, kind: type[Part]) -> SceneErr
         "model_type": 'must be a table of its fields, such as { name = "star" }',
     }
     allowed = words.get(first["type"], message)
+    if first["type"] == "tuple_type" and _holds_tables(kind, location):
+        allowed = "must be a list of tables"
     if first["type"] == "greater_than":
         allowed = f"must be greater than {first['ctx']['gt']:g}"
     elif first["type"] == "greater_than_equal":

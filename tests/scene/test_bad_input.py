@@ -1,6 +1,7 @@
 """Bad scenes: one clear line each (field, value, what is allowed), never a traceback of something else."""
 
 import os
+import re
 
 import pytest
 from hypothesis import given, settings
@@ -197,6 +198,20 @@ def only_softlab_errors(action) -> None:
 @given(SCENES)
 def test_any_mapping(data):
     only_softlab_errors(lambda: Scene(data).canonical())
+
+
+@pytest.mark.parametrize(
+    ("blocks", "told"),
+    [
+        ([{"": None}], "fluid.blocks.0.: unknown key; known: origin, size"),
+        ([{"origin": [0, 0, 0], "siz": [1, 1, 1]}], "fluid.blocks.0.siz = [1, 1, 1]: unknown key (did you mean size?)"),
+        ([{"origin": [0, 0, 0]}], "fluid.blocks.0.size: must be given: m, along x, y and z"),
+        ({"size": 1}, "fluid.blocks = {'size': 1}: must be a list of tables"),
+    ],
+)
+def test_tables_in_a_list(blocks, told):
+    with pytest.raises(SoftlabError, match=re.escape(told)):
+        load_scene("dam-break").replace({"fluid.blocks": blocks})
 
 
 @settings(deadline=None, max_examples=100)
