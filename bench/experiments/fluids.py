@@ -215,7 +215,7 @@ def print_fluids(console: Console, store: Store, machine: str) -> None:
     told = "million / s: particles times substeps times iterations (of divergence-free both solves'), searches included"
     print_table(console, heads, rows, told)
     stages: list[tuple[str, ...]] = []
-    for p in held:
+    for p in (p for p in held if p.phases):  # of pools
         scene = pool(p.particles, p.scheme)
         met = neighbours_at_rest(scene)
         for phase, taken in p.phases.items():

@@ -21,9 +21,11 @@ from bench.experiments.fluids import (
     pool,
 )
 from bench.measure import experiment
+from bench.measure.case_timing import make_case
 from bench.store.database import Store
 from bench.store.results import measures
 from model.fluid.plan import fluid_plan
+from model.scene.scene import load_scene
 
 
 @pytest.mark.parametrize("count", [1000, 8000])
@@ -62,7 +64,15 @@ def test_what_is_stored_comes_back(tmp_path: Path) -> None:
         assert point.particles == 1000 and point.rate == pytest.approx(6e5) and point.kernel == "fused"
         assert point.phases == {phase: pytest.approx(1e-3 * n) for n, phase in enumerate(PHASES, 1)}
         assert point.scheme == "macklin"
+        cup = make_case(load_scene(fluids.POUR), "cpu", "float32", "a cup that pours")
+        told = {
+            f"{fluids.IN_CUP}_2.0_s": (0.25, "", ""),
+            f"{fluids.IN_BASIN}_2.0_s": (0.7, "", ""),
+            fluids.LEVEL: (1.01, "", ""),
+        }
+        experiment.keep(store, run, cup.description, cup.sources, told | RATES.numbers(cup.scene, 0.04, "fused"))
         console = Console(width=140, record=True)
         fluids.print_fluids(console, store, "here")
         text = console.export_text()
         assert all(phase in text for phase in PHASES)
+        assert all(word in text for word in ("0.2500", "0.7000", "0.0500", "1.0100"))

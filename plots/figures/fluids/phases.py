@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from bench.experiments.fluids import PHASES, FluidPoint, moved_bytes, operations, points, pool
+from bench.experiments.fluids import PHASES, SCHEMES, FluidPoint, moved_bytes, operations, points, pool
 from model.fluid.plan import neighbours_at_rest
 from plots.core.backends import name_of, on_backends, sources_of, timed
 from plots.core.colours import BLACK, BLUE, ORANGE
@@ -19,8 +19,9 @@ HALF = 0.5  # of the measured arithmetic: sums of products and roots reach no mo
 
 
 def on(source: Source, backend: str) -> list[FluidPoint]:
-    """The pools whose stages were timed, smallest first."""
-    return [point for point in timed(points)(source, backend) if point.phases]
+    """The pools whose stages were timed, of the scheme that the stages are named after, smallest first."""
+    held = timed(points)(source, backend)
+    return [p for p in held if p.phases and p.scheme == SCHEMES[0] and p.precision == "float32"]
 
 
 def rates(source: Source, backend: str) -> tuple[float, float] | None:
