@@ -17,6 +17,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+from bench.store.machine_records import gained
 from bench.store.schema import SCHEMA, SCHEMA_VERSION, canonical, check_rows, configuration_hash
 from model.core.errors import InputError
 from model.core.files import check_source
@@ -191,14 +192,15 @@ class Store:
     # ------------------------------------------------------------------ writing
 
     def add_machine(self, key: str, label: str, record: Mapping[str, Any]) -> None:
-        """Enter a machine; where it is known, its record only gains the fields that it lacks or holds as null."""
+        """Enter a machine; where it is known, its record only gains the fields that it lacks or holds as null, and limits
+        that were measured undisturbed in place of disturbed ones."""
         with self.transaction() as connection:
             known = connection.execute("SELECT record FROM machine WHERE key = ?", (key,)).fetchone()
             if known is None:
                 connection.execute("INSERT INTO machine VALUES (?, ?, ?)", (key, label, canonical(record)))
                 return
             old = json.loads(known[0])
-            merged = old | {name: value for name, value in record.items() if old.get(name) is None}
+            merged = gained(old, record)
             if merged != old:
                 connection.execute("UPDATE machine SET record = ? WHERE key = ?", (canonical(merged), key))
 

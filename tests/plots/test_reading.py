@@ -23,8 +23,6 @@ from plots.core.read import load
 from plots.core.style import settings
 from plots.figures import roofline
 
-AWAITED = {"fluids-phases"}  # of which no measurements come with the lab yet: they need a machine that is quiet
-
 
 def refuse(*_: Any, **__: Any) -> None:
     raise AssertionError("a scene or a body was built")
@@ -62,7 +60,7 @@ def test_neither_figures_nor_sentences_make_a_body(committed: Results, monkeypat
     assert book_data(committed)["claims"]
     with settings():
         for name, draw in FIGURES.items():
-            assert isinstance(draw(committed), str) == (name in AWAITED), name
+            assert not isinstance(draw(committed), str), name
 
 
 @pytest.mark.parametrize(

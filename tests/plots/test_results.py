@@ -100,6 +100,22 @@ def test_a_machine_only_gains_what_was_not_known() -> None:
         assert machine.label.startswith("Some CPU") and machine.record["cores"] == 2 and machine.record["gpu"] == "H200"
 
 
+def test_limits_measured_undisturbed_take_the_place_of_disturbed_ones() -> None:
+    disturbed = RECORD | {"limits_suspect": "load: other programs ran", "gpu_copy_bandwidth": 3.0e12}
+    clean = RECORD | {"limits_suspect": None, "copy_bandwidth": 4.0e10}
+    with Store(":memory:") as store:
+        store.add_machine("m1", "Some CPU", disturbed)
+        for record, copied in (
+            (clean, 2.0e10 / 3),
+            (clean | {"gpu_copy_bandwidth": 3.1e12}, 4.0e10),
+            (disturbed, 4.0e10),
+        ):
+            store.add_machine("m1", "Some CPU", record)  # the first lacks one of what was disturbed
+            assert machines(store)[0].record["copy_bandwidth"] == copied
+        held = machines(store)[0].record
+        assert held["limits_suspect"] is None and held["gpu_copy_bandwidth"] == 3.1e12 and held["cores"] == 2
+
+
 @pytest.mark.parametrize("suffix", [".csv", ".csv.gz", ".sqlite"])
 def test_export_and_merge_round_trip_exactly_and_twice_adds_nothing(tmp_path: Path, suffix: str) -> None:
     with filled(tmp_path / "results.sqlite") as store, Store(tmp_path / "new.sqlite") as new:

@@ -1,0 +1,21 @@
+"""What a machine's record gains from another of the same machine."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+LIMITS = ("copy_bandwidth", "copy_bytes", "region_seconds", "gpu_copy_bandwidth", "gpu_launch_seconds")
+DISTURBED = "limits_suspect"  # why not to trust them
+
+
+def gained(old: Mapping[str, Any], new: Mapping[str, Any]) -> dict[str, Any]:
+    """A machine's record with what it lacked, and with limits that were measured undisturbed in place of disturbed ones; why
+    limits are not to be trusted goes with them."""
+    measured = [name for name in LIMITS if old.get(name) is not None]
+    again = bool(old.get(DISTURBED)) and not new.get(DISTURBED) and all(new.get(name) is not None for name in measured)
+    kept = dict(old) | dict.fromkeys([*measured, DISTURBED] if again else [])
+    gained = {name: value for name, value in new.items() if kept.get(name) is None}
+    if measured and not again:
+        gained.pop(DISTURBED, None)
+    return kept | gained
