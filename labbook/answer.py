@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from bench.experiments.accuracy.points import CLOTHS, SCENES, SIZES, method_words
+from bench.experiments.accuracy.points import CLOTHS, SCENES, SIZES, SUSPECT_NOTE, method_words
 from labbook import words
 from labbook.tables import DASH, Table, table
 from labbook.words import number, seconds
@@ -16,6 +16,7 @@ from plots.figures.work_precision import answering
 TARGETS = (1e-1, 1e-2, 1e-3)  # spacings
 ORDER = ("S1-16", "S1", "S1-64", "S4", "S5", "S6-still", "S6")  # small grids first, then stiff and touching ones
 HEAD = ("Scene", "Masses", "Error", "Soonest method", "Step", "Precision", "Processor", "Time", "Breaks")
+TIME = HEAD.index("Time")
 
 
 def answer_tables(results: Results) -> list[Table]:
@@ -35,6 +36,8 @@ def answer_tables(results: Results) -> list[Table]:
         "second without the copy of the end state, and from which step size on the same method diverged in that scene. "
         + _processors(sources, letters)
     )
+    if any(row[TIME].endswith("?") for row in rows):
+        title += f". {SUSPECT_NOTE}"
     return [table(title, HEAD, rows, left=1)] if rows else []
 
 
@@ -56,7 +59,8 @@ def _row(found: list[Point], target: float, mark: str) -> list[str]:
     exact = "" if best.math == "fast" else f", {best.math}"
     return [
         number(target, 1), method_words(best.integrator, best.iterations), f"{1000 * best.dt:.3g}{words.SPACE}ms",
-        f"{best.precision}{exact}", best.backend.upper() + mark, seconds(best.seconds or 0.0, 2), _breaks(found, best),
+        f"{best.precision}{exact}", best.backend.upper() + mark,
+        seconds(best.seconds or 0.0, 2) + best.mark, _breaks(found, best),
     ]  # fmt: skip
 
 

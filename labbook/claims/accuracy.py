@@ -5,7 +5,7 @@ from __future__ import annotations
 from bench.experiments.accuracy.equal_error import equal_error as ways_to
 from bench.experiments.accuracy.points import SIZES
 from labbook import words
-from labbook.claims.claim import Claim, Claims, named, on_gpu
+from labbook.claims.claim import Claim, Claims, named, on_gpu, suspicion
 from labbook.claims.comparison import NOT_COMPARED
 from labbook.words import number, seconds
 from model.core.integrators import INTEGRATORS
@@ -121,7 +121,7 @@ def fastest(results: Results, target: float = 1e-3) -> Claim:
     assert source is not None
     text = (
         f"On the {named(source, best.backend)}, {at[0].lower()}{at[1:]} is reached soonest by {best.name}: "
-        f"{seconds(best.seconds or 0.0)} of wall time a simulated second"
+        f"{seconds(best.seconds or 0.0)} of wall time a simulated second{suspicion([best])}"
     )
     numbers = {"seconds": best.seconds or 0.0, "error": best.error}
     if other is None:
@@ -129,7 +129,7 @@ def fastest(results: Results, target: float = 1e-3) -> Claim:
     clear = best.high is not None and other.low is not None and best.high < other.low
     clear = clear and not small((other.seconds or 0.0) / (best.seconds or 1.0))
     numbers["next"] = other.seconds or 0.0
-    after = f"the next integrator is {other.integrator} with {seconds(other.seconds or 0.0)}"
+    after = f"the next integrator is {other.integrator} with {seconds(other.seconds or 0.0)}{suspicion([other])}"
     text += f"; {after}." if clear else f"; {after}, no difference beyond measurement noise."
     return Claim(text, numbers, clear)
 
@@ -161,6 +161,7 @@ def equal_error(results: Results, target: float = 1e-3) -> Claim:
             numbers[f"copied{name}"] = row.speed_up_copied
             whole = "" if parts else " of the end state to the host in both times"
             told += f" ({words.times(row.speed_up_copied)} with the copy{whole})"
+        told += suspicion([row.cpu, row.gpu, row.cpu_copied, row.gpu_copied])
         parts.append(f"{words.masses(SIZES.get(label, (label, SIDE))[1] ** 2)}: {told}")
     text = (
         f"{on_gpu(source)} and the {source.processor}, at an error of {number(target, 1)} spacings in {SCENE} and with the "
@@ -184,12 +185,12 @@ def families(results: Results, scene: str = "S4", target: float = 1e-1) -> Claim
     best = able[0]
     numbers = {name: (point.seconds or 0.0) / (best.seconds or 1.0) for name, point in soonest.items()}
     others = [
-        f"{name} methods take {words.times(numbers[name])} as long ({point.name})"
+        f"{name} methods take {words.times(numbers[name])} as long ({point.name}){suspicion([point])}"
         for name, point in soonest.items()
         if point is not best
     ]
     others += [f"{name} methods do not get there" for name in FAMILIES if name not in soonest]
-    reached = f"{at[0].lower()}{at[1:]} is reached soonest by {best.name}"
+    reached = f"{at[0].lower()}{at[1:]} is reached soonest by {best.name}{suspicion([best])}"
     text = f"On {_machines(source)}, {reached}; {words.listed(others)}."
     return Claim(text, numbers, True)
 
@@ -212,7 +213,7 @@ def rope(results: Results, target: float = 1e-1) -> Claim:
     for source in results.everyone:
         (row,) = ways_to(points(source, "S6"), [target])
         if row.speed_up is not None:
-            told = _times_as_fast(row.speed_up)
+            told = _times_as_fast(row.speed_up) + suspicion([row.cpu, row.gpu])
             text = f"On {_machines(source)}, at an error of {number(target, 1)} spacings in S6, a rope of {masses}, {told}."
             return Claim(text, {"ratio": row.speed_up}, True)
     return Claim("GPU and CPU were not compared on the stiff rope.")

@@ -8,9 +8,10 @@ numbers are from. Here: threads, and each backend by itself; comparisons and acc
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
+from bench.experiments.accuracy.points import AccuracyPoint
 from bench.store.results import Timing
 from labbook import words
 from labbook.words import masses, percent, seconds, times
@@ -72,6 +73,11 @@ def trusted(found: Sequence[tuple[Timing, ...]]) -> tuple[list[tuple[Timing, ...
     and the words that say so."""
     clean = [timings for timings in found if not any(is_suspect(timing) for timing in timings)]
     return (clean, "") if clean else (list(found), SUSPECT if found else "")
+
+
+def suspicion(points: Iterable[AccuracyPoint | None]) -> str:
+    """The words that say so where the time of any of the accuracy runs is suspect, or nothing."""
+    return SUSPECT if any(point is not None and point.suspect for point in points) else ""
 
 
 # ---------------------------------------------------------------------- threads

@@ -145,6 +145,13 @@ def trust(results: Results) -> Claim:
         f"{wrong or 'none'} gave a wrong answer, and {suspect or 'none'} {'is' if suspect == 1 else 'are'} suspect; "
         "sentences rest on those only where they say so."
     )
+    costs = [timing for source in results.featured for timing in source.costs.values()]
+    doubtful = sum(bool(timing.suspect) for timing in costs)
+    if costs:
+        text += (
+            f" Of the {words.count(len(costs))} times of accuracy runs {words.count(doubtful) if doubtful else 'none'} "
+            f"{'is' if doubtful == 1 else 'are'} suspect."
+        )
     left_out = sum(source.left_out for source in results.featured)
     if left_out:
         text += f" {words.count(left_out)} more are of another version of the code and not used."

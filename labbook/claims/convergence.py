@@ -6,7 +6,7 @@ from bench.experiments.accuracy.methods import XPBD
 from bench.experiments.accuracy.points import method_words
 from bench.experiments.convergence import colours
 from labbook import words
-from labbook.claims.claim import Claim, Claims, named
+from labbook.claims.claim import Claim, Claims, named, suspicion
 from labbook.words import number, seconds
 from plots.core.accuracy_points import Point, observed_order, points, reaching
 from plots.core.data import Results
@@ -126,7 +126,7 @@ def against_integrators(results: Results, target: float = 1e-2) -> Claim:
                 numbers[scene] = ratio = (ways[0].seconds or 0.0) / (ways[1].seconds or 1.0)
                 way, machine = method_words(ways[0].integrator, ways[0].iterations), source.place
                 told = f"in {scene} {way} takes {words.times(ratio)} as long as {ways[1].integrator} ({machine})"
-                parts.append(told)
+                parts.append(told + suspicion(ways))
                 break
     if not parts:
         return Claim("Position-based ways were not timed beside integrators.")
@@ -142,11 +142,13 @@ def orderings(results: Results) -> Claim:
         for backend in ("cpu", "gpu"):
             mine = [p for p in points(source, STIFF) if p.backend == backend]
             ratios: dict[float, float] = {}
+            used: list[Point | None] = []
             for target in ORDERING_TARGETS:
                 able = reaching(mine, target)
                 ways = [next((p for p in able if p.integrator == name), None) for name in XPBD[:2]]
                 if ways[0] is not None and ways[1] is not None:
                     ratios[target] = (ways[1].seconds or 0.0) / (ways[0].seconds or 1.0)
+                    used += ways
             if ratios:
                 low, high = min(ratios), max(ratios)
                 numbers |= {f"{backend} {target:g}": ratio for target, ratio in ratios.items()}
@@ -155,6 +157,7 @@ def orderings(results: Results) -> Claim:
                 errors = f"{number(high, 1)}" if low == high else f"{number(high, 1)} to {number(low, 1)}"
                 parts.append(
                     f"on the {named(source, backend)} Jacobi takes {took} as long (errors of {errors} spacings)"
+                    f"{suspicion(used)}"
                 )
         if parts:
             break

@@ -8,7 +8,7 @@ from functools import lru_cache
 from typing import Any
 
 from bench.experiments.accuracy.judgement import ERROR, GROWTH, HALF, SOLVER, UNRESOLVED
-from bench.experiments.accuracy.points import CLOTHS, COPY, COST, SCENES, AccuracyPoint, method_words, point
+from bench.experiments.accuracy.points import CLOTHS, COPY, SCENES, AccuracyPoint, method_words, point
 from bench.store.results import Measure, by_configuration
 from bench.store.schema import tables_by_kind
 from model.scene.scene import load_scene
@@ -16,13 +16,13 @@ from plots.core.data import Source
 
 LABELS = {str(load_scene(name).grid.pinned): label for label, name in SCENES.items()}  # the scenes differ in their pins
 CLOTH_SCENES = {label: load_scene(name).as_dict() for label, name in CLOTHS.items()}
-MEASURES = (ERROR, HALF, COST, UNRESOLVED, COPY, GROWTH, SOLVER)  # what a point is made of
+MEASURES = (ERROR, HALF, UNRESOLVED, COPY, GROWTH, SOLVER)  # what a point is made of
 SIDE = load_scene("lab-curtain").grid.rows  # masses; runs of other sizes have it in their label
 
 
 class Point(AccuracyPoint):
     """One accuracy run, as figures and sentences call it; timed where its times are of the version of the code that is told
-    of, then with `low` and `high`."""
+    of."""
 
     @property
     def name(self) -> str:
@@ -48,15 +48,11 @@ def _point(source: Source, named: dict[str, Measure]) -> Point | None:
     description = named[ERROR].description
     tables: dict[str, Any] = description["scene"]
     label = _label(tables) if "end" not in description else None  # `softlab advise` judges at times of its own
-    found = point(label, description, named) if label else None
-    if found is None:
-        return None
-    repeats = source.costs.get(named[ERROR].configuration)
-    if repeats is None:  # timed with another version of the code, or not at all
-        times: dict[str, float | None] = {"seconds": None, "copy_seconds": None}
-    else:
-        times = {"low": repeats.low / found.dt, "high": repeats.high / found.dt}
-    return Point(**vars(found) | times)
+    repeats = source.costs.get(
+        named[ERROR].configuration
+    )  # None: timed with another version of the code, or not at all
+    found = point(label, description, named, repeats) if label else None
+    return Point(**vars(found)) if found else None
 
 
 def _label(tables: dict[str, Any]) -> str | None:

@@ -49,7 +49,7 @@ def draw(results: Results) -> Drawing | str:
         "Left: the method, step size and processor that reach an error soonest in the lab curtain (S1), by its masses; in "
         f"brackets how many times as long the other processor's best takes. Grey: a lead under {SCATTER:g}. Right: CPU time "
         "over GPU time, each by the cheapest run of that method with an error of at most 0.01 spacings; above 1 the GPU is "
-        "faster. Without the copy of the end state."
+        "faster. Without the copy of the end state. ?: a time of the two is suspect."
     )
     return Drawing(figure, TITLE, caption, (source,))
 
@@ -67,6 +67,7 @@ def _map(ax: Any, found: dict[int, list[Point]]) -> None:
             ax.add_patch(_cell(column, row, GREY if even else colour))
             told = [SHORT.get(best.integrator, best.integrator), f"{1000 * best.dt:g} ms", best.precision]
             told.append("GPU = CPU" if even else f"{name} ({lead:.2g}x)" if lead else f"{name} alone")
+            told[-1] += "?" * any(one is not None and one.suspect for one in (way.cpu, way.gpu))
             ax.text(column, row, "\n".join(told), ha="center", va="center", fontsize=6.5)
     ax.set_xlim(-0.5, len(wanted) - 0.5)
     ax.set_ylim(-0.5, len(found) - 0.5)

@@ -42,6 +42,7 @@ XPBD = {  # the same; in the speed diagram the markers are the iterations
 DRAWN_XPBD = ("xpbd gauss-seidel", "xpbd jacobi")
 DIGIT = {"markersize": 6.0, "markeredgewidth": 0.4}  # a number as a marker, legible
 LINES = {"cpu": "-", "gpu": "--"}
+PALE = 0.35  # of a marker whose time is suspect
 PANEL_HEIGHT = 1.75  # inch
 LOST = 100.0  # spacings: an error beyond it is drawn as if the run had diverged, or the others would share a corner
 EDGE = 3.0  # times the largest error that is not lost: where diverged runs are put
@@ -74,6 +75,7 @@ def draw(results: Results) -> Drawing | str:
         "acceleration. Of position-based methods the marker is the number of iterations. Grey: the Pareto front, its step "
         "sizes in ms. Hollow: below what the reference resolves. At the right edge: runs that diverged, or are off by over "
         f"{LOST:g} spacings. Bars: least to greatest repeat."
+        + (" Pale: the time is suspect." if any(p.suspect for scene in rows for p in timed[scene]) else "")
     )
     return Drawing(figure, TITLE, caption, (source,))
 
@@ -101,11 +103,12 @@ def _draw_panel(ax: Any, found: list[Point], title: str) -> None:
             for p in mine:
                 x = edge if _lost(p) else p.error
                 face = colour if p.resolved and not _lost(p) else "white"
+                alpha = PALE if p.suspect else 1.0
                 if p.low is not None and p.high is not None:
-                    ax.plot([x, x], [p.low, p.high], color=colour, linewidth=0.8, zorder=2)
+                    ax.plot([x, x], [p.low, p.high], color=colour, linewidth=0.8, zorder=2, alpha=alpha)
                 how: dict[str, Any] = {"marker": marker, "linestyle": "", "color": colour, "markerfacecolor": face}
                 how |= DIGIT if iterations is not None else {"markersize": 3.5}
-                ax.plot([x], [p.seconds], **how, zorder=3, clip_on=False)
+                ax.plot([x], [p.seconds], **how, zorder=3, clip_on=False, alpha=alpha)
         if iterations in (None, min((p.iterations or 0 for p in found if p.integrator == name), default=None)):
             ax.plot([], [], marker if iterations is None else "-", color=colour, label=name)
     _draw_front(ax, pareto_front(found))

@@ -117,7 +117,7 @@ def accuracy_point(numbers: j.Numbers, a: Scene, **how) -> AccuracyPoint:
         name: Measure("m", "c", "s", "r", description, name, value, unit, reason)
         for name, (value, unit, reason) in numbers.items()
     }
-    made = point("S1", description, named)
+    made = point("S1", description, named, None)
     assert made is not None
     return made
 

@@ -6,9 +6,15 @@ from dataclasses import replace
 
 from synthetic_store import CPU_RECORD, GPU_RECORD, Maker
 
+from bench.experiments.accuracy.experiment import STAGE
+from bench.experiments.accuracy.points import SUSPECT_NOTE, AccuracySummary
 from bench.store.database import Store
+from bench.store.results import configuration
 from labbook import words
 from labbook.answer import DASH, answer_tables
+from labbook.claims import accuracy, comparison
+from model.scene.scene import load_scene
+from plots.core.accuracy_points import points
 from plots.core.data import Results
 from plots.core.read import load
 
@@ -41,6 +47,31 @@ def test_the_soonest_of_those_that_reach_the_error_and_where_it_breaks() -> None
     assert hundredth[3] == "velocity-verlet" and hundredth[-1] == f"not up to 10{words.SPACE}ms"
     assert thousandth[3:7] == ["rk4", f"10{words.SPACE}ms", "float32", "CPU"]
     assert thousandth[-1] == f"at 20{words.SPACE}ms"
+
+
+def test_a_time_beside_other_programs_is_marked_wherever_it_is_told() -> None:
+    """A marked sample among four clean ones does not count; where all are marked their time is told with the mark."""
+    store = Store(":memory:")
+    maker = Maker(store, CPU_RECORD, "m")
+    scene = load_scene("lab-curtain").replace({"method.integrator": "rk4", "method.dt": 0.01})
+    maker.point_of(scene, 5e-4, 1e-3)
+    maker.timing((16, 16), 1e-5, backend="cpu", threads=2, layer="omp", wait_policy="passive")
+    what = configuration(scene, backend="cpu", threads=2, precision="float64")
+    store.add_sample(maker.run, what, "sources", 9.0, 100, stage=STAGE, suspect="load: others")
+    results = load(store)
+    (table,) = answer_tables(results)
+    assert table["rows"][0][7] == f"1.0{words.SPACE}ms" and "suspect" not in table["title"]
+    assert "accuracy runs none are suspect" in comparison.trust(results).sentence
+
+    store.connection.execute("UPDATE sample SET suspect = 'load: others'")
+    results = load(store)
+    (table,) = answer_tables(results)
+    assert table["rows"][0][7].endswith("?") and table["title"].endswith("?: suspect, see docs/method.md")
+    assert "marked as suspect" in accuracy.fastest(results).sentence
+    assert "accuracy runs 1 is suspect" in comparison.trust(results).sentence
+    (one,) = points(results.sources[0])
+    assert "? ms a simulated second" in str(one)
+    assert SUSPECT_NOTE in str(AccuracySummary("m", points=[one]))
 
 
 def test_not_timed_is_not_not_reached() -> None:

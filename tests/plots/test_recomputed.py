@@ -191,15 +191,23 @@ def listed(catalogue: str) -> dict[str, Any]:
 
 @cache
 def judged() -> tuple[Judged, ...]:
+    samples: dict[tuple[str, str], list[tuple[float, str | None]]] = {}
+    for key, sources, seconds, steps, suspect in store().query(
+        "SELECT configuration, sources, seconds, steps, suspect FROM sample WHERE stage = 'accuracy'"
+    ):
+        samples.setdefault((key, sources), []).append((seconds / steps, suspect))
     found = []
-    for text, error, seconds, sources in store().query(
-        "SELECT description, e.value, c.value, c.sources FROM measure AS e JOIN measure AS c USING (configuration, run) "
-        "JOIN configuration ON hash = e.configuration WHERE e.name = 'accuracy_error' "
+    for key, text, error, sources in store().query(
+        "SELECT e.configuration, description, e.value, c.sources FROM measure AS e JOIN measure AS c "
+        "USING (configuration, run) JOIN configuration ON hash = e.configuration WHERE e.name = 'accuracy_error' "
         "AND c.name = 'seconds_per_simulated_second'"
     ):
         assert any(sources.split("-")[0] in version for version in versions()), "of the version that was measured"
         if error is not None and "end" not in (what := json.loads(text)):
-            found.append(Judged(what, error, seconds))
+            taken = samples[key, sources]
+            clean = [step for step, suspect in taken if not suspect]
+            step = statistics.median(clean if len(clean) >= 3 else [step for step, _ in taken])
+            found.append(Judged(what, error, step / what["scene"]["method"]["dt"]))
     return tuple(found)
 
 
@@ -276,7 +284,7 @@ def test_the_table_of_the_first_page() -> None:
             best.what["precision"],
             best.what["backend"].upper(),
         ]
-        assert row[7] == words.seconds(best.seconds, 2)
+        assert row[7].removesuffix("?") == words.seconds(best.seconds, 2)
         looked_at += 1
     assert looked_at >= 18
 

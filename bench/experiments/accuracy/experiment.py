@@ -52,7 +52,7 @@ from bench.measure.samples import in_turns
 from bench.measure.timing import Subject, prepare_run
 from bench.reference import cache
 from bench.store.database import Store
-from bench.store.results import by_configuration, measures_of
+from bench.store.results import by_configuration, measures_of, timings
 from bench.store.schema import configuration_hash
 from model.core.errors import Diverged
 from model.core.simulation import PRECISIONS, Simulation
@@ -189,5 +189,10 @@ def _points(store: Store, machine: str, everything: Sequence[Case]) -> list[Accu
     """What the store holds of the cases, in their order."""
     found = by_configuration(measures_of(store, machine, (case.description for case in everything)))
     named = {next(iter(one.values())).configuration: one for one in found}
-    points = [point(c.label, c.description, named.get(configuration_hash(c.description), {})) for c in everything]
+    repeats = {timing.configuration: timing for timing in timings(store, machine, STAGE)}
+    keys = [configuration_hash(case.description) for case in everything]
+    points = [
+        point(case.label, case.description, named.get(key, {}), repeats.get(key))
+        for case, key in zip(everything, keys, strict=True)
+    ]
     return [entry for entry in points if entry is not None]

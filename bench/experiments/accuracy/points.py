@@ -12,6 +12,7 @@ from bench.experiments.accuracy.equal_error import Fastest, equal_error
 from bench.experiments.accuracy.methods import WRONG, efforts, name_of
 from bench.measure.experiment import Summary
 from bench.measure.growth import growth_words
+from bench.store.results import Timing
 from bench.store.schema import tables_by_kind
 from model.core.errors import SceneError
 
@@ -24,11 +25,12 @@ END = 1.5  # s: the horizon of grids
 CLOTH_ENDS = {"S4": 1.0, "S5": 0.5, "S6": 1.0, "S6-still": 12.0}  # s: of cloths and ropes
 
 COST = "seconds_per_simulated_second"
+SUSPECT_NOTE = "?: suspect, see docs/method.md"
 COPY = "copy_seconds"  # of the whole state, from the device to the host
 MEASURED = {  # field of a point -> the measure that it is
     "largest": judgement.LARGEST, "half": judgement.HALF, "growth": judgement.GROWTH, "energy": judgement.ENERGY,
     "energy_off": judgement.ENERGY_OFF, "strain": judgement.STRAIN, "strain_off": judgement.STRAIN_OFF,
-    "mean_off": judgement.MEAN_OFF, "momentum_off": judgement.MOMENTUM_OFF, "seconds": COST, "copy_seconds": COPY,
+    "mean_off": judgement.MEAN_OFF, "momentum_off": judgement.MOMENTUM_OFF, "copy_seconds": COPY,
     "solver": judgement.SOLVER, "constraint": judgement.CONSTRAINT, "balance": judgement.BALANCE,
 }  # fmt: skip
 
@@ -62,7 +64,8 @@ class AccuracyPoint:
     it diverged or was refused; `half`: against half the acceleration (`lab` alone); `growth`: of a disturbance of 1e-9 up to
     then; `energy` [J]; `strain`: the worst; how far they, the centre of mass [spacings] and the momentum [kg m/s] are off
     the reference's; `seconds`: wall time per simulated second, None if not timed; `low`, `high`: the least and greatest of
-    its repeats, where they are looked up; `copy_seconds` [s]: of the state to the host, once a run; `resolved`: the
+    its repeats; `suspect`: something is wrong with them (other programs ran, they spread, they are short);
+    `copy_seconds` [s]: of the state to the host, once a run; `resolved`: the
     reference is good enough to tell; `note`: how, or why not.
 
     Of position-based methods alone: `iterations`, `substeps`; `solver` [spacings]: the error to the same scheme with its
@@ -97,6 +100,7 @@ class AccuracyPoint:
     solver: float | None = None
     constraint: float | None = None
     balance: float | None = None
+    suspect: bool = False
 
     @property
     def refused(self) -> bool:
@@ -115,12 +119,17 @@ class AccuracyPoint:
         return self.seconds + self.copy_seconds / end_of(self.scene)
 
     @property
+    def mark(self) -> str:
+        """Behind a time that is suspect."""
+        return "?" if self.suspect else ""
+
+    @property
     def name(self) -> str:
         exact = "" if self.math == "fast" else f", {self.math}"
         return f"{method_words(self.integrator, self.iterations)}, dt {self.dt:g} s, {self.precision}{exact}, {self.backend}"
 
     def __str__(self) -> str:
-        cost = "not timed" if self.seconds is None else f"{self.seconds * 1e3:9.3f} ms a simulated second"
+        cost = "not timed" if self.seconds is None else f"{self.seconds * 1e3:9.3f}{self.mark} ms a simulated second"
         solver = "" if self.solver is None else f"; {self.solver:.1e} from its iterations"
         return f"{self.error:8.2e}  {cost}  {self.name}{solver}"
 
@@ -173,6 +182,8 @@ class AccuracySummary(Summary):
             mine = [p for p in self.points if p.scene == label]
             if mine:
                 lines += summary_lines(label, mine)
+        if any(p.suspect for p in self.points):
+            lines.append(SUSPECT_NOTE)
         return "\n".join([*lines, self.counts() + self.ending()])
 
 
@@ -198,7 +209,7 @@ def fastest_line(row: Fastest[AccuracyPoint]) -> str:
     ways = []
     for way, copied in ((row.cpu, row.cpu_copied), (row.gpu, row.gpu_copied)):
         if way is not None:
-            cost = f"{1e3 * (way.seconds or 0.0):.3f} ms"
+            cost = f"{1e3 * (way.seconds or 0.0):.3f}{way.mark} ms"
             cost += f" ({1e3 * copied.copied:.3f})" if copied is not None and copied.copied is not None else ""
             ways.append(f"{cost}  {way.name}")
     text = f"{row.target:.0e}  " + ("; ".join(ways) or "none of those measured")
@@ -215,10 +226,13 @@ def _statistics(p: AccuracyPoint) -> str:
     return f"off by {', '.join(parts)}  {p.name}" if parts else f"{p.note}  {p.name}"
 
 
-def point(label: str, description: Mapping[str, Any], named: Mapping[str, Any]) -> AccuracyPoint | None:
+def point(
+    label: str, description: Mapping[str, Any], named: Mapping[str, Any], repeats: Timing | None
+) -> AccuracyPoint | None:
     """The point of one configuration from its measures by name (bench.store.results.Measure); None where it has no error.
 
-    `label`: as in AccuracyPoint; `description`: as bench.store.results.configuration makes it.
+    `label`: as in AccuracyPoint; `description`: as bench.store.results.configuration makes it;
+    `repeats`: the samples of it, of those that are not marked where there are enough; None: it was not timed.
     """
     error = named.get(judgement.ERROR)
     if error is None or error.value is None:
@@ -233,11 +247,17 @@ def point(label: str, description: Mapping[str, Any], named: Mapping[str, Any]) 
         integrator=name_of(method),
         dt=method["dt"],
         error=error.value,
-        **told,
-        low=None,
-        high=None,
+        **told | _times(repeats, method["dt"]),
         resolved=not values.get(judgement.UNRESOLVED),
         note=error.reason,
         iterations=iterations,
         substeps=substeps,
     )
+
+
+def _times(repeats: Timing | None, dt: float) -> dict[str, Any]:
+    """The fields that come from the samples. The stored median is of all of them, disturbed ones included."""
+    if repeats is None:
+        return {"seconds": None, "copy_seconds": None, "low": None, "high": None}
+    per_second = {"seconds": repeats.median / dt, "low": repeats.low / dt, "high": repeats.high / dt}
+    return {**per_second, "suspect": bool(repeats.suspect)}

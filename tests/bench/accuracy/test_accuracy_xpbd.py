@@ -188,7 +188,7 @@ def test_older_stores_stay_readable():
     def read(scene: Scene) -> AccuracyPoint:
         description = configuration(scene, backend="cpu", threads=2)
         measure = Measure("m", "c", "s", "r", description, "accuracy_error", 0.5, "spacing", "told")
-        found = point("S1", description, {"accuracy_error": measure})
+        found = point("S1", description, {"accuracy_error": measure}, None)
         assert found is not None
         return found
 
