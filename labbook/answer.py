@@ -11,34 +11,46 @@ from labbook.words import number, seconds
 from model.scene.scene import load_scene
 from plots.core.accuracy_points import Point, points, reaching
 from plots.core.data import Results, Source
-from plots.figures.work_precision import answering
 
 TARGETS = (1e-1, 1e-2, 1e-3)  # spacings
 ORDER = ("S1-16", "S1", "S1-64", "S4", "S5", "S6-still", "S6")  # small grids first, then stiff and touching ones
 HEAD = ("Scene", "Masses", "Error", "Soonest method", "Step", "Precision", "Processor", "Time", "Breaks")
 TIME = HEAD.index("Time")
+Run = tuple[Point, Source]
 
 
 def answer_tables(results: Results) -> list[Table]:
-    """One table: a row for each scene and error, from the first machine that timed most methods there (the reader's own
-    before committed ones); nothing where no accuracy runs were timed."""
-    sources = {label: source for label in ORDER if (source := answering(results, label))}
-    letters = {source: chr(ord("a") + n) for n, source in enumerate(dict.fromkeys(sources.values()))}
-    rows = []
-    for label, source in sources.items():
-        found = [*points(source, label), *points(source, label, "exact")]
-        mark = f" ({letters[source]})" if len(letters) > 1 else ""
-        rows += [
-            [*(_scene(label) if target == TARGETS[0] else ("", "")), *_row(found, target, mark)] for target in TARGETS
+    """One table: a row for each scene and error, the soonest of all machines that timed it, the reader's own and committed
+    ones; nothing where no accuracy runs were timed."""
+    answers: list[tuple[str, float, list[Run], Run | None]] = []
+    for label in ORDER:
+        runs = [
+            (point, source)
+            for source in results.everyone
+            for point in (*points(source, label), *points(source, label, "exact"))
         ]
+        if any(point.seconds for point, _ in runs):
+            answers += [(label, target, runs, _soonest(runs, target)) for target in TARGETS]
+    used = dict.fromkeys(best[1] for *_, best in answers if best)
+    marks = {source: f" ({n})" if len(used) > 1 else "" for n, source in enumerate(used, 1)}
+    rows = [
+        [*(_scene(label) if target == TARGETS[0] else ("", "")), *_row(runs, target, best, marks)]
+        for label, target, runs, best in answers
+    ]
     title = (
         "The soonest way to an error (root mean square over the free masses, in spacings), as wall time of a simulated "
         "second without the copy of the end state, and from which step size on the same method diverged in that scene. "
-        + _processors(sources, letters)
+        + _processors(marks)
     )
     if any(row[TIME].endswith("?") for row in rows):
         title += f". {SUSPECT_NOTE}"
     return [table(title, HEAD, rows, left=1)] if rows else []
+
+
+def _soonest(runs: list[Run], target: float) -> Run | None:
+    """The run that reaches an error soonest, and its machine."""
+    able = reaching([point for point, _ in runs], target)
+    return next(run for run in runs if run[0] is able[0]) if able else None
 
 
 def _scene(label: str) -> tuple[str, str]:
@@ -50,17 +62,17 @@ def _scene(label: str) -> tuple[str, str]:
     return f"{(scene.title or base).partition(' (')[0]} ({base})", words.count(masses)
 
 
-def _row(found: list[Point], target: float, mark: str) -> list[str]:
-    """`mark`: of the machine, behind its processor."""
-    able = reaching(found, target)
-    if not able:
+def _row(runs: list[Run], target: float, best: Run | None, marks: Mapping[Source, str]) -> list[str]:
+    """`marks`: of the machines, behind their processors."""
+    found = [point for point, _ in runs]
+    if best is None:
         return [number(target, 1), *_unanswered(found, target)]
-    best = able[0]
-    exact = "" if best.math == "fast" else f", {best.math}"
+    point, source = best
+    exact = "" if point.math == "fast" else f", {point.math}"
     return [
-        number(target, 1), method_words(best.integrator, best.iterations), f"{1000 * best.dt:.3g}{words.SPACE}ms",
-        f"{best.precision}{exact}", best.backend.upper() + mark,
-        seconds(best.seconds or 0.0, 2) + best.mark, _breaks(found, best),
+        number(target, 1), method_words(point.integrator, point.iterations), f"{1000 * point.dt:.3g}{words.SPACE}ms",
+        f"{point.precision}{exact}", point.backend.upper() + marks[source],
+        seconds(point.seconds or 0.0, 2) + point.mark, _breaks(found, point),
     ]  # fmt: skip
 
 
@@ -73,15 +85,15 @@ def _unanswered(found: list[Point], target: float) -> list[str]:
     return [told, *[DASH] * 5]
 
 
-def _processors(sources: Mapping[str, Source], letters: Mapping[Source, str]) -> str:
-    """Which processors the rows are of, with a word where they are not the reader's: `CPU: Some CPU, 2 cores`; where rows
-    are of several machines, by the letters of the rows, and that their times are not to be held against each other."""
+def _processors(marks: Mapping[Source, str]) -> str:
+    """Which processors the rows are of, with a word where they are not the reader's: `CPU Some CPU, 2 cores`; where rows
+    are of several machines, by the numbers of the rows, and that their times are not to be held against each other. (A
+    letter is part of a machine's name: plots/core/read.py.)"""
     told = []
-    for source in dict.fromkeys(sources.values()):
-        letter = f"({letters[source]}) " if len(letters) > 1 else ""
+    for source, mark in marks.items():
         names = f"GPU {source.gpu}, CPU {source.processor}" if source.gpu else f"CPU {source.processor}"
-        told.append(f"{letter}{names}{source.bracket}")
-    several = ". Rows of different letters are of different machines" if len(letters) > 1 else ""
+        told.append(f"{mark.lstrip()} {names}{source.bracket}".lstrip())
+    several = ". Rows of different numbers are of different machines" if len(marks) > 1 else ""
     return "; ".join(told) + several
 
 

@@ -142,7 +142,7 @@ def test_a_limit_that_others_disturbed_is_marked() -> None:
     assert sorted("disturbed" in cell for cell in line[1:]) == [False, True]
 
 
-def test_rows_of_several_machines_are_marked_by_letters(tmp_path: Path) -> None:
+def test_rows_of_several_machines_are_marked_by_numbers(tmp_path: Path) -> None:
     """S1 by the user, its other size by a committed machine."""
     other, mine = Store(":memory:"), Store(":memory:")
     changes = {"grid.rows": 16, "grid.columns": 16, "method.integrator": "rk4", "method.dt": 0.01}
@@ -151,7 +151,7 @@ def test_rows_of_several_machines_are_marked_by_letters(tmp_path: Path) -> None:
     export(other, tmp_path / "gpu.csv")
     (table,) = answer_tables(load(mine, [tmp_path / "gpu.csv"]))
     marks = {row[6] for row in table["rows"] if row[6] != "\N{EN DASH}"}
-    assert marks == {"GPU (a)", "CPU (b)"} and "(a) GPU Made-up GPU" in table["title"]
+    assert marks == {"GPU (1)", "CPU (2)"} and "(1) GPU Made-up GPU" in table["title"]
     (alone,) = answer_tables(load(mine))
     assert {row[6] for row in alone["rows"]} == {"CPU"}
 
