@@ -5,7 +5,7 @@ from __future__ import annotations
 from bench.experiments.accuracy.equal_error import equal_error as ways_to
 from bench.experiments.accuracy.points import SIZES
 from labbook import words
-from labbook.claims.claim import Claim, Claims, named, on_gpu, suspicion
+from labbook.claims.claim import MARK, Claim, Claims, named, on_gpu, suspicion
 from labbook.claims.comparison import NOT_COMPARED
 from labbook.words import number, seconds
 from model.core.integrators import INTEGRATORS
@@ -121,7 +121,7 @@ def fastest(results: Results, target: float = 1e-3) -> Claim:
     assert source is not None
     text = (
         f"On the {named(source, best.backend)}, {at[0].lower()}{at[1:]} is reached soonest by {best.name}: "
-        f"{seconds(best.seconds or 0.0)} of wall time a simulated second{suspicion([best])}"
+        f"{seconds(best.seconds or 0.0)} of wall time a simulated second{suspicion([best], MARK)}"
     )
     numbers = {"seconds": best.seconds or 0.0, "error": best.error}
     if other is None:
@@ -129,7 +129,7 @@ def fastest(results: Results, target: float = 1e-3) -> Claim:
     clear = best.high is not None and other.low is not None and best.high < other.low
     clear = clear and not small((other.seconds or 0.0) / (best.seconds or 1.0))
     numbers["next"] = other.seconds or 0.0
-    after = f"the next integrator is {other.integrator} with {seconds(other.seconds or 0.0)}{suspicion([other])}"
+    after = f"the next integrator is {other.integrator} with {seconds(other.seconds or 0.0)}{suspicion([other], MARK)}"
     text += f"; {after}." if clear else f"; {after}, no difference beyond measurement noise."
     return Claim(text, numbers, clear)
 
@@ -161,7 +161,7 @@ def equal_error(results: Results, target: float = 1e-3) -> Claim:
             numbers[f"copied{name}"] = row.speed_up_copied
             whole = "" if parts else " of the end state to the host in both times"
             told += f" ({words.times(row.speed_up_copied)} with the copy{whole})"
-        told += suspicion([row.cpu, row.gpu, row.cpu_copied, row.gpu_copied])
+        told += suspicion([row.cpu, row.gpu, row.cpu_copied, row.gpu_copied], MARK)
         parts.append(f"{words.masses(SIZES.get(label, (label, SIDE))[1] ** 2)}: {told}")
     text = (
         f"{on_gpu(source)} and the {source.processor}, at an error of {number(target, 1)} spacings in {SCENE} and with the "
@@ -185,12 +185,12 @@ def families(results: Results, scene: str = "S4", target: float = 1e-1) -> Claim
     best = able[0]
     numbers = {name: (point.seconds or 0.0) / (best.seconds or 1.0) for name, point in soonest.items()}
     others = [
-        f"{name} methods take {words.times(numbers[name])} as long ({point.name}){suspicion([point])}"
+        f"{name} methods take {words.times(numbers[name])} as long ({point.name}){suspicion([point], MARK)}"
         for name, point in soonest.items()
         if point is not best
     ]
     others += [f"{name} methods do not get there" for name in FAMILIES if name not in soonest]
-    reached = f"{at[0].lower()}{at[1:]} is reached soonest by {best.name}{suspicion([best])}"
+    reached = f"{at[0].lower()}{at[1:]} is reached soonest by {best.name}{suspicion([best], MARK)}"
     text = f"On {_machines(source)}, {reached}; {words.listed(others)}."
     return Claim(text, numbers, True)
 

@@ -22,7 +22,7 @@ from bench.experiments.bar_strip import (
     verlet_frequency,
 )
 from labbook import words
-from labbook.claims.claim import Claim, Claims
+from labbook.claims.claim import Claim, Claims, committed_of
 from labbook.words import number, percent
 from plots.core.data import Results
 from plots.figures.bar import bars
@@ -277,7 +277,9 @@ def backends(results: Results) -> Claim:
             off = max(off, abs(one.values[name] - other.values[name]) / scale)
     same = off < EQUAL
     what = "the same numbers" if same else "other numbers, a bug of this lab:"
-    text = f"On {len(both)} configurations CPU and GPU give {what} to {number(off, 1) if off else 'the last bit'}."
+    sources = bars(results)[1]
+    names = " and ".join(f"{name.upper()}{committed_of(sources, name)}" for name in ("cpu", "gpu"))
+    text = f"On {len(both)} configurations {names} give {what} to {number(off, 1) if off else 'the last bit'}."
     return Claim(text, {"off": off, "configurations": float(len(both))}, same)
 
 

@@ -64,7 +64,14 @@ def where(backend: str, source: Source) -> str:
     return f"the {backend.upper()} ({source.device(backend)}{source.label and ', '}{source.label})"
 
 
+def committed_of(sources: Iterable[Source], backend: str) -> str:
+    """` (committed)` where what is told of a backend, which is of the first of the sources that ran it, is not the reader's."""
+    ran = (source for source in sources if any(measure.backend == backend for measure in source.measures))
+    return next((source.bracket for source in ran), "")
+
+
 DISTURBED_COPY = ", which other programs disturbed"
+MARK = " (suspect)"  # of one of several in a sentence
 SUSPECT = " (from times that are marked as suspect)"
 
 
@@ -75,9 +82,9 @@ def trusted(found: Sequence[tuple[Timing, ...]]) -> tuple[list[tuple[Timing, ...
     return (clean, "") if clean else (list(found), SUSPECT if found else "")
 
 
-def suspicion(points: Iterable[AccuracyPoint | None]) -> str:
-    """The words that say so where the time of any of the accuracy runs is suspect, or nothing."""
-    return SUSPECT if any(point is not None and point.suspect for point in points) else ""
+def suspicion(points: Iterable[AccuracyPoint | None], said: str = SUSPECT) -> str:
+    """What is `said` where the time of any of the accuracy runs is suspect, or nothing."""
+    return said if any(point is not None and point.suspect for point in points) else ""
 
 
 # ---------------------------------------------------------------------- threads

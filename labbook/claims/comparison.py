@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from bench.peers.registry import label
 from labbook import words
-from labbook.claims.claim import SUSPECT, Claim, Claims, cpu_source, named, on, on_gpu, trusted, where
+from labbook.claims.claim import MARK, SUSPECT, Claim, Claims, cpu_source, named, on, on_gpu, trusted, where
 from labbook.words import masses, percent, times
 from plots.core.apart import apart
 from plots.core.backends import on_backends
@@ -172,7 +172,7 @@ def peers(results: Results) -> Claim:
         for one in here:
             numbers[f"{backend} {one.peer}"] = one.ratio
             same = one.low <= 1 <= one.high
-            mark = " (suspect)" if one.suspect and not all(each.suspect for each in here) else ""
+            mark = MARK if one.suspect and not all(each.suspect for each in here) else ""
             told.append(
                 f"{'as long, within measurement noise,' if same else times(one.ratio)} by {label(one.peer)}{mark}"
             )

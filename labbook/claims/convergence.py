@@ -6,7 +6,7 @@ from bench.experiments.accuracy.methods import XPBD
 from bench.experiments.accuracy.points import method_words
 from bench.experiments.convergence import colours
 from labbook import words
-from labbook.claims.claim import Claim, Claims, named, suspicion
+from labbook.claims.claim import MARK, Claim, Claims, named, suspicion
 from labbook.words import number, seconds
 from plots.core.accuracy_points import Point, observed_order, points, reaching
 from plots.core.data import Results
@@ -126,7 +126,7 @@ def against_integrators(results: Results, target: float = 1e-2) -> Claim:
                 numbers[scene] = ratio = (ways[0].seconds or 0.0) / (ways[1].seconds or 1.0)
                 way, machine = method_words(ways[0].integrator, ways[0].iterations), source.place
                 told = f"in {scene} {way} takes {words.times(ratio)} as long as {ways[1].integrator} ({machine})"
-                parts.append(told + suspicion(ways))
+                parts.append(told + suspicion(ways, MARK))
                 break
     if not parts:
         return Claim("Position-based ways were not timed beside integrators.")
@@ -157,7 +157,7 @@ def orderings(results: Results) -> Claim:
                 errors = f"{number(high, 1)}" if low == high else f"{number(high, 1)} to {number(low, 1)}"
                 parts.append(
                     f"on the {named(source, backend)} Jacobi takes {took} as long (errors of {errors} spacings)"
-                    f"{suspicion(used)}"
+                    f"{suspicion(used, MARK)}"
                 )
         if parts:
             break

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from bench.stress.numbers import SLOW_DOWN
 from bench.stress.results import CODES, HardRow, disagreements, in_full, rounding_differences
 from labbook import words
-from labbook.claims.claim import Claim, Claims
+from labbook.claims.claim import Claim, Claims, committed_of
 from labbook.words import count, number
-from plots.core.data import Results
+from plots.core.data import Results, Source
 from plots.figures.hard import hard_rows
 
 NOT_RUN = "The hard cases were not run."
@@ -49,8 +49,8 @@ def count_verdicts(rows: Sequence[HardRow]) -> Claim:
     return Claim(text, {**{k: float(v) for k, v in counts.items()}, "runs": float(len(rows))}, not counts["fail"])
 
 
-def compare_backends(rows: Sequence[HardRow]) -> Claim:
-    """Whether both backends come to the same verdicts in these runs."""
+def compare_backends(rows: Sequence[HardRow], sources: Sequence[Source] = ()) -> Claim:
+    """Whether both backends come to the same verdicts in these runs, of these sources."""
     if not rows:
         return Claim("The verdicts of the two backends were not compared.")
     names = sorted({row.backend for row in rows})
@@ -58,9 +58,10 @@ def compare_backends(rows: Sequence[HardRow]) -> Claim:
         return Claim(f"They were run on the {names[0].upper()} alone, so the backends are not compared here.")
     different, rounded = disagreements(rows, in_full), rounding_differences(rows, in_full)
     pairs = len({(row.case, row.integrator, row.precision) for row in rows})
+    both = " and ".join(f"{name.upper()}{committed_of(sources, name)}" for name in names)
     if not different:
         text = (
-            f"The verdicts of CPU and GPU are the same in {'all ' if not rounded else ''}{count(pairs - len(rounded))} "
+            f"The verdicts of {both} are the same in {'all ' if not rounded else ''}{count(pairs - len(rounded))} "
             "combinations of case, method and precision."
         )
         if rounded:
@@ -69,7 +70,7 @@ def compare_backends(rows: Sequence[HardRow]) -> Claim:
                 f"math rounds differently there ({'; '.join(each.rpartition(': ')[0] for each in rounded)})."
             )
     else:
-        text = f"Of {count(pairs)} combinations, CPU and GPU differ in {count(len(different))}, a bug of this lab: "
+        text = f"Of {count(pairs)} combinations, {both} differ in {count(len(different))}, a bug of this lab: "
         text += f"{'; '.join(different)}."
     return Claim(text, {"different": float(len(different)), "pairs": float(pairs)}, not different)
 
@@ -146,7 +147,7 @@ def denormal(results: Results) -> Claim:
 
 CLAIMS: Claims = {
     "hard-verdicts": lambda results: count_verdicts(found_rows(results)),
-    "hard-backends": lambda results: compare_backends(found_rows(results)),
+    "hard-backends": lambda results: compare_backends(*hard_rows(results)),
     "hard-known": known,
     "hard-far": far,
     "hard-collapsed": collapsed,

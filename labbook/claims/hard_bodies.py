@@ -118,7 +118,7 @@ def load(results: Results) -> Claim:
 
 CLAIMS: Claims = {
     "hard-bodies": verdicts,
-    "hard-body-backends": lambda results: compare_backends(_rows(results)),
+    "hard-body-backends": lambda results: compare_backends(*body_rows(results)),
     "hard-body-spin": spin,
     "hard-body-shapes": shapes,
     "hard-body-apart": apart,

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from bench.measure.starts import COLD, WARM
 from labbook import words
-from labbook.claims.claim import Claim, Claims, on, trusted
+from labbook.claims.claim import Claim, Claims, on, trusted, where
 from labbook.words import masses, number, percent, seconds, times
 from plots.core.apart import apart
 from plots.core.backends import on_backends
@@ -106,8 +106,10 @@ def starts(results: Results) -> Claim:
     """What a first step takes, cold and warm, on each backend."""
     parts: list[str] = []
     numbers: dict[str, float] = {}
-    for backend, _, (cold, warm) in on_backends(results, _starts):
-        parts.append(f"{seconds(cold, 2)} the first time and {seconds(warm, 2)} from then on, on the {backend.upper()}")
+    for backend, source, (cold, warm) in on_backends(results, _starts):
+        parts.append(
+            f"{seconds(cold, 2)} the first time and {seconds(warm, 2)} from then on, on {where(backend, source)}"
+        )
         numbers |= {f"{backend} cold": cold, f"{backend} warm": warm}
     if not parts:
         return Claim("How long a user waits for the first step was not measured.")

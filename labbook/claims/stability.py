@@ -6,7 +6,7 @@ from math import isfinite
 
 from bench.experiments.stability.points import Edge, MapPoint, disagreements
 from labbook import words
-from labbook.claims.claim import Claim, Claims
+from labbook.claims.claim import Claim, Claims, committed_of
 from labbook.words import percent, seconds, times
 from plots.core.data import Results
 from plots.figures.stability import stability_runs
@@ -21,9 +21,14 @@ def found(results: Results) -> tuple[list[MapPoint], list[Edge]]:
     return points, edges
 
 
-def _where(entries: list[Edge] | list[MapPoint]) -> str:
-    """`on the CPU and the GPU, in float32 and float64`."""
-    backends = [name.upper() for name in ("cpu", "gpu") if any(e.place.backend == name for e in entries)]
+def _where(results: Results, entries: list[Edge] | list[MapPoint]) -> str:
+    """`on the CPU and the GPU (committed), in float32 and float64`."""
+    sources = stability_runs(results)[2]
+    backends = [
+        name.upper() + committed_of(sources, name)
+        for name in ("cpu", "gpu")
+        if any(e.place.backend == name for e in entries)
+    ]
     precisions = [name for name in ("float32", "float64") if any(e.place.precision == name for e in entries)]
     return f"on the {words.listed(backends).replace(' and ', ' and the ')}, in {words.listed(precisions)}"
 
@@ -38,12 +43,12 @@ def edges(results: Results) -> Claim:
     names = dict.fromkeys(e.place.integrator for e in chain)
     if not isfinite(worst.off) or abs(worst.off) > CLOSE:
         text = (
-            f"Of the {len(chain)} edges measured {_where(chain)}, that of {worst.place.integrator} lies "
+            f"Of the {len(chain)} edges measured {_where(results, chain)}, that of {worst.place.integrator} lies "
             f"{percent(abs(worst.off))} off the analytic one, farther than the {percent(CLOSE)} that bisection allows for."
         )
         return Claim(text, numbers, False)
     text = (
-        f"The edges found by bisection on the chain, {len(chain)} of them for {len(names)} integrators {_where(chain)}, "
+        f"The edges found by bisection on the chain, {len(chain)} of them for {len(names)} integrators {_where(results, chain)}, "
         f"lie within {percent(abs(worst.off))} of the analytic limits."
     )
     return Claim(text, numbers, True)

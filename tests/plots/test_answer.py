@@ -67,7 +67,7 @@ def test_a_time_beside_other_programs_is_marked_wherever_it_is_told() -> None:
     results = load(store)
     (table,) = answer_tables(results)
     assert table["rows"][0][7].endswith("?") and table["title"].endswith("?: suspect, see docs/method.md")
-    assert "marked as suspect" in accuracy.fastest(results).sentence
+    assert "(suspect)" in accuracy.fastest(results).sentence
     assert "accuracy runs 1 is suspect" in comparison.trust(results).sentence
     (one,) = points(results.sources[0])
     assert "? ms a simulated second" in str(one)

@@ -17,11 +17,13 @@ from bench.experiments.tetrahedral.bars import Bar
 from bench.store.database import Store
 from bench.store.results import Measure
 from bench.store.transfer import export
+from bench.stress.results import HardRow
 from labbook import build
 from labbook.answer import answer_tables
 from labbook.build import FOLDER, told
 from labbook.claims import bar_costs, tetrahedra
 from labbook.claims.claim import Claim
+from labbook.claims.hard import compare_backends
 from labbook.tables import machine_table
 from model.scene.scene import load_scene
 from plots.core.data import Results, Source, judgements
@@ -204,3 +206,12 @@ def test_lines_of_reference_are_seen_on_the_grids_own() -> None:
         _, (ax,) = new_figure(1, 2.0)
         line = ax.axhline(1, zorder=1)
         assert ax.yaxis.get_zorder() < line.get_zorder() and ax.xaxis.get_zorder() < line.get_zorder()
+
+
+def test_what_is_said_of_a_committed_gpu_says_so(tmp_path: Path) -> None:
+    """The reader's CPU beside a committed machine with a GPU: the chapter on hard cases names both in one sentence."""
+    rows = [HardRow("B4", "lab", backend, "float64", 0.01, "pass", "", ()) for backend in ("cpu", "gpu")]
+    export(gpu_store(), tmp_path / "gpu.csv")
+    sources = load(cpu_store(), [tmp_path / "gpu.csv"]).sources
+    assert "of CPU and GPU (committed) are the same" in compare_backends(rows, sources).sentence
+    assert "of CPU and GPU are the same" in compare_backends(rows, load(gpu_store()).sources).sentence
