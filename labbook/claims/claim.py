@@ -15,7 +15,7 @@ from bench.experiments.accuracy.points import AccuracyPoint
 from bench.store.results import Timing
 from labbook import words
 from labbook.words import masses, percent, seconds, times
-from plots.core.apart import apart
+from plots.core.apart import apart, too_few
 from plots.core.bandwidth import copy_bandwidth, fraction
 from plots.core.data import THREAD_WORDS, Results, Source, is_suspect, sound
 from plots.core.pairs import at_one_size, float64_pairs
@@ -65,12 +65,11 @@ def where(backend: str, source: Source) -> str:
 
 
 def committed_of(sources: Iterable[Source], backend: str) -> str:
-    """` (committed)` where what is told of a backend, which is of the first of the sources that ran it, is not the reader's."""
+    """` (committed)` where what is told of a backend, by the first of the sources that ran it, is not the reader's."""
     ran = (source for source in sources if any(measure.backend == backend for measure in source.measures))
     return next((source.bracket for source in ran), "")
 
 
-DISTURBED_COPY = ", which other programs disturbed"
 MARK = " (suspect)"  # of one of several in a sentence
 SUSPECT = " (from times that are marked as suspect)"
 
@@ -116,6 +115,8 @@ def threads_at(results: Results, end: int) -> Claim:
             parts.append(f"a step with {word} threads takes {times(ratio)} as long as with 1x{suspect}")
         elif verdict < 0:
             parts.append(f"a step with {word} threads takes {percent(ratio)} of the time of 1x{suspect}")
+        elif too_few(more, base):
+            parts.append(f"of {word} threads there are too few repeats to tell them from 1x{suspect}")
         else:
             parts.append(f"{word} threads show no difference to 1x beyond measurement noise{suspect}")
     text = f"{on(source, 'cpu')}, at {masses(size)}, {words.listed(parts)}."
@@ -132,7 +133,13 @@ def threads_best(results: Results) -> Claim:
     faster = {base.particles for both, _ in found.values() for base, more in both if apart(more, base) < 0}
     slower = {base.particles for both, _ in found.values() for base, more in both if apart(more, base) > 0} - faster
     numbers = {"sizes": len(sizes), "faster": len(faster), "slower": len(slower)}
+    unsure = (
+        {base.particles for both, _ in found.values() for base, more in both if too_few(more, base)} - faster - slower
+    )
+    left_out = len({base.particles for word in found for base, _ in thread_pairs(source, word)}) - len(sizes)
     suspect = max((marked for _, marked in found.values()), default="")
+    if left_out:
+        suspect = f" that were timed undisturbed ({words.count(left_out)} more are suspect)"
     start, of = on(source, "cpu"), f"of the {len(sizes)} square sizes{suspect}"
     if not faster and slower:
         text = (
@@ -146,6 +153,8 @@ def threads_best(results: Results) -> Claim:
         )
     else:
         text = f"{start}, at none {of} do 2x or 4x threads differ from 1x beyond measurement noise."
+    if unsure:
+        text = f"{text[:-1]}; at {len(unsure)} there are too few repeats to tell."
     return Claim(text, numbers, bool(faster or slower))
 
 
@@ -177,18 +186,20 @@ def bandwidth_reached(source: Source | None, backend: str, word: str | None) -> 
     limit = copy_bandwidth(source, backend) if source else None
     if source is None or share is None or limit is None:
         return Claim(f"How much of the {backend.upper()}'s copy bandwidth a step reaches was not measured.")
+    told = f"{percent(share)} of the measured copy bandwidth"
+    if disturbed := bool(source.machine.record.get("limits_suspect")):
+        told = "which is not held against the copy bandwidth, since other programs disturbed that"
     beyond = (
         "; more than all of it is possible where the grid stays in a cache, or where a pass over memory does several steps"
-        if share > 1
+        if share > 1 and not disturbed
         else ""
     )
     threads = ", with 1x threads" if word else ""
     text = (
         f"{on(source, backend)}{threads}, a step of {masses(largest[0].particles)} has an effective bandwidth (the bytes "
-        f"that one step a pass would move, over its time) of {words.bandwidth(share * limit)}, {percent(share)} of the "
-        f"measured copy bandwidth{DISTURBED_COPY if source.machine.record.get('limits_suspect') else ''}{beyond}{suspect}."
+        f"that one step a pass would move, over its time) of {words.bandwidth(share * limit)}, {told}{beyond}{suspect}."
     )
-    return Claim(text, {"share": share, "masses": largest[0].particles}, True)
+    return Claim(text, {"share": share, "masses": largest[0].particles}, not disturbed)
 
 
 def float64_cost(source: Source | None, backend: str, word: str | None) -> Claim:
@@ -200,7 +211,12 @@ def float64_cost(source: Source | None, backend: str, word: str | None) -> Claim
     ratio = double.median / single.median
     start = f"{on(source, backend)}, at"
     if apart(double, single) == 0:
-        text = f"{start} {masses(single.particles)}, float64 and float32 differ by no more than measurement noise{suspect}."
+        differ = (
+            "there are too few repeats to tell float64 from float32"
+            if too_few(double, single)
+            else "float64 and float32 differ by no more than measurement noise"
+        )
+        text = f"{start} {masses(single.particles)}, {differ}{suspect}."
         return Claim(text, {"ratio": ratio}, False)
     text = f"{start} {masses(single.particles)}, a step in float64 takes {times(ratio)} as long as in float32{suspect}."
     return Claim(text, {"ratio": ratio, "masses": single.particles}, True)

@@ -9,7 +9,7 @@ from bench.peers.registry import label
 from labbook import words
 from labbook.claims.claim import MARK, SUSPECT, Claim, Claims, cpu_source, named, on, on_gpu, trusted, where
 from labbook.words import masses, percent, times
-from plots.core.apart import apart
+from plots.core.apart import apart, too_few
 from plots.core.backends import on_backends
 from plots.core.data import Results, Source, is_suspect, is_wrong
 from plots.core.pairs import shape_ratios
@@ -82,6 +82,8 @@ def drawing(results: Results) -> Claim:
                 f"{label}, a step with drawing takes {times(drawn.median / without.median)} as long as without, at "
                 f"{masses(without.particles)}{suspect}"
             )
+        elif too_few(drawn, without):
+            parts.append(f"{label} there are too few repeats to tell, at {masses(without.particles)}{suspect}")
         else:
             parts.append(
                 f"{label} drawing costs no more than measurement noise, at {masses(without.particles)}{suspect}"

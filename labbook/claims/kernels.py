@@ -7,7 +7,7 @@ from bench.measure.starts import COLD, WARM
 from labbook import words
 from labbook.claims.claim import Claim, Claims, on, trusted, where
 from labbook.words import masses, number, percent, seconds, times
-from plots.core.apart import apart
+from plots.core.apart import apart, too_few
 from plots.core.backends import on_backends
 from plots.core.bandwidth import from_memory
 from plots.core.data import Results, Source, sound
@@ -45,7 +45,9 @@ def choice(results: Results, backend: str) -> Claim:
 
 def roof(results: Results, backend: str) -> Claim:
     """The largest share of the one-step-per-pass roof that any kernel reaches, and of the arithmetic one."""
-    source = machine_of(results, backend, lambda s: ceilings(s, backend) is not None)
+    source = machine_of(
+        results, backend, lambda s: ceilings(s, backend) is not None and not s.machine.record.get("limits_suspect")
+    )
     found = ceilings(source, backend) if source else None
     beyond = [(t,) for t in fastest(source, backend) if from_memory(source, t)] if source else []
     ranked, suspect = trusted(beyond)
@@ -136,11 +138,10 @@ def crowded(results: Results, kernel: str, against: str | None = None) -> Claim:
     numbers = {"ratio": ratio, "masses": packed.particles}
     verdict = apart(packed, base)
     if verdict == 0:
-        return Claim(
-            f"{at} {seconds(packed.median)}, which differs from {name} by no more than measurement noise{suspect}.",
-            numbers,
-            False,
-        )
+        differs = f"which differs from {name} by no more than measurement noise"
+        if too_few(packed, base):
+            differs = f"but there are too few repeats to tell that from {name}"
+        return Claim(f"{at} {seconds(packed.median)}, {differs}{suspect}.", numbers, False)
     factor = f"{times(ratio)} as long as" if verdict > 0 else f"{percent(ratio)} of what it takes"
     return Claim(f"{at} {seconds(packed.median)}, {factor} {name}{suspect}.", numbers, True)
 

@@ -48,8 +48,8 @@ def edges(results: Results) -> Claim:
         )
         return Claim(text, numbers, False)
     text = (
-        f"The edges found by bisection on the chain, {len(chain)} of them for {len(names)} integrators {_where(results, chain)}, "
-        f"lie within {percent(abs(worst.off))} of the analytic limits."
+        f"The edges found by bisection on the chain, {len(chain)} of them for {len(names)} integrators "
+        f"{_where(results, chain)}, lie within {percent(abs(worst.off))} of the analytic limits."
     )
     return Claim(text, numbers, True)
 

@@ -34,6 +34,13 @@ def apart(a: Timing, b: Timing) -> int:
     return -1 if high < 1 else 1 if low > 1 else 0
 
 
+def too_few(a: Timing, b: Timing) -> bool:
+    """Whether `apart` tells nothing only because there are fewer repeats than FEW: what there is of them does not meet."""
+    if min(a.count, b.count) >= FEW or small(a.median / b.median) or apart(a, b) != 0:
+        return False
+    return a.high < b.low or b.high < a.low
+
+
 def small(ratio: float) -> bool:
     """Whether a ratio of times is one that a single session cannot bear."""
     return max(ratio, 1 / ratio) < 1 + SMALL

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from bench.store.results import Timing
-from plots.core.apart import apart, ratio_interval
+from plots.core.apart import apart, ratio_interval, too_few
 
 
 def timed(*times: float, sessions: int = 1) -> Timing:
@@ -26,7 +26,9 @@ def test_five_repeats_are_apart_when_none_lies_among_the_others() -> None:
 def test_three_repeats_must_be_further_apart() -> None:
     """Complete separation of three and three is chance once in ten; three ranges apart is not."""
     base = timed(1.0, 1.1, 1.2)
-    assert apart(base, timed(1.3, 1.4, 1.5)) == 0
+    assert apart(base, timed(1.3, 1.4, 1.5)) == 0 and too_few(base, timed(1.3, 1.4, 1.5))
+    assert not too_few(base, timed(1.15, 1.4, 1.5)), "these meet: no difference was seen"
+    assert not too_few(base, timed(1.9, 2.0, 2.1)), "decided"
     assert apart(base, timed(1.9, 2.0, 2.1)) == -1
 
 

@@ -112,6 +112,29 @@ def test_more_threads_are_praised_only_where_they_are_faster() -> None:
     assert "of the time of 1x" in claims.threads_at(load(store), -1).sentence
 
 
+def test_too_few_repeats_and_sizes_left_out_are_told() -> None:
+    """Three repeats of 2.6 to 3.0 us beside three of 3.5 to 4.1 us; at another size one side was disturbed."""
+    store = Store(":memory:")
+    maker = Maker(store, CPU_RECORD, "c", wobble=0.08)
+    how = {"backend": "cpu", "layer": "omp", "wait_policy": "passive"}
+    for threads, seconds in ((2, 3.84e-6), (4, 2.77e-6), (8, 5e-5)):
+        maker.timing((16, 16), seconds, threads=threads, **how)
+        maker.timing((32, 32), seconds, threads=threads, suspect="load: busy", **how)
+    results = load(store)
+    assert "of 2x threads there are too few repeats to tell" in claims.threads_at(results, 0).sentence
+    sentence = claims.threads_best(results).sentence
+    assert "of the 1 square sizes that were timed undisturbed (1 more are suspect)" in sentence
+
+
+def test_no_share_of_a_bandwidth_that_others_disturbed(variants: dict[str, Results]) -> None:
+    source = variants["cpu alone"].sources[0]
+    assert "%" in claims.CLAIMS["cpu-bandwidth"](Results((source,))).sentence
+    record = source.machine.record | {"limits_suspect": "load: other programs ran"}
+    disturbed = Results((replace(source, machine=replace(source.machine, record=record)),))
+    made = claims.CLAIMS["cpu-bandwidth"](disturbed)
+    assert "%" not in made.sentence and "disturbed" in made.sentence and not made.supported
+
+
 def test_crossover(variants: dict[str, Results]) -> None:
     made = comparison_claims.overtakes(variants["own gpu"])
     assert made.supported and made.numbers["ratio"] > 1
