@@ -215,7 +215,7 @@ def rope(results: Results, target: float = 1e-1) -> Claim:
     for source in results.everyone:
         (row,) = ways_to(points(source, "S6"), [target])
         if row.speed_up is not None:
-            told = _times_as_fast(row.speed_up) + suspicion([row.cpu, row.gpu])
+            told = _times_as_fast(row.speed_up) + suspicion([row.cpu, row.gpu], MARK)
             text = f"On {_machines(source)}, at an error of {number(target, 1)} spacings in S6, a rope of {masses}, {told}."
             return Claim(text, {"ratio": row.speed_up}, True)
     return Claim("GPU and CPU were not compared on the stiff rope.")

@@ -142,18 +142,14 @@ def trust(results: Results) -> Claim:
     wrong = sum(is_wrong(timing) for timing in everything)
     suspect = sum(bool(timing.suspect) for timing in everything)
     checked = sum(timing.error is not None for timing in everything)
-    text = (
-        f"Of the {len(everything)} configurations timed for this book, {checked} were held against the reference, "
-        f"{wrong or 'none'} gave a wrong answer, and {suspect or 'none'} {'is' if suspect == 1 else 'are'} suspect; "
-        "sentences rest on those only where they say so."
-    )
     costs = [timing for source in results.featured for timing in source.costs.values()]
     doubtful = sum(bool(timing.suspect) for timing in costs)
-    if costs:
-        text += (
-            f" Of the {words.count(len(costs))} times of accuracy runs {words.count(doubtful) if doubtful else 'none'} "
-            f"{'is' if doubtful == 1 else 'are'} suspect."
-        )
+    accuracy = f", as of {len(costs)} times of accuracy runs {doubtful or 'none'}" if costs else ""
+    text = (
+        f"Of the {len(everything)} configurations timed for this book, {checked} were held against the reference, "
+        f"{wrong or 'none'} gave a wrong answer, and {suspect or 'none'} {'is' if suspect == 1 else 'are'} suspect"
+        f"{accuracy}; sentences rest on those only where they say so."
+    )
     left_out = sum(source.left_out for source in results.featured)
     if left_out:
         text += f" {words.count(left_out)} more are of another version of the code and not used."

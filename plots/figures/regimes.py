@@ -49,7 +49,7 @@ def draw(results: Results) -> Drawing | str:
         "Left: the method, step size and processor that reach an error soonest in the lab curtain (S1), by its masses; in "
         f"brackets how many times as long the other processor's best takes. Grey: a lead under {SCATTER:g}. Right: CPU time "
         "over GPU time, each by the cheapest run of that method with an error of at most 0.01 spacings; above 1 the GPU is "
-        "faster. Without the copy of the end state. ?: a time of the two is suspect."
+        "faster. Without the copy of the end state. ?: suspect."
     )
     return Drawing(figure, TITLE, caption, (source,))
 

@@ -100,7 +100,8 @@ def _draw_panel(ax: Any, found: list[Point], title: str) -> None:
         for backend, line in LINES.items():
             mine = [p for p in found if (p.integrator, p.iterations, p.backend) == (name, iterations, backend)]
             sound = [p for p in mine if not _lost(p) and p.error > 0]
-            ax.plot([p.error for p in sound], [p.seconds for p in sound], line, color=colour, linewidth=0.9, zorder=2)
+            ax.plot([p.error for p in sound], [p.seconds for p in sound], line, color=colour, linewidth=0.9, zorder=2,
+                    alpha=PALE if any(p.suspect for p in sound) else 1.0)  # fmt: skip
             for p in mine:
                 x = edge if _lost(p) else p.error
                 face = colour if p.resolved or _lost(p) else "white"

@@ -61,14 +61,14 @@ def test_a_time_beside_other_programs_is_marked_wherever_it_is_told() -> None:
     results = load(store)
     (table,) = answer_tables(results)
     assert table["rows"][0][7] == f"1.0{words.SPACE}ms" and "suspect" not in table["title"]
-    assert "accuracy runs none are suspect" in comparison.trust(results).sentence
+    assert "accuracy runs none;" in comparison.trust(results).sentence
 
     store.connection.execute("UPDATE sample SET suspect = 'load: others'")
     results = load(store)
     (table,) = answer_tables(results)
     assert table["rows"][0][7].endswith("?") and table["title"].endswith("?: suspect, see docs/method.md")
     assert "(suspect)" in accuracy.fastest(results).sentence
-    assert "accuracy runs 1 is suspect" in comparison.trust(results).sentence
+    assert "accuracy runs 1;" in comparison.trust(results).sentence
     (one,) = points(results.sources[0])
     assert "? ms a simulated second" in str(one)
     assert SUSPECT_NOTE in str(AccuracySummary("m", points=[one]))
