@@ -229,6 +229,8 @@ BAD = [
     ("run lab-grid", "--link nccl", ["--link", "add --gpus or --ranks"]),
     ("run lab-grid", "--exchange-every 3", ["--exchange-every", "add --gpus or --ranks"]),
     ("run lab-grid", "--ranks 4 --backend gpu", ["--ranks", "--backend cpu"]),
+    ("run lab-grid", "--ranks 2 --gpus 2", ["--gpus", "only one of it and --ranks"]),
+    ("run dam-break", "--gpus 3", ["--gpus", "a fluid is not shared", "leave --gpus out"]),
     ("plan lab-grid", "--exchange-every 4", ["--exchange-every", "--gpus"]),
     ("sweep", "--link peer", ["--link", "add --gpus"]),
     ("sweep", "--exchange-every 3", ["--exchange-every", "add --gpus"]),
