@@ -46,7 +46,7 @@ def check_source(path: Path | str, what: str) -> Path:
     try:
         mode = os.stat(path).st_mode
     except FileNotFoundError:
-        raise InputError(f"{path}: no such file") from None
+        raise InputError(f"{path}: no such file; {what}") from None
     except (OSError, ValueError) as error:
         raise InputError(f"{path} cannot be read: {why(error)}; {what}") from None
     if stat.S_ISDIR(mode):

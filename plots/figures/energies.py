@@ -97,13 +97,14 @@ def energy_drawing(record: EnergyRecord) -> Drawing:
     return Drawing(figure, "Energies over time", caption)
 
 
-def draw_energies(trajectory: str | Path, out: str | Path) -> Path:
-    """Draw a trajectory's energies to `out` (.png, .svg or .pdf, in an existing folder). Raises InputError."""
+def draw_energies(trajectory: str | Path | EnergyRecord, out: str | Path) -> Path:
+    """Draw the energies of a trajectory, or those read of one, to `out` (.png, .svg or .pdf, in an existing folder). Raises
+    InputError."""
     path = Path(out)
     if path.suffix.lower() not in (".png", ".svg", ".pdf"):
         raise InputError(f"{path}: a figure is a .png, .svg or .pdf file; name it so")
     if not path.parent.is_dir():
         raise InputError(f"{path.parent}: no such folder; make it first, or give another path")
-    record = read_energies(trajectory)
+    record = trajectory if isinstance(trajectory, EnergyRecord) else read_energies(trajectory)
     with settings():
         return save(energy_drawing(record), path.parent, path.stem, suffixes=(path.suffix[1:],))[0]
