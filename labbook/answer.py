@@ -87,14 +87,12 @@ def _unanswered(found: list[Point], target: float) -> list[str]:
 
 def _processors(marks: Mapping[Source, str]) -> str:
     """Which processors the rows are of, with a word where they are not the reader's: `CPU Some CPU, 2 cores`; where rows
-    are of several machines, by the numbers of the rows, and that their times are not to be held against each other. (A
-    letter is part of a machine's name: plots/core/read.py.)"""
+    are of several machines, by the numbers of the rows. (A letter is part of a machine's name: plots/core/read.py.)"""
     told = []
     for source, mark in marks.items():
         names = f"GPU {source.gpu}, CPU {source.processor}" if source.gpu else f"CPU {source.processor}"
         told.append(f"{mark.lstrip()} {names}{source.bracket}".lstrip())
-    several = ". Rows of different numbers are of different machines" if len(marks) > 1 else ""
-    return "; ".join(told) + several
+    return "; ".join(told)
 
 
 def _breaks(found: list[Point], best: Point) -> str:

@@ -12,6 +12,7 @@ from plots.core.data import Results, Source
 
 Table = dict[str, Any]  # title, head: list of str, rows: list of list of str, left: columns that align left
 DASH = "\N{EN DASH}"
+SHORT = 7  # digits of a commit: a column has no room for those that the title page tells
 
 UNITS = {
     "rows": "masses", "columns": "masses", "spacing": "m", "mass": "kg", "stiffness": "N/m", "rest_length": "m",
@@ -61,7 +62,8 @@ def _machine(source: Source) -> dict[str, str]:
         for name in ("copy_bandwidth", "gpu_copy_bandwidth")
     ]
     whose = "" if source.alone else "here" if source.own else source.label
-    more = (f"{layer}, {policy}" if layer else "", *limits, source.code, source.date, whose)
+    code = re.sub(rf"\b([0-9a-f]{{{SHORT}}})[0-9a-f]+\b", r"\1", source.code)
+    more = (f"{layer}, {policy}" if layer else "", *limits, code, source.date, whose)
     return told | {name: value for name, value in zip(MEASURED, more, strict=True) if value}
 
 

@@ -159,9 +159,11 @@ def equal_error(results: Results, target: float = 1e-3) -> Claim:
         told = _times_as_fast(ratio) if clear else "GPU and CPU differ by no more than measurement noise"
         if row.speed_up_copied is not None:
             numbers[f"copied{name}"] = row.speed_up_copied
-            whole = "" if parts else " of the end state to the host in both times"
-            told += f" ({words.times(row.speed_up_copied)} with the copy{whole})"
-        told += suspicion([row.cpu, row.gpu, row.cpu_copied, row.gpu_copied], MARK)
+            whole = "" if parts else " of the end state to the host"
+            marked = suspicion([row.cpu, row.gpu, row.cpu_copied, row.gpu_copied], "; suspect")
+            told += f" ({words.times(row.speed_up_copied)} with the copy{whole}{marked})"
+        else:
+            told += suspicion([row.cpu, row.gpu], MARK)
         parts.append(f"{words.masses(SIZES.get(label, (label, SIDE))[1] ** 2)}: {told}")
     text = (
         f"{on_gpu(source)} and the {source.processor}, at an error of {number(target, 1)} spacings in {SCENE} and with the "

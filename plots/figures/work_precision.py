@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import log10
 from typing import Any
 
 from bench.experiments.accuracy.points import pareto_front
@@ -42,6 +43,7 @@ XPBD = {  # the same; in the speed diagram the markers are the iterations
 DRAWN_XPBD = ("xpbd gauss-seidel", "xpbd jacobi")
 DIGIT = {"markersize": 6.0, "markeredgewidth": 0.4}  # a number as a marker, legible
 LINES = {"cpu": "-", "gpu": "--"}
+NEAR = (0.4, 0.25)  # decades of error and of time that a label is wide and high
 PALE = 0.35  # of a marker whose time is suspect
 PANEL_HEIGHT = 1.75  # inch
 LOST = 100.0  # spacings: an error beyond it is drawn as if the run had diverged, or the others would share a corner
@@ -71,8 +73,7 @@ def draw(results: Results) -> Drawing | str:
     caption = (
         "Cost of a simulated second against the error of its end state (root mean square over the free masses, in spacings, "
         "against the converged reference), one line a method and processor, a marker a step size; a colour is a family of "
-        "methods: explicit, implicit, position-based, the hand-out's step (lab), which solves the equation with half the "
-        "acceleration. Of position-based methods the marker is the number of iterations. Grey: the Pareto front, its step "
+        f"methods: {', '.join(_families([p for scene in rows for p in timed[scene]]))}. Grey: the Pareto front, its step "
         "sizes in ms. Hollow: below what the reference resolves. At the right edge: runs that diverged, or are off by over "
         f"{LOST:g} spacings. Bars: least to greatest repeat."
         + (" Pale: the time is suspect." if any(p.suspect for scene in rows for p in timed[scene]) else "")
@@ -102,7 +103,7 @@ def _draw_panel(ax: Any, found: list[Point], title: str) -> None:
             ax.plot([p.error for p in sound], [p.seconds for p in sound], line, color=colour, linewidth=0.9, zorder=2)
             for p in mine:
                 x = edge if _lost(p) else p.error
-                face = colour if p.resolved and not _lost(p) else "white"
+                face = colour if p.resolved or _lost(p) else "white"
                 alpha = PALE if p.suspect else 1.0
                 if p.low is not None and p.high is not None:
                     ax.plot([x, x], [p.low, p.high], color=colour, linewidth=0.8, zorder=2, alpha=alpha)
@@ -127,9 +128,31 @@ def _draw_front(ax: Any, front: list[Point]) -> None:
     if front:
         ax.plot([], [], "-", color=BLACK, linewidth=3.2, alpha=0.25, label="Pareto front")
     told = [p for before, p in zip([None, *front], front, strict=False) if before is None or before.dt != p.dt]
+    under: list[Point] = []  # whose label stands below its left; those near to one of them have it above their right
     for p in told:
-        ax.annotate(f"{1000 * p.dt:.3g}", (p.error, p.seconds), (-2, -8), textcoords="offset points", fontsize=6,
-                    color="#555555", ha="right")  # fmt: skip
+        above = any(_near(p, other) for other in under)
+        under += [] if above else [p]
+        ax.annotate(f"{1000 * p.dt:.3g}", (p.error, p.seconds), (3, 3) if above else (-2, -8), textcoords="offset points",
+                    fontsize=6, color="#555555", ha="left" if above else "right")  # fmt: skip
+
+
+def _near(one: Point, other: Point) -> bool:
+    """Whether labels of two points would meet."""
+    pairs = ((one.error, other.error), (one.seconds or 0.0, other.seconds or 0.0))
+    return all(a > 0 < b and abs(log10(a / b)) < wide for (a, b), wide in zip(pairs, NEAR, strict=True))
+
+
+def _families(drawn: list[Point]) -> list[str]:
+    """What the colours stand for, of those that are drawn."""
+    names = {p.integrator for p in drawn}
+    positions = not names.isdisjoint(DRAWN_XPBD)
+    there = {
+        "explicit": not names.isdisjoint(INTEGRATORS.keys() - {"lab"}),
+        "implicit": not names.isdisjoint(IMPLICIT),
+        "position-based (the marker is the number of iterations)": positions,
+        "the hand-out's step (lab), which solves the equation with half the acceleration": "lab" in names,
+    }
+    return [name for name, drawn_here in there.items() if drawn_here]
 
 
 def _lost(p: Point) -> bool:
