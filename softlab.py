@@ -162,8 +162,9 @@ def run(
         print(json.dumps(result.report))
     else:
         from app.command.tables import print_report
+        from model.core.energy import keeps
 
-        print_report(out, result.report, result.written)
+        print_report(out, result.report, result.written, keeps(result.scene))
     if result.diverged:
         raise result.diverged
 

@@ -10,8 +10,8 @@ from model.core.family import named
 from model.core.options import Options
 from model.core.simulation import Simulation
 from model.domains.launched import launched_ranks
-from model.domains.shared_bodies import SharedBodies, division, is_apart
-from model.domains.simulation import DecomposedSimulation, cut
+from model.domains.shared_bodies import SharedBodies, bodies_of, division, is_apart
+from model.domains.simulation import DecomposedSimulation, cut, reach_of
 from model.scene.scene import Scene
 
 LINKS = {  # of GPUs: the class that opens a sheet which they share
@@ -30,6 +30,8 @@ def check_sharing(backend: str, gpus: int, ranks: int, link: str | None) -> None
         raise SceneError(name, value, "must be at least 1")
     if link is not None and link not in LINKS:
         raise SceneError("--link", link, f"must be one of {', '.join(LINKS)}")
+    if gpus > 1 and ranks > 1:
+        raise SceneError("--gpus", gpus, "only one of it and --ranks goes: --ranks on CPUs, --gpus with --backend gpu")
     if gpus > 1 and backend != "gpu":
         raise SceneError("--gpus", gpus, "is for --backend gpu; on CPUs use --ranks")
     if ranks > 1 and backend != "cpu":
@@ -43,6 +45,14 @@ def check_asked(backend: str, gpus: int, ranks: int, exchange_every: int | None,
     for option, value in (("--link", link), ("--exchange-every", exchange_every)):
         if value is not None and alone:
             raise SceneError(option, value, "is for a sheet that several share; add --gpus or --ranks")
+
+
+def check_shareable(scene: Scene, count: int, option: str) -> None:
+    """Raise SceneError for a scene that cannot be shared at all, by however many."""
+    if is_apart(scene):
+        bodies_of(scene)
+    else:
+        reach_of(scene, count, option)
 
 
 def check_cut(scene: Scene, count: int, steps: int | None, link: str | None, option: str) -> None:

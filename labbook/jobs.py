@@ -18,7 +18,7 @@ from model.core.files import check_target
 from plots.core.data import Results
 from plots.core.draw import FIGURES, FigureFiles, draw_figures, figures_folder
 from plots.core.read import load
-from plots.figures.energies import draw_energies
+from plots.figures.energies import draw_energies, read_energies
 
 ABLATED = ("lab-curtain", "lab-hammock")  # scenes that `softlab lab` asks what they need
 
@@ -34,11 +34,14 @@ def _prepare(folder: Path) -> None:
 
 def make_figures(store: Path, folder: Path, trajectory: Path | None = None) -> list[Path]:
     """Draw every figure of the store into `folder`, or (`trajectory`) the energies of a recorded run. Raises InputError."""
-    _prepare(folder)
     if trajectory is not None:
+        record = read_energies(trajectory)
+        _prepare(folder)  # now that there is something to put there
         target = folder if folder.suffix else folder / f"{trajectory.stem}-energies.png"
-        return [draw_energies(trajectory, target)]
-    return [path for figure in _drawn(load(store, committed_data()), folder) for path in figure.paths]
+        return [draw_energies(record, target)]
+    results = load(store, committed_data())
+    _prepare(folder)
+    return [path for figure in _drawn(results, folder) for path in figure.paths]
 
 
 def _drawn(results: Results, folder: Path) -> list[FigureFiles]:

@@ -25,7 +25,8 @@ from model.domains.launched import launched_rank
 errors = Console(stderr=True, highlight=False, soft_wrap=True)
 out = Output(highlight=False)
 
-PLAINER = {  # what pydantic says of an argument, and what is meant
+PLAINER = {  # what pydantic or typer says of an argument, and what is meant
+    "Option '--record' requires 2 arguments.": "--record needs two words: --record every=N FILE.npz",
     "Input should be a valid integer, unable to parse string as an integer": "must be a whole number",
     "Input should be a valid number, unable to parse string as a number": "must be a number",
 }

@@ -17,8 +17,9 @@ SHORT = 24  # characters: a cell of so many is a name or a number and stays in o
 class Output(Console):
     """A console that cuts no cell of a table, and folds nothing where its output is no terminal.
 
-    There a sentence is a line and a table as wide as it needs. In a terminal that is narrower than a table, heads and
-    sentences in cells are folded; where that does not do, the columns come in blocks, each beside the names of its rows.
+    There a sentence is a line and a table as wide as it needs, without blanks at the ends of its lines. In a terminal that
+    is narrower than a table, heads and sentences in cells are folded; where that does not do, the columns come in blocks,
+    each beside the names of its rows.
     """
 
     def print(self, *objects: Any, **how: Any) -> None:
@@ -37,7 +38,13 @@ class Output(Console):
             if number:
                 super().print()
             block.width = Measurement.get(self, self.options.update(width=UNBOUNDED), block).maximum
-            super().print(block, **how | {"crop": False, "soft_wrap": False})
+            how |= {"crop": False, "soft_wrap": False}
+            if self.is_terminal:
+                super().print(block, **how)
+                continue
+            with self.capture() as held:
+                super().print(block, **how)
+            self.out("\n".join(line.rstrip() for line in held.get().splitlines()), highlight=False)
 
     def _blocks(self, table: Table, room: int) -> list[Table]:
         """The table, whose lines have at most `room` characters, if no single column beside the names of the rows needs

@@ -12,7 +12,7 @@ from tempfile import TemporaryDirectory
 
 from app.command.run import Request
 from app.command.run_length import step_count
-from app.shared import check_asked, check_cut, check_shared
+from app.shared import check_asked, check_cut, check_shareable, check_shared
 from model.core.errors import BackendUnavailable, SceneError
 from model.domains.launched import STATUS_FILE, launched_rank, launched_ranks
 from model.domains.processes import abort, mpi_installed, mpiexec
@@ -21,7 +21,9 @@ from model.scene.scene import Scene
 
 def among_ranks(scene: Scene, request: Request) -> tuple[Request, int]:
     """(the request of this process, how many processes are to be started for it: 0, it runs by itself). What cannot be shared
-    is refused before anything is started. Raises SceneError."""
+    is refused before anything is started. Raises SceneError, BackendUnavailable."""
+    if max(request.gpus, request.ranks) > 1:  # first: another option in its place would do no better
+        check_shareable(scene, *((request.gpus, "--gpus") if request.gpus > 1 else (request.ranks, "--ranks")))
     check_asked(request.backend, request.gpus, request.ranks, request.exchange_every, request.link)
     launched = launched_ranks()
     by_nccl = request.link == "nccl"
@@ -34,16 +36,24 @@ def among_ranks(scene: Scene, request: Request) -> tuple[Request, int]:
         )
     many = max(wanted, launched)
     check_shared(many, request.render, request.export)
+    if launched == 1:
+        check_launcher()
     check_cut(scene, many, request.exchange_every, request.link, option)
     step_count(scene, request.steps, request.time, [])
     shared = replace(request, gpus=many) if by_nccl else replace(request, ranks=many)
     return shared, many if launched == 1 else 0
 
 
-def start_ranks(count: int, arguments: Sequence[str]) -> int:
-    """Run this command line on `count` processes of MPI, and wait; the exit status of rank 0. Raises BackendUnavailable."""
+def check_launcher() -> str:
+    """What starts processes of MPI. Raises BackendUnavailable where there is none, or no mpi4py."""
     launcher = mpiexec()
     mpi_installed()
+    return launcher
+
+
+def start_ranks(count: int, arguments: Sequence[str]) -> int:
+    """Run this command line on `count` processes of MPI, and wait; the exit status of rank 0. Raises BackendUnavailable."""
+    launcher = check_launcher()
     with TemporaryDirectory() as folder:
         status = Path(folder) / "status"
         environment = {**os.environ, STATUS_FILE: str(status)}

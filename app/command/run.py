@@ -218,7 +218,9 @@ def _advance(
                 batch = max(1, min(round(now * PROGRESS_SECONDS / took), 2**31))
             if progress and took > 0:
                 if shown is None and seconds / done * (steps - done) > 1:
-                    shown = Progress(*columns, console=Console(stderr=True), transient=True)
+                    console = Console(stderr=True)
+                    hidden = not console.is_interactive  # of a file it would leave an empty line
+                    shown = Progress(*columns, console=console, disable=hidden, transient=True)
                     shown.start()
                     task = shown.add_task("stepping", total=steps)
                 if shown is not None:

@@ -29,7 +29,7 @@ UNITS = {
     "height": "m",
 }
 LABELS = {"mean_compression": "density error, mean", "largest_compression": "density error, largest"}
-MODIFIED = "J (2 x kinetic + potential, which the step lab conserves instead)"
+MODIFIED = "J (2 x kinetic + potential, which the step lab {keeps})"
 ABSENT = ("error", "threads_reason", "max_strain")  # no line where there is none
 
 
@@ -44,8 +44,8 @@ def number(value: Any) -> str:
     return str(value)
 
 
-def print_report(console: Console, report: dict[str, Any], written: list[Path]) -> None:
-    """The result of one run."""
+def print_report(console: Console, report: dict[str, Any], written: list[Path], keeps: str = "conserves") -> None:
+    """The result of one run; `keeps`: what its step does to the modified energy, of model/core/energy.py."""
     table = Table(show_header=False, box=None, pad_edge=False)
     waiting = {"particles": report.get("waiting_particles"), "bodies": report.get("waiting")}
     for key, value in report.items():
@@ -56,7 +56,7 @@ def print_report(console: Console, report: dict[str, Any], written: list[Path]) 
             unit = "of the spacing, from its goal"
         elif key == "conserved":
             modified = value != report["kinetic_energy"] + report["potential_energy"]
-            label, unit = ("modified energy", MODIFIED) if modified else ("total energy", "J")
+            label, unit = ("modified energy", MODIFIED.format(keeps=keeps)) if modified else ("total energy", "J")
         more = f"+ {number(waiting[key])} waiting" if waiting.get(key) else ""
         table.add_row(label, f"{number(value)} {unit}{more}".rstrip())
     if report["error_reason"]:

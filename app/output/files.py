@@ -47,7 +47,9 @@ def read_state(path: Path | str, scene: Scene) -> State:
     Raises InputError for a file that is missing, unreadable, no .npz, or holds no positions of this scene; what else the
     arrays hold is checked where they are loaded.
     """
-    arrays = read_archive(path, "a state is a .npz file with named arrays, position among them")
+    arrays = read_archive(
+        path, "a state is a .npz file with named arrays, position among them, such as softlab run --out writes"
+    )
     if "position" not in arrays:
         raise InputError(f"{path} holds no array called position (it holds: {', '.join(arrays) or 'nothing'})")
     position = arrays["position"]

@@ -236,7 +236,9 @@ def _progress_bar(name: str, total: int) -> tuple[Any, Any]:
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TextColumn("frames"))
-    bar = Progress(*columns, TimeRemainingColumn(), console=Console(stderr=True), transient=True)
+    console = Console(stderr=True)
+    hidden = not console.is_interactive  # of a file it would leave an empty line
+    bar = Progress(*columns, TimeRemainingColumn(), console=console, disable=hidden, transient=True)
     return bar, bar.add_task(f"drawing {name}", total=total)
 
 

@@ -63,6 +63,20 @@ def _print_backend(console: Console, one: BackendPlan) -> None:
         console.print(f"  not measured: {one.unmeasured}", soft_wrap=True, markup=False)
 
 
+def overhead_lines(report: PlanReport) -> list[str]:
+    """Of each backend on which a stage that does nothing takes more than half of the longest one: that its shares tell
+    little."""
+    lines = []
+    for one in report.backends:
+        longest = max((row.seconds.get(one.name, 0.0) / row.runs for row in report.rows), default=0.0)
+        if one.empty is not None and one.empty > longest / 2 > 0:
+            lines.append(
+                f"{one.name}: starting a stage takes {1e6 * one.empty:.3g} us by itself, over half of the longest one here: "
+                "the shares are mostly of starts, not of work; plan a larger scene to see the work"
+            )
+    return lines
+
+
 def amounts(scene: Scene) -> str:
     """Of particles, and what holds them; of a world member by member."""
     if scene.is_world:
@@ -94,6 +108,8 @@ def print_plan(console: Console, report: PlanReport) -> None:
     measured = ", measured microseconds of the whole grid" if any(row.seconds for row in report.rows) else ""
     console.print(f"\none step, stage by stage: bytes and operations a mass{measured}", soft_wrap=True)
     console.print(_stage_table(report))
+    for line in overhead_lines(report):
+        console.print(line, soft_wrap=True, markup=False)
     if report.plan.has("external force"):
         console.print("the external force's operations are a random generator's, on integers", soft_wrap=True)
     for one in report.backends:

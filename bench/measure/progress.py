@@ -57,7 +57,9 @@ class Bars(Progress):
     def __init__(self, show: bool):
         self.whole, self.whole_task = Whole.current, None  # first: `Progress` asks for what to show at once
         columns = (TextColumn("{task.description}"), BarColumn(None), TimeElapsedColumn(), TimeRemainingColumn())
-        super().__init__(*columns, console=Console(stderr=True), disable=not show, transient=True)
+        console = Console(stderr=True)
+        hidden = not (show and console.is_interactive)  # of a file each bar would leave an empty line
+        super().__init__(*columns, console=console, disable=hidden, transient=True)
         self.watching = ExitStack()
         if self.whole:
             self.whole_task = super().add_task(str(self.whole), total=sum(self.whole.expected.values()) or 1)

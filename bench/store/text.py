@@ -131,7 +131,7 @@ def unflatten(cells: Mapping[str, str]) -> dict[str, Any]:
 
 def read_text(file: Path) -> Rows:
     """The rows of a text export. Raises InputError with the line that is wrong."""
-    check_source(file, "a text export is a .csv or .csv.gz file")
+    check_source(file, "a text export is a .csv or .csv.gz file that softlab export wrote")
     try:
         with _opened(file) as opened:
             reader = csv.reader(opened, strict=True)

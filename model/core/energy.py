@@ -18,6 +18,24 @@ def spring_strain(
     return family_of(scene).strain(scene, position, kind, plastic)
 
 
+STORING = ("grid", "cloth", "springs", "structural", "shear", "bending", "gravity", "perturbation", "method")
+
+
+def keeps(scene: Scene) -> str:
+    """What the step of a sheet does to its `conserved` energy, as a clause: whether it keeps it, or what else would have to
+    be left out of the scene."""
+    rates = {"damping": "coefficient", "external": "magnitude"}
+    acting = [
+        kind
+        for name, kind in scene.kinds.items()
+        if kind not in STORING and getattr(scene.parts[name], rates.get(kind, "kind"), 1) != 0
+    ]
+    along = any(getattr(part, "damping", 0) for part in scene.parts.values())
+    if along or "damping" in acting:
+        return "would conserve without damping"
+    return "would conserve if nothing acted on it" if acting else "conserves"
+
+
 def energies(
     scene: Scene,
     position: np.ndarray,

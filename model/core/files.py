@@ -10,6 +10,7 @@ import zipfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from tempfile import TemporaryFile
 
 import numpy as np
 
@@ -46,7 +47,7 @@ def check_source(path: Path | str, what: str) -> Path:
     try:
         mode = os.stat(path).st_mode
     except FileNotFoundError:
-        raise InputError(f"{path}: no such file") from None
+        raise InputError(f"{path}: no such file; {what}") from None
     except (OSError, ValueError) as error:
         raise InputError(f"{path} cannot be read: {why(error)}; {what}") from None
     if stat.S_ISDIR(mode):
@@ -93,8 +94,11 @@ def check_target(path: Path | str, suffixes: tuple[str, ...], what: str = "a pic
         raise InputError(f"{path} cannot be written: {why(error)}") from None
     if not path.parent.is_dir():
         raise InputError(f"{path}: the folder {path.parent} does not exist; make it first")
-    if not os.access(path.parent, os.W_OK):
-        raise InputError(f"{path}: the folder {path.parent} cannot be written to")
+    try:
+        with TemporaryFile(dir=path.parent):  # tried: of some folders of the system permissions do not tell
+            pass
+    except OSError as error:
+        raise InputError(f"{path}: the folder {path.parent} cannot be written to: {why(error)}; name another") from None
     return path
 
 

@@ -14,19 +14,22 @@ from model.core.families import family_of, scene_plan
 from model.core.options import Options
 from model.core.own_forces import own_parts
 from model.core.simulation import Simulation
-from model.domains.decomposition import Decomposition, Domain, decompose
+from model.domains.decomposition import Decomposition, Domain, Reach, decompose
 from model.domains.windows import WindowedSimulation
 from model.scene.scene import Scene
 
 
 def cut(scene: Scene, count: int, steps: int | None, option: str) -> Decomposition:
     """The scene's sheet in `count` domains. Raises SceneError where its family, or a part of it, cannot be cut yet."""
+    return decompose(scene.grid.rows, scene.grid.columns, count, reach_of(scene, count, option), steps, option)
+
+
+def reach_of(scene: Scene, count: int, option: str) -> Reach:
+    """How far a step reads along the rows of the scene's sheet. Raises SceneError where it is not cut yet."""
     family = family_of(scene)
     if family.reach is None:
-        raise SceneError(
-            option, count, f"shares sheets, and bodies that do not meet, alone so far, no {family.name}; use 1"
-        )
-    return decompose(scene.grid.rows, scene.grid.columns, count, family.reach(scene), steps, option)
+        raise SceneError(option, count, f"a {family.name} is not shared among processes or GPUs; leave {option} out")
+    return family.reach(scene)
 
 
 def window_scene(scene: Scene, pinned: np.ndarray, domain: Domain, divided: int = 1) -> Scene:

@@ -104,7 +104,7 @@ class Collider(Part):
     velocity: Vector = ZERO  # m/s, constant
     thickness: NotNegative = 0.01  # m
     static_friction: NotNegative = 0.0
-    dynamic_friction: NotNegative = 0.0
+    dynamic_friction: NotNegative = 0.0  # at most static_friction
     restitution: Annotated[float, Field(ge=0, le=1, strict=True)] = 0.0
 
     _friction_is_ordered = model_validator(mode="after")(friction_is_ordered)

@@ -15,6 +15,7 @@ from model.scene.tetrahedra import TETRAHEDRAL_KINDS
 
 OF_CLOTHS = ("mesh", "wind", *(kind for kind in CONSTRAINT_KINDS if kind != "shear"))
 SHARED = ("contact", "damping", "external", "gravity", "method", *COLLIDER_KINDS)
+SHEETS = ("grid", "cloth")  # of masses in rows and columns alone
 OF_PARTICLES = ("restitution", "adhesion_reach", "maximum_speed", "sleeping_speed")  # surfaces know nothing of these
 SUBSTEPS = 20  # of tetrahedra, unless told: a beam of 1e6 Pa then sags as its mesh says, to a fifth
 
@@ -69,7 +70,8 @@ def member_tables(kinds: Mapping[str, str], tables: Mapping[str, Any], method: M
                 told = "is of a [mesh] in a fluid, without bodies of tetrahedra and without a [contact]; leave it out"
                 raise SceneError(f"{name}.kind", kind, told)
         elif kind not in SHARED and not owners:
-            told = f"does not go with a world of {' and '.join(names)}; leave it out"
+            mended = 'a sheet in a world is kind = "mesh" with shape = "sheet"' if kind in SHEETS else "leave it out"
+            told = f"does not go with a world of {' and '.join(names)}; {mended}"
             raise SceneError(f"{name}.kind", kind, told)
     return {name: _tables_of(MEMBERS[name], kinds, tables, method) for name in names}
 

@@ -31,7 +31,7 @@ class Contact(Part):
 
     distance: Positive | None = None  # m, of tetrahedral bodies and a cloth: a quarter of the shortest edge unless told
     static_friction: NotNegative = 0.4
-    dynamic_friction: NotNegative = 0.3
+    dynamic_friction: NotNegative = 0.3  # at most static_friction
     separation_speed: Positive = 3.0  # m/s
     restitution: Annotated[float, Field(ge=0, le=1, strict=True)] = 0.0
     adhesion_reach: NotNegative = 0.25  # of the distance, beyond it: how far adhesion pulls

@@ -53,7 +53,9 @@ class Part(BaseModel):
 def friction_is_ordered(part: Any) -> Any:
     """A validator of parts with friction: what slides is not held back by more than what sticks."""
     if part.dynamic_friction > part.static_friction:
-        raise ValueError(f"dynamic_friction: must be at most static_friction, {part.static_friction:g}")
+        raise ValueError(
+            f"dynamic_friction: must be at most static_friction, {part.static_friction:g}; raise static_friction as well"
+        )
     return part
 
 

@@ -64,7 +64,7 @@ class Scene(SceneParts):
         for path, value in changes.items():
             part_name, _, field = path.partition(".")
             if not field or "." in field:
-                raise SceneError(path, value, "must be a dotted path such as grid.rows or method.dt")
+                raise SceneError(path, value, f"the key {path!r} must be a dotted path, such as grid.rows or method.dt")
             kind = self.kinds.get(part_name, part_name)
             if kind not in KINDS:
                 names = [*self.kinds, *(name for name in KINDS if name not in self.kinds)]

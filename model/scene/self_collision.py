@@ -22,7 +22,7 @@ class SelfCollision(Part):
 
     thickness: Positive = 0.01  # m, between two layers; at most the sheet's spacing
     static_friction: NotNegative = 0.3
-    dynamic_friction: NotNegative = 0.2
+    dynamic_friction: NotNegative = 0.2  # at most static_friction
     separation_speed: Positive = 0.5  # m/s
     sweeps: Sweeps = 4  # over all contacts, after each iteration over the constraints
 

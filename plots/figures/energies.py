@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from model.core.energy import energies
+from model.core.energy import energies, keeps
 from model.core.errors import InputError, SceneError
 from model.core.files import read_archive
 from model.scene.scene import Scene
@@ -26,7 +26,7 @@ CURVES = (
     ("kinetic", "kinetic", ORANGE, "-"),
     ("spring", "in the springs", BLUE, "--"),
     ("gravity", "in gravity (0 at the start's top row)", GREEN, "-."),
-    ("conserved", "2 x kinetic + potential, which the step conserves", PURPLE, ":"),
+    ("conserved", "2 x kinetic + potential, which the step {keeps}", PURPLE, ":"),
 )
 
 
@@ -84,7 +84,7 @@ def energy_drawing(record: EnergyRecord) -> Drawing:
         if name in ("spring", "gravity") and np.abs(values).max() <= 1e-12 * largest:
             continue
         marker = "o" if len(record.time) == 1 else None
-        ax.plot(record.time, values, line, color=colour, label=label, marker=marker)
+        ax.plot(record.time, values, line, color=colour, label=label.format(keeps=keeps(record.scene)), marker=marker)
     ax.axhline(0, color=GREY, linewidth=0.8, zorder=1)
     ax.set_xlabel("time / s")
     ax.set_ylabel("energy / J")
@@ -97,13 +97,14 @@ def energy_drawing(record: EnergyRecord) -> Drawing:
     return Drawing(figure, "Energies over time", caption)
 
 
-def draw_energies(trajectory: str | Path, out: str | Path) -> Path:
-    """Draw a trajectory's energies to `out` (.png, .svg or .pdf, in an existing folder). Raises InputError."""
+def draw_energies(trajectory: str | Path | EnergyRecord, out: str | Path) -> Path:
+    """Draw the energies of a trajectory, or those read of one, to `out` (.png, .svg or .pdf, in an existing folder). Raises
+    InputError."""
     path = Path(out)
     if path.suffix.lower() not in (".png", ".svg", ".pdf"):
         raise InputError(f"{path}: a figure is a .png, .svg or .pdf file; name it so")
     if not path.parent.is_dir():
         raise InputError(f"{path.parent}: no such folder; make it first, or give another path")
-    record = read_energies(trajectory)
+    record = trajectory if isinstance(trajectory, EnergyRecord) else read_energies(trajectory)
     with settings():
         return save(energy_drawing(record), path.parent, path.stem, suffixes=(path.suffix[1:],))[0]

@@ -45,6 +45,7 @@ def test_a_file_gets_tables_and_sentences_unfolded() -> None:
     lines = printed(80, terminal=False).splitlines()
     assert [line.strip() for line in lines].count(SENTENCE.strip()) == 3
     assert len(lines) == 3 + 1 + len(ROWS), "title, what is said below, a sentence; the heads; a line a row"
+    assert all(line == line.rstrip() for line in lines if "sentence" not in line)
     assert [line.split() for line in lines[2:5]] == [" ".join(row).split() for row in ROWS]
 
 

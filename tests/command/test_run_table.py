@@ -9,6 +9,8 @@ import pytest
 from rich.console import Console
 
 from app.command.tables import print_report
+from model.core.energy import keeps
+from model.scene.scene import load_scene
 
 
 @pytest.mark.parametrize(
@@ -25,3 +27,16 @@ def test_an_energy_is_told_by_its_name(integrator: str, told: str) -> None:
     text = io.StringIO()
     print_report(Console(file=text), report | {"conserved": 7.0 if integrator == "lab" else 5.0, "error": None}, [])
     assert re.search(told, text.getvalue())
+
+
+@pytest.mark.parametrize(
+    "changes, told",
+    [
+        ({}, "would conserve without damping"),
+        ({"damping.coefficient": 0.0}, "conserves"),
+        ({"damping.coefficient": 0.0, "external.magnitude": 0.1}, "would conserve if nothing acted on it"),
+    ],
+)
+def test_an_energy_is_conserved_where_nothing_takes_or_gives_any(changes: dict[str, float], told: str) -> None:
+    """A damper takes energy, a random force gives some; one of magnitude 0 is not there."""
+    assert keeps(load_scene("lab-grid").replace(changes)) == told

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -12,6 +13,7 @@ import pytest
 
 from app.driver import open_simulation
 from app.plan.report import PlanReport, flatten, plan_report
+from app.plan.table import overhead_lines
 from model.core.errors import BackendUnavailable, SceneError
 from model.core.plan import Executor, Node, Plan, Stage
 from model.mass_spring.plan import mass_spring_plan
@@ -110,6 +112,17 @@ def test_every_stage_is_measured(monkeypatch: pytest.MonkeyPatch) -> None:
     assert cpu.step is not None and cpu.step > 0 and report.as_dict()["backends"]["cpu"]["step_seconds"] == cpu.step
     shares = [row["seconds_share"]["cpu"] for row in report.as_dict()["stages"] if not row["branch"]]
     assert sum(shares) == pytest.approx(1)
+
+
+@pytest.mark.parametrize("empty, lines", [(0.4, 0), (0.6, 1)])
+def test_shares_of_overhead_are_told(empty: float, lines: int) -> None:
+    """Where a stage that does nothing takes more than half of the longest one, here 1 s a run."""
+    report = plan_report(grid(8, 8), backends=("cpu",))
+    for row in report.rows:
+        if row.stage:
+            row.seconds["cpu"] = row.runs * (1.0 if row.name == "damping" else 0.1)
+    report = replace(report, backends=tuple(replace(one, empty=empty) for one in report.backends))
+    assert len(overhead_lines(report)) == lines
 
 
 def test_a_stage_that_does_more_takes_longer(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -77,11 +77,11 @@ def test_a_divergence_is_told_once_and_is_exit_status_1():
 @pytest.mark.parametrize(
     "arguments, said",
     [
-        (["--ranks", "33"], "at most 32"),
+        pytest.param(["--ranks", "33"], "at most 32", marks=needs_mpi),
         (["--ranks", "0"], "at least 1"),
         (["--ranks", "2", "--backend", "gpu"], "--gpus"),
         (["--gpus", "2"], "--backend gpu"),
-        (["--ranks", "2", "--exchange-every", "17"], "at most 16"),
+        pytest.param(["--ranks", "2", "--exchange-every", "17"], "at most 16", marks=needs_mpi),
         (["--ranks", "2", "--render", "clip.mp4"], "--ranks 1"),
         (["--gpus", "2", "--backend", "gpu", "--link", "string"], "flags, peer, nccl"),
     ],

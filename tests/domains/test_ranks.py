@@ -163,11 +163,11 @@ def test_a_cloth_has_the_bits_of_one(name, integrator, halo):
 @pytest.mark.parametrize(
     "name, changes, said",
     [
-        ("cloth-mesh", {}, "no position-based mesh; use 1"),
+        ("cloth-mesh", {}, "a position-based mesh is not shared"),
         ("cloth-flamenco", {}, "pins anywhere"),
         ("cloth-self", {}, "meet from anywhere"),
         ("jelly-block", {}, "1 body is never cut; use 1"),
-        ("dam-break", {}, "no fluid; use 1"),
+        ("dam-break", {}, "a fluid is not shared"),
         ("fem-cantilever", {}, "1 body is never cut; use 1"),
         ("cloth-twist", {}, "moves pins"),
         ("cloth-hanging", {"external.magnitude": 0.1}, "not shared"),

@@ -72,7 +72,7 @@ def test_only_members_of_different_families_meet() -> None:
             {"grid": {"rows": 3, "columns": 3}},
             r"grid\.kind = 'grid': does not go with a world of bodies and tetrahedra",
         ),
-        ({"cloth": {"rows": 3, "columns": 3}}, r"cloth\.kind = 'cloth': does not go with a world"),
+        ({"cloth": {"rows": 3, "columns": 3}}, r"cloth\.kind = 'cloth'.*kind = \"mesh\" with shape = \"sheet\""),
         ({"springs": {}}, r"springs\.kind"),
         ({"self_collision": {}}, r"self_collision\.kind"),
         ({"wind": {}}, r"wind\.kind = 'wind': blows on a cloth alone"),

@@ -99,6 +99,18 @@ class Situation:
 Cause = Callable[[Situation], Diagnosis | None]
 
 
+def beyond_numbers(at: Situation) -> Diagnosis | None:
+    """The squared frequency of a spring, its stiffness over a mass, is no finite number: every integrator's limit is 0."""
+    if at.limit > 0 or at.scene.method.position_based or at.other[1] > 0:
+        return None
+    sheet = at.scene.name_of("grid", "cloth", default="grid")
+    return Diagnosis(
+        f"stiffness over mass is beyond the numbers of a computer here, so that no step size holds; {sheet}.mass is "
+        f"{at.scene.grid.mass:g} kg",
+        "use a larger mass, or less stiffness",
+    )
+
+
 def no_step_size(at: Situation) -> Diagnosis | None:
     """The integrator grows at any step size: explicit Euler without a damper."""
     if at.limit > 0:
@@ -153,6 +165,7 @@ def violent_forces(at: Situation) -> Diagnosis:
 
 
 CAUSES: dict[str, Cause] = {
+    "beyond numbers": beyond_numbers,
     "no step size": no_step_size,
     "stiffness ratio": stiffness_ratio,
     "explicit limit": over_the_limit,
@@ -184,8 +197,8 @@ def refusal(scene: Scene) -> UnstableTimeStep | None:
     at = Situation(scene, limit)
     if not at.over:
         return None
-    ratio = stiffness_ratio(at)
-    clauses = (ratio.cause, ratio.remedy) if ratio else ()
+    found = beyond_numbers(at) or stiffness_ratio(at)
+    clauses = (found.cause, found.remedy) if found else ()
     return UnstableTimeStep(at.dt, limit, at.integrator, *clauses)
 
 
