@@ -67,7 +67,7 @@ MAIN = (
     "references",
 )
 OWN_PAGE = ("answer", "gpu-design")  # begin on a new one
-NOT_PRINTED = ("hard-states",)  # figures for who runs the hard cases: a page of small pictures
+NOT_PRINTED = ("hard-states", "fluids-phases")  # figures for who runs the hard cases, or tunes a fluid
 OPTIONAL = ("fluids-rate", "hard-tetrahedra")  # claims whose paragraph stands only where they were measured
 FLUSHED = ("references",)  # begin when every figure before them is placed
 APPENDIX = ("rungs", "threads", "gpus", "findings", "cloth", "bodies")
