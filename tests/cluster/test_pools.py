@@ -81,11 +81,12 @@ def test_a_dask_worker_that_is_gone_is_replaced(tmp_path: Path) -> None:
 
 
 SBATCH = """#!/bin/sh
-for file; do :; done  # the last one
+for file; do :; done  # the last one, of which Slurm keeps a copy: it is moved away as soon as this ends
 cp "$file" {folder}/handed.sh
 echo "$file" >> {folder}/files
 number=$(wc -l < {folder}/files)
-SLURM_JOB_ID=$number SLURM_JOB_NODELIST=here sh "$file" > {folder}/out 2>&1 &
+cp "$file" {folder}/job$number.sh
+SLURM_JOB_ID=$number SLURM_JOB_NODELIST=here sh {folder}/job$number.sh > {folder}/out 2>&1 &
 echo "Submitted batch job $number"
 """
 SACCT = """#!/bin/sh
