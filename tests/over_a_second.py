@@ -108,8 +108,6 @@ test_restitution.py test_a_cloth_bounces_off_all_kinds?cpu?
 test_rotation.py test_it_is_the_rotation_of_the_singular_value_decomposition?random*
     test_it_is_the_rotation_of_the_singular_value_decomposition?rigid-*
 test_shapes.py test_every_shape_is_a_body?octopus-coarsest?
-test_shared_bodies.py test_a_catalogue_scene*
-test_shared_tetrahedra.py *1_000_steps*
 test_shared_projections.py test_ranks*small-steps*-8-4?
 test_simulated_domains.py test_a_cloth_of_constraints_has_the_bits_of_the_cpu?changes0-peer?
 test_simulated_fluid.py test_it_is_the_judges_and_stage_by_stage_the_same_bits?cup?
