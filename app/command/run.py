@@ -197,8 +197,9 @@ def _advance(
     simulation: Simulation, steps: int, keepers: Sequence[Keeper], progress: bool
 ) -> tuple[float, Diverged | None]:
     """Seconds of stepping alone, and the divergence that ended it, if any. `keepers` keep states as it goes on."""
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+    from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
+
+    from app.output.bar import Bar
 
     columns = (TextColumn("stepping"), BarColumn(), MofNCompleteColumn(), TextColumn("steps"), TimeRemainingColumn())
     done, seconds, batch = 0, 0.0, MIN_INTERVAL
@@ -218,9 +219,7 @@ def _advance(
                 batch = max(1, min(round(now * PROGRESS_SECONDS / took), 2**31))
             if progress and took > 0:
                 if shown is None and seconds / done * (steps - done) > 1:
-                    console = Console(stderr=True)
-                    hidden = not console.is_interactive  # of a file it would leave an empty line
-                    shown = Progress(*columns, console=console, disable=hidden, transient=True)
+                    shown = Bar(*columns)
                     shown.start()
                     task = shown.add_task("stepping", total=steps)
                 if shown is not None:

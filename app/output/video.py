@@ -232,13 +232,12 @@ def _write_clip(
 
 
 def _progress_bar(name: str, total: int) -> tuple[Any, Any]:
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+    from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
+
+    from app.output.bar import Bar
 
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TextColumn("frames"))
-    console = Console(stderr=True)
-    hidden = not console.is_interactive  # of a file it would leave an empty line
-    bar = Progress(*columns, TimeRemainingColumn(), console=console, disable=hidden, transient=True)
+    bar = Bar(*columns, TimeRemainingColumn())
     return bar, bar.add_task(f"drawing {name}", total=total)
 
 

@@ -10,9 +10,9 @@ from collections.abc import Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from typing import Any
 
-from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.progress import BarColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
+from app.output.bar import Bar
 from model.core.disk_cache import user_cache
 from model.core.errors import InputError
 from model.core.files import replacing
@@ -51,15 +51,13 @@ class Whole:
         return f"{self.name}, {list(self.expected).index(self.at) + 1} of {len(self.expected)}: {self.at}"
 
 
-class Bars(Progress):
-    """A rich.progress.Progress that also shows the whole which it is a part of, and what is compiled meanwhile."""
+class Bars(Bar):
+    """A bar that also shows the whole which it is a part of, and what is compiled meanwhile."""
 
     def __init__(self, show: bool):
         self.whole, self.whole_task = Whole.current, None  # first: `Progress` asks for what to show at once
         columns = (TextColumn("{task.description}"), BarColumn(None), TimeElapsedColumn(), TimeRemainingColumn())
-        console = Console(stderr=True)
-        hidden = not (show and console.is_interactive)  # of a file each bar would leave an empty line
-        super().__init__(*columns, console=console, disable=hidden, transient=True)
+        super().__init__(*columns, show=show)
         self.watching = ExitStack()
         if self.whole:
             self.whole_task = super().add_task(str(self.whole), total=sum(self.whole.expected.values()) or 1)

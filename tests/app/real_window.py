@@ -10,7 +10,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import pytest
 
@@ -57,6 +57,21 @@ class Window:
             self.process = subprocess.Popen(
                 [sys.executable, "-c", code], cwd=folder, env=self.environment, stdout=log, stderr=subprocess.STDOUT
             )
+
+    def __enter__(self) -> Self:
+        """Once its first frames are drawn, with the pointer in it: the keyboard follows that where no window manager runs."""
+        try:
+            self.wait("the first frames", lambda state: state["frame"] > 3)
+            self.xdotool("mousemove", 5, 700)
+        except BaseException:
+            self.__exit__()
+            raise
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self.process.poll() is None:
+            self.process.kill()
+        self.process.wait(timeout=10)
 
     def state(self) -> dict[str, Any]:
         return json.loads(self.state_file.read_text()) if self.state_file.exists() else {}

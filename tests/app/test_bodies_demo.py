@@ -108,10 +108,7 @@ def test_the_keys_of_bodies_are_told() -> None:
 def test_window_shows_particles_and_skins_and_pulls_a_particle(tmp_path: Path, display: str) -> None:  # noqa: F811
     from PIL import Image
 
-    window = StillWindow(tmp_path, display, beams_and_torus(gravity={"enabled": False}))
-    try:
-        window.wait("the first frames", lambda state: state["frame"] > 3)
-        window.xdotool("mousemove", 5, 700)
+    with StillWindow(tmp_path, display, beams_and_torus(gravity={"enabled": False})) as window:
         window.key("n")
         window.key("m")
         window.key("i")
@@ -140,6 +137,3 @@ def test_window_shows_particles_and_skins_and_pulls_a_particle(tmp_path: Path, d
         strong = picture[picture.sum(axis=2) > 0.3]
         alike = np.abs(strong / strong.sum(axis=1, keepdims=True) - torus / torus.sum()).max(axis=1) < 0.03
         assert alike.sum() > 500
-    finally:
-        window.process.kill()
-        window.process.wait(timeout=10)

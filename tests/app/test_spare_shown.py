@@ -229,9 +229,10 @@ def test_what_waits_is_neither_picked_nor_selected(demo: Demo) -> None:
 @pytest.mark.display
 @needs_display
 def test_keys_of_the_window_drop_over_the_pointer_and_take_out(tmp_path: Path, display: str) -> None:  # noqa: F811
-    window = StillWindow(tmp_path, display, beams_and_torus(gravity={"enabled": False}, torus=TORUS | {"spare": 2}))
-    try:
-        window.wait("the first frames", lambda state: state["frame"] > 3 and state["waiting"] == 2)
+    with StillWindow(
+        tmp_path, display, beams_and_torus(gravity={"enabled": False}, torus=TORUS | {"spare": 2})
+    ) as window:
+        window.wait("bodies to come", lambda state: state["waiting"] == 2)
         window.xdotool("mousemove", 300, 400)
         window.key("d")
         state = window.wait("a body", lambda state: state["waiting"] == 1)
@@ -250,6 +251,3 @@ def test_keys_of_the_window_drop_over_the_pointer_and_take_out(tmp_path: Path, d
         assert state["message"] == "beam taken out: 4 bodies, 1 waiting" and state["selected"] is None
         window.key("r")
         window.wait("as at the start", lambda state: state["waiting"] == 2)
-    finally:
-        window.process.kill()
-        window.process.wait(timeout=10)

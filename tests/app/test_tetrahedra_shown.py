@@ -179,10 +179,7 @@ def test_colours_are_those_of_the_legend() -> None:
 @pytest.mark.display
 @needs_display
 def test_window_keys_change_looks_and_material(tmp_path: Path, display: str) -> None:  # noqa: F811
-    window = StillWindow(tmp_path, display, scene())
-    try:
-        window.wait("the first frames", lambda state: state["frame"] > 3)
-        window.xdotool("mousemove", 5, 700)
+    with StillWindow(tmp_path, display, scene()) as window:
         for key, name, shown in (("o", "colouring", COLOURINGS[1]), ("k", "skin", False), ("o", "colouring", COLOURINGS[2]),
                                  ("l", "lines", True), ("l", "lines", False), ("o", "colouring", COLOURINGS[0])):  # fmt: skip
             window.key(key)
@@ -196,6 +193,3 @@ def test_window_keys_change_looks_and_material(tmp_path: Path, display: str) -> 
             window.wait(message, lambda state, message=message: state["message"] == f"{message}, state carried over")
         window.key("r")
         window.wait("a restart", lambda state: state["message"].startswith("restarted"))
-    finally:
-        window.process.kill()
-        window.process.wait(timeout=10)

@@ -97,15 +97,8 @@ def test_the_keys_of_space_are_told() -> None:
 
 @pytest.fixture(scope="module")
 def cloth_window(tmp_path_factory: pytest.TempPathFactory, display: str) -> Iterator[StillWindow]:  # noqa: F811
-    shown = StillWindow(tmp_path_factory.mktemp("cloth"), display, Scene(HANGING))
-    try:
-        shown.wait("the first frames", lambda state: state["frame"] > 3)
-        shown.xdotool("mousemove", 5, 700)  # the keyboard follows the pointer where no window manager runs
+    with StillWindow(tmp_path_factory.mktemp("cloth"), display, Scene(HANGING)) as shown:
         yield shown
-    finally:
-        if shown.process.poll() is None:
-            shown.process.kill()
-        shown.process.wait(timeout=10)
 
 
 @pytest.mark.display

@@ -16,15 +16,8 @@ from real_window import PATIENCE, Window, display, needs_display  # noqa: F401
 
 @pytest.fixture(scope="module")
 def window(tmp_path_factory: pytest.TempPathFactory, display: str) -> Iterator[Window]:  # noqa: F811
-    shown = Window(tmp_path_factory.mktemp("demo"), display)
-    try:
-        shown.wait("the first frames", lambda state: state["frame"] > 3)
-        shown.xdotool("mousemove", 5, 700)  # the keyboard follows the pointer where no window manager runs
+    with Window(tmp_path_factory.mktemp("demo"), display) as shown:
         yield shown
-    finally:
-        if shown.process.poll() is None:
-            shown.process.kill()
-        shown.process.wait(timeout=10)
 
 
 @pytest.fixture
@@ -177,17 +170,11 @@ def test_window_screenshot_is_not_blank_and_h_shows_keys(fresh: Window) -> None:
 @pytest.mark.display
 @needs_display
 def test_window_closes_on_escape(display: str, tmp_path: Path) -> None:  # noqa: F811
-    shown = Window(tmp_path, display)
-    try:
-        shown.wait("the first frames", lambda state: state["frame"] > 3)
+    with Window(tmp_path, display) as shown:
         shown.xdotool("mousemove", 6, 701)
         shown.key("Escape")
         assert shown.process.wait(timeout=PATIENCE) == 0, shown.log.read_text()
         assert shown.state()["closed"]
-    finally:
-        if shown.process.poll() is None:
-            shown.process.kill()
-            shown.process.wait(timeout=10)
 
 
 def test_no_display_is_an_error_with_a_remedy() -> None:

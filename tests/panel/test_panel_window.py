@@ -14,10 +14,7 @@ from app.command.dear_imgui import REMEDY
 @needs_display
 def test_a_dragged_slider_of_the_window_changes_gravity(tmp_path: Path, display: str) -> None:  # noqa: F811
     pytest.importorskip("imgui_bundle", reason=f"the panel needs Dear ImGui: {REMEDY}")
-    window = Window(tmp_path, display)
-    try:
-        window.wait("the first frames", lambda state: state["frame"] > 3)
-        window.xdotool("mousemove", 5, 700)
+    with Window(tmp_path, display) as window:
         window.key("a")
         window.wait("the panel", lambda state: state["panel"] and "gravity.acceleration" in state["panel"])
         left, top, right, bottom = window.frames()["panel"]["gravity.acceleration"]
@@ -49,7 +46,3 @@ def test_a_dragged_slider_of_the_window_changes_gravity(tmp_path: Path, display:
         window.wait("no panel", lambda state: state["panel"] is None)
         window.key("g")
         window.wait("keys that are the scene's again", lambda state: not state["gravity"])
-    finally:
-        if window.process.poll() is None:
-            window.process.kill()
-        window.process.wait(timeout=10)
