@@ -56,9 +56,7 @@ def made(kind: str, axes: int, most: int, real: Any) -> SimpleNamespace:
     for _ in range(2):  # counters must be 0 again
         cells.bound(given[0])
         cells.sort(record, given, into)
-    find = make_density_kernels(
-        real, "exact", frozenset({"flat"} if axes == 2 else ()), repeats, NEIGHBOURS, not repeats
-    ).find
+    find = make_density_kernels(real, "exact", frozenset({"flat"} if axes == 2 else ()), repeats, NEIGHBOURS).find
     table = cells.table, cells.found, cells.beyond
     find[-(-count // 32), 32](into[0], record, cells.sorted_keys, cells.numbers, cells.begins, *table)
     return SimpleNamespace(cells=cells, arrays=arrays, into=into, numbers=cells.numbers.copy_to_host())
