@@ -94,8 +94,6 @@ def open_shared(
 
         return on_ranks(scene, options, MpiRanks(ranks), threads, exchange_every)
     place = BODIES if is_apart(scene) else FLUID if is_in_slabs(scene) else LINKS[link]
-    if place == FLUID:
-        raise SceneError("--gpus", gpus, "a fluid is shared by --ranks alone yet; leave it out")
     if place in (BODIES, FLUID):
         check_cut(scene, gpus, exchange_every, None if link == USUAL_LINK else link, "--gpus")
     opened: Simulation = named(place)(scene, options, gpus, exchange_every)

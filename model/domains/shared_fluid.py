@@ -149,8 +149,10 @@ class SharedFluid(WindowedSimulation):
 
     def _multipliers(self) -> np.ndarray:
         rows = []
-        for window, (places, number) in zip(self.windows, self._last, strict=True):
-            rows.append(np.stack([number, window.multipliers_at(places)], axis=1).astype(np.float64))
+        for place, (places, number) in enumerate(self._last):
+            with self._at(place):
+                found = self.windows[place].multipliers_at(places)
+            rows.append(np.stack([number, found], axis=1).astype(np.float64))
         if not len(self.exchange.gather(np.concatenate(rows))):  # before the first substep
             return np.zeros(len(self.body.position), self.real)
         return self._gather(rows)[:, 0].astype(self.real)
