@@ -162,11 +162,6 @@ class SlabsPlan:
         """How much faster all are than one at most: particles over what the fullest share computes."""
         return float(self.counts[:, 0].sum() / self.counts[:, 1].max())
 
-    def ends(self, share: int) -> tuple[float, float]:
-        """[m]: where its slab ends; the first and the last one's outer end is infinite."""
-        found = [-float("inf"), *self.slabs.bounds.tolist(), float("inf")]
-        return found[share], found[share + 1]
-
     def as_dict(self) -> dict[str, Any]:
         """For `--json`."""
         return {
@@ -188,7 +183,7 @@ class SlabsPlan:
             "exchanged every substep, as it starts:"
         ]
         for share, (owned, held, _) in list(enumerate(self.counts))[:LINES]:
-            low, high = self.ends(share)
+            low, high = slabs.ends(share)
             place = [f"from {low:.3g} m" * (share > 0), f"to {high:.3g} m" * (share + 1 < slabs.count)]
             told = f"holds {number(held)} ({readable(int(held) * self.particle_bytes)} a state)"
             lines.append(
@@ -206,12 +201,11 @@ class SlabsPlan:
 def _slabs_plan(scene: Scene, gpus: int, exchange_every: int | None, item: int, particle_bytes: int) -> SlabsPlan:
     slabs = slabs_at_start(scene, gpus, exchange_every, "--gpus")
     along = scene.fluid_set.position[:, slabs.axis]
-    owners, counts = slabs.owners(along), np.zeros((gpus, 3), np.int64)
+    owned, counts = [slabs.owned(along, share) for share in range(gpus)], np.zeros((gpus, 3), np.int64)
     for share in range(gpus):
-        held = slabs.held(along, owners, share)
-        counts[share, :2] = (owners == share).sum(), held.sum()
-        sent = owners[held & (owners != share)]
-        counts[:, 2] += np.bincount(sent, minlength=gpus)
+        held = slabs.held(along, share)
+        counts[share, :2] = owned[share].sum(), held.sum()
+        counts[:, 2] += [(own & held).sum() if other != share else 0 for other, own in enumerate(owned)]
     real = {4: np.float32, 8: np.float64}[item]
     return SlabsPlan(slabs, counts, scene.method.substeps, particle_bytes, bytes_each(real, scene.dimensions))
 

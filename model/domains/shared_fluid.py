@@ -16,6 +16,7 @@ from model.domains.windows import WindowedSimulation
 from model.scene.scene import Scene
 
 BALANCED_EVERY = 64  # steps
+NOTHING = np.zeros(0, np.uint8)
 PREDICTED, LAST = "predict", "limit velocities"  # stages: where the box of all is asked for, where owners send
 
 
@@ -54,19 +55,24 @@ class SharedFluid(WindowedSimulation):
 
     def _send(self, slabs: Slabs, last: bool = False) -> None:
         """What each owns to all that hold it by these slabs; `last`: right after a substep."""
-        messages = []
+        messages, kept = [], []
         for place, (number, values) in enumerate(self._each(lambda window: window.particles())):
-            own = np.flatnonzero(self._owned[place][number])
-            number, values = number[own], values[:, own]
+            own, along, sent = self._owned[place][number], values[slabs.axis], []
             if last:
-                self._last[place] = own, number
-            along = values[slabs.axis]
-            owners = slabs.owners(along)
-            held = [slabs.held(along, owners, share) for share in range(slabs.count)]
-            messages.append([_packed(number[some], values[:, some]) for some in held])
+                self._last[place] = np.flatnonzero(own), number[own]
+            for share in range(slabs.count):
+                some = np.flatnonzero(own & slabs.held(along, share))
+                found = number[some], values.take(some, axis=1)
+                stays = share == self.mine[place]
+                if stays:
+                    kept.append(found)
+                sent.append(NOTHING if stays else _packed(*found))
+            messages.append(sent)
         self.slabs = slabs
         for place, came in enumerate(self.exchange.swap(messages)):
-            self._hold(place, *_unpacked(came, self.real, self.scene.dimensions))
+            parts = [kept[place], *(_unpacked(message, self.real, self.scene.dimensions) for message in came)]
+            numbers, values = zip(*parts, strict=True)
+            self._hold(place, np.concatenate(numbers), np.concatenate(values, axis=1))
 
     def _hold(self, place: int, number: np.ndarray, values: np.ndarray) -> None:
         with self._at(place):
@@ -77,7 +83,7 @@ class SharedFluid(WindowedSimulation):
         """Own, of what a window holds, what lies in its slab."""
         owned = self._owned[place]
         owned[:] = False
-        owned[number[self.slabs.owners(values[self.slabs.axis]) == self.mine[place]]] = True
+        owned[number[self.slabs.owned(values[self.slabs.axis], self.mine[place])]] = True
 
     def _gather(self, rows: Sequence[np.ndarray]) -> np.ndarray:
         """(particles, n): of each window's rows, whose first column is a particle's number, those of all, by number."""
@@ -141,10 +147,8 @@ class SharedFluid(WindowedSimulation):
     def _upload(self, position: np.ndarray, velocity: np.ndarray) -> None:
         self.slabs = slabs_of(self.scene, position, self.slabs.count, fluid_halo_of(self.scene))
         values = np.ascontiguousarray(np.hstack([position, velocity]).T)
-        along = values[self.slabs.axis]
-        owners = self.slabs.owners(along)
         for place, share in enumerate(self.mine):
-            number = np.flatnonzero(self.slabs.held(along, owners, share)).astype(np.int32)
+            number = np.flatnonzero(self.slabs.held(values[self.slabs.axis], share)).astype(np.int32)
             self._hold(place, number, values[:, number])
 
     def _multipliers(self) -> np.ndarray:
@@ -179,14 +183,10 @@ def _packed(number: np.ndarray, values: np.ndarray) -> np.ndarray:
     return np.concatenate([np.ascontiguousarray(one).reshape(-1).view(np.uint8) for one in (number, values)])
 
 
-def _unpacked(messages: Sequence[np.ndarray], real: Any, axes: int) -> tuple[np.ndarray, np.ndarray]:
-    """(numbers (n,), values (2 x axes, n)) of all of them."""
-    each, numbers, values = bytes_each(real, axes), [], []
-    for message in messages:
-        end = np.dtype(np.int32).itemsize * (len(message) // each)
-        numbers.append(message[:end].copy().view(np.int32))
-        values.append(message[end:].copy().view(real).reshape(2 * axes, -1))
-    return np.concatenate(numbers), np.concatenate(values, axis=1)
+def _unpacked(message: np.ndarray, real: Any, axes: int) -> tuple[np.ndarray, np.ndarray]:
+    """(numbers (n,), values (2 x axes, n))."""
+    end = np.dtype(np.int32).itemsize * (len(message) // bytes_each(real, axes))
+    return message[:end].view(np.int32), message[end:].view(real).reshape(2 * axes, -1)
 
 
 def bytes_each(real: Any, axes: int) -> int:

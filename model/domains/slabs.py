@@ -30,16 +30,21 @@ class Slabs:
         """How many shares."""
         return len(self.bounds) + 1
 
-    def owners(self, along: np.ndarray) -> np.ndarray:
-        """Of coordinates along the axis, the share of each; of what is no number the last one."""
-        return np.searchsorted(self.bounds, along, side="right")
+    def ends(self, share: int) -> tuple[float, float]:
+        """[m]: where a slab begins and ends; of the first and the last one the outer end is infinite."""
+        found = [-float("inf"), *self.bounds.tolist(), float("inf")]
+        return found[share], found[share + 1]
 
-    def held(self, along: np.ndarray, owners: np.ndarray, share: int) -> np.ndarray:
-        """Whether a share needs them: what it owns, and its halo."""
-        ends = np.concatenate([[-np.inf], self.bounds, [np.inf]])
-        low, high = ends[share] - self.halo, ends[share + 1] + self.halo
-        near: np.ndarray = (owners == share) | ((along >= low) & (along <= high))
-        return near
+    def owned(self, along: np.ndarray, share: int) -> np.ndarray:
+        """(n,) bool: which of coordinates along the axis lie in a slab; what is no number lies in the last one."""
+        low, high = self.ends(share)
+        beyond = ~(along < low) if share else np.ones(len(along), bool)
+        return beyond & (along < high) if share + 1 < self.count else beyond
+
+    def held(self, along: np.ndarray, share: int) -> np.ndarray:
+        """(n,) bool: which of them lie in its slab or its halo; what is no number lies in all."""
+        low, high = self.ends(share)
+        return ~((along < low - self.halo) | (along > high + self.halo))
 
 
 def fluid_halo_of(scene: Scene) -> float:
