@@ -9,16 +9,33 @@ import numba
 import numpy as np
 
 from cpu_backend.fluid.cells import AXES, BOX
+from cpu_backend.fluid.quads import LANES
 from cpu_backend.fluid.solver import Fluid
-from model.core.plan import Moment
+from model.core.plan import Executor, Moment
+
+SPARE = 1.25  # of the room for particles, where more are to be held than there was room for
 
 
 class FluidWindow(Fluid):
-    """See model/domains/shared_fluid.py. Arrays have room for all of the scene's particles."""
+    """See model/domains/shared_fluid.py. Arrays have room for what it held so far, and some more; the table of cells is that
+    of all, which decides how wide they are."""
 
     def _allocate(self) -> None:
-        self._held = np.full(1, self._particles, np.int64)
+        self._particles, self._held = LANES, np.zeros(1, np.int64)
         super()._allocate()
+
+    def _grow(self, count: int) -> None:
+        """Make room for so many particles; what is left is what was put aside, and what the last substep told."""
+        kept, missed, multiplier = self._kept, self._missed, self._world[4][2]
+        self._particles = min(int(SPARE * count), len(self.body.position))
+        room = self._room
+        super()._allocate()
+        self._missed[:], self._world[4][2][:room] = missed, multiplier[:room]
+        for array, old in zip(self._kept, kept, strict=True):
+            for plane in range(len(old) // room):
+                array[plane * self._room :][:room] = old[plane * room :][:room]
+        self._kept[-1][:] = kept[-1]
+        self._executor = Executor(self.plan, self._stages())
 
     @property
     def _now(self) -> tuple[np.ndarray, ...]:
@@ -56,6 +73,8 @@ class FluidWindow(Fluid):
     def hold(self, number: np.ndarray, values: np.ndarray) -> None:
         """Take those in the place of all that were there."""
         count, axes = len(number), self.scene.dimensions
+        if count > self._particles:
+            self._grow(count)
         self._held[0], self._state[2][:count] = count, number
         self._state[3][:count] = self.scene.fluid_set.fluid[number]
         for array, some in zip(self._planes, (values[:axes], values[axes:]), strict=True):
@@ -67,8 +86,15 @@ class FluidWindow(Fluid):
         return [array[: axes * room].reshape(axes, room) for array in self._state[:2]]
 
     def _upload(self, position: np.ndarray, velocity: np.ndarray) -> None:
-        self._held[0] = self._particles
-        super()._upload(position, velocity)
+        """Nobody: what is in a slab and near it is `held`."""
+        self._held[0] = 0
+
+    def _places(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, int]:
+        return self._state[0], self._state[1], np.argsort(self._state[2][: self.there]), self._room
+
+    def _first_diverged(self) -> int:
+        found = super()._first_diverged()
+        return found if found < 0 else int(np.sort(self._state[2][: self.there])[found])
 
     def multipliers_at(self, places: np.ndarray) -> np.ndarray:
         """Of the last substep [m^2], by where particles lay after it."""

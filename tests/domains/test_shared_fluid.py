@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from app.driver import open_simulation
+from cpu_backend.domains import fluid
 from cpu_backend.domains.in_threads import run_in_threads
 from cpu_backend.domains.ranks import on_ranks
 from model.core.errors import Diverged, SceneError
@@ -123,14 +124,32 @@ def driven(simulation: Any) -> tuple[State, np.ndarray]:
         return simulation.state(), pressure
 
 
-def test_what_is_done_to_a_fluid_reaches_its_shares() -> None:
-    """A force on a particle, gravity and the step size, which widens halos; what is put aside and loaded; pressures."""
+def test_what_is_done_to_a_fluid_reaches_its_shares(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A force on a particle, gravity and the step size, which widens halos; what is put aside and loaded; pressures. Windows
+    have no room to spare, so that it is made anew on the way."""
+    monkeypatch.setattr(fluid, "SPARE", 1.0)
     scene, live = dam(water__size=[1.0, 0.1]), frozenset({"poke", "gravity", "dt"})
     options = Options(math="exact", live=live)
     wanted, pressure = driven(open_simulation(scene, threads=1, math="exact", live=live))
     for found, told in run_in_threads(2, lambda ranks: driven(on_ranks(scene, options, ranks, 1)), patience=60):
         same(found, wanted)
         assert told.tobytes() == pressure.tobytes()
+
+
+def test_a_window_has_room_for_its_share() -> None:
+    """Of 64 columns it holds half and those of the halo, two supports and a half or 3 columns, and what is spare. When
+    room is made, what the last substep told stays."""
+
+    def room(ranks: Any) -> int:
+        with on_ranks(dam(water__size=[3.2, 0.1]), Options(), ranks, 1) as simulation:
+            (window,), room = simulation.windows, simulation.windows[0]._particles
+            simulation.advance(1)
+            told = simulation._multipliers()
+            window._grow(room + 8)
+            assert told.any() and np.array_equal(simulation._multipliers(), told)
+            return room
+
+    assert max(run_in_threads(2, room, patience=60)) <= fluid.SPARE * 2 * (32 + 3)
 
 
 def test_they_diverge_where_one_does() -> None:
