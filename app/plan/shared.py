@@ -144,7 +144,6 @@ class SlabsPlan:
     substeps: int
     particle_bytes: int
     sent_bytes: int
-    link: Link = NVLINK
 
     @property
     def repeated(self) -> float:
