@@ -10,6 +10,7 @@ from model.core.family import named
 from model.core.options import Options
 from model.core.simulation import Simulation
 from model.domains.launched import launched_ranks
+from model.domains.partitioned import PartitionedBodies, is_partitioned, partitions
 from model.domains.shared_bodies import SharedBodies, bodies_of, division, is_apart
 from model.domains.simulation import DecomposedSimulation, cut, reach_of
 from model.scene.scene import Scene
@@ -21,6 +22,7 @@ LINKS = {  # of GPUs: the class that opens a sheet which they share
 }
 USUAL_LINK = "flags"
 BODIES = "gpu_backend.domains.bodies:GpuBodies"  # which need none
+PARTITIONS = "gpu_backend.domains.partitions:GpuPartitions"  # which know one way alone
 
 
 def check_sharing(backend: str, gpus: int, ranks: int, link: str | None) -> None:
@@ -58,12 +60,17 @@ def check_shareable(scene: Scene, count: int, option: str) -> None:
 def check_cut(scene: Scene, count: int, steps: int | None, link: str | None, option: str) -> None:
     """Raise SceneError where so many cannot share the scene, before anything is opened or started; `steps` between two
     exchanges and `link` None: not said."""
-    if not is_apart(scene):
+    if is_partitioned(scene, count):
+        partitions(scene, count, steps, option)
+        told = "partitions of a mesh are read from the neighbours' memory"
+    elif is_apart(scene):
+        division(scene, count, steps, option)
+        told = "bodies send nothing"
+    else:
         cut(scene, count, steps, option)
         return
-    division(scene, count, steps, option)
     if link is not None:
-        raise SceneError("--link", link, "is for a sheet that is shared by its rows: bodies send nothing; leave it out")
+        raise SceneError("--link", link, f"is for a sheet that is shared by its rows: {told}; leave it out")
 
 
 def open_shared(
@@ -85,7 +92,7 @@ def open_shared(
         return on_ranks(scene, options, MpiRanks(ranks), threads, exchange_every)
     if is_apart(scene):
         check_cut(scene, gpus, exchange_every, None if link == USUAL_LINK else link, "--gpus")
-    place = BODIES if is_apart(scene) else LINKS[link]
+    place = PARTITIONS if is_partitioned(scene, gpus) else BODIES if is_apart(scene) else LINKS[link]
     opened: Simulation = named(place)(scene, options, gpus, exchange_every)
     return opened
 
@@ -99,6 +106,15 @@ def shares(simulation: Simulation) -> dict[str, Any]:
             name: found.count,
             "bodies_each": [share.end - share.first for share in found.shares],
             "balance": found.balance,
+        }
+    if isinstance(simulation, PartitionedBodies):
+        parts = simulation.partitions
+        return {
+            name: parts.count,
+            "exchanges_per_step": parts.mesh.exchanges,
+            "particles_each": [len(part.owned) for part in parts.parts],
+            "repeated_particles": parts.repeated - 1,
+            "balance": parts.balance,
         }
     if not isinstance(simulation, DecomposedSimulation):
         return {}

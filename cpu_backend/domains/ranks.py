@@ -6,45 +6,34 @@ from typing import Any
 
 import numpy as np
 
-from cpu_backend.core.simulation import RowsSimulation
 from cpu_backend.core.threads import core_count
+from cpu_backend.domains.halos import Halo, ParticlesHalo, RowsHalo
 from model.core.families import family_of
 from model.core.family import named
 from model.core.options import Options
 from model.core.simulation import Simulation
-from model.domains.decomposition import Border, Decomposition
 from model.domains.exchange import Exchange
+from model.domains.partitioned import PartitionedBodies, is_partitioned, partitions
 from model.domains.shared_bodies import SharedBodies, division, is_apart
 from model.domains.simulation import DecomposedSimulation, cut
 from model.scene.scene import Scene
 
 
 class RankExchange(Exchange):
-    """Of one window in the main memory of a rank. A way of sending says how a message goes to another rank and comes from
-    one: `_send`, `_receive`."""
+    """Of the `halo` of one window, in the main memory of a rank. A way of sending says how a message goes to another rank and
+    comes from one: `_send`, `_receive`."""
 
-    def __init__(self, window: RowsSimulation, decomposition: Decomposition, rank: int):
-        self.window, self.rank, self.decomposition = window, rank, decomposition
-        self._out = [border for border in decomposition.borders if border.source == rank]
-        self._in = [border for border in decomposition.borders if border.target == rank]
-        self._sent = {border.target: self._message(border) for border in self._out}
-        self._received = {border.source: self._message(border) for border in self._in}
-
-    def _message(self, border: Border) -> np.ndarray:
-        planes, columns = 2 * self.window.scene.dimensions, self.decomposition.columns
-        return np.zeros((planes, border.rows, columns), self.window.real)
+    def __init__(self, halo: Halo):
+        self.halo, self.rank = halo, halo.rank
 
     def post(self) -> None:
-        for border in self._out:
-            message = self._sent[border.target]
-            message[...] = self.window.rows(border.from_row, border.rows)
-            self._send(border.target, message)
+        for target in self.halo.sent:
+            self._send(target, self.halo.pack(target))
 
     def wait(self) -> None:
-        for border in self._in:
-            message = self._received[border.source]
-            self._receive(border.source, message)
-            self.window.take_rows(border.to_row, message)
+        for source, message in self.halo.received.items():
+            self._receive(source, message)
+            self.halo.take(source)
         self._finish()
 
     def _send(self, rank: int, message: np.ndarray) -> None:
@@ -65,8 +54,8 @@ class Ranks:
     rank: int
     count: int
 
-    def exchange(self, window: RowsSimulation, decomposition: Decomposition) -> RankExchange:
-        """Between this rank's window and the others'."""
+    def exchange(self, halo: Halo) -> RankExchange:
+        """Between this rank's window, of which it is the halo, and the others'."""
         raise NotImplementedError
 
     def apart(self) -> Exchange:
@@ -90,7 +79,7 @@ class RankSimulation(DecomposedSimulation):
 
     def _connect(self) -> Exchange:
         window: Any = self.windows[0]
-        return self._ranks.exchange(window, self.decomposition)
+        return self._ranks.exchange(RowsHalo(window, self.decomposition, self._ranks.rank))
 
 
 class RankBodies(SharedBodies):
@@ -111,10 +100,31 @@ class RankBodies(SharedBodies):
         return self._ranks.apart()
 
 
+class RankPartitions(PartitionedBodies):
+    """This rank's partition of the meshes of bodies. `threads`: as of RankSimulation."""
+
+    backend = "cpu"
+
+    def __init__(
+        self, scene: Scene, options: Options, ranks: Ranks, threads: str | int = "1x", steps: int | None = None
+    ):
+        self._ranks, self._words = ranks, shared_threads(threads, ranks.count)
+        super().__init__(scene, options, partitions(scene, ranks.count, steps, "--ranks"), [ranks.rank])
+
+    def _open(self, place: int, scene: Scene, options: Options) -> Simulation:
+        return named(family_of(scene).solvers["cpu"])(scene, options, self._words)
+
+    def _connect(self) -> Exchange:
+        window: Any = self.windows[0]
+        return self._ranks.exchange(ParticlesHalo(window, self.partitions, self._ranks.rank))
+
+
 def on_ranks(
     scene: Scene, options: Options, ranks: Ranks, threads: str | int = "1x", steps: int | None = None
-) -> RankSimulation | RankBodies:
+) -> RankSimulation | RankBodies | RankPartitions:
     """This rank's part of a scene, whichever way it is shared. Raises SceneError for one that is not."""
+    if is_partitioned(scene, ranks.count):
+        return RankPartitions(scene, options, ranks, threads, steps)
     return (RankBodies if is_apart(scene) else RankSimulation)(scene, options, ranks, threads, steps)
 
 

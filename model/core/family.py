@@ -13,6 +13,7 @@ from model.core.clock import Clock
 from model.core.plan import Plan
 from model.domains.bodies import Apart
 from model.domains.decomposition import Reach
+from model.domains.partitions import Mesh
 from model.scene.scene import Scene
 
 
@@ -36,6 +37,8 @@ class SolverFamily:
     SceneError for a part that cannot be shared; None: no scene of the family can yet.
     `apart(scene)`: the bodies of a scene in which none acts on another, so that several share them body by body
     (model/domains/bodies.py); raises SceneError for what lets them; None: no scene of the family can yet.
+    `partitions(scene)`: the meshes of a scene, so that more share them than there are bodies (model/domains/partitions.py);
+    raises SceneError as `apart` does; None: no scene of the family can yet.
     """
 
     name: str
@@ -55,6 +58,7 @@ class SolverFamily:
     unknown: str | None = None
     reach: Callable[[Scene], Reach] | None = None
     apart: Callable[[Scene], Apart] | None = None
+    partitions: Callable[[Scene], Mesh] | None = None
 
 
 ANY_SHEET = frozenset({"damping", "gravity", "external", "perturbation", "method"})  # kinds that go with every sheet
