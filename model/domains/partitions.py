@@ -118,7 +118,7 @@ def partition(mesh: Mesh, count: int, option: str) -> Partitions:
     found = _tried(mesh, count)
     if found is None:
         most = next((fewer for fewer in range(count - 1, 1, -1) if _tried(mesh, fewer) is not None), 1)
-        told = f"{len(mesh.weights)} particles are too few: a share would reach beyond its neighbours, or hold all"
+        told = "a substep of a share reads beyond its neighbours, or all (fewer iterations, more substeps read less)"
         raise SceneError(option, count, f"{told}; use at most {most}")
     return found
 
