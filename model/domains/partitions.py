@@ -117,7 +117,13 @@ def partition(mesh: Mesh, count: int, option: str) -> Partitions:
     Raises SceneError, naming the `option`, where a window would reach beyond the neighbours, or hold all."""
     found = _tried(mesh, count)
     if found is None:
-        most = next((fewer for fewer in range(count - 1, 1, -1) if _tried(mesh, fewer) is not None), 1)
+        most, over = (
+            1,
+            count,
+        )  # one goes always, so many do not; windows are walked for a few numbers between, not for all
+        while over - most > 1:
+            middle = (most + over) // 2
+            most, over = (middle, over) if _tried(mesh, middle) is not None else (most, middle)
         told = "a substep of a share reads beyond its neighbours, or all (fewer iterations, more substeps read less)"
         raise SceneError(option, count, f"{told}; use at most {most}")
     return found

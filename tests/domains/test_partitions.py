@@ -153,10 +153,25 @@ def test_a_halo_that_lacks_its_last_layer_is_told_by_the_bits(
     assert not same(in_partitions(scene, 2, 6), wanted)
 
 
+def test_a_bad_vertex_is_told_by_its_number_in_the_whole() -> None:
+    """One of the second share, to all."""
+    scene, bad = bars("turned", method=METHOD), 100
+
+    def program(ranks: Any) -> int:
+        with on_ranks(scene, Options(math="exact"), ranks, 1) as simulation:
+            position, velocity = simulation._download()
+            position[bad] = np.nan
+            simulation._upload(position, velocity)
+            return simulation._first_diverged()
+
+    assert run_in_threads(2, program, patience=60) == [bad, bad]
+
+
 @pytest.mark.parametrize(
     "count, changes, said",
     [
         (8, {}, "beyond its neighbours.*use at most 5"),
+        (1000, {}, "use at most 5"),
         (2, {"method.iterations": 20}, "use at most 1"),
         (2, {"method.solver": "newton"}, "method.solver=xpbd"),
         (2, {"external.magnitude": 1.0}, "a number for each vertex"),
