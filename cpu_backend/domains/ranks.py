@@ -16,6 +16,7 @@ from model.domains.exchange import Exchange
 from model.domains.partitioned import PartitionedBodies, is_partitioned, partitions
 from model.domains.shared_bodies import SharedBodies, division, is_apart
 from model.domains.simulation import DecomposedSimulation, cut
+from model.domains.windows import WindowedSimulation
 from model.scene.scene import Scene
 
 
@@ -63,56 +64,53 @@ class Ranks:
         raise NotImplementedError
 
 
-class RankSimulation(DecomposedSimulation):
-    """This rank's window of a sheet. `threads`: of each rank; `1x`, `2x`, `4x` of its share of the cores, or a number."""
+class OnRanks(WindowedSimulation):
+    """This rank's window, whatever it holds; see model/domains/windows.py."""
 
     backend = "cpu"
+
+    def _join(self, ranks: Ranks, threads: str | int) -> None:
+        self._ranks, self._words = ranks, shared_threads(threads, ranks.count)
+
+    def _open(self, place: int, scene: Scene, options: Options) -> Simulation:
+        return named(family_of(scene).solvers["cpu"])(scene, options, self._words)
+
+
+class RankSimulation(OnRanks, DecomposedSimulation):
+    """This rank's window of a sheet. `threads`: of each rank; `1x`, `2x`, `4x` of its share of the cores, or a number."""
 
     def __init__(
         self, scene: Scene, options: Options, ranks: Ranks, threads: str | int = "1x", steps: int | None = None
     ):
-        self._ranks, self._words = ranks, shared_threads(threads, ranks.count)
+        self._join(ranks, threads)
         super().__init__(scene, options, cut(scene, ranks.count, steps, "--ranks"), [ranks.rank])
-
-    def _open(self, place: int, scene: Scene, options: Options) -> Simulation:
-        return named(family_of(scene).solvers["cpu"])(scene, options, self._words)
 
     def _connect(self) -> Exchange:
         window: Any = self.windows[0]
         return self._ranks.exchange(RowsHalo(window, self.decomposition, self._ranks.rank))
 
 
-class RankBodies(SharedBodies):
+class RankBodies(OnRanks, SharedBodies):
     """This rank's share of bodies that never meet. `threads`: as of RankSimulation."""
-
-    backend = "cpu"
 
     def __init__(
         self, scene: Scene, options: Options, ranks: Ranks, threads: str | int = "1x", steps: int | None = None
     ):
-        self._ranks, self._words = ranks, shared_threads(threads, ranks.count)
+        self._join(ranks, threads)
         super().__init__(scene, options, division(scene, ranks.count, steps, "--ranks"), [ranks.rank])
-
-    def _open(self, place: int, scene: Scene, options: Options) -> Simulation:
-        return named(family_of(scene).solvers["cpu"])(scene, options, self._words)
 
     def _connect(self) -> Exchange:
         return self._ranks.apart()
 
 
-class RankPartitions(PartitionedBodies):
+class RankPartitions(OnRanks, PartitionedBodies):
     """This rank's partition of the meshes of bodies. `threads`: as of RankSimulation."""
-
-    backend = "cpu"
 
     def __init__(
         self, scene: Scene, options: Options, ranks: Ranks, threads: str | int = "1x", steps: int | None = None
     ):
-        self._ranks, self._words = ranks, shared_threads(threads, ranks.count)
+        self._join(ranks, threads)
         super().__init__(scene, options, partitions(scene, ranks.count, steps, "--ranks"), [ranks.rank])
-
-    def _open(self, place: int, scene: Scene, options: Options) -> Simulation:
-        return named(family_of(scene).solvers["cpu"])(scene, options, self._words)
 
     def _connect(self) -> Exchange:
         window: Any = self.windows[0]

@@ -32,6 +32,7 @@ class PullExchange(Exchange):
     def __init__(self, windows: Sequence[Any], messages: Sequence[Any], devices: Sequence[int], columns: int = 1):
         self.windows, self.devices = windows, devices
         self._into = [[one for one in messages if one.target == k] for k in range(len(windows))]
+        self._readers = [[one.target for one in messages if one.source == k] for k in range(len(windows))]
         self._states = [StateUnits(window, columns) for window in windows]
         self._kernels = make_border_kernels(self._states[0].unit)
         self._stepped = [self._event(k) for k in range(len(windows))]
@@ -54,8 +55,8 @@ class PullExchange(Exchange):
         self._record(self._pulled)
         for place, window in enumerate(self.windows):
             with at(self.devices[place]):
-                for border in self._into[place]:  # whom it reads from reads from it
-                    self._await(self._pulled[border.source], window)
+                for reader in self._readers[place]:
+                    self._await(self._pulled[reader], window)
 
     def _pull(self, window: Any, message: Any) -> None:
         """Ask of the window's stream that it reads what the message tells."""

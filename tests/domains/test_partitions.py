@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from test_shared_tetrahedra import BODIES, alone, scene_of
+from test_shared_tetrahedra import BODIES, alone, driven, scene_of
 from test_shared_tetrahedra import METHOD as SHARED
 
 from app.driver import open_simulation
@@ -113,18 +113,9 @@ def test_a_force_on_a_vertex_reaches_every_window_that_holds_it() -> None:
     assert mesh is not None
     poked = int(partition(mesh(scene), 2, "").parts[1].owned[0])
 
-    def driven(simulation: Any) -> State:
-        with simulation:
-            simulation.poke(poked, (0.0, 20.0, 5.0))
-            simulation.advance(2)
-            simulation.set("gravity.enabled", False)
-            simulation.poke(None)
-            simulation.advance(1)
-            return simulation.state()
-
-    wanted = driven(open_simulation(scene, threads=1, precision="float64", math="exact", live=live))
+    wanted = driven(poked, open_simulation(scene, threads=1, precision="float64", math="exact", live=live))
     options = Options("float64", "exact", live=live)
-    for found in run_in_threads(2, lambda ranks: driven(on_ranks(scene, options, ranks, 1)), patience=60):
+    for found in run_in_threads(2, lambda ranks: driven(poked, on_ranks(scene, options, ranks, 1)), patience=60):
         assert same(found, wanted)
 
 
