@@ -13,7 +13,7 @@ from model.core.clock import Clock
 from model.core.plan import Plan
 from model.domains.bodies import Apart
 from model.domains.decomposition import Reach
-from model.domains.partitions import Mesh
+from model.domains.partitions import SharedMesh
 from model.scene.scene import Scene
 
 
@@ -58,7 +58,7 @@ class SolverFamily:
     unknown: str | None = None
     reach: Callable[[Scene], Reach] | None = None
     apart: Callable[[Scene], Apart] | None = None
-    partitions: Callable[[Scene], Mesh] | None = None
+    partitions: Callable[[Scene], SharedMesh] | None = None
 
 
 ANY_SHEET = frozenset({"damping", "gravity", "external", "perturbation", "method"})  # kinds that go with every sheet

@@ -22,7 +22,7 @@ Window = tuple[np.ndarray, np.ndarray]  # particles, elements, both ascending in
 
 
 @dataclass(frozen=True, eq=False)
-class Mesh:
+class SharedMesh:
     """What is shared in parts. `layers` (particles,) int64: of each particle the number of the layer that is never cut, from
     0 on along the bodies, one body after the other; `weights` (particles,) float64: how much work each is; `window(owned)`:
     what a substep of the `owned` (particles,) bool reads; `elements`: how many there are, called `counted`; `bodies`: how
@@ -68,7 +68,7 @@ class Message:
 class Partitions:
     """A `mesh` in `parts`."""
 
-    mesh: Mesh
+    mesh: SharedMesh
     parts: tuple[Part, ...]
 
     @property
@@ -111,7 +111,7 @@ class Partitions:
         return max((len(message.from_places) for message in self.messages), default=0)
 
 
-def partition(mesh: Mesh, count: int, option: str) -> Partitions:
+def partition(mesh: SharedMesh, count: int, option: str) -> Partitions:
     """The mesh in `count` parts of layers, each cut at the border of two that is nearest to where a fair one would be.
 
     Raises SceneError, naming the `option`, where a window would reach beyond the neighbours, or hold all."""
@@ -129,7 +129,7 @@ def partition(mesh: Mesh, count: int, option: str) -> Partitions:
     return found
 
 
-def _tried(mesh: Mesh, count: int) -> Partitions | None:
+def _tried(mesh: SharedMesh, count: int) -> Partitions | None:
     """Those, or None."""
     ends = np.concatenate([[0], np.cumsum(np.bincount(mesh.layers, mesh.weights))])
     cuts = [0]

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from model.domains.partitions import Mesh, Window
+from model.domains.partitions import SharedMesh, Window
 from model.scene.scene import Scene
 from model.tetrahedra.descent import descents
 from model.tetrahedra.partitions import partitions_by
 
 
-def descent_partitions(scene: Scene) -> Mesh:
+def descent_partitions(scene: Scene) -> SharedMesh:
     """The meshes of a scene. Raises SceneError."""
     return partitions_by(scene, descended)
 

@@ -12,7 +12,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from model.domains.partitions import Mesh, Window
+from model.domains.partitions import SharedMesh, Window
 from model.scene.scene import Scene
 from model.tetrahedra.apart import some_tetrahedra, tetrahedra_apart
 from model.tetrahedra.body_set import TetrahedraSet
@@ -22,13 +22,13 @@ from model.tetrahedra.topology import bodies_of_particles, neighbours
 ALIKE = 1e-6  # of a mean edge: vertices so near to each other along a body are of one layer
 
 
-def tetrahedra_partitions(scene: Scene) -> Mesh:
+def tetrahedra_partitions(scene: Scene) -> SharedMesh:
     """Those of a position-based scene. Raises SceneError for what lets bodies act on each other, and what is of all
     vertices."""
     return partitions_by(scene, _projected)
 
 
-def partitions_by(scene: Scene, walk: Callable[[Scene, np.ndarray], Window]) -> Mesh:
+def partitions_by(scene: Scene, walk: Callable[[Scene, np.ndarray], Window]) -> SharedMesh:
     """The same of any solver; `walk(scene, needed)`: what its sweeps read so that the `needed` (particles,) bool are as the
     whole would have them."""
     tetrahedra_apart(scene)
@@ -38,7 +38,7 @@ def partitions_by(scene: Scene, walk: Callable[[Scene, np.ndarray], Window]) -> 
         return walk(scene, _looked_at(scene, owned))
 
     weights = np.bincount(found.tetrahedra.ravel(), minlength=found.particle_count) / 4
-    return Mesh(
+    return SharedMesh(
         layers_of(found), weights, window, len(found.tetrahedra), "tetrahedra", len(found.names), scene.method.substeps,
         "tetrahedra_set", lambda window: some_tetrahedra(found, *window),
     )  # fmt: skip

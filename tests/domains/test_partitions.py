@@ -19,7 +19,7 @@ from model.core.families import family_of
 from model.core.options import Options
 from model.core.state import State
 from model.domains import partitioned
-from model.domains.partitions import Mesh, Window, partition
+from model.domains.partitions import SharedMesh, Window, partition
 from model.scene.scene import Scene, load_scene
 
 LONG = {"shape": {"name": "box", "sides": [3.2, 0.1, 0.1]}}
@@ -126,7 +126,7 @@ def test_a_halo_that_lacks_its_last_layer_is_told_by_the_bits(
     """The walk finds no more than is needed: without the outermost layer of vertices and what touches it, bits differ."""
     scene, cut = bars("turned", method=method), partitioned.partition
 
-    def thinner(mesh: Mesh, count: int, option: str) -> Any:
+    def thinner(mesh: SharedMesh, count: int, option: str) -> Any:
         def window(owned: np.ndarray) -> Window:
             particles, elements = mesh.window(owned)
             layers = mesh.layers[particles]
