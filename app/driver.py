@@ -38,7 +38,8 @@ def open_simulation(
     `scene`: a Scene, a catalogue name or a TOML file. `threads` (cpu): `1x`, `2x`, `4x` the cores, a number, or `auto`: as
     many as cores or one, whichever is quicker now (`threads_reason` says why). `live`:
     what may change while running, of gravity, poke, dt, stiffness, damping; only those parts are compiled to be
-    changeable. `initial`: start from a state. `gpus`: that share the sheet, by its rows, or bodies that never meet;
+    changeable. `initial`: start from a state. `gpus`: that share the sheet, by its rows, bodies that never meet, or the
+    meshes of tetrahedral ones;
     `ranks`: processes of MPI on CPUs that do, of which this is one; every `exchange_every` steps those of a sheet tell each
     other of their borders (None: as suits).
     `link`: how GPUs do, `flags` (into each other's memory, kernels wait for kernels), `peer` (from it) or `nccl` (also where

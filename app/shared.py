@@ -10,6 +10,7 @@ from model.core.family import named
 from model.core.options import Options
 from model.core.simulation import Simulation
 from model.domains.launched import launched_ranks
+from model.domains.partitioned import PartitionedBodies, is_partitioned, partitions
 from model.domains.shared_bodies import SharedBodies, bodies_of, division, is_apart
 from model.domains.shared_fluid import SharedFluid
 from model.domains.simulation import DecomposedSimulation, cut, reach_of
@@ -22,7 +23,8 @@ LINKS = {  # of GPUs: the class that opens a sheet which they share
     "nccl": "gpu_backend.domains.nccl:NcclSimulation",
 }
 USUAL_LINK = "flags"
-BODIES = "gpu_backend.domains.bodies:GpuBodies"  # which need none, as does a fluid
+BODIES = "gpu_backend.domains.bodies:GpuBodies"  # which need none
+PARTITIONS = "gpu_backend.domains.partitions:GpuPartitions"  # which know one way alone, as does a fluid
 FLUID = "gpu_backend.domains.fluid:GpuFluid"
 
 
@@ -63,7 +65,10 @@ def check_shareable(scene: Scene, count: int, option: str) -> None:
 def check_cut(scene: Scene, count: int, steps: int | None, link: str | None, option: str) -> None:
     """Raise SceneError where so many cannot share the scene, before anything is opened or started; `steps` between two
     exchanges and `link` None: not said."""
-    if is_apart(scene):
+    if is_partitioned(scene, count):
+        partitions(scene, count, steps, option)
+        told = "partitions of a mesh are read from the neighbours' memory"
+    elif is_apart(scene):
         division(scene, count, steps, option)
         told = "bodies send nothing"
     elif is_in_slabs(scene):
@@ -93,8 +98,9 @@ def open_shared(
         from cpu_backend.domains.ranks import on_ranks
 
         return on_ranks(scene, options, MpiRanks(ranks), threads, exchange_every)
-    place = BODIES if is_apart(scene) else FLUID if is_in_slabs(scene) else LINKS[link]
-    if place in (BODIES, FLUID):
+    apart = BODIES if is_apart(scene) else FLUID if is_in_slabs(scene) else None
+    place = PARTITIONS if is_partitioned(scene, gpus) else apart or LINKS[link]
+    if place != LINKS[link]:
         check_cut(scene, gpus, exchange_every, None if link == USUAL_LINK else link, "--gpus")
     opened: Simulation = named(place)(scene, options, gpus, exchange_every)
     return opened
@@ -117,6 +123,15 @@ def shares(simulation: Simulation) -> dict[str, Any]:
             "particles_each": owned.tolist(),
             "balance": float(owned.mean() / owned.max()),
             "repeated_particles": float(held.sum() / owned.sum() - 1),
+        }
+    if isinstance(simulation, PartitionedBodies):
+        parts = simulation.partitions
+        return {
+            name: parts.count,
+            "exchanges_per_step": parts.mesh.exchanges,
+            "particles_each": [len(part.owned) for part in parts.parts],
+            "repeated_particles": parts.repeated - 1,
+            "balance": parts.balance,
         }
     if not isinstance(simulation, DecomposedSimulation):
         return {}

@@ -12,6 +12,8 @@ from model.core.memory import readable
 from model.domains.bodies import Division
 from model.domains.decomposition import Decomposition
 from model.domains.link import NVLINK, Link
+from model.domains.partitioned import is_partitioned, partitions
+from model.domains.partitions import Partitions
 from model.domains.shared_bodies import division, is_apart
 from model.domains.shared_fluid import bytes_each
 from model.domains.simulation import cut
@@ -135,6 +137,60 @@ class BodiesPlan:
 
 
 @dataclass(frozen=True)
+class PartitionsPlan:
+    """Of meshes of bodies that several GPUs share in parts; `particle_bytes`: as `mass_bytes` of a sheet."""
+
+    partitions: Partitions
+    particle_bytes: int
+    link: Link = NVLINK
+
+    @property
+    def message(self) -> int:
+        """Bytes of the largest message of an exchange."""
+        return self.partitions.most_sent * self.particle_bytes
+
+    @property
+    def step_seconds(self) -> float:
+        """What exchanges add to a step, by the link: all neighbours at once, both ways at once."""
+        return self.partitions.mesh.exchanges * self.link.seconds(self.message)
+
+    def as_dict(self) -> dict[str, Any]:
+        """For `--json`."""
+        found, mesh = self.partitions, self.partitions.mesh
+        return {
+            "gpus": found.count, "exchanges_per_step": mesh.exchanges, "balance": found.balance,
+            "repeated_particles": found.repeated - 1,
+            "shares": [
+                {"particles": len(p.owned), "window_particles": len(p.particles), f"window_{mesh.counted}": len(p.elements)}
+                for p in found.parts
+            ],
+            "bytes_per_exchange": self.message, "bytes_per_step": self.message * mesh.exchanges,
+            "link": {"latency": self.link.latency, "bandwidth": self.link.bandwidth, "source": self.link.source},
+            "step_seconds": self.step_seconds,
+        }  # fmt: skip
+
+    def lines(self) -> list[str]:
+        """For a person."""
+        found, mesh, link = self.partitions, self.partitions.mesh, self.link
+        times = "once" if mesh.exchanges == 1 else f"{mesh.exchanges} times"
+        lines = [f"shared by {found.count} GPUs, by partitions of the mesh; halos are exchanged {times} a step"]
+        for part in found.parts[:LINES]:
+            held = f"holds {number(len(part.particles))} and {number(len(part.elements))} of {number(mesh.elements)}"
+            lines.append(f"  GPU {part.number}: owns {number(len(part.owned))} particles, {held} {mesh.counted}")
+        if found.count > LINES:
+            lines.append(f"  and {found.count - LINES} more")
+        return [
+            *lines,
+            f"  {100 * (found.repeated - 1):.3g} % of the particles are computed twice: at most "
+            f"{found.count * found.balance:.3g} times as fast as one",
+            f"  {readable(self.message)} to a neighbour an exchange at most, "
+            f"{readable(self.message * mesh.exchanges)} a step",
+            f"  {link.name} ({1e6 * link.latency:g} us, {link.bandwidth / 1e9:g} GB/s; {link.source}) adds "
+            f"{1e6 * self.step_seconds:.2g} us a step",
+        ]
+
+
+@dataclass(frozen=True)
 class SlabsPlan:
     """Of a fluid that several GPUs share, as it starts. `counts` (shares, 3): how many particles each owns, holds, and sends
     a substep; `particle_bytes`: as `mass_bytes` of a sheet."""
@@ -209,11 +265,15 @@ def _slabs_plan(scene: Scene, gpus: int, exchange_every: int | None, item: int, 
     return SlabsPlan(slabs, counts, scene.method.substeps, particle_bytes, bytes_each(real, scene.dimensions))
 
 
-def shared_plan(scene: Scene, gpus: int, exchange_every: int | None, item: int) -> SharedPlan | BodiesPlan | SlabsPlan:
+def shared_plan(
+    scene: Scene, gpus: int, exchange_every: int | None, item: int
+) -> SharedPlan | BodiesPlan | PartitionsPlan | SlabsPlan:
     """The plan of a scene on so many GPUs; `item`: bytes of a scalar. Raises SceneError."""
     numbers = 2 if scene.dimensions == 2 else 4  # of a position: pairs in a plane, quads in space
     if is_in_slabs(scene):
         return _slabs_plan(scene, gpus, exchange_every, item, 2 * numbers * item)
+    if is_partitioned(scene, gpus):
+        return PartitionsPlan(partitions(scene, gpus, exchange_every, "--gpus"), 2 * numbers * item)
     if is_apart(scene):
         return BodiesPlan(division(scene, gpus, exchange_every, "--gpus"), 2 * numbers * item)
     return SharedPlan(cut(scene, gpus, exchange_every, "--gpus"), 2 * numbers * item)

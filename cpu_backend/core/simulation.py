@@ -206,6 +206,14 @@ class QuadsSimulation(Targeted, ParticlesSimulation):
     def _upload(self, position: np.ndarray, velocity: np.ndarray) -> None:
         self._position[:, :3], self._velocity[:, :3] = position, velocity
 
+    def some_particles(self, places: np.ndarray) -> np.ndarray:
+        """(2, n, 3): positions and velocities of those at `places` (n,) now."""
+        return np.stack([self._position[places, :3], self._velocity[places, :3]])
+
+    def take_particles(self, places: np.ndarray, state: np.ndarray) -> None:
+        """Put such a `state` in the place of theirs."""
+        self._position[places, :3], self._velocity[places, :3] = state
+
 
 class RowsSimulation(CpuSimulation):
     """Of a sheet: a state is planes of rows, positions first and velocities after them, one flat array (see core/layout.py);

@@ -9,10 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from cpu_backend.core.simulation import RowsSimulation
+from cpu_backend.domains.halos import Halo
 from cpu_backend.domains.ranks import RankExchange, Ranks
 from model.core.errors import BackendUnavailable
-from model.domains.decomposition import Decomposition
 from model.domains.exchange import PATIENCE, Exchange, NothingSent
 from model.domains.processes import lost
 
@@ -62,10 +61,10 @@ class AmongThreads(NothingSent):
 
 
 class ThreadExchange(RankExchange, AmongThreads):
-    """Borders through queues; see Exchange."""
+    """Messages through queues; see Exchange."""
 
-    def __init__(self, window: RowsSimulation, decomposition: Decomposition, rank: int, meeting: Meeting):
-        RankExchange.__init__(self, window, decomposition, rank)
+    def __init__(self, halo: Halo, meeting: Meeting):
+        RankExchange.__init__(self, halo)
         self._meeting = meeting
 
     def _send(self, rank: int, message: np.ndarray) -> None:
@@ -84,8 +83,8 @@ class ThreadRanks(Ranks):
     def __init__(self, meeting: Meeting, rank: int):
         self.meeting, self.rank, self.count = meeting, rank, meeting.count
 
-    def exchange(self, window: RowsSimulation, decomposition: Decomposition) -> RankExchange:
-        return ThreadExchange(window, decomposition, self.rank, self.meeting)
+    def exchange(self, halo: Halo) -> RankExchange:
+        return ThreadExchange(halo, self.meeting)
 
     def apart(self) -> Exchange:
         return AmongThreads(self.rank, self.meeting)

@@ -7,9 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from cpu_backend.core.simulation import RowsSimulation
+from cpu_backend.domains.halos import Halo
 from cpu_backend.domains.ranks import RankExchange, Ranks
-from model.domains.decomposition import Decomposition
 from model.domains.exchange import Exchange, NothingSent
 from model.domains.processes import await_request, gather_rows, largest_of, swapped, world_of
 
@@ -36,15 +35,15 @@ class AmongProcesses(NothingSent):
 class MpiExchange(RankExchange, AmongProcesses):
     """By messages that are sent and received without waiting, looked at until they are there; see Exchange."""
 
-    def __init__(self, window: RowsSimulation, decomposition: Decomposition, rank: int, world: Any):
-        RankExchange.__init__(self, window, decomposition, rank)
+    def __init__(self, halo: Halo, world: Any):
+        RankExchange.__init__(self, halo)
         self._world = world
         self._pending: list[tuple[int, Any]] = []
         self._coming: dict[int, Any] = {}
 
     def post(self) -> None:
-        for border in self._in:  # first, so that what arrives has a place to go to
-            self._coming[border.source] = self._world.Irecv(self._received[border.source], border.source)
+        for source, message in self.halo.received.items():  # first, so that what arrives has a place to go to
+            self._coming[source] = self._world.Irecv(message, source)
         super().post()
 
     def _send(self, rank: int, message: np.ndarray) -> None:
@@ -67,8 +66,8 @@ class MpiRanks(Ranks):
         self._world = world_of(count, "--ranks")
         self.rank, self.count = self._world.Get_rank(), count
 
-    def exchange(self, window: RowsSimulation, decomposition: Decomposition) -> RankExchange:
-        return MpiExchange(window, decomposition, self.rank, self._world)
+    def exchange(self, halo: Halo) -> RankExchange:
+        return MpiExchange(halo, self._world)
 
     def apart(self) -> Exchange:
         return AmongProcesses(self.rank, self._world)

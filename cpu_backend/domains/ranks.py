@@ -6,48 +6,38 @@ from typing import Any
 
 import numpy as np
 
-from cpu_backend.core.simulation import RowsSimulation
 from cpu_backend.core.threads import core_count
 from cpu_backend.domains.fluid import FluidWindow
+from cpu_backend.domains.halos import Halo, ParticlesHalo, RowsHalo
 from model.core.families import family_of
 from model.core.family import named
 from model.core.options import Options
 from model.core.simulation import Simulation
-from model.domains.decomposition import Border, Decomposition
 from model.domains.exchange import Exchange
+from model.domains.partitioned import PartitionedBodies, is_partitioned, partitions
 from model.domains.shared_bodies import SharedBodies, division, is_apart
 from model.domains.shared_fluid import SharedFluid
 from model.domains.simulation import DecomposedSimulation, cut
 from model.domains.slabs import is_in_slabs, slabs_at_start
+from model.domains.windows import WindowedSimulation
 from model.scene.scene import Scene
 
 
 class RankExchange(Exchange):
-    """Of one window in the main memory of a rank. A way of sending says how a message goes to another rank and comes from
-    one: `_send`, `_receive`."""
+    """Of the `halo` of one window, in the main memory of a rank. A way of sending says how a message goes to another rank and
+    comes from one: `_send`, `_receive`."""
 
-    def __init__(self, window: RowsSimulation, decomposition: Decomposition, rank: int):
-        self.window, self.rank, self.decomposition = window, rank, decomposition
-        self._out = [border for border in decomposition.borders if border.source == rank]
-        self._in = [border for border in decomposition.borders if border.target == rank]
-        self._sent = {border.target: self._message(border) for border in self._out}
-        self._received = {border.source: self._message(border) for border in self._in}
-
-    def _message(self, border: Border) -> np.ndarray:
-        planes, columns = 2 * self.window.scene.dimensions, self.decomposition.columns
-        return np.zeros((planes, border.rows, columns), self.window.real)
+    def __init__(self, halo: Halo):
+        self.halo, self.rank = halo, halo.rank
 
     def post(self) -> None:
-        for border in self._out:
-            message = self._sent[border.target]
-            message[...] = self.window.rows(border.from_row, border.rows)
-            self._send(border.target, message)
+        for target in self.halo.sent:
+            self._send(target, self.halo.pack(target))
 
     def wait(self) -> None:
-        for border in self._in:
-            message = self._received[border.source]
-            self._receive(border.source, message)
-            self.window.take_rows(border.to_row, message)
+        for source, message in self.halo.received.items():
+            self._receive(source, message)
+            self.halo.take(source)
         self._finish()
 
     def _send(self, rank: int, message: np.ndarray) -> None:
@@ -68,8 +58,8 @@ class Ranks:
     rank: int
     count: int
 
-    def exchange(self, window: RowsSimulation, decomposition: Decomposition) -> RankExchange:
-        """Between this rank's window and the others'."""
+    def exchange(self, halo: Halo) -> RankExchange:
+        """Between this rank's window, of which it is the halo, and the others'."""
         raise NotImplementedError
 
     def apart(self) -> Exchange:
@@ -77,52 +67,66 @@ class Ranks:
         raise NotImplementedError
 
 
-class RankSimulation(DecomposedSimulation):
-    """This rank's window of a sheet. `threads`: of each rank; `1x`, `2x`, `4x` of its share of the cores, or a number."""
+class OnRanks(WindowedSimulation):
+    """This rank's window, whatever it holds; see model/domains/windows.py."""
 
     backend = "cpu"
+
+    def _join(self, ranks: Ranks, threads: str | int) -> None:
+        self._ranks, self._words = ranks, shared_threads(threads, ranks.count)
+
+    def _open(self, place: int, scene: Scene, options: Options) -> Simulation:
+        return named(family_of(scene).solvers["cpu"])(scene, options, self._words)
+
+
+class RankSimulation(OnRanks, DecomposedSimulation):
+    """This rank's window of a sheet. `threads`: of each rank; `1x`, `2x`, `4x` of its share of the cores, or a number."""
 
     def __init__(
         self, scene: Scene, options: Options, ranks: Ranks, threads: str | int = "1x", steps: int | None = None
     ):
-        self._ranks, self._words = ranks, shared_threads(threads, ranks.count)
+        self._join(ranks, threads)
         super().__init__(scene, options, cut(scene, ranks.count, steps, "--ranks"), [ranks.rank])
-
-    def _open(self, place: int, scene: Scene, options: Options) -> Simulation:
-        return named(family_of(scene).solvers["cpu"])(scene, options, self._words)
 
     def _connect(self) -> Exchange:
         window: Any = self.windows[0]
-        return self._ranks.exchange(window, self.decomposition)
+        return self._ranks.exchange(RowsHalo(window, self.decomposition, self._ranks.rank))
 
 
-class RankBodies(SharedBodies):
+class RankBodies(OnRanks, SharedBodies):
     """This rank's share of bodies that never meet. `threads`: as of RankSimulation."""
-
-    backend = "cpu"
 
     def __init__(
         self, scene: Scene, options: Options, ranks: Ranks, threads: str | int = "1x", steps: int | None = None
     ):
-        self._ranks, self._words = ranks, shared_threads(threads, ranks.count)
+        self._join(ranks, threads)
         super().__init__(scene, options, division(scene, ranks.count, steps, "--ranks"), [ranks.rank])
-
-    def _open(self, place: int, scene: Scene, options: Options) -> Simulation:
-        return named(family_of(scene).solvers["cpu"])(scene, options, self._words)
 
     def _connect(self) -> Exchange:
         return self._ranks.apart()
 
 
-class RankFluid(SharedFluid):
-    """This rank's slab of a fluid. `threads`: as of RankSimulation."""
-
-    backend = "cpu"
+class RankPartitions(OnRanks, PartitionedBodies):
+    """This rank's partition of the meshes of bodies. `threads`: as of RankSimulation."""
 
     def __init__(
         self, scene: Scene, options: Options, ranks: Ranks, threads: str | int = "1x", steps: int | None = None
     ):
-        self._ranks, self._words = ranks, shared_threads(threads, ranks.count)
+        self._join(ranks, threads)
+        super().__init__(scene, options, partitions(scene, ranks.count, steps, "--ranks"), [ranks.rank])
+
+    def _connect(self) -> Exchange:
+        window: Any = self.windows[0]
+        return self._ranks.exchange(ParticlesHalo(window, self.partitions, self._ranks.rank))
+
+
+class RankFluid(OnRanks, SharedFluid):
+    """This rank's slab of a fluid. `threads`: as of RankSimulation."""
+
+    def __init__(
+        self, scene: Scene, options: Options, ranks: Ranks, threads: str | int = "1x", steps: int | None = None
+    ):
+        self._join(ranks, threads)
         super().__init__(scene, options, slabs_at_start(scene, ranks.count, steps, "--ranks"), [ranks.rank])
 
     def _open(self, place: int, scene: Scene, options: Options) -> Simulation:
@@ -134,10 +138,12 @@ class RankFluid(SharedFluid):
 
 def on_ranks(
     scene: Scene, options: Options, ranks: Ranks, threads: str | int = "1x", steps: int | None = None
-) -> RankSimulation | RankBodies | RankFluid:
+) -> RankSimulation | RankBodies | RankPartitions | RankFluid:
     """This rank's part of a scene, whichever way it is shared. Raises SceneError for one that is not."""
     if is_in_slabs(scene):
         return RankFluid(scene, options, ranks, threads, steps)
+    if is_partitioned(scene, ranks.count):
+        return RankPartitions(scene, options, ranks, threads, steps)
     return (RankBodies if is_apart(scene) else RankSimulation)(scene, options, ranks, threads, steps)
 
 

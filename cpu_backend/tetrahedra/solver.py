@@ -92,6 +92,12 @@ class Tetrahedra(MeshPositionBased):
         if SLEEPING in self.plan.parts:
             self._earlier[...] = self._velocity[:, :3]
 
+    def take_particles(self, places: np.ndarray, state: np.ndarray) -> None:
+        """With these velocities as the last ones: a substep has just ended."""
+        super().take_particles(places, state)
+        if SLEEPING in self.plan.parts:
+            self._earlier[places] = state[1]
+
     def _advance(self, step: int, steps: int) -> None:
         contacts, method, bands = self.contacts, self.scene.method, self._bands
         if SLEEPING in self.plan.parts:

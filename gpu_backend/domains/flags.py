@@ -38,7 +38,7 @@ class FlagExchange(Exchange):
     def __init__(self, windows: Sequence[Any], decomposition: Decomposition, devices: Sequence[int]):
         self.windows, self.decomposition, self.devices = windows, decomposition, devices
         self.alone = len(set(devices)) == len(windows)
-        self.states = [StateUnits(window, decomposition) for window in windows]
+        self.states = [StateUnits(window, decomposition.columns) for window in windows]
         self._kernels = make_border_kernels(self.states[0].unit)
         borders, places = decomposition.borders, range(len(windows))
         zeros = np.zeros(MOST_BLOCKS, np.int32)

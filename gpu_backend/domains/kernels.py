@@ -1,7 +1,8 @@
 """The kernels that carry borders of a sheet between windows. A border is neighbouring rows, and so one run of bytes of the
 positions and one of the velocities: they are moved as they are, in units of 16 bytes, whatever numbers they hold.
 
-`pull`: a window reads its halo from its neighbour's state, once events say that it is there. `push`: it writes its border
+`pull`: a window reads its halo from its neighbour's state, once events say that it is there; `pull_some`: the same of
+particles of a mesh, which lie anywhere. `push`: it writes its border
 into the neighbour's inbox, each block raises a flag of its own there, and counts its exchanges; `wait`: it waits for its own
 flags; `take`, launched behind it: it reads its inbox.
 
@@ -42,8 +43,8 @@ def blocks_for(units: int) -> int:
 
 @cache
 def make_border_kernels(unit: Any) -> SimpleNamespace:
-    """`pull`, `push`, `wait`, `take`; see the inner functions. Arrays of positions and velocities are flat, of the complex
-    type `unit` (see `unit_of`), in which all counts are; an inbox is too, for two exchanges both."""
+    """`pull`, `pull_some`, `push`, `wait`, `take`; see the inner functions. Arrays of positions and velocities are flat, of
+    the complex type `unit` (see `unit_of`), in which all counts are; an inbox is too, for two exchanges both."""
 
     def pull(position, velocity, first, new_position, new_velocity, to, count):
         """Units `first` ... of a neighbour's state become units `to` ... of one's own."""
@@ -52,6 +53,14 @@ def make_border_kernels(unit: Any) -> SimpleNamespace:
             p, v = load_pair(position, np.int32(first + k)), load_pair(velocity, np.int32(first + k))
             store_pair(new_position, np.int32(to + k), p.real, p.imag)
             store_pair(new_velocity, np.int32(to + k), v.real, v.imag)
+
+    def pull_some(position, velocity, places, new_position, new_velocity, new_places, count):
+        """Unit `places[k]` of a neighbour's state becomes unit `new_places[k]` of one's own, k < count."""
+        k = np.int32(cuda.grid(1))
+        if k < count:
+            p, v = load_pair(position, places[k]), load_pair(velocity, places[k])
+            store_pair(new_position, new_places[k], p.real, p.imag)
+            store_pair(new_velocity, new_places[k], v.real, v.imag)
 
     def push(position, velocity, first, count, inbox, flags, sent):
         """Units `first` ... into the neighbour's `inbox` (4 x count units), its half told by the exchange's number, which is
@@ -98,4 +107,4 @@ def make_border_kernels(unit: Any) -> SimpleNamespace:
             store_pair(velocity, np.int32(to + k), v.real, v.imag)
             k = np.int32(k + cuda.gridsize(1))
 
-    return make_kernels((pull, push, wait, take), variant_name(unit))
+    return make_kernels((pull, pull_some, push, wait, take), variant_name(unit))

@@ -78,7 +78,10 @@ class NcclExchange(Exchange):
 
     def _resolved(self, window: Any, group: Any, ends: Sequence[tuple[int, int, int]]) -> list[list[Call]]:
         """Of either buffer the calls for the borders' `ends`: (first row, rows, neighbour)."""
-        state, how = StateUnits(window, self.decomposition), (self._bindings.Comm(group.ptr), int(window.stream))
+        state, how = (
+            StateUnits(window, self.decomposition.columns),
+            (self._bindings.Comm(group.ptr), int(window.stream)),
+        )
         found: list[list[Call]] = [[], []]
         for row, rows, neighbour in ends:
             for calls, spans in zip(found, state.spans(row, rows), strict=True):

@@ -1,4 +1,5 @@
-"""A sheet on several GPUs of one host, in one process: each window on a GPU, borders read from the neighbour's memory.
+"""A sheet on several GPUs of one host, in one process: each window on a GPU, borders read from the neighbour's memory; and
+how windows of whatever read what they are sent.
 
 Everything is asked of streams in turn, nothing waits on the host: a window steps, and says so by an event; its neighbours'
 streams wait for that, read their halos, and say so by another, before which the window does not step on. Windows may share
@@ -24,13 +25,15 @@ from model.domains.simulation import DecomposedSimulation, cut
 from model.scene.scene import Scene
 
 
-class PeerExchange(Exchange):
-    """See Exchange. `windows`: simulations of a sheet, window k on GPU `devices[k]`."""
+class PullExchange(Exchange):
+    """See Exchange. `windows`: simulations, window k on GPU `devices[k]`, each of which reads what it is sent (`_pull`).
+    `messages`: all of an exchange; `columns`: of a row of state."""
 
-    def __init__(self, windows: Sequence[Any], decomposition: Decomposition, devices: Sequence[int]):
-        self.windows, self.decomposition, self.devices = windows, decomposition, devices
-        self._into = [[b for b in decomposition.borders if b.target == k] for k in range(len(windows))]
-        self._states = [StateUnits(window, decomposition) for window in windows]
+    def __init__(self, windows: Sequence[Any], messages: Sequence[Any], devices: Sequence[int], columns: int = 1):
+        self.windows, self.devices = windows, devices
+        self._into = [[one for one in messages if one.target == k] for k in range(len(windows))]
+        self._readers = [[one.target for one in messages if one.source == k] for k in range(len(windows))]
+        self._states = [StateUnits(window, columns) for window in windows]
         self._kernels = make_border_kernels(self._states[0].unit)
         self._stepped = [self._event(k) for k in range(len(windows))]
         self._pulled = [self._event(k) for k in range(len(windows))]
@@ -48,18 +51,19 @@ class PeerExchange(Exchange):
                 for border in self._into[place]:
                     self._await(self._stepped[border.source], window)
                     self._pull(window, border)
+                self._taken(window)
         self._record(self._pulled)
         for place, window in enumerate(self.windows):
             with at(self.devices[place]):
-                for border in self._into[place]:  # whom it reads from reads from it
-                    self._await(self._pulled[border.source], window)
+                for reader in self._readers[place]:
+                    self._await(self._pulled[reader], window)
 
-    def _pull(self, window: Any, border: Border) -> None:
-        source, mine = self._states[border.source], self._states[border.target]
-        count, row = border.rows * mine.row, mine.row
-        self._kernels.pull[window._over(count, 256)](
-            *source.now, np.int32(border.from_row * row), *mine.now, np.int32(border.to_row * row), np.int32(count)
-        )
+    def _pull(self, window: Any, message: Any) -> None:
+        """Ask of the window's stream that it reads what the message tells."""
+        raise NotImplementedError
+
+    def _taken(self, window: Any) -> None:
+        """What else is to be done once a window has read all."""
 
     def _record(self, events: Sequence[Any]) -> None:
         for place, window in enumerate(self.windows):
@@ -71,6 +75,20 @@ class PeerExchange(Exchange):
     def _await(event: Any, window: Any) -> None:
         if event is not None:
             event.wait(window.stream)
+
+
+class PeerExchange(PullExchange):
+    """Of windows of a sheet."""
+
+    def __init__(self, windows: Sequence[Any], decomposition: Decomposition, devices: Sequence[int]):
+        super().__init__(windows, decomposition.borders, devices, decomposition.columns)
+
+    def _pull(self, window: Any, border: Border) -> None:
+        source, mine = self._states[border.source], self._states[border.target]
+        count, row = border.rows * mine.row, mine.row
+        self._kernels.pull[window._over(count, 256)](
+            *source.now, np.int32(border.from_row * row), *mine.now, np.int32(border.to_row * row), np.int32(count)
+        )
 
 
 class GpuWindows(OnGpus, DecomposedSimulation):

@@ -9,7 +9,6 @@ import numpy as np
 from gpu_backend.core.device import simulated
 from gpu_backend.core.quads import SIZE
 from gpu_backend.domains.kernels import unit_of
-from model.domains.decomposition import Decomposition
 
 
 def _address(array: Any) -> int:
@@ -17,13 +16,14 @@ def _address(array: Any) -> int:
 
 
 class StateUnits:
-    """Of one `window`: the device arrays of both buffers, seen as arrays of `unit` (see unit_of), `row` of them a row."""
+    """Of one `window`: the device arrays of both buffers, seen as arrays of `unit` (see unit_of), `row` of them a row of
+    so many `columns`: of a mesh a particle."""
 
-    def __init__(self, window: Any, decomposition: Decomposition):
+    def __init__(self, window: Any, columns: int = 1):
         axes = window.scene.dimensions
-        numbers = decomposition.columns * (2 if axes == 2 else SIZE)
+        numbers = columns * (2 if axes == 2 else SIZE)
         self._window = window
-        self.unit = unit_of(window.real, axes, decomposition.columns)
+        self.unit = unit_of(window.real, axes, columns)
         self.row = numbers * np.dtype(window.real).itemsize // np.dtype(self.unit).itemsize
         both = zip(window.position, window.velocity, strict=True)
         self._both = [(p.view(self.unit), v.view(self.unit)) for p, v in both]

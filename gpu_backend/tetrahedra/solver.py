@@ -79,6 +79,11 @@ class Tetrahedra(MeshPositionBased):
         if SLEEPING in self.plan.parts:
             self._keep_places(self.substep_start, self.position[self._current], self.velocity[self._current])
 
+    def state_taken(self) -> None:
+        """What the state was is another's: with these velocities as the last ones, as they are when a substep has ended."""
+        if SLEEPING in self.plan.parts:
+            self._earlier.copy_to_device(self.velocity[self._current], stream=self.stream)
+
     @property
     def _launches(self) -> int:
         return super()._launches + 2 * self.scene.method.substeps * (SLEEPING in self.plan.parts)
@@ -90,8 +95,7 @@ class Tetrahedra(MeshPositionBased):
     def _upload(self, position: np.ndarray, velocity: np.ndarray) -> None:
         """With these velocities as the last ones."""
         super()._upload(position, velocity)
-        if SLEEPING in self.plan.parts:
-            self._earlier.copy_to_device(self.velocity[self._current], stream=self.stream)
+        self.state_taken()
 
     # ------------------------------------------------------------------ the kernel `resident`
 

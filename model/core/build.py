@@ -119,8 +119,8 @@ def build(scene: Scene) -> Body:
     return body
 
 
-def some_of(whole: Body, held: slice, rows: int = 1) -> Body:
-    """Those `held` of the whole's particles, in so many rows: views of its arrays, measured by its `size`."""
+def some_of(whole: Body, held: slice | np.ndarray, rows: int = 1) -> Body:
+    """Those `held` of the whole's particles, in so many rows, measured by its `size`: of a slice views of its arrays."""
     inverse_mass = whole.inverse_mass[held]
     return Body(
         rows, len(inverse_mass) // rows, whole.position[held], whole.velocity[held], inverse_mass,

@@ -69,12 +69,12 @@ class ConstraintSet:
         """How many."""
         return len(self.starts) - 1
 
-    def some(self, chosen: np.ndarray, first_particle: int = 0) -> ConstraintSet:
-        """The `chosen` (constraints,) bool, whole runs, in their colours and order; particles counted from `first_particle`.
-        Colours of which none is left are gone."""
+    def some(self, chosen: np.ndarray, particles: np.ndarray) -> ConstraintSet:
+        """The `chosen` (constraints,) bool, whole runs, in their colours and order; of the `particles` (n,), ascending, the
+        first is number 0. Colours of which none is left are gone."""
         before = np.concatenate([[0], np.cumsum(chosen)])
         starts = np.unique(before[self.starts]).astype(self.starts.dtype)
-        corners = (self.corners[chosen] - first_particle).astype(np.int32)
+        corners = np.searchsorted(particles, self.corners[chosen]).astype(np.int32)
         return replace(self, corners=corners, values=self.values[chosen], starts=starts)
 
     @property

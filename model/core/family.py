@@ -13,6 +13,7 @@ from model.core.clock import Clock
 from model.core.plan import Plan
 from model.domains.bodies import Apart
 from model.domains.decomposition import Reach
+from model.domains.partitions import SharedMesh
 from model.scene.scene import Scene
 
 
@@ -38,6 +39,8 @@ class SolverFamily:
     (model/domains/bodies.py); raises SceneError for what lets them; None: no scene of the family can yet.
     `halo(scene)` [m]: how far a substep reads, so that several share the scene by slabs of space (model/domains/slabs.py);
     raises SceneError for a part that cannot be shared; None: no scene of the family can yet.
+    `partitions(scene)`: the meshes of a scene, so that more share them than there are bodies (model/domains/partitions.py);
+    raises SceneError as `apart` does; None: no scene of the family can yet.
     """
 
     name: str
@@ -58,6 +61,7 @@ class SolverFamily:
     reach: Callable[[Scene], Reach] | None = None
     apart: Callable[[Scene], Apart] | None = None
     halo: Callable[[Scene], float] | None = None
+    partitions: Callable[[Scene], SharedMesh] | None = None
 
 
 ANY_SHEET = frozenset({"damping", "gravity", "external", "perturbation", "method"})  # kinds that go with every sheet

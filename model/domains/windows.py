@@ -88,11 +88,16 @@ class WindowedSimulation(Simulation):
     def _first_diverged(self) -> int:
         """What a window holds of its neighbours' is as right as theirs, so that it may be looked at as a whole."""
         lowest = NOBODY
-        for first, bad in zip(self.firsts, self._each(lambda window: window._first_diverged()), strict=True):
+        for bad in self._diverged():
             if bad >= 0:
-                lowest = min(lowest, first + bad)
+                lowest = min(lowest, bad)
         lowest = int(-self.exchange.largest(-lowest))
         return -1 if lowest == NOBODY else lowest
+
+    def _diverged(self) -> list[int]:
+        """Of each window of this process the number among all of the first particle whose state is bad; -1: none is."""
+        found = self._each(lambda window: window._first_diverged())
+        return [bad if bad < 0 else first + bad for first, bad in zip(self.firsts, found, strict=True)]
 
     def synchronize(self) -> None:
         self._each(lambda window: window.synchronize())

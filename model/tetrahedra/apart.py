@@ -1,4 +1,4 @@
-"""Some of a scene's tetrahedral bodies as a set of their own, for those who share bodies that never meet."""
+"""Some of a scene's tetrahedra as a set of their own, for those who share bodies, whole or in parts of their meshes."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from model.domains.bodies import Apart, require_apart
 from model.scene.attachment import pins
 from model.scene.scene import Scene
 from model.tetrahedra.body_set import TetrahedraSet
+from model.tetrahedra.topology import bodies_of_particles
 
 
 def tetrahedra_apart(scene: Scene) -> Apart:
@@ -33,7 +34,7 @@ def tetrahedra_apart(scene: Scene) -> Apart:
     return Apart(
         found.names, np.bincount(found.body, minlength=len(found.names)), "tetrahedra",
         np.array([*found.first_particle, found.particle_count]), "tetrahedra_set",
-        lambda first, end: some_tetrahedra(found, first, end),
+        lambda first, end: _whole_bodies(found, first, end),
         lambda first, end: np.zeros(0, np.int64),
     )  # fmt: skip
 
@@ -44,34 +45,44 @@ def none_apart(scene: Scene) -> NoReturn:
     raise SceneError("method.solver", scene.method.solver, told)
 
 
-def some_tetrahedra(whole: TetrahedraSet, first: int, end: int) -> TetrahedraSet:
-    """Bodies `first` to before `end`, numbered from 0 on as are their particles. Every value is the whole set's, its mean
-    mass and edge too, in which kernels count."""
-    ends = [*whole.first_particle, whole.particle_count]
-    begin, stop = int(ends[first]), int(ends[end])
-    mine = slice(*np.searchsorted(whole.body, (first, end)).tolist())
-    pinned = whole.pinned_vertices
+def some_tetrahedra(whole: TetrahedraSet, particles: np.ndarray, tetrahedra: np.ndarray) -> TetrahedraSet:
+    """Those `particles` and those `tetrahedra`, whose corners are among them, both (n,) int64, ascending, numbered from 0 on
+    as are the bodies that they are of. Every value is the whole set's, its mean mass and edge too, in which kernels count."""
+    body = bodies_of_particles(whole.first_particle, whole.particle_count)[particles]
+    bodies, first = np.unique(body, return_index=True)
+    inside = np.isin(whole.surface, particles).all(axis=1)
+
+    def numbered(corners: np.ndarray) -> np.ndarray:
+        return np.searchsorted(particles, corners).astype(np.int32)
+
     found = replace(
         whole,
-        names=whole.names[first:end],
-        parts=whole.parts[first:end],
-        position=whole.position[begin:stop],
-        velocity=whole.velocity[begin:stop],
-        masses=whole.masses[begin:stop],
-        pinned_vertices=pinned[(pinned >= begin) & (pinned < stop)] - begin,
-        body=whole.body[mine] - np.int32(first),
-        tetrahedra=whole.tetrahedra[mine] - np.int32(begin),
-        rest_inverse=whole.rest_inverse[mine],
-        volume=whole.volume[mine],
-        surface=whole.surface[(whole.surface[:, 0] >= begin) & (whole.surface[:, 0] < stop)] - np.int32(begin),
-        first_particle=whole.first_particle[first:end] - begin,
-        voxel=whole.voxel[mine],
-        run=whole.run[mine],
-        own=whole.own[begin:stop],
-        matter=whole.matter.some(mine),
+        names=tuple(whole.names[k] for k in bodies),
+        parts=tuple(whole.parts[k] for k in bodies),
+        position=whole.position[particles],
+        velocity=whole.velocity[particles],
+        masses=whole.masses[particles],
+        pinned_vertices=np.flatnonzero(np.isin(particles, whole.pinned_vertices)),
+        body=np.searchsorted(bodies, whole.body[tetrahedra]).astype(np.int32),
+        tetrahedra=numbered(whole.tetrahedra[tetrahedra]),
+        rest_inverse=whole.rest_inverse[tetrahedra],
+        volume=whole.volume[tetrahedra],
+        surface=numbered(whole.surface[inside]),
+        first_particle=first,
+        voxel=whole.voxel[tetrahedra],
+        run=whole.run[tetrahedra],
+        own=whole.own[particles],
+        matter=whole.matter.some(tetrahedra),
         attachments={},
         whole=whole,
-        begins=(begin, mine.start),
+        of_whole=(particles, tetrahedra),
     )
     vars(found).update(mass=whole.mass, spacing=whole.spacing)
     return found
+
+
+def _whole_bodies(whole: TetrahedraSet, first: int, end: int) -> TetrahedraSet:
+    """Bodies `first` to before `end`."""
+    ends = [*whole.first_particle, whole.particle_count]
+    particles = np.arange(ends[first], ends[end])
+    return some_tetrahedra(whole, particles, np.arange(*np.searchsorted(whole.body, (first, end))))

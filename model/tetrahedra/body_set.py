@@ -35,6 +35,7 @@ NO_REGIONS: Mapping[str, Region] = {}
 NOT_HELD: Mapping[str, Attachment] = {}
 ONE_MATERIAL: Mapping[str, Material] = {}
 NO_CLOTH: Mapping[str, Mesh] = {}
+NONE = np.zeros(0, np.int64)
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,9 +51,9 @@ class TetrahedraSet(ParticleRow):
     last; `first_particle` of each of `names`; `skin`; `voxel` (tetrahedra, 3) int32: the place of each one's voxel in its
     body, along the longest side first, 0 of those that are of none; `run` (tetrahedra,) int32: how many tetrahedra, itself
     among them, its voxel is, which stand one after the other; 1 of those of none; `sheet`: the cloth; `whole`: the set of
-    which this is a share, whose first particle and tetrahedron there are `begins` (model/tetrahedra/apart.py), None: it is
-    none. To the rest of the lab it is a row of masses: `rows` 1, `columns` all, `spacing` the mean edge [m], `mass` the mean
-    one.
+    which this is a share (model/tetrahedra/apart.py), None: it is none; `of_whole`: which particles and which tetrahedra of
+    it these are, both ascending int64. To the rest of the lab it is a row of masses: `rows` 1, `columns` all, `spacing` the
+    mean edge [m], `mass` the mean one.
     """
 
     names: tuple[str, ...]
@@ -76,7 +77,7 @@ class TetrahedraSet(ParticleRow):
     attachments: Mapping[str, Attachment] = field(default_factory=dict)
     sheet: Sheet | None = None
     whole: TetrahedraSet | None = None
-    begins: tuple[int, int] = (0, 0)
+    of_whole: tuple[np.ndarray, np.ndarray] = (NONE, NONE)
 
     @property
     def alike(self) -> TetrahedraSet:
@@ -141,9 +142,8 @@ class TetrahedraSet(ParticleRow):
     def pin_motions(self, motions: Mapping[str, Motion]) -> np.ndarray:
         """(pins,) int64: of each pinned vertex the number of its motion in `motions`, -1: it has none. Raises SceneError."""
         if self.whole is not None:
-            begin = self.begins[0]
-            first, end = np.searchsorted(self.whole.pinned_vertices, (begin, begin + self.particle_count))
-            return self.whole.pin_motions(motions)[first:end]
+            here = np.isin(self.whole.pinned_vertices, self.of_whole[0])
+            return self.whole.pin_motions(motions)[here]
         chosen = {}
         for name, motion in motions.items():
             if not isinstance(motion.pins, str):

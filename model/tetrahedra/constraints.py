@@ -123,12 +123,12 @@ def tetrahedra_of_sets(found: TetrahedraSet) -> tuple[np.ndarray, ...]:
 def _known_sets(found: TetrahedraSet) -> Sets:
     """(which tetrahedra each set of them holds, the sets); of a share those of the whole set, in its colours and order."""
     if found not in _known and found.whole is not None:
-        begin, tetrahedron = found.begins
+        particles, tetrahedra = found.of_whole
         own = []
         for chosen, one in zip(*_known_sets(found.whole), strict=True):
-            mine = (one.corners[:, 0] >= begin) & (one.corners[:, 0] < begin + found.particle_count)
+            mine = np.isin(chosen, tetrahedra)
             if mine.any():
-                own.append((one.some(mine, begin), chosen[mine] - tetrahedron))
+                own.append((one.some(mine, particles), np.searchsorted(tetrahedra, chosen[mine])))
         _known[found] = tuple(chosen for _, chosen in own), tuple(one for one, _ in own)
     elif found not in _known:
         whole = np.array([part.volume == "voxels" for part in found.parts])[found.body]

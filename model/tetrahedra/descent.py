@@ -46,21 +46,21 @@ class Descent:
     corners: np.ndarray
     values: np.ndarray
 
-    def some(self, begin: int, stop: int) -> Descent:
-        """Of particles `begin` to before `stop`, counted from there, whose tetrahedra are theirs alone."""
-        here = (self.order >= begin) & (self.order < stop)
-        mine = (self.corners[:, 0] >= begin) & (self.corners[:, 0] < stop)
-        number = np.cumsum(mine) - 1
-        entries = self.entries[np.repeat(here, np.diff(self.offsets))]
-        before = np.concatenate([[0], np.cumsum(here)])
+    def some(self, particles: np.ndarray) -> Descent:
+        """Of the `particles` (n,), ascending, of which the first is number 0, and the tetrahedra that are theirs alone."""
+        here = np.isin(self.order, particles)
+        mine = np.flatnonzero(np.isin(self.corners, particles).all(axis=1))
+        vertex = np.repeat(np.arange(len(self.order)), np.diff(self.offsets))
+        kept = here[vertex] & np.isin(self.entries // CORNERS, mine)
+        entries, before = self.entries[kept], np.concatenate([[0], np.cumsum(here)])
         return replace(
             self,
-            order=(self.order[here] - begin).astype(np.int32),
+            order=np.searchsorted(particles, self.order[here]).astype(np.int32),
             starts=np.unique(before[self.starts]).astype(np.int32),
-            offsets=offsets_of(np.diff(self.offsets)[here]),
-            entries=(CORNERS * number[entries // CORNERS] + entries % CORNERS).astype(np.int32),
+            offsets=offsets_of(np.bincount(vertex[kept], minlength=len(self.order))[here]),
+            entries=(CORNERS * np.searchsorted(mine, entries // CORNERS) + entries % CORNERS).astype(np.int32),
             falls=self.falls[here],
-            corners=(self.corners[mine] - begin).astype(np.int32),
+            corners=np.searchsorted(particles, self.corners[mine]).astype(np.int32),
             values=self.values[mine],
         )
 
@@ -88,8 +88,7 @@ def descents(scene: Scene) -> tuple[Descent, ...]:
 def _descents(found: TetrahedraSet) -> tuple[Descent, ...]:
     """Of a share those of the whole set, in its colours and order."""
     if found not in _known and found.whole is not None:
-        begin = found.begins[0]
-        some = (one.some(begin, begin + found.particle_count) for one in _descents(found.whole))
+        some = (one.some(found.of_whole[0]) for one in _descents(found.whole))
         _known[found] = tuple(one for one in some if len(one.corners))
     elif found not in _known:
         made = material_of(found)

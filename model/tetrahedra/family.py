@@ -16,6 +16,7 @@ from model.tetrahedra.apart import tetrahedra_apart
 from model.tetrahedra.attachments import KIND, stored
 from model.tetrahedra.constraints import CONSTANTS, constraint_sets, tetrahedra_plan, through_note
 from model.tetrahedra.material import energies
+from model.tetrahedra.partitions import tetrahedra_partitions
 from model.xpbd.family import projection_limit, projection_note
 from model.xpbd.mesh_constraints import mesh_energy
 from model.xpbd.parameters import XPBD_FIELDS, xpbd_values
@@ -75,5 +76,6 @@ TETRAHEDRA = SolverFamily(
     passes={"cpu": "app.plan.mesh:mesh_on_cpu", "gpu": "app.plan.mesh:tetrahedra_on_gpu"},
     reference="bench.reference.tetrahedra",
     apart=tetrahedra_apart,
+    partitions=tetrahedra_partitions,
     unknown="no converged motion of tetrahedra is known; softlab tetrahedra tells how far a bar is from rest",
 )

@@ -30,7 +30,7 @@ class Matter:
         """(mu, lambda) [Pa]."""
         return lame_of(self.young_modulus, self.poisson_ratio)
 
-    def some(self, chosen: slice) -> Matter:
+    def some(self, chosen: np.ndarray) -> Matter:
         """Of the `chosen` tetrahedra."""
         return Matter(*(getattr(self, name)[chosen] for name in NAMES))
 

@@ -128,4 +128,5 @@ TETRAHEDRA_NEWTON = replace(
     passes={"cpu": "app.plan.mesh:newton_on_cpu", "gpu": "app.plan.mesh:newton_on_gpu"},
     reference="bench.reference.tetrahedra_newton",
     apart=none_apart,
+    partitions=none_apart,
 )

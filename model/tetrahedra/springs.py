@@ -15,6 +15,7 @@ from model.geometry.lists import grouped
 from model.tetrahedra.attachments import attachment_sets, part_of
 from model.tetrahedra.body_set import TetrahedraSet
 from model.tetrahedra.newton import holding
+from model.tetrahedra.topology import bodies_of_particles
 
 HARD = {"vbd": 10.0, "newton": 100.0}  # by solver
 PARTS = frozenset({part_of("world"), part_of("bodies")})  # of a plan: that there are springs
@@ -105,7 +106,7 @@ def rounding_of(one: Springs, extent: float, real: type) -> float:
 
 def held_bodies(found: TetrahedraSet) -> np.ndarray:
     """(particles,) bool: whether a particle's body is pinned anywhere, or attached to the world, or to a body that is."""
-    bodies = np.searchsorted(found.first_particle, np.arange(found.particle_count), side="right") - 1
+    bodies = bodies_of_particles(found.first_particle, found.particle_count)
     held = np.zeros(len(found.parts), bool)
     held[bodies[found.pinned_vertices]] = True
     joined = np.zeros((0, 2), np.int64)

@@ -14,3 +14,9 @@ def neighbours(tetrahedra: np.ndarray, count: int) -> Lists:
     ends = np.concatenate([tetrahedra[:, pair] for pair in PAIRS]).astype(np.int64)
     both = np.unique(np.concatenate([ends, ends[:, ::-1]]) @ [count, 1])
     return grouped(both // count, both % count, count)
+
+
+def bodies_of_particles(first_particle: np.ndarray, count: int) -> np.ndarray:
+    """(count,) int64: the number of the body of each particle; `first_particle` of each body."""
+    found: np.ndarray = np.searchsorted(first_particle, np.arange(count), side="right") - 1
+    return found

@@ -20,6 +20,7 @@ from model.core.parameters import rounded_record
 from model.scene.scene import Scene
 from model.tetrahedra.constraints import through_note
 from model.tetrahedra.descent import SCALE, vbd_plan
+from model.tetrahedra.descent_partitions import descent_partitions
 from model.tetrahedra.family import TETRAHEDRA
 from model.tetrahedra.newton import CONSTANTS
 from model.xpbd.family import with_limit
@@ -52,5 +53,6 @@ TETRAHEDRA_VBD = replace(
         "cpu": "cpu_backend.tetrahedra.descent:VertexBlockDescent",
         "gpu": "gpu_backend.tetrahedra.descent:VertexBlockDescent",
     },
+    partitions=descent_partitions,
     passes={"cpu": "app.plan.mesh:vertices_on_cpu", "gpu": "app.plan.mesh:vertices_on_gpu"},
 )

@@ -171,6 +171,25 @@ def test_a_fluid_in_slabs_has_the_bits_of_one_gpu(count: int, precision: str) ->
 
 
 @pytest.mark.parametrize("precision", ["float32", "float64"])
+@pytest.mark.parametrize("solver, iterations", [("xpbd", 2), ("vbd", 1)])
+def test_partitions_of_a_mesh_have_the_bits_of_one_gpu(solver: str, iterations: int, precision: str) -> None:
+    """A bar on four GPUs, which one steps on its chip where it fits; and two, one of single tetrahedra, on three."""
+    bar = {"kind": "tetrahedral_body", "shape": {"name": "box", "sides": [4.0, 0.2, 0.2]}, "edge": 0.05}
+    bar |= {"young_modulus": 1e5, "damping": 0.01, "origin": [0.0, 0.3, 0.0]}
+    method = {"solver": solver, "dt": 1 / 240, "substeps": 4, "iterations": iterations}
+    held, single = (
+        {"held": bar | {"pinned": ["left"]}},
+        {"single": bar | {"sweep": "tetrahedra", "spin": [1.0, 0.5, 0.0]}},
+    )
+    for bars, gpus in ((held, 4), (held | single, 3)):
+        scene = Scene({**bars, "plane": {}, "gravity": {}, "method": method})
+        how: dict[str, Any] = {"backend": "gpu", "precision": precision}
+        wanted = end(scene, 300, **how)
+        for kernel in (None, "launch"):
+            same(end(scene, 300, gpus=gpus, kernel=kernel, **how), wanted)
+
+
+@pytest.mark.parametrize("precision", ["float32", "float64"])
 def test_passes_in_bands_have_the_bits_of_a_launch_a_step(precision: str) -> None:
     """64 launches of four steps, captured in bands of rows of tiles."""
     scene = scene_of(rows=1500, columns=1100)

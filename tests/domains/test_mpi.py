@@ -66,6 +66,12 @@ def test_processes_have_the_bits_of_one_of_a_fluid(tmp_path, ranks):
 
 
 @needs_mpi
+def test_processes_have_the_bits_of_one_of_a_mesh(tmp_path):
+    """A cantilever in three partitions after 100 steps of 60 substeps."""
+    assert_same(states(tmp_path, ["--steps", 100], ranks=3, scene="fem-cantilever"))
+
+
+@needs_mpi
 def test_two_processes_write_one_file_and_print_one_report(tmp_path):
     out = tmp_path / "end.npz"
     arguments = ["--steps", 20, "--out", out, "--json", "--set", "grid.rows=16", "--set", "grid.columns=16"]

@@ -85,23 +85,25 @@ def test_bodies_that_sleep_have_the_bits_of_one() -> None:
     same_in_shares(scene_of("turned", "hookean", "single", method=METHOD | {"sleeping_speed": 1.0}), 2, 4)
 
 
+def driven(poked: int, simulation: Any) -> State:
+    """As a force on that vertex leaves it, which is let go when gravity is switched off."""
+    with simulation:
+        simulation.poke(poked, (0.0, 20.0, 5.0))
+        simulation.advance(2)
+        simulation.set("gravity.enabled", False)
+        simulation.poke(None)
+        simulation.advance(1)
+        return simulation.state()
+
+
 def test_a_force_on_a_vertex_reaches_its_share() -> None:
     """Of the second share, in float64; gravity is switched off meanwhile."""
     scene, live = scene_of("turned", "single", "six"), frozenset({"poke", "gravity"})
     poked = scene.tetrahedra_set.particle_count - 2
 
-    def driven(simulation: Any) -> State:
-        with simulation:
-            simulation.poke(poked, (0.0, 20.0, 5.0))
-            simulation.advance(2)
-            simulation.set("gravity.enabled", False)
-            simulation.poke(None)
-            simulation.advance(1)
-            return simulation.state()
-
-    wanted = driven(open_simulation(scene, threads=1, precision="float64", math="exact", live=live))
+    wanted = driven(poked, open_simulation(scene, threads=1, precision="float64", math="exact", live=live))
     options = Options("float64", "exact", live=live)
-    for found in run_in_threads(2, lambda ranks: driven(on_ranks(scene, options, ranks, 1)), patience=60):
+    for found in run_in_threads(2, lambda ranks: driven(poked, on_ranks(scene, options, ranks, 1)), patience=60):
         assert found.position.tobytes() == wanted.position.tobytes()
 
 

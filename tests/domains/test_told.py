@@ -67,6 +67,21 @@ def test_slabs_say_what_they_own_hold_and_send():
     assert "owns 2304 particles to 1.2 m" in plan.lines()[1]
 
 
+def test_partitions_are_told_with_what_is_repeated_and_sent():
+    """Nine vertices across, of 32 bytes each in float32: layers 0 to 9 and 10 to 20 are owned, halos are of 4."""
+    found = shared_plan(load_scene("fem-cantilever"), 2, None, item=4)
+    told = found.as_dict()
+    assert [share["particles"] for share in told["shares"]] == [90, 99]
+    assert [share["window_particles"] for share in told["shares"]] == [90 + 4 * 9, 99 + 4 * 9]
+    assert told["repeated_particles"] == pytest.approx(72 / 189)
+    assert told["bytes_per_step"] == 60 * told["bytes_per_exchange"] == 60 * 4 * 9 * 32
+    first, *owners, repeated, sent, link = found.lines()
+    assert "by partitions of the mesh" in first and "60 times a step" in first
+    assert owners[1] == "  GPU 1: owns 99 particles, holds 135 and 280 of 400 tetrahedra"
+    assert "38.1 % of the particles" in repeated and "1.43 times as fast" in repeated
+    assert "67.5 KiB a step" in sent and "NVLink" in link
+
+
 def test_a_link_has_a_latency_and_a_bandwidth():
     assert Link("test", 1e-6, 1e9, "none").seconds(1000) == pytest.approx(2e-6)
     for wrong in (0.0, -1.0, float("inf")):

@@ -77,3 +77,15 @@ def test_tetrahedra_in_shares_have_the_bits_of_the_cpu(solver: str, sleeping: di
     scene = Scene(TETRAHEDRA | {"method": method | sleeping})
     found, wanted = end(scene, backend="gpu", gpus=3), end(scene, threads=1)
     assert np.array_equal(found.position, wanted.position) and np.array_equal(found.velocity, wanted.velocity)
+
+
+@pytest.mark.parametrize("precision", ["float32", "float64"])
+@pytest.mark.parametrize("solver, sleeping", [("xpbd", {"sleeping_speed": 0.5}), ("vbd", {})])
+def test_a_mesh_in_partitions_has_the_bits_of_the_cpu(solver: str, sleeping: dict[str, float], precision: str) -> None:
+    """A bar of eight voxels, turned at its end and slow enough to sleep at the other, on two GPUs."""
+    method = {"solver": solver, "dt": 0.01, "substeps": 2, "iterations": 1}
+    bar = TETRAHEDRA | {"turned": BAR | {"shape": {"name": "box", "sides": [0.8, 0.1, 0.1]}, "pinned": ["left"]}}
+    parts = {name: bar[name] for name in ("turned", "turn", "gravity")}
+    scene, how = Scene(parts | {"method": method | sleeping}), {"precision": precision}
+    found, wanted = end(scene, backend="gpu", gpus=2, **how), end(scene, threads=1, **how)
+    assert np.array_equal(found.position, wanted.position) and np.array_equal(found.velocity, wanted.velocity)

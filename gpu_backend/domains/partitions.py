@@ -1,0 +1,73 @@
+"""Bodies whose meshes are stepped in partitions on several GPUs of one host, in one process: halos are read from the
+neighbours' memory after each substep, as borders of a sheet are (peers.py).
+
+The kernels that keep a whole mesh on the chip do not step a part of one: windows are launched, in graphs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numba import cuda
+
+from gpu_backend.core.device import require_gpu
+from gpu_backend.core.substeps import launched_kernel
+from gpu_backend.domains.devices import at, connect, devices_for
+from gpu_backend.domains.peers import PullExchange
+from gpu_backend.domains.windows import OnGpus
+from model.core.options import Options
+from model.domains.exchange import Exchange
+from model.domains.partitioned import PartitionedBodies, partitions
+from model.domains.partitions import Message, Partitions
+from model.scene.scene import Scene
+
+THREADS = 256  # of a block that reads
+
+
+class ParticlesExchange(PullExchange):
+    """Of windows of meshes."""
+
+    def __init__(self, windows: Sequence[Any], found: Partitions, devices: Sequence[int]):
+        super().__init__(windows, found.messages, devices)
+        self._places: dict[tuple[int, int], tuple[Any, Any]] = {}
+        for message in found.messages:
+            with at(devices[message.target]):
+                stream, row = windows[message.target].stream, self._states[message.target].row
+                self._places[message.source, message.target] = (
+                    cuda.to_device(_units(message.from_places, row), stream=stream),
+                    cuda.to_device(_units(message.to_places, row), stream=stream),
+                )
+
+    def _pull(self, window: Any, message: Message) -> None:
+        source, mine = self._states[message.source], self._states[message.target]
+        here, there = self._places[message.source, message.target]
+        self._kernels.pull_some[window._over(len(here), THREADS)](
+            *source.now, here, *mine.now, there, np.int32(len(here))
+        )
+
+    def _taken(self, window: Any) -> None:
+        window.state_taken()
+
+
+def _units(places: np.ndarray, row: int) -> np.ndarray:
+    """(n x row,) int32: where the units of particles lie, of which each has `row`."""
+    return (row * places[:, None] + np.arange(row)).ravel().astype(np.int32)
+
+
+class GpuPartitions(OnGpus, PartitionedBodies):
+    """Partitions on the GPUs of this machine, `count` of them."""
+
+    def __init__(self, scene: Scene, options: Options, count: int, steps: int | None = None):
+        require_gpu()
+        found = partitions(scene, count, steps, "--gpus")
+        kernel = launched_kernel(options.kernel, "a partition of tetrahedral bodies")
+        self.devices = devices_for(count)
+        connect(self.devices)
+        super().__init__(scene, replace(options, kernel=kernel), found, range(count))
+        self._tell_of_turns()
+
+    def _connect(self) -> Exchange:
+        return ParticlesExchange(self.windows, self.partitions, self.devices)

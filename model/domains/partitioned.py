@@ -1,0 +1,129 @@
+"""Bodies whose meshes are stepped in partitions: the contract of a simulation, kept by the windows together."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from copy import copy
+from typing import Any
+
+import numpy as np
+
+from model.core.build import some_of
+from model.core.errors import SceneError
+from model.core.families import family_of, scene_plan
+from model.core.options import Options
+from model.domains.partitions import Part, Partitions, partition
+from model.domains.windows import WindowedSimulation
+from model.scene.scene import Scene
+
+
+def is_partitioned(scene: Scene, count: int) -> bool:
+    """Whether so many share the scene by partitions of its meshes: where there are fewer bodies than shares. Raises
+    SceneError for what lets bodies act on each other."""
+    family = family_of(scene)
+    return family.partitions is not None and count > family.partitions(scene).bodies
+
+
+def partitions(scene: Scene, count: int, steps: int | None, option: str) -> Partitions:
+    """The scene's meshes in `count` parts. Raises SceneError for what lets bodies act on each other, and for too many;
+    `steps` between two exchanges are never asked for."""
+    if steps is not None:
+        told = "is for a sheet that is shared by its rows: partitions of a mesh exchange once a substep; leave it out"
+        raise SceneError("--exchange-every", steps, told)
+    of_family = family_of(scene).partitions
+    assert of_family is not None
+    return partition(of_family(scene), count, option)
+
+
+class PartitionedBodies(WindowedSimulation):
+    """See model/domains/windows.py. `windows` are of the parts `mine`, a step of theirs is a substep of the scene. In `exact`
+    math the bits are those of one."""
+
+    def __init__(self, scene: Scene, options: Options, cut: Partitions, mine: Sequence[int]):
+        if "targets" in options.live:
+            raise SceneError("live", "targets", "are of all pinned vertices: run it as one, not shared")
+        super().__init__(scene, options)
+        self.partitions, self.mine = cut, [cut.parts[k] for k in mine]
+        self.plan, self._sent = scene_plan(scene, options.live), scene
+        parts = []
+        for part in self.mine:
+            some = cut.mesh.some((part.particles, part.elements))
+            parts.append((self._window_scene(scene, some), options, some_of(self.body, part.particles)))
+        self.firsts = [0] * len(parts)
+        self._open_windows(cut.count, parts)
+
+    def _window_scene(self, scene: Scene, some: Any) -> Scene:
+        """The `scene` with `some` in the place of all its bodies, whose step is a substep of it."""
+        found, method = copy(scene), scene.method
+        vars(found).update({"grid": some, self.partitions.mesh.held: some})
+        found.parts = dict(scene.parts)
+        found.parts[scene.name_of("method")] = method.model_copy(
+            update={"dt": method.dt / method.substeps, "substeps": 1}
+        )
+        return found
+
+    def _to_each(self, do: Callable[[Part, Any], Any]) -> list[Any]:
+        """What `do(part, window)` gives of each of this process."""
+        found = []
+        for place, (part, window) in enumerate(zip(self.mine, self.windows, strict=True)):
+            with self._at(place):
+                found.append(do(part, window))
+        return found
+
+    # ------------------------------------------------------------------ the contract
+
+    def _run(self, steps: int) -> None:
+        substeps = self.scene.method.substeps
+        for number in range(self.step * substeps, (self.step + steps) * substeps):
+            self._run_each(number, 1)
+            self.exchange.post()
+            self.exchange.wait()
+
+    def _parameters_changed(self) -> None:
+        changed, self._sent = self.scene is not self._sent, self.scene
+
+        def send(part: Part, window: Any) -> None:
+            if changed:
+                window.scene = self._window_scene(self.scene, window.scene.grid)
+            here = np.flatnonzero(part.particles == self._poke_particle)
+            window._poke_particle = int(here[0]) if len(here) else -1
+            window._poke_force, window._record, window._clock = self._poke_force, self._record, self._clock
+            window._parameters_changed()
+
+        self._to_each(send)
+
+    def _weights_changed(self) -> None:
+        def send(part: Part, window: Any) -> None:
+            window.body = some_of(self.body, part.particles)
+            window._weights_changed()
+
+        self._to_each(send)
+
+    def _gathered(self, owned: Sequence[np.ndarray]) -> np.ndarray:
+        """Of rows of what each part of this process owns, those of all particles."""
+        found = self.exchange.gather(np.ascontiguousarray(np.concatenate(owned)))
+        whole = np.empty_like(found)
+        whole[self.partitions.order] = found
+        return whole
+
+    def _download(self) -> tuple[np.ndarray, np.ndarray]:
+        both = self._to_each(lambda part, window: [state[part.places] for state in window._download()])
+        return self._gathered([one for one, _ in both]), self._gathered([one for _, one in both])
+
+    def _upload(self, position: np.ndarray, velocity: np.ndarray) -> None:
+        self._to_each(lambda part, window: window._upload(position[part.particles], velocity[part.particles]))
+
+    def _diverged(self) -> list[int]:
+        found = super()._diverged()
+        return [bad if bad < 0 else int(part.particles[bad]) for part, bad in zip(self.mine, found, strict=True)]
+
+    def _pin_velocity(self, step: int) -> Any:
+        """Of the pins of this process's windows; what others hold is theirs to tell."""
+        found = np.zeros((len(self.body.pinned), 3), self.real)
+
+        def fill(part: Part, window: Any) -> None:
+            here = np.isin(self.body.pinned, part.particles)
+            found[here] = window._pin_velocity(step * self.scene.method.substeps)
+
+        self._to_each(fill)
+        return found

@@ -1,0 +1,31 @@
+"""What a substep of vertex block descent reads of other vertices: see model/tetrahedra/partitions.py."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from model.domains.partitions import SharedMesh, Window
+from model.scene.scene import Scene
+from model.tetrahedra.descent import descents
+from model.tetrahedra.partitions import partitions_by
+
+
+def descent_partitions(scene: Scene) -> SharedMesh:
+    """The meshes of a scene. Raises SceneError."""
+    return partitions_by(scene, descended)
+
+
+def descended(scene: Scene, needed: np.ndarray) -> Window:
+    """What all sweeps of a substep read so that the `needed` (particles,) bool are as the whole would have them."""
+    found, needed = scene.tetrahedra_set, needed.copy()
+    for _ in range(scene.method.iterations):
+        before = needed.sum()
+        for one in reversed(descents(scene)):
+            for colour in reversed(range(one.colours)):
+                visited = np.zeros(len(needed), bool)
+                vertices = one.order[one.starts[colour] : one.starts[colour + 1]]
+                visited[vertices] = needed[vertices]
+                needed[one.corners[visited[one.corners].any(axis=1)]] = True
+        if needed.sum() == before:
+            break
+    return np.flatnonzero(needed), np.flatnonzero(needed[found.tetrahedra].all(axis=1))

@@ -1,0 +1,86 @@
+"""The meshes of tetrahedral bodies in parts: where they are cut, and what a substep of some vertices reads.
+
+A substep predicts, which looks at each vertex alone, sweeps over colours, and ends, again vertex by vertex. Walked backwards,
+what is needed of a state after a colour asks for all corners of those of its constraints (xpbd), or of the tetrahedra of
+those of its vertices (vbd), that touch it, before it; and at last of the state that the substep begins with. Places where a
+substep began, multipliers and the accelerated sweeps' earlier ones are asked for by the same constraints and vertices.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from model.domains.partitions import SharedMesh, Window
+from model.scene.scene import Scene
+from model.tetrahedra.apart import some_tetrahedra, tetrahedra_apart
+from model.tetrahedra.body_set import TetrahedraSet
+from model.tetrahedra.constraints import SLEEPING, constraint_sets, tetrahedra_of_sets, tetrahedra_parts
+from model.tetrahedra.topology import bodies_of_particles, neighbours
+
+ALIKE = 1e-6  # of a mean edge: vertices so near to each other along a body are of one layer
+
+
+def tetrahedra_partitions(scene: Scene) -> SharedMesh:
+    """Those of a position-based scene. Raises SceneError for what lets bodies act on each other, and what is of all
+    vertices."""
+    return partitions_by(scene, _projected)
+
+
+def partitions_by(scene: Scene, walk: Callable[[Scene, np.ndarray], Window]) -> SharedMesh:
+    """The same of any solver; `walk(scene, needed)`: what its sweeps read so that the `needed` (particles,) bool are as the
+    whole would have them."""
+    tetrahedra_apart(scene)
+    found = scene.tetrahedra_set
+
+    def window(owned: np.ndarray) -> Window:
+        return walk(scene, _looked_at(scene, owned))
+
+    weights = np.bincount(found.tetrahedra.ravel(), minlength=found.particle_count) / 4
+    return SharedMesh(
+        layers_of(found), weights, window, len(found.tetrahedra), "tetrahedra", len(found.names), scene.method.substeps,
+        "tetrahedra_set", lambda window: some_tetrahedra(found, *window),
+    )  # fmt: skip
+
+
+def layers_of(found: TetrahedraSet) -> np.ndarray:
+    """(particles,) int64: of each particle its layer across the longest axis of its body; one body after the other."""
+    body = bodies_of_particles(found.first_particle, found.particle_count)
+    along = np.empty(found.particle_count)
+    for number in range(len(found.names)):
+        mine = body == number
+        own = found.own[mine]
+        along[mine] = own[:, np.ptp(own, axis=0).argmax()]
+    order = np.lexsort((along, body))
+    apart = (np.diff(along[order]) > ALIKE * found.spacing) | (np.diff(body[order]) != 0)
+    layers = np.empty(found.particle_count, np.int64)
+    layers[order] = np.concatenate([[0], np.cumsum(apart)])
+    return layers
+
+
+def _looked_at(scene: Scene, owned: np.ndarray) -> np.ndarray:
+    """(particles,) bool: those that must be right when sweeps are over, so that the `owned` ones are as the substep ends:
+    who sleeps looks at its neighbours."""
+    needed = owned.copy()
+    if SLEEPING in tetrahedra_parts(scene):
+        near = neighbours(scene.tetrahedra_set.tetrahedra, len(owned))
+        needed[near.indices[np.repeat(owned, near.lengths)]] = True
+    return needed
+
+
+def _projected(scene: Scene, needed: np.ndarray) -> Window:
+    found = scene.tetrahedra_set
+    needed, touched = needed.copy(), np.zeros(len(found.tetrahedra), bool)
+    for _ in range(scene.method.iterations):
+        before = needed.sum()
+        for which, one in zip(reversed(tetrahedra_of_sets(found)), reversed(constraint_sets(scene)), strict=True):
+            for colour in reversed(range(one.colours)):
+                run = slice(one.starts[colour], one.starts[colour + 1])
+                corners = one.corners[run].reshape(-1, one.run * one.corners.shape[1])
+                hit = needed[corners].any(axis=1)
+                needed[corners[hit]] = True
+                touched[which[run].reshape(-1, one.run)[hit]] = True
+        if needed.sum() == before:  # earlier sweeps ask for no more
+            break
+    return np.flatnonzero(needed), np.flatnonzero(touched)
