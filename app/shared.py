@@ -11,7 +11,9 @@ from model.core.options import Options
 from model.core.simulation import Simulation
 from model.domains.launched import launched_ranks
 from model.domains.shared_bodies import SharedBodies, bodies_of, division, is_apart
+from model.domains.shared_fluid import SharedFluid
 from model.domains.simulation import DecomposedSimulation, cut, reach_of
+from model.domains.slabs import fluid_halo_of, is_in_slabs, slabs_at_start
 from model.scene.scene import Scene
 
 LINKS = {  # of GPUs: the class that opens a sheet which they share
@@ -20,7 +22,8 @@ LINKS = {  # of GPUs: the class that opens a sheet which they share
     "nccl": "gpu_backend.domains.nccl:NcclSimulation",
 }
 USUAL_LINK = "flags"
-BODIES = "gpu_backend.domains.bodies:GpuBodies"  # which need none
+BODIES = "gpu_backend.domains.bodies:GpuBodies"  # which need none, as does a fluid
+FLUID = "gpu_backend.domains.fluid:GpuFluid"
 
 
 def check_sharing(backend: str, gpus: int, ranks: int, link: str | None) -> None:
@@ -51,6 +54,8 @@ def check_shareable(scene: Scene, count: int, option: str) -> None:
     """Raise SceneError for a scene that cannot be shared at all, by however many."""
     if is_apart(scene):
         bodies_of(scene)
+    elif is_in_slabs(scene):
+        fluid_halo_of(scene)
     else:
         reach_of(scene, count, option)
 
@@ -58,12 +63,17 @@ def check_shareable(scene: Scene, count: int, option: str) -> None:
 def check_cut(scene: Scene, count: int, steps: int | None, link: str | None, option: str) -> None:
     """Raise SceneError where so many cannot share the scene, before anything is opened or started; `steps` between two
     exchanges and `link` None: not said."""
-    if not is_apart(scene):
+    if is_apart(scene):
+        division(scene, count, steps, option)
+        told = "bodies send nothing"
+    elif is_in_slabs(scene):
+        slabs_at_start(scene, count, steps, option)
+        told = "what a fluid sends goes through the host"
+    else:
         cut(scene, count, steps, option)
         return
-    division(scene, count, steps, option)
     if link is not None:
-        raise SceneError("--link", link, "is for a sheet that is shared by its rows: bodies send nothing; leave it out")
+        raise SceneError("--link", link, f"is for a sheet that is shared by its rows: {told}; leave it out")
 
 
 def open_shared(
@@ -83,9 +93,9 @@ def open_shared(
         from cpu_backend.domains.ranks import on_ranks
 
         return on_ranks(scene, options, MpiRanks(ranks), threads, exchange_every)
-    if is_apart(scene):
+    place = BODIES if is_apart(scene) else FLUID if is_in_slabs(scene) else LINKS[link]
+    if place in (BODIES, FLUID):
         check_cut(scene, gpus, exchange_every, None if link == USUAL_LINK else link, "--gpus")
-    place = BODIES if is_apart(scene) else LINKS[link]
     opened: Simulation = named(place)(scene, options, gpus, exchange_every)
     return opened
 
@@ -99,6 +109,14 @@ def shares(simulation: Simulation) -> dict[str, Any]:
             name: found.count,
             "bodies_each": [share.end - share.first for share in found.shares],
             "balance": found.balance,
+        }
+    if isinstance(simulation, SharedFluid):
+        owned, held = simulation.held().T
+        return {
+            name: len(owned),
+            "particles_each": owned.tolist(),
+            "balance": float(owned.mean() / owned.max()),
+            "repeated_particles": float(held.sum() / owned.sum() - 1),
         }
     if not isinstance(simulation, DecomposedSimulation):
         return {}

@@ -43,6 +43,7 @@ ONLY_THOROUGH = table("""
 test_mpi.py test_processes* test_two* test_a_div* test_bad_input*arguments[2-6]*  # processes, seconds each
 test_wet_worlds.py test_states_are_the_references?all?
 test_shared_bodies.py test_a_catalogue_scene*
+test_shared_fluid.py *hundreds_of_steps* test_what_else* *too_thin?averaged* *too_thin?smoothed*
 test_shared_tetrahedra.py *1_000_steps*
 test_fluid_advice.py test_a_scene_is_ablated* test_an_answer_is_run*
 test_fluid_physics.py *

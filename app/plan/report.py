@@ -16,7 +16,7 @@ import numpy as np
 
 from app.driver import BACKENDS
 from app.plan.passes import BackendPlan
-from app.plan.shared import BodiesPlan, SharedPlan
+from app.plan.shared import BodiesPlan, SharedPlan, SlabsPlan
 from model.core.errors import SceneError
 from model.core.families import family_of, stability_limit
 from model.core.family import named
@@ -70,7 +70,7 @@ class PlanReport:
     rows: tuple[Row, ...]
     backends: tuple[BackendPlan, ...]
     unknown: dict[str, str]
-    shared: SharedPlan | BodiesPlan | None = None
+    shared: SharedPlan | BodiesPlan | SlabsPlan | None = None
 
     @property
     def item(self) -> int:

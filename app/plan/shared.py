@@ -1,9 +1,11 @@
-"""What `softlab plan --gpus N` says: who owns which rows or bodies, what is sent, and what the link allows."""
+"""What `softlab plan --gpus N` says: who owns which rows, bodies or slabs, what is sent, and what the link allows."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import Any
+
+import numpy as np
 
 from app.command.tables import number
 from model.core.memory import readable
@@ -11,7 +13,9 @@ from model.domains.bodies import Division
 from model.domains.decomposition import Decomposition
 from model.domains.link import NVLINK, Link
 from model.domains.shared_bodies import division, is_apart
+from model.domains.shared_fluid import bytes_each
 from model.domains.simulation import cut
+from model.domains.slabs import Slabs, is_in_slabs, slabs_at_start
 from model.scene.scene import Scene
 
 LINES = 16  # of domains that are listed
@@ -130,9 +134,86 @@ class BodiesPlan:
         return [*lines, f"  {fair}: at most {found.count * found.balance:.3g} times as fast as one"]
 
 
-def shared_plan(scene: Scene, gpus: int, exchange_every: int | None, item: int) -> SharedPlan | BodiesPlan:
+@dataclass(frozen=True)
+class SlabsPlan:
+    """Of a fluid that several GPUs share, as it starts. `counts` (shares, 3): how many particles each owns, holds, and sends
+    a substep; `particle_bytes`: as `mass_bytes` of a sheet."""
+
+    slabs: Slabs
+    counts: np.ndarray
+    substeps: int
+    particle_bytes: int
+    sent_bytes: int
+
+    @property
+    def repeated(self) -> float:
+        """Particles that are computed besides their owner's, over all."""
+        owned, held, _ = self.counts.sum(axis=0)
+        return float(held / owned - 1)
+
+    @property
+    def bytes_per_step(self) -> int:
+        """What all send."""
+        return int(self.counts[:, 2].sum()) * self.sent_bytes * self.substeps
+
+    @property
+    def gain(self) -> float:
+        """How much faster all are than one at most: particles over what the fullest share computes."""
+        return float(self.counts[:, 0].sum() / self.counts[:, 1].max())
+
+    def as_dict(self) -> dict[str, Any]:
+        """For `--json`."""
+        return {
+            "gpus": self.slabs.count, "axis": "xyz"[self.slabs.axis], "halo": self.slabs.halo,
+            "bounds": self.slabs.bounds.tolist(), "repeated_particles": self.repeated, "most_gain": self.gain,
+            "shares": [
+                {"particles": int(owned), "window_particles": int(held), "sent_particles": int(sent)}
+                for owned, held, sent in self.counts
+            ],
+            "bytes_per_step": self.bytes_per_step,
+        }  # fmt: skip
+
+    def lines(self) -> list[str]:
+        """For a person."""
+        slabs = self.slabs
+        axis = "xyz"[slabs.axis]
+        lines = [
+            f"shared by {slabs.count} GPUs, by slabs along {axis} with as many particles each; halos of {slabs.halo:.3g} m, "
+            "exchanged every substep, as it starts:"
+        ]
+        for share, (owned, held, _) in list(enumerate(self.counts))[:LINES]:
+            low, high = slabs.ends(share)
+            place = [f"from {low:.3g} m" * (share > 0), f"to {high:.3g} m" * (share + 1 < slabs.count)]
+            told = f"holds {number(held)} ({readable(int(held) * self.particle_bytes)} a state)"
+            lines.append(
+                f"  GPU {share}: owns {number(owned)} particles {' '.join(filter(None, place)) or 'all'}, {told}"
+            )
+        if slabs.count > LINES:
+            lines.append(f"  and {slabs.count - LINES} more")
+        return [
+            *lines,
+            f"  {100 * self.repeated:.2g} % of particles are repeated: at most {self.gain:.3g} times as fast as one",
+            f"  {readable(self.bytes_per_step)} a step are sent by all, through the host",
+        ]
+
+
+def _slabs_plan(scene: Scene, gpus: int, exchange_every: int | None, item: int, particle_bytes: int) -> SlabsPlan:
+    slabs = slabs_at_start(scene, gpus, exchange_every, "--gpus")
+    along = scene.fluid_set.position[:, slabs.axis]
+    owned, counts = [slabs.owned(along, share) for share in range(gpus)], np.zeros((gpus, 3), np.int64)
+    for share in range(gpus):
+        held = slabs.held(along, share)
+        counts[share, :2] = owned[share].sum(), held.sum()
+        counts[:, 2] += [(own & held).sum() if other != share else 0 for other, own in enumerate(owned)]
+    real = {4: np.float32, 8: np.float64}[item]
+    return SlabsPlan(slabs, counts, scene.method.substeps, particle_bytes, bytes_each(real, scene.dimensions))
+
+
+def shared_plan(scene: Scene, gpus: int, exchange_every: int | None, item: int) -> SharedPlan | BodiesPlan | SlabsPlan:
     """The plan of a scene on so many GPUs; `item`: bytes of a scalar. Raises SceneError."""
     numbers = 2 if scene.dimensions == 2 else 4  # of a position: pairs in a plane, quads in space
+    if is_in_slabs(scene):
+        return _slabs_plan(scene, gpus, exchange_every, item, 2 * numbers * item)
     if is_apart(scene):
         return BodiesPlan(division(scene, gpus, exchange_every, "--gpus"), 2 * numbers * item)
     return SharedPlan(cut(scene, gpus, exchange_every, "--gpus"), 2 * numbers * item)

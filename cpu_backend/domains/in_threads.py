@@ -53,6 +53,13 @@ class AmongThreads(NothingSent):
     def largest(self, number: float) -> float:
         return max(self._meeting.all_of(self.rank, number))
 
+    def largest_each(self, numbers: np.ndarray) -> np.ndarray:
+        found: np.ndarray = np.max(self._meeting.all_of(self.rank, numbers), axis=0)
+        return found
+
+    def swap(self, messages: Sequence[Sequence[np.ndarray]]) -> list[list[np.ndarray]]:
+        return [[told[self.rank] for told in self._meeting.all_of(self.rank, messages[0])]]
+
 
 class ThreadExchange(RankExchange, AmongThreads):
     """Borders through queues; see Exchange."""

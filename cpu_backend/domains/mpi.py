@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,7 @@ from cpu_backend.core.simulation import RowsSimulation
 from cpu_backend.domains.ranks import RankExchange, Ranks
 from model.domains.decomposition import Decomposition
 from model.domains.exchange import Exchange, NothingSent
-from model.domains.processes import await_request, gather_rows, largest_of, world_of
+from model.domains.processes import await_request, gather_rows, largest_of, swapped, world_of
 
 
 class AmongProcesses(NothingSent):
@@ -23,7 +24,13 @@ class AmongProcesses(NothingSent):
         return gather_rows(self._world, owned)
 
     def largest(self, number: float) -> float:
-        return largest_of(self._world, number)
+        return float(largest_of(self._world, np.array([number]))[0])
+
+    def largest_each(self, numbers: np.ndarray) -> np.ndarray:
+        return largest_of(self._world, numbers)
+
+    def swap(self, messages: Sequence[Sequence[np.ndarray]]) -> list[list[np.ndarray]]:
+        return [swapped(self._world, messages[0])]
 
 
 class MpiExchange(RankExchange, AmongProcesses):

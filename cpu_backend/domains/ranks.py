@@ -1,4 +1,4 @@
-"""A sheet, or bodies, on several CPU ranks: processes or threads that have a window each and run the same program."""
+"""A sheet, bodies or a fluid on several CPU ranks: processes or threads that have a window each and run the same program."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import numpy as np
 
 from cpu_backend.core.simulation import RowsSimulation
 from cpu_backend.core.threads import core_count
+from cpu_backend.domains.fluid import FluidWindow
 from model.core.families import family_of
 from model.core.family import named
 from model.core.options import Options
@@ -15,7 +16,9 @@ from model.core.simulation import Simulation
 from model.domains.decomposition import Border, Decomposition
 from model.domains.exchange import Exchange
 from model.domains.shared_bodies import SharedBodies, division, is_apart
+from model.domains.shared_fluid import SharedFluid
 from model.domains.simulation import DecomposedSimulation, cut
+from model.domains.slabs import is_in_slabs, slabs_at_start
 from model.scene.scene import Scene
 
 
@@ -70,7 +73,7 @@ class Ranks:
         raise NotImplementedError
 
     def apart(self) -> Exchange:
-        """Among ranks whose windows send each other nothing."""
+        """Among ranks whose windows send each other no borders of rows."""
         raise NotImplementedError
 
 
@@ -111,10 +114,30 @@ class RankBodies(SharedBodies):
         return self._ranks.apart()
 
 
+class RankFluid(SharedFluid):
+    """This rank's slab of a fluid. `threads`: as of RankSimulation."""
+
+    backend = "cpu"
+
+    def __init__(
+        self, scene: Scene, options: Options, ranks: Ranks, threads: str | int = "1x", steps: int | None = None
+    ):
+        self._ranks, self._words = ranks, shared_threads(threads, ranks.count)
+        super().__init__(scene, options, slabs_at_start(scene, ranks.count, steps, "--ranks"), [ranks.rank])
+
+    def _open(self, place: int, scene: Scene, options: Options) -> Simulation:
+        return FluidWindow(scene, options, self._words)
+
+    def _connect(self) -> Exchange:
+        return self._ranks.apart()
+
+
 def on_ranks(
     scene: Scene, options: Options, ranks: Ranks, threads: str | int = "1x", steps: int | None = None
-) -> RankSimulation | RankBodies:
+) -> RankSimulation | RankBodies | RankFluid:
     """This rank's part of a scene, whichever way it is shared. Raises SceneError for one that is not."""
+    if is_in_slabs(scene):
+        return RankFluid(scene, options, ranks, threads, steps)
     return (RankBodies if is_apart(scene) else RankSimulation)(scene, options, ranks, threads, steps)
 
 

@@ -124,7 +124,7 @@ class NcclExchange(Exchange):
         return gather_rows(self._world, owned) if self._world else owned
 
     def largest(self, number: float) -> float:
-        return largest_of(self._world, number) if self._world else number
+        return float(largest_of(self._world, np.array([number]))[0]) if self._world else number
 
     def close(self) -> None:
         for group in self._groups:

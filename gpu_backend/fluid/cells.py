@@ -38,7 +38,7 @@ class Cells:
     """The grid of a fluid's particles.
 
     `found` (particles,) int32: how many neighbours each particle has; `table` (neighbours * particles,): the s-th of particle
-    i in place s * particles + i, so that a warp's loads lie side by side; an entry is a place and a row, see around.py.
+    i in place s * particles + i, so that a warp's loads lie side by side.
 
     `most`: cells at most. `repeats`: axes whose sides do. `flow`: of gpu_backend/fluid/flow.py, where particles come and go;
     then `found` and numbers have one more at their end, how many are there.
@@ -58,7 +58,7 @@ class Cells:
         self._chunks = (most + CHUNK - 1) // CHUNK
         self._counts, self._starts, self.begins = (self._integers(most + extra) for extra in (0, 0, 1))
         self._totals = self._integers(self._chunks)
-        self.table = cuda.device_array(neighbours * particles, np.uint32, stream=stream)
+        self.table = cuda.device_array(neighbours * particles, np.int32, stream=stream)
         self.beyond = self._new(np.zeros(1, np.int64))
         self._flat = (particles + THREADS - 1) // THREADS, THREADS, stream
         self._sort = make_cell_sort(real, repeats, flow is not None)

@@ -20,7 +20,6 @@ from gpu_backend.core.compile import inlined, kernel_options, make_kernels, vari
 from gpu_backend.core.formulas import device_formulas
 from gpu_backend.core.quads import SIZE, load_quad, store_quad
 from gpu_backend.core.world import World
-from gpu_backend.fluid.around import place_of, read_in_place
 from gpu_backend.fluid.kernels import WALL
 from gpu_backend.fluid.sums import List, make_pair, make_row, make_sums
 from gpu_backend.fluid.walls import make_walls
@@ -46,7 +45,7 @@ def make_approach(real: Any, math: str, parts: frozenset[str], repeats: frozense
     def approach(k, p, own, position, vectors, near_by, wall, parameters):
         total, at = zero, np.int64(k)
         for _ in range(near_by.count):
-            j = place_of(near_by.table[at])
+            j = near_by.table[at]
             at += near_by.particles
             e = load_quad(vectors, j)
             dx, dy, dz, r = pair(k, p, j, load_quad(position, j), parameters)
@@ -86,9 +85,7 @@ def make_targets(real: Any, math: str, parts: frozenset[str], repeats: frozenset
                 gradients[at], gradients[at + 1], gradients[at + 2] = wall[1], wall[2], wall[3]
                 if moving:
                     came = wall[0] - walls(p, world, number - one)[0]
-            c = constraint(
-                sum_density(k, p, read_in_place(position), near_by, parameters), parameters.density_scale, wall[0]
-            )
+            c = constraint(sum_density(k, p, position, near_by, parameters), parameters.density_scale, wall[0])
             constraints[k] = c
             own = load_quad(velocity, k)
             a = approach(k, p, own, position, velocity, near_by, wall, parameters)
@@ -154,7 +151,7 @@ def make_solve(real: Any, math: str, parts: frozenset[str], repeats: frozenset[s
         k, particles = np.int32(cuda.grid(1)), np.int32(found.size)
         if k < particles:
             p, near_by, e = load_quad(position, k), List(table, found[k], particles), (zero, zero, zero, zero)
-            x, y, z = sum_correction(k, p, read_in_place(position), near_by, wall_at(k, gradients), record[0])
+            x, y, z = sum_correction(k, p, position, near_by, wall_at(k, gradients), record[0])
             if turn > 0:
                 e = load_quad(shifts, k)
             weight = fluids[row(load_quad(before, k)[3]) + weight_field]

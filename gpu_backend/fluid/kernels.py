@@ -24,7 +24,6 @@ from gpu_backend.core.compile import inlined, kernel_options, make_kernels, vari
 from gpu_backend.core.formulas import device_formulas
 from gpu_backend.core.quads import SIZE, load_quad, store_quad
 from gpu_backend.core.world import World
-from gpu_backend.fluid.around import make_around, read_in_place
 from gpu_backend.fluid.extent import make_extent
 from gpu_backend.fluid.lists import LANES, make_search
 from gpu_backend.fluid.sums import List, make_row, make_sums
@@ -64,21 +63,21 @@ def make_relax(real: Any, math: str, parts: frozenset[str]) -> Any:
 
 
 @cache
-def make_move(real: Any, math: str, parts: frozenset[str], repeats: frozenset[str], staged: bool) -> Any:
-    """move(k, p, b, around, near_by, gradients, fluids, world, number) -> (x, y, z): particle k at p, which began the
+def make_move(real: Any, math: str, parts: frozenset[str], repeats: frozenset[str]) -> Any:
+    """move(k, p, b, position, near_by, gradients, fluids, world, number) -> (x, y, z): particle k at p, which began the
     substep at b, after a correction and the colliders. `gradients`: of walls, three numbers a particle."""
-    sums, collide = make_sums(real, math, parts, repeats, staged), make_collide(real, math, parts)
+    sums, collide = make_sums(real, math, parts, repeats), make_collide(real, math, parts)
     formulas, sum_correction, row = device_formulas(density.make, real, math), sums.sum_correction, make_row(parts)
     moved, moved_mean, weight_field = formulas.moved, formulas.moved_mean, np.int32(F_WEIGHT)
     averaged, has_walls, zero, one, axes = "averaged" in parts, "walls" in parts, real(0), np.int32(1), np.int32(WALL)
 
     @inlined(math)
-    def move(k, p, b, around, near_by, gradients, fluids, world, number):
+    def move(k, p, b, position, near_by, gradients, fluids, world, number):
         wall = zero, zero, zero, zero
         if has_walls:
             at = np.int64(k) * axes
             wall = zero, gradients[at], gradients[at + 1], gradients[at + 2]
-        x, y, z = sum_correction(k, p, around, near_by, wall, world.parameters)
+        x, y, z = sum_correction(k, p, position, near_by, wall, world.parameters)
         weight = fluids[row(b[3]) + weight_field]
         if averaged:
             count = real(max(near_by.count, one))
@@ -96,7 +95,7 @@ def make_move(real: Any, math: str, parts: frozenset[str], repeats: frozenset[st
 @cache
 def _make_nothing_added() -> Any:
     @inlined("exact")
-    def visit(sums, k, p, entry, around, fluids, parameters):
+    def visit(sums, k, p, j, position, fluids, parameters):
         return sums
 
     return visit
@@ -123,38 +122,37 @@ def make_meet_walls(real: Any, math: str, parts: frozenset[str]) -> Any:
 
 @cache
 def make_density_kernels(
-    real: Any, math: str, parts: frozenset[str], repeats: frozenset[str], neighbours: int, staged: bool
+    real: Any, math: str, parts: frozenset[str], repeats: frozenset[str], neighbours: int
 ) -> SimpleNamespace:
-    """`find(position, record, *near, *list, beyond)`; `prepare(position, record, *near, *list, beyond, *relaxed, fluids,
-    *world, into)`; `factors(position, record, *list, *relaxed, fluids, *world)`; `density(position, record, *near, *list,
-    *relaxed, *world)`, which writes into the fourth numbers of positions; `correct(before, position, record, *near, *list,
-    gradients, fluids, *world, into)`. In blocks of LANES threads at most. `near`: keys, numbers, begins, of
-    gpu_backend/fluid/cells.py; `list`: table, found; `staged`: see gpu_backend/fluid/around.py.
+    """`find(position, record, *grid, *list, beyond)`; `prepare(position, record, *grid, *list, beyond, *relaxed, fluids,
+    *world, into)`; `factors(position, record, *list, *relaxed, fluids, *world)`; `density(position, record, *list, *relaxed,
+    *world)`, which writes into the fourth numbers of positions; `correct(before, position, record, *list, gradients, fluids,
+    *world, into)`. In blocks of LANES threads at most. `grid`: keys, numbers, begins, of gpu_backend/fluid/cells.py; `list`:
+    table, found.
 
     `relaxed`: factors, multipliers, constraints, gradients; `world`: bodies, integers, counter, place, substeps, substep."""
-    searching = _make_searching(real, math, parts, repeats, neighbours, staged)
-    return SimpleNamespace(**vars(searching), **vars(_make_walking(real, math, parts, repeats, staged)))
+    searching = _make_searching(real, math, parts, repeats, neighbours)
+    return SimpleNamespace(**vars(searching), **vars(_make_walking(real, math, parts, repeats)))
 
 
 def _make_searching(
-    real: Any, math: str, parts: frozenset[str], repeats: frozenset[str], neighbours: int, staged: bool
+    real: Any, math: str, parts: frozenset[str], repeats: frozenset[str], neighbours: int
 ) -> SimpleNamespace:
     """`find`, `prepare`."""
     variant, axes, extent = (real, math, parts), 2 if "flat" in parts else 3, make_extent(parts)
-    sums, relax, places = make_sums(*variant, repeats, staged), make_relax(*variant), make_around(real, axes, staged)
-    factor_of, weights_of, around_of, zero = sums.factor_of, sums.weights_of, places.around, real(0)
+    sums, relax = make_sums(*variant, repeats), make_relax(*variant)
+    factor_of, weights_of, zero = sums.factor_of, sums.weights_of, real(0)
     meet_walls, clock = make_meet_walls(*variant), make_clock(math, parts)
-    shape = real, math, axes, neighbours, repeats, places.four_of
+    shape = real, math, axes, neighbours, repeats
     search = make_search(*shape, _make_nothing_added(), zero, "solids" in parts)
     search_and_sum = make_search(*shape, sums.both_added, (zero, zero, zero, zero, zero), "solids" in parts)
 
     def find(position, record, keys, numbers, begins, table, found, beyond):
         k = np.int32(cuda.grid(1))
         particles, there = extent(found)
-        around = around_of(position, keys, numbers, begins, there)
         if k < there:
             p = load_quad(position, k)
-            found[k], _ = search(k, p, around, record[0], keys[k], numbers, begins, table, particles, beyond, None)
+            found[k], _ = search(k, p, position, record[0], keys[k], numbers, begins, table, particles, beyond, None)
 
     def prepare(
         position, record, keys, numbers, begins, table, found, beyond, factors, multipliers, constraints, gradients, fluids,
@@ -162,11 +160,10 @@ def _make_searching(
     ):  # fmt: skip
         k = np.int32(cuda.grid(1))
         particles, there = extent(found)
-        around = around_of(position, keys, numbers, begins, there)
         if k < there:
             parameters, p = record[0], load_quad(position, k)
             count, sums = search_and_sum(
-                k, p, around, parameters, keys[k], numbers, begins, table, particles, beyond, weights_of(fluids)
+                k, p, position, parameters, keys[k], numbers, begins, table, particles, beyond, weights_of(fluids)
             )
             found[k] = count
             _, number = clock(counter, place, substeps, substep)
@@ -179,14 +176,12 @@ def _make_searching(
     return make_kernels((find, prepare), f"fluid_{variant_name(*variant, repeats)}", **kernel_options(math))
 
 
-def _make_walking(
-    real: Any, math: str, parts: frozenset[str], repeats: frozenset[str], staged: bool
-) -> SimpleNamespace:
+def _make_walking(real: Any, math: str, parts: frozenset[str], repeats: frozenset[str]) -> SimpleNamespace:
     """`factors`, `density`, `correct`."""
     variant, extent, zero = (real, math, parts), make_extent(parts), real(0)
-    sum_factor, sum_density = make_sums(*variant, repeats).sum_factor, make_sums(*variant, repeats, staged).sum_density
-    relax, move, meet_walls = make_relax(*variant), make_move(*variant, repeats, staged), make_meet_walls(*variant)
-    clock, around_of = make_clock(math, parts), make_around(real, 2 if "flat" in parts else 3, staged).around
+    sums, clock = make_sums(*variant, repeats), make_clock(math, parts)
+    relax, move, meet_walls = make_relax(*variant), make_move(*variant, repeats), make_meet_walls(*variant)
+    sum_factor, sum_density = sums.sum_factor, sums.sum_density
 
     def factors(
         position, record, table, found, factors_, multipliers, constraints, gradients, fluids, bodies, integers, counter,
@@ -199,36 +194,33 @@ def _make_walking(
             _, number = clock(counter, place, substeps, substep)
             wall = meet_walls(k, p, gradients, World(parameters, bodies, integers), number)
             near_by = List(table, found[k], particles)
-            factors_[k] = sum_factor(k, p, read_in_place(position), near_by, wall, fluids, parameters)
+            factors_[k] = sum_factor(k, p, position, near_by, wall, fluids, parameters)
             multipliers[k] = zero
 
     def density(
-        position, record, keys, numbers, begins, table, found, factors, multipliers, constraints, gradients, bodies,
-        integers, counter, place, substeps, substep,
+        position, record, table, found, factors, multipliers, constraints, gradients, bodies, integers, counter, place,
+        substeps, substep,
     ):  # fmt: skip
         k = np.int32(cuda.grid(1))
         particles, there = extent(found)
-        around = around_of(position, keys, numbers, begins, there)
         if k < there:
             parameters, p = record[0], load_quad(position, k)
             _, number = clock(counter, place, substeps, substep)
             wall = meet_walls(k, p, gradients, World(parameters, bodies, integers), number)
-            total = sum_density(k, p, around, List(table, found[k], particles), parameters)
+            total = sum_density(k, p, position, List(table, found[k], particles), parameters)
             delta = relax(k, total, wall[0], factors[k], multipliers, constraints, parameters, False)
             position[SIZE * np.int64(k) + 3] = delta  # which no thread of this launch looks at
 
     def correct(
-        before, position, record, keys, numbers, begins, table, found, gradients, fluids, bodies, integers, counter, place,
-        substeps, substep, into,
+        before, position, record, table, found, gradients, fluids, bodies, integers, counter, place, substeps, substep, into,
     ):  # fmt: skip
         k = np.int32(cuda.grid(1))
         particles, there = extent(found)
-        around = around_of(position, keys, numbers, begins, there)
         if k < there:
             p, b, near_by = load_quad(position, k), load_quad(before, k), List(table, found[k], particles)
             _, number = clock(counter, place, substeps, substep)
             world = World(record[0], bodies, integers)
-            x, y, z = move(k, p, b, around, near_by, gradients, fluids, world, number)
+            x, y, z = move(k, p, b, position, near_by, gradients, fluids, world, number)
             store_quad(into, k, x, y, z, b[3])
 
     name = f"fluid_{variant_name(*variant, repeats)}"

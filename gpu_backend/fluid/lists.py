@@ -20,11 +20,12 @@ from numba import cuda
 from gpu_backend.core.compile import inlined
 from gpu_backend.core.device import simulated
 from gpu_backend.core.formulas import device_formulas
-from gpu_backend.fluid.around import ROW_BIT, TOGETHER, rows_around
+from gpu_backend.core.quads import load_quad
 from gpu_backend.fluid.sort_kernels import DEPTH, HEIGHT, WIDTH, WRAPS
 from model.formulas.fluid import density
 
 WORD = 32  # candidates of a word of bits
+TOGETHER = 4  # candidates whose loads are on their way at a time
 SLOTS = 2 if simulated() else 9  # words that a thread puts aside before it visits them: one for each run in space
 LANES = 128  # threads of a block at most: each has a column of slots
 
@@ -111,10 +112,9 @@ def _make_steps() -> SimpleNamespace:
 
 
 @cache
-def _make_look(real: Any, math: str, repeats: frozenset[str], solids: bool, four_of: Any) -> Any:
-    """look(k, p, e, end, row, around, parameters) -> (bits, first): which of the particles from e to before `end`, WORD at
-    most, of a row around, are neighbours of particle k at p, a bit each from particle `first` on; with `solids`, two samples
-    of solids are none."""
+def _make_look(real: Any, math: str, repeats: frozenset[str], solids: bool) -> Any:
+    """look(k, p, e, end, position, parameters) -> (bits, first): which of the particles from e to before `end`, WORD at most,
+    are neighbours of particle k at p, a bit each from particle `first` on; with `solids`, two samples of solids are none."""
     formulas, way = device_formulas(density.make, real, math), make_ways(real, math, repeats)
     squared, within, inline = formulas.squared, formulas.within, inlined(math)
     word, all_bits, together = np.int32(WORD), np.uint32(0xFFFFFFFF), np.int32(TOGETHER)
@@ -128,14 +128,15 @@ def _make_look(real: Any, math: str, repeats: frozenset[str], solids: bool, four
         return bit if within(squared(dx, dy, dz), parameters.support) else none
 
     @inline
-    def look(k, p, e, end, row, around, parameters):
+    def look(k, p, e, end, position, parameters):
         # the last TOGETHER before `end` are looked at as they are, so that loads lie at fixed places behind one another
         last = np.int32(max(end - together, 0))
         first, bits = np.int32(min(e, last)), none
         begin = first
         while begin < end:
             g = min(begin, last)
-            q, r, s, t = four_of(around, g, row)
+            q, r = load_quad(position, g), load_quad(position, np.int32(g + 1))
+            s, t = load_quad(position, np.int32(g + 2)), load_quad(position, np.int32(g + 3))
             found = np.uint32(
                 bit_of(p, q, one, parameters) | bit_of(p, r, two, parameters) | bit_of(p, s, four, parameters)
                 | bit_of(p, t, eight, parameters)
@@ -154,29 +155,30 @@ def _make_look(real: Any, math: str, repeats: frozenset[str], solids: bool, four
 
 @cache
 def make_search(
-    real: Any, math: str, axes: int, neighbours: int, repeats: frozenset[str], four_of: Any, visit: Any, begun: Any,
+    real: Any,
+    math: str,
+    axes: int,
+    neighbours: int,
+    repeats: frozenset[str],
+    visit: Any,
+    begun: Any,
     solids: bool = False,
-) -> Any:  # fmt: skip
-    """search(k, p, around, parameters, key, numbers, begins, table, particles, lost, fluids) -> (how many neighbours particle
-    k at p has in its list now, `neighbours` at most; sums over them); the others are counted in `lost`. `four_of`: of
-    gpu_backend/fluid/around.py; `begun`: sums of none; visit(sums, k, p, entry, around, fluids, parameters) -> the sums with
-    a neighbour. In exact math lists are the CPU's. In blocks of LANES threads at most."""
-    whole, look, scales_of = _make_steps(), _make_look(real, math, repeats, solids, four_of), _make_scales_of()
+) -> Any:
+    """search(k, p, position, parameters, key, numbers, begins, table, particles, lost, fluids) -> (how many neighbours
+    particle k at p has in its list now, `neighbours` at most; sums over them); the others are counted in `lost`. `begun`:
+    sums of none; visit(sums, k, p, j, position, fluids, parameters) -> the sums with neighbour j. In exact math lists are
+    the CPU's. In blocks of LANES threads at most."""
+    whole, look, scales_of = _make_steps(), _make_look(real, math, repeats, solids), _make_scales_of()
     beside, first_piece, second_piece = whole.beside, whole.first_piece, whole.second_piece
-    most, one, rows, solid, goes_round = np.int32(neighbours), np.int32(1), rows_around(axes), axes == 3, "x" in repeats
+    most, one, rows, solid, goes_round = np.int32(neighbours), np.int32(1), 3 ** (axes - 1), axes == 3, "x" in repeats
     pieces = np.int32(rows * (2 if goes_round else 1))
     slots, lanes, room, word = np.int32(SLOTS), np.int32(LANES), SLOTS * LANES, np.int32(WORD)
-    row_bit = np.uint32(ROW_BIT)
-
-    @inlined("exact")
-    def row_of(piece):
-        return np.int32(piece >> 1) if goes_round else np.int32(piece)
 
     @inlined("exact")
     def run(piece, x, y, z, numbers, begins):
         """(first, end) of the particles of a piece of the rows of cells around (x, y, z)."""
         width, height = numbers[WIDTH], numbers[HEIGHT]
-        row = row_of(piece)
+        row = np.int32(piece >> 1) if goes_round else np.int32(piece)
         cz, cy = z, beside(y, np.int32(row % 3 - 1), height, numbers[WRAPS + 1] > 0)
         if solid:
             cz = beside(z, np.int32(row // 3 - 1), numbers[DEPTH], numbers[WRAPS + 2] > 0)
@@ -189,9 +191,9 @@ def make_search(
         return np.int32(begins[cell]), np.int32(begins[cell + np.uint32(cells)])
 
     @inlined("exact")
-    def search(k, p, around, parameters, key, numbers, begins, table, particles, lost, fluids):
+    def search(k, p, position, parameters, key, numbers, begins, table, particles, lost, fluids):
         words = cuda.shared.array(room, np.uint32)  # a line each: the simulator tells them apart by it
-        firsts = cuda.shared.array(room, np.uint32)  # with their rows, as entries have them
+        firsts = cuda.shared.array(room, np.int32)
         own, line = np.uint32(cuda.threadIdx.x), np.int32(key // numbers[WIDTH])
         x, z = np.int32(key - line * numbers[WIDTH]), np.int32(line // numbers[HEIGHT])
         y = np.int32(line - z * numbers[HEIGHT])
@@ -205,25 +207,23 @@ def make_search(
                     piece = np.int32(piece + one)
                 if e < end:
                     stop = min(np.int32(e + word), end)
-                    row = row_of(np.int32(piece - one))
-                    bits, first = look(k, p, e, stop, row, around, scales)
+                    bits, first = look(k, p, e, stop, position, scales)
                     e = stop
                     if bits != 0:
-                        words[place] = bits
-                        firsts[place] = np.uint32(np.uint32(first) | np.uint32(row) << row_bit)
+                        words[place], firsts[place] = bits, first
                         kept, place = np.int32(kept + one), np.uint32(place + np.uint32(lanes))
-            place, bits, begin = own, np.uint32(0), np.uint32(0)
+            place, bits, first = own, np.uint32(0), np.int32(0)
             while kept > 0:
                 if bits == 0:
-                    bits, begin = words[place], firsts[place]
-                entry = np.uint32(begin + np.uint32(cuda.ffs(bits) - one))
+                    bits, first = words[place], firsts[place]
+                j = np.int32(first + cuda.ffs(bits) - one)
                 bits = np.uint32(bits & (bits - np.uint32(1)))
                 if bits == 0:
                     kept, place = np.int32(kept - one), np.uint32(place + np.uint32(lanes))
                 if count < most:
-                    table[at] = entry
+                    table[at] = j
                     at = np.uint64(at + np.uint64(particles))
-                    sums = visit(sums, k, p, entry, around, fluids, scales)
+                    sums = visit(sums, k, p, j, position, fluids, scales)
                 count = np.int32(count + one)
         if count > most:
             cuda.atomic.add(lost, 0, np.int64(count - most))

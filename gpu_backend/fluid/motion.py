@@ -21,7 +21,6 @@ from gpu_backend.core.forces import make_own_force
 from gpu_backend.core.formulas import device_formulas
 from gpu_backend.core.quads import SIZE, load_quad, store_quad
 from gpu_backend.core.world import World
-from gpu_backend.fluid.around import make_around
 from gpu_backend.fluid.extent import make_extent
 from gpu_backend.fluid.kernels import make_move, walk_options
 from gpu_backend.fluid.sort_kernels import make_box
@@ -130,28 +129,26 @@ def make_begin(real: Any, math: str, parts: frozenset[str], repeats: frozenset[s
 
 
 @cache
-def make_settle(real: Any, math: str, parts: frozenset[str], repeats: frozenset[str], staged: bool) -> SimpleNamespace:
-    """`settle(before, meant, position, record, *near, table, found, constraints, gradients, fluids, *world, new_position,
+def make_settle(real: Any, math: str, parts: frozenset[str], repeats: frozenset[str]) -> SimpleNamespace:
+    """`settle(before, meant, position, record, table, found, constraints, gradients, fluids, *world, new_position,
     new_velocity)`: the last correction, then velocities, limited unless neighbours have a say; `update(before, meant,
     position, record, fluids, *world, new_position, new_velocity)`: velocities alone; `limit(position, velocity,
     constraints, record, fluids)`."""
-    ends, move, row = make_ends(real, math, parts), make_move(real, math, parts, repeats, staged), make_row(parts)
+    ends, move, row = make_ends(real, math, parts), make_move(real, math, parts, repeats), make_row(parts)
     answered, limited, clock = ends.answered, ends.limited, make_clock(math, parts)
     ended, is_dragged, zero, extent = not parts & SMOOTHING, "drag" in parts, real(0), make_extent(parts)
-    around_of = make_around(real, 2 if "flat" in parts else 3, staged).around
 
     def settle(
-        before, meant, position, record, keys, numbers, begins, table, found, constraints, gradients, fluids, bodies,
-        integers, counter, place, substeps, substep, new_position, new_velocity,
+        before, meant, position, record, table, found, constraints, gradients, fluids, bodies, integers, counter, place,
+        substeps, substep, new_position, new_velocity,
     ):  # fmt: skip
         k = np.int32(cuda.grid(1))
         particles, there = extent(found)
-        around = around_of(position, keys, numbers, begins, there)
         if k < there:
             p, b, near_by = load_quad(position, k), load_quad(before, k), List(table, found[k], particles)
             _, number = clock(counter, place, substeps, substep)
             world, at = World(record[0], bodies, integers), row(b[3])
-            x, y, z = move(k, p, b, around, near_by, gradients, fluids, world, number)
+            x, y, z = move(k, p, b, position, near_by, gradients, fluids, world, number)
             x, y, z, vx, vy, vz = answered(b, load_quad(meant, k), x, y, z, fluids, at, world, number)
             if ended:
                 c = constraints[k] if is_dragged else zero

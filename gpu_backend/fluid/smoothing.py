@@ -12,7 +12,6 @@ from numba import cuda
 from gpu_backend.core.compile import inlined, kernel_options, make_kernel, variant_name
 from gpu_backend.core.formulas import device_formulas
 from gpu_backend.core.quads import load_quad, store_quad
-from gpu_backend.fluid.around import place_of
 from gpu_backend.fluid.extent import make_extent
 from gpu_backend.fluid.motion import make_ends
 from gpu_backend.fluid.sums import make_pair, make_row
@@ -61,7 +60,7 @@ def _make_shape(real: Any, math: str, parts: frozenset[str], repeats: frozenset[
             parameters, p, v, at = record[0], load_quad(position, k), load_quad(velocity, k), np.int64(k)
             totals = zero, zero, zero, zero, zero, zero
             for _ in range(found[k]):
-                j = place_of(table[at])
+                j = table[at]
                 at += particles
                 q, w = load_quad(position, j), load_quad(velocity, j)
                 if has_solids and q[3] == parameters.sampled:
@@ -140,7 +139,7 @@ def _make_smooth(real: Any, math: str, parts: frozenset[str], repeats: frozenset
             if has_curl:
                 curl = load_quad(curls, k)
             for _ in range(found[k]):
-                j = place_of(table[at])
+                j = table[at]
                 at += particles
                 q = load_quad(position, j)
                 if has_solids and q[3] == parameters.sampled:

@@ -18,7 +18,6 @@ from gpu_backend.core.compile import inlined, kernel_options, make_kernels, vari
 from gpu_backend.core.formulas import device_formulas
 from gpu_backend.core.quads import SIZE, load_quad, store_quad
 from gpu_backend.core.world import World
-from gpu_backend.fluid.around import place_of
 from gpu_backend.fluid.kernels import WALL, make_meet_walls, make_relax
 from gpu_backend.fluid.sums import List, make_row
 from gpu_backend.xpbd.kernels import make_clock
@@ -100,7 +99,7 @@ def _make_solid_sums(real: Any, math: str, parts: frozenset[str]) -> SimpleNames
     def sum_factor(k, p, position, near_by, number, kinds, parameters):
         gx, gy, gz, own, at = zero, zero, zero, zero, np.int64(k)
         for _ in range(near_by.count):
-            j = place_of(near_by.table[at])
+            j = near_by.table[at]
             at += near_by.particles
             dx, dy, dz, r = pair(k, p, j, load_quad(position, j), parameters)
             bare, n = slope(r, parameters.inverse_support, parameters.gradient_scale), np.int32(number[j])
@@ -114,7 +113,7 @@ def _make_solid_sums(real: Any, math: str, parts: frozenset[str]) -> SimpleNames
     def sum_density(k, p, position, near_by, number, kinds, parameters):
         total, at = zero, np.int64(k)
         for _ in range(near_by.count):
-            j = place_of(near_by.table[at])
+            j = near_by.table[at]
             at += near_by.particles
             q = load_quad(position, j)
             t = near(squared(p[0] - q[0], p[1] - q[1], p[2] - q[2]), parameters.inverse_support)
@@ -126,7 +125,7 @@ def _make_solid_sums(real: Any, math: str, parts: frozenset[str]) -> SimpleNames
         x, y, z, at, own = zero, zero, zero, np.int64(k), np.int32(number[k])
         volume, grip = kinds[volume_row * number.size + own], kinds[grip_row * number.size + own]
         for _ in range(near_by.count):
-            j = place_of(near_by.table[at])
+            j = near_by.table[at]
             at += near_by.particles
             q, n = load_quad(position, j), np.int32(number[j])
             dx, dy, dz, r = pair(k, p, j, q, parameters)
@@ -146,7 +145,7 @@ def _make_solid_sums(real: Any, math: str, parts: frozenset[str]) -> SimpleNames
         grip, light = kinds[grip_row * number.size + own], kinds[light_row * number.size + own]
         mine, wx, wy, wz = fluids[row(b[3]) + viscosity], p[0] - b[0], p[1] - b[1], p[2] - b[2]
         for _ in range(near_by.count):
-            j = place_of(near_by.table[at])
+            j = near_by.table[at]
             at += near_by.particles
             n = np.int32(number[j])
             its_grip = kinds[grip_row * number.size + n]

@@ -2,8 +2,7 @@
 
 The method, and every order of summation, is in model/fluid/plan.py. Particles change places in every substep; `particle`
 holds the number of each, and whatever is read comes in the scene's order. Kernels: `launch`, and `graph`, the same
-captured as a CUDA graph; `stages`, stage by stage; `staged`, a graph whose kernels read what lies around a block into its
-shared memory (around.py), which was never timed and is chosen nowhere. In `exact` math all give the same bits, and the CPU's.
+captured as a CUDA graph; `stages`, stage by stage. In `exact` math all give the same bits, and the CPU's.
 """
 
 from __future__ import annotations
@@ -40,7 +39,6 @@ from model.mass_spring.cloth_parameters import collider_numbers
 from model.scene.scene import Scene
 
 THREADS = LANES  # a block
-STAGED = "staged"  # a kernel
 FEWER = {8192: 32, 32768: 64}  # of so many particles at most: so that each multiprocessor has some
 QUADS = 10  # of a particle: the state twice and put aside, and what a substep needs
 
@@ -52,8 +50,7 @@ class Fluid(SubstepSimulation):
 
     def __init__(self, scene: Scene, options: Options, stream: Any = None):
         super().__init__(scene, options, stream)
-        among, wanted = self.samples is not None, options.kernel
-        self.kernel = STAGED if wanted == STAGED and not among else launched_kernel(wanted, "fluids", (STAGED,))
+        self.kernel, among = launched_kernel(options.kernel, "fluids"), self.samples is not None
         self.plan = fluid_plan(scene, options.live, among)
         self.particle_count += self.samples.count if self.samples else 0
         self.threads = next((few for most, few in FEWER.items() if self.particle_count <= most), THREADS)
@@ -114,9 +111,8 @@ class Fluid(SubstepSimulation):
     def _make_kernels(self) -> None:
         variant = self.real, self.options.math, self.plan.parts
         self._tools = make_fluid_tools(self.real, self.scene.dimensions, self.plan.parts & FLOWS)
-        staged = self.kernel == STAGED and not self.repeats
-        self.begin, self.settling = make_begin(*variant, self.repeats), make_settle(*variant, self.repeats, staged)
-        self.relaxing = make_density_kernels(*variant, self.repeats, self.neighbours, staged)
+        self.begin, self.settling = make_begin(*variant, self.repeats), make_settle(*variant, self.repeats)
+        self.relaxing = make_density_kernels(*variant, self.repeats, self.neighbours)
         self.free = divergence_free.DivergenceFree(self) if "divergence-free" in self.plan.parts else None
         self.smoothing = None
         if self.plan.parts & SMOOTHING and not self.free:
@@ -136,7 +132,7 @@ class Fluid(SubstepSimulation):
             if self.flow:
                 self.flow.forget()
             cuda.synchronize()
-        if self.kernel in ("graph", STAGED) and can_capture():
+        if self.kernel == "graph" and can_capture():
             self._graphs = Graphs(self.stream, self._launch, self._count_on)
 
     # ------------------------------------------------------------------ a step
@@ -181,12 +177,12 @@ class Fluid(SubstepSimulation):
             b, self.record, *self.near, self.cells.beyond, *self.relaxed, self.fluids, *world, a
         )  # fmt: skip
         for _ in range(self.scene.method.iterations - 1):
-            relaxing.correct[flat](self.before, a, self.record, *self.near, self.gradients, self.fluids, *world, b)
-            relaxing.density[flat](b, self.record, *self.near, *self.relaxed, *world)
+            relaxing.correct[flat](self.before, a, self.record, *self.lists, self.gradients, self.fluids, *world, b)
+            relaxing.density[flat](b, self.record, *self.lists, *self.relaxed, *world)
             a, b = b, a
         position, velocity = self.position[now], self.velocity[now]
         self.settling.settle[flat](
-            self.before, self.meant, a, self.record, *self.near, self.constraints, self.gradients, self.fluids, *world,
+            self.before, self.meant, a, self.record, *self.lists, self.constraints, self.gradients, self.fluids, *world,
             position, self.meant if self.smoothing else velocity,
         )  # fmt: skip
         if self.smoothing:

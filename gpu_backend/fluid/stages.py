@@ -46,10 +46,10 @@ def bind_fluid_stages(sim: Any) -> Bound:
         relaxing.factors[flat](now["position"], sim.record, *sim.lists, *sim.relaxed, sim.fluids, *world(moment))
 
     def density(moment: Moment) -> None:
-        relaxing.density[flat](now["position"], sim.record, *sim.near, *sim.relaxed, *world(moment))
+        relaxing.density[flat](now["position"], sim.record, *sim.lists, *sim.relaxed, *world(moment))
 
     def correct(moment: Moment) -> None:
-        arguments = sim.before, now["position"], sim.record, *sim.near, sim.gradients, sim.fluids, *world(moment)
+        arguments = sim.before, now["position"], sim.record, *sim.lists, sim.gradients, sim.fluids, *world(moment)
         relaxing.correct[flat](*arguments, now["other"])
         now["position"], now["other"] = now["other"], now["position"]
 

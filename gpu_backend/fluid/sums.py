@@ -14,7 +14,7 @@ import numpy as np
 
 from gpu_backend.core.compile import inlined
 from gpu_backend.core.formulas import device_formulas
-from gpu_backend.fluid.around import make_around, place_of
+from gpu_backend.core.quads import load_quad
 from gpu_backend.fluid.lists import make_ways
 from model.fluid.parameters import F_WEIGHT, FLUID_FIELDS
 from model.formulas.fluid import density
@@ -48,13 +48,11 @@ def make_row(parts: frozenset[str]) -> Any:
     return inlined("exact")(row)
 
 
-def make_over_list(math: str, added: Any, begun: Any, places: SimpleNamespace) -> Any:
-    """over_list(k, p, around, near_by, fluids, parameters) -> `begun` with what each neighbour of particle k at p adds, by
+def make_over_list(math: str, added: Any, begun: Any) -> Any:
+    """over_list(k, p, position, near_by, fluids, parameters) -> `begun` with what each neighbour of particle k at p adds, by
     added(sums, k, p, j, q, fluids, parameters) of neighbour j at q. Four at a time, so that four loads are on their way
-    before the first is waited for, and the next four entries; `added` in turn, in the list's order. `places`: of
-    gpu_backend/fluid/around.py."""
+    before the first is waited for, and the next four places; `added` in turn, in the list's order."""
     one, two, three, four = np.int32(1), np.int32(2), np.int32(3), np.int32(4)
-    quad_of = places.quad_of
 
     @inlined("exact")
     def entry(table, k, row, last, particles):
@@ -62,7 +60,7 @@ def make_over_list(math: str, added: Any, begun: Any, places: SimpleNamespace) -
         return table[np.uint64(k) + np.uint64(np.uint32(min(row, last))) * np.uint64(particles)]
 
     @inlined(math)
-    def over_list(k, p, around, near_by, fluids, parameters):
+    def over_list(k, p, position, near_by, fluids, parameters):
         sums, count, table, particles = begun, near_by.count, near_by.table, np.uint32(near_by.particles)
         if count > 0:
             last, k_ = np.int32(count - one), np.uint32(k)
@@ -70,23 +68,24 @@ def make_over_list(math: str, added: Any, begun: Any, places: SimpleNamespace) -
             c, d = entry(table, k_, two, last, particles), entry(table, k_, three, last, particles)
             row = four  # of the entries after a, b, c, d
             while row <= count:
-                q, r, t, u = quad_of(around, a), quad_of(around, b), quad_of(around, c), quad_of(around, d)
+                q, r = load_quad(position, a), load_quad(position, b)
+                t, u = load_quad(position, c), load_quad(position, d)
                 e, f = entry(table, k_, row, last, particles), entry(table, k_, np.int32(row + one), last, particles)
                 g = entry(table, k_, np.int32(row + two), last, particles)
                 h = entry(table, k_, np.int32(row + three), last, particles)
-                sums = added(sums, k, p, place_of(a), q, fluids, parameters)
-                sums = added(sums, k, p, place_of(b), r, fluids, parameters)
-                sums = added(sums, k, p, place_of(c), t, fluids, parameters)
-                sums = added(sums, k, p, place_of(d), u, fluids, parameters)
+                sums = added(sums, k, p, a, q, fluids, parameters)
+                sums = added(sums, k, p, b, r, fluids, parameters)
+                sums = added(sums, k, p, c, t, fluids, parameters)
+                sums = added(sums, k, p, d, u, fluids, parameters)
                 a, b, c, d, row = e, f, g, h, np.int32(row + four)
             left = np.int32(count & three)
-            q, r, t = quad_of(around, a), quad_of(around, b), quad_of(around, c)
+            q, r, t = load_quad(position, a), load_quad(position, b), load_quad(position, c)
             if left > 0:
-                sums = added(sums, k, p, place_of(a), q, fluids, parameters)
+                sums = added(sums, k, p, a, q, fluids, parameters)
             if left > one:
-                sums = added(sums, k, p, place_of(b), r, fluids, parameters)
+                sums = added(sums, k, p, b, r, fluids, parameters)
             if left > two:
-                sums = added(sums, k, p, place_of(c), t, fluids, parameters)
+                sums = added(sums, k, p, c, t, fluids, parameters)
         return sums
 
     return over_list
@@ -149,12 +148,10 @@ def _make_added(real: Any, math: str, parts: frozenset[str], repeats: frozenset[
 
 
 @cache
-def make_sums(
-    real: Any, math: str, parts: frozenset[str], repeats: frozenset[str], staged: bool = False
-) -> SimpleNamespace:
-    """Of particle k at p: `sum_factor(k, p, around, list, wall, fluids, parameters)`; `sum_density(k, p, around, list,
-    parameters)`; `sum_correction(k, p, around, list, wall, parameters)` -> (x, y, z). `wall`: (density, gx, gy, gz) of
-    `make_walls`; `around`, `staged`: of gpu_backend/fluid/around.py. And what a search sums up, `both_added` with
+def make_sums(real: Any, math: str, parts: frozenset[str], repeats: frozenset[str]) -> SimpleNamespace:
+    """Of particle k at p: `sum_factor(k, p, position, list, wall, fluids, parameters)`; `sum_density(k, p, position, list,
+    parameters)`; `sum_correction(k, p, position, list, wall, parameters)` -> (x, y, z). `wall`: (density, gx, gy, gz) of
+    `make_walls`. And what a search sums up, `both_added` with
     `weights_of(fluids)`, of which the last is the density's sum, and `factor_of(p, sums, wall, fluids, parameters)` of the
     rest."""
     formulas, inline, added = (
@@ -165,22 +162,18 @@ def make_sums(
     factor, wall_added, row, zero = formulas.factor, formulas.wall_added, make_row(parts), real(0)
     factor_added, total_added = added.factor_added, added.total_added
     has_walls, weight_field = "walls" in parts, np.int32(F_WEIGHT)
-    places = make_around(real, 2 if "flat" in parts else 3, staged)
-    quad_of = places.quad_of
 
     @inline
-    def both_added(sums, k, p, entry, around, fluids, parameters):
+    def both_added(sums, k, p, j, position, fluids, parameters):
         """Of `factor_added` and `total_added`, as a search visits a neighbour."""
         gx, gy, gz, own, total = sums
-        j, q = place_of(entry), quad_of(around, entry)
+        q = load_quad(position, j)
         gx, gy, gz, own = factor_added((gx, gy, gz, own), k, p, j, q, fluids, parameters)
         return gx, gy, gz, own, total_added(total, k, p, j, q, fluids, parameters)
 
-    over_factors = make_over_list(math, factor_added, (zero, zero, zero, zero), places)
-    over_totals, over_corrections = (
-        make_over_list(math, total_added, zero, places),
-        make_over_list(math, added.correction_and_more, (zero, zero, zero), places),
-    )
+    over_factors = make_over_list(math, factor_added, (zero, zero, zero, zero))
+    over_totals = make_over_list(math, total_added, zero)
+    over_corrections = make_over_list(math, added.correction_and_more, (zero, zero, zero))
 
     @inline
     def weights_of(fluids):
@@ -195,17 +188,17 @@ def make_sums(
         )  # fmt: skip
 
     @inline
-    def sum_factor(k, p, around, near_by, wall, fluids, parameters):
-        sums = over_factors(k, p, around, near_by, weights_of(fluids), parameters)
+    def sum_factor(k, p, position, near_by, wall, fluids, parameters):
+        sums = over_factors(k, p, position, near_by, weights_of(fluids), parameters)
         return factor_of(p, sums, wall, fluids, parameters)
 
     @inline
-    def sum_density(k, p, around, near_by, parameters):
-        return over_totals(k, p, around, near_by, None, parameters)
+    def sum_density(k, p, position, near_by, parameters):
+        return over_totals(k, p, position, near_by, None, parameters)
 
     @inline
-    def sum_correction(k, p, around, near_by, wall, parameters):
-        x, y, z = over_corrections(k, p, around, near_by, None, parameters)
+    def sum_correction(k, p, position, near_by, wall, parameters):
+        x, y, z = over_corrections(k, p, position, near_by, None, parameters)
         if has_walls:
             x, y, z = wall_added(x, p[3], wall[1]), wall_added(y, p[3], wall[2]), wall_added(z, p[3], wall[3])
         return x, y, z

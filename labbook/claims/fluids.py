@@ -185,12 +185,17 @@ def rate(results: Results) -> Claim:
         most = max(point.phases, key=lambda phase: point.phases[phase])
         numbers[backend] = point.rate
         parts.append(
-            f"on {where(backend, source)} {point.rate / 1e6:.3g} million particle-iterations a second with "
+            f"on {where(backend, source)} {_rate(point.rate)} particle-iterations a second with "
             f"{words.count(point.particles)} particles, searches included; the stage that takes most by itself is to {most}"
         )
     if not parts:
         return Claim("How many particles of a fluid a second are stepped was not measured.")
     return Claim(f"Two substeps of three iterations: {'; '.join(parts)}.", numbers, True)
+
+
+def _rate(value: float) -> str:
+    """`4.67 thousand million`, `13.3 million`."""
+    return f"{value / 1e9:.3g} thousand million" if value >= 1e9 else f"{value / 1e6:.3g} million"
 
 
 def _share(value: float) -> str:

@@ -36,6 +36,8 @@ class SolverFamily:
     SceneError for a part that cannot be shared; None: no scene of the family can yet.
     `apart(scene)`: the bodies of a scene in which none acts on another, so that several share them body by body
     (model/domains/bodies.py); raises SceneError for what lets them; None: no scene of the family can yet.
+    `halo(scene)` [m]: how far a substep reads, so that several share the scene by slabs of space (model/domains/slabs.py);
+    raises SceneError for a part that cannot be shared; None: no scene of the family can yet.
     """
 
     name: str
@@ -55,6 +57,7 @@ class SolverFamily:
     unknown: str | None = None
     reach: Callable[[Scene], Reach] | None = None
     apart: Callable[[Scene], Apart] | None = None
+    halo: Callable[[Scene], float] | None = None
 
 
 ANY_SHEET = frozenset({"damping", "gravity", "external", "perturbation", "method"})  # kinds that go with every sheet

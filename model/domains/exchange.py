@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -31,6 +32,15 @@ class Exchange(ABC):
     def largest(self, number: float) -> float:
         """The largest of what the processes say."""
         return number
+
+    def largest_each(self, numbers: np.ndarray) -> np.ndarray:
+        """(n,) float64: the largest of what the processes say in each place."""
+        return numbers.copy()
+
+    def swap(self, messages: Sequence[Sequence[np.ndarray]]) -> list[list[np.ndarray]]:
+        """`messages`: of each window of this process one to every window of all, bytes. What came to each of this process
+        from every window."""
+        return [list(came) for came in zip(*messages, strict=True)]
 
     def close(self) -> None:  # noqa: B027 - nothing to free is a valid answer
         """Free what it holds."""

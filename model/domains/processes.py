@@ -5,6 +5,7 @@ from __future__ import annotations
 import shutil
 import sys
 import time
+from collections.abc import Sequence
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -99,8 +100,23 @@ def gather_rows(world: Any, owned: np.ndarray) -> np.ndarray:
     return whole
 
 
-def largest_of(world: Any, number: float) -> float:
-    """The largest of what the processes say."""
-    found = np.zeros(1)
-    await_request(world.Iallreduce(np.array([number], np.float64), found, mpi().MAX), "another process")
-    return float(found[0])
+def largest_of(world: Any, numbers: np.ndarray) -> np.ndarray:
+    """(n,) float64: the largest of what the processes say in each place."""
+    told = np.ascontiguousarray(numbers, np.float64)
+    found = np.zeros_like(told)
+    await_request(world.Iallreduce(told, found, mpi().MAX), "another process")
+    return found
+
+
+def swapped(world: Any, messages: Sequence[np.ndarray]) -> list[np.ndarray]:
+    """`messages`: bytes for each process. What came from each."""
+    sent, came = np.array([len(message) for message in messages], np.int64), np.zeros(len(messages), np.int64)
+    await_request(world.Ialltoall(sent, came), "another process")
+    found, own = [np.empty(size, np.uint8) for size in came], world.Get_rank()
+    found[own] = messages[own]
+    others = [rank for rank in range(len(messages)) if rank != own]
+    pending = [(rank, world.Irecv(found[rank], rank)) for rank in others if came[rank]]
+    pending += [(rank, world.Isend(messages[rank], rank)) for rank in others if sent[rank]]
+    for rank, request in pending:
+        await_request(request, f"rank {rank}")
+    return found

@@ -5,6 +5,7 @@ from __future__ import annotations
 from math import hypot, inf
 
 from model.core.family import SolverFamily
+from model.fluid.halo import fluid_halo
 from model.fluid.measure import density_errors
 from model.fluid.parameters import fluid_record, highest_viscosity, speed_limit
 from model.fluid.plan import fluid_plan
@@ -51,5 +52,6 @@ FLUID = SolverFamily(
     solvers={"cpu": "cpu_backend.fluid.solver:Fluid", "gpu": "gpu_backend.fluid.solver:Fluid"},
     passes={"cpu": "app.plan.fluid:fluid_on_cpu", "gpu": "app.plan.fluid_gpu:fluid_on_gpu"},
     reference="bench.reference.fluid",
+    halo=fluid_halo,
     unknown="no converged motion of a fluid's particles is known; its density error is told instead",
 )

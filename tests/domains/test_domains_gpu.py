@@ -1,4 +1,4 @@
-"""A grid in windows, bodies in shares, on real GPUs: the bits of one. Where there is one GPU, they take turns on it."""
+"""A grid in windows, bodies in shares, fluids in slabs, on real GPUs: the bits of one. One GPU alone they take in turns."""
 
 from __future__ import annotations
 
@@ -159,6 +159,15 @@ def test_tetrahedra_in_shares_have_the_bits_of_one_gpu(solver: str) -> None:
     method = {"solver": solver, "dt": 1 / 240, "substeps": 2, "iterations": 4}
     scene = Scene({**bars, "plane": {}, "gravity": {}, "method": method})
     same(end(scene, 300, backend="gpu", gpus=3), end(scene, 300, backend="gpu"))
+
+
+@pytest.mark.parametrize("precision", ["float32", "float64"])
+@pytest.mark.parametrize("count", [2, 3, 4])
+def test_a_fluid_in_slabs_has_the_bits_of_one_gpu(count: int, precision: str) -> None:
+    """A dam break along the floor of a narrow tank: particles cross between slabs, which are balanced anew on the way."""
+    pool = {"water.size": [2.4, 0.3, 0.1], "right.point": [3, 0, 0], "front.point": [0, 0, 0.1], "method.iterations": 2}
+    scene, how = load_scene("dam-break").replace(pool), {"backend": "gpu", "precision": precision}
+    same(end(scene, 300, gpus=count, **how), end(scene, 300, **how))
 
 
 @pytest.mark.parametrize("precision", ["float32", "float64"])

@@ -57,6 +57,15 @@ def test_processes_have_the_bits_of_one_of_bodies(tmp_path):
 
 
 @needs_mpi
+@pytest.mark.parametrize("ranks", [2, 4])
+def test_processes_have_the_bits_of_one_of_a_fluid(tmp_path, ranks):
+    """A dam break along the floor of a narrow tank; slabs are balanced anew on the way."""
+    pool = {"water.size": [2.4, 0.3, 0.1], "right.point": [3, 0, 0], "front.point": [0, 0, 0.1], "method.iterations": 2}
+    settings = [word for field, value in pool.items() for word in ("--set", f"{field}={value}")]
+    assert_same(states(tmp_path, ["--steps", 100, *settings], ranks=ranks, scene="dam-break"))
+
+
+@needs_mpi
 def test_two_processes_write_one_file_and_print_one_report(tmp_path):
     out = tmp_path / "end.npz"
     arguments = ["--steps", 20, "--out", out, "--json", "--set", "grid.rows=16", "--set", "grid.columns=16"]

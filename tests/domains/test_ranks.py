@@ -167,7 +167,7 @@ def test_a_cloth_has_the_bits_of_one(name, integrator, halo):
         ("cloth-flamenco", {}, "pins anywhere"),
         ("cloth-self", {}, "meet from anywhere"),
         ("jelly-block", {}, "1 body is never cut; use 1"),
-        ("dam-break", {}, "a fluid is not shared"),
+        ("dam-break", {}, "thinner than their halo"),
         ("fem-cantilever", {}, "1 body is never cut; use 1"),
         ("cloth-twist", {}, "moves pins"),
         ("cloth-hanging", {"external.magnitude": 0.1}, "not shared"),

@@ -55,6 +55,18 @@ def test_bodies_are_owned_whole_and_send_nothing():
     assert last == "  the heaviest share has 54.3 % of the particles: at most 1.84 times as fast as one"
 
 
+def test_slabs_say_what_they_own_hold_and_send():
+    """96 columns of 48 particles, 0.025 m apart, and halos of 5 supports [4 by two iterations, 1 by viscosity] and twice half
+    a support, that a particle may go, or 6 * 0.0455 m: 11 columns, the first half a distance away."""
+    changes = {"water.size": [2.4, 0.3, 0.1], "method.iterations": 2}
+    plan = shared_plan(load_scene("dam-break").replace(changes), 2, None, item=4)
+    found = plan.as_dict()
+    assert found["halo"] == pytest.approx(6 * 0.025 / 0.55, rel=2e-3) and found["bounds"] == pytest.approx([1.2])
+    assert [tuple(share.values()) for share in found["shares"]] == [(48 * 48, 59 * 48, 11 * 48)] * 2
+    assert found["bytes_per_step"] == 6 * 2 * 11 * 48 * (4 + 6 * 4)
+    assert "owns 2304 particles to 1.2 m" in plan.lines()[1]
+
+
 def test_a_link_has_a_latency_and_a_bandwidth():
     assert Link("test", 1e-6, 1e9, "none").seconds(1000) == pytest.approx(2e-6)
     for wrong in (0.0, -1.0, float("inf")):

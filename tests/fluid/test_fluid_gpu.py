@@ -15,7 +15,7 @@ from model.core.state import State
 from model.scene.scene import Scene
 
 pytestmark = pytest.mark.gpu
-KERNELS = ("graph", "launch", "staged", "stages")
+KERNELS = ("graph", "launch", "stages")
 SCENES = {
     "rich": rich(),
     "flat": flat(),

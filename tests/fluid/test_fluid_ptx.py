@@ -22,16 +22,16 @@ SORT = {  # of each kernel's arguments, see kernel_text.py
 TIME = "RULlll"  # bodies, integers, counter, place, substeps, substep
 STEP = {
     "begin": "RRIrFR" + TIME[1:] + "RRRR",
-    "find": "RFIIITIL",
-    "prepare": "RFIIITILRRRRR" + TIME + "R",
-    "factors": "RFTIRRRRR" + TIME,
-    "density": "RFIIITIRRRR" + TIME,
-    "correct": "RRFIIITIRR" + TIME + "R",
-    "settle": "RRRFIIITIRRR" + TIME + "RR",
+    "find": "RFIIIIIL",
+    "prepare": "RFIIIIILRRRRR" + TIME + "R",
+    "factors": "RFIIRRRRR" + TIME,
+    "density": "RFIIRRRR" + TIME,
+    "correct": "RRFIIRR" + TIME + "R",
+    "settle": "RRRFIIRRR" + TIME + "RR",
     "update": "RRRFR" + TIME + "RR",
     "limit": "RRRFR",
-    "shape": "RRFTIRR",
-    "smooth": "RRFTIRRRRR",
+    "shape": "RRFIIRR",
+    "smooth": "RRFIIRRRRR",
 }
 FLOW = {
     "due": "LlllFRIR",
@@ -47,18 +47,18 @@ SOLIDS = {
     "gather": "IiI",
     "follow": "IIRRR",
     "push": "RIIRRR",
-    "factors": "RFTIIiRRRRRR" + TIME,
-    "density": "RFTIIiRRRRR" + TIME,
-    "correct": "RRFTIIiRRR" + TIME + "RR",
+    "factors": "RFIIIiRRRRRR" + TIME,
+    "density": "RFIIIiRRRRR" + TIME,
+    "correct": "RRFIIIiRRR" + TIME + "RR",
 }
 FREE = {  # of the scheme divergence-free
     "gather": "RFR",
-    "survey": "RRFTIRRR" + TIME,
-    "relax": "RRFTIRRRRRii",
-    "push": "RRFTIRRRi",
+    "survey": "RRFIIRRR" + TIME,
+    "relax": "RRFIIRRRRRii",
+    "push": "RRFIIRRRi",
     "take_up": "RRRFR",
     "accelerate": "RRIRFR" + TIME[1:] + "R",
-    "foresee": "RRFTIRRR",
+    "foresee": "RRFIIRRR",
     "move": "RRRRRFR" + TIME + "RR",
 }
 WETTING = {"soak": "RiIIIIR", "weigh": "RiIRRRRR", "share": "IRRlR"}  # of a cloth that drinks
@@ -111,10 +111,10 @@ def kernel(name: str, real: Any, math: str, parts: frozenset[str]) -> Any:
     if name == "begin":
         return make_begin(real, math, parts, repeats)
     if name in ("settle", "update", "limit"):
-        return getattr(make_settle(real, math, parts, repeats, not repeats), name)
+        return getattr(make_settle(real, math, parts, repeats), name)
     if name in ("shape", "smooth"):
         return getattr(make_smoothing(real, math, parts, repeats, True), name)
-    return getattr(make_density_kernels(real, math, parts, repeats, 64, not repeats), name)
+    return getattr(make_density_kernels(real, math, parts, repeats, 64), name)
 
 
 @pytest.mark.parametrize("parts", [PLAIN, ALL, COMING], ids=["plain", "all", "coming"])

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 from numba import cuda
 
-from gpu_backend.fluid.around import PLACE
 from gpu_backend.fluid.cells import Cells
 from gpu_backend.fluid.kernels import make_density_kernels
 from gpu_backend.fluid.sort_kernels import CELLS, WRAPS
@@ -57,9 +56,7 @@ def made(kind: str, axes: int, most: int, real: Any) -> SimpleNamespace:
     for _ in range(2):  # counters must be 0 again
         cells.bound(given[0])
         cells.sort(record, given, into)
-    find = make_density_kernels(
-        real, "exact", frozenset({"flat"} if axes == 2 else ()), repeats, NEIGHBOURS, not repeats
-    ).find
+    find = make_density_kernels(real, "exact", frozenset({"flat"} if axes == 2 else ()), repeats, NEIGHBOURS).find
     table = cells.table, cells.found, cells.beyond
     find[-(-count // 32), 32](into[0], record, cells.sorted_keys, cells.numbers, cells.begins, *table)
     return SimpleNamespace(cells=cells, arrays=arrays, into=into, numbers=cells.numbers.copy_to_host())
@@ -95,7 +92,7 @@ def test_orders_and_lists_are_those_of_asking_all(kind: str, axes: int, most: in
 
     expected = near(quads[order, :3], PERIOD if kind == ROUND else 0.0)
     kept = cells.found.copy_to_host()
-    table = (cells.table.copy_to_host() & PLACE).astype(int).reshape(NEIGHBOURS, len(order))
+    table = cells.table.copy_to_host().reshape(NEIGHBOURS, len(order))
     lists = [table[:n, i].tolist() for i, n in enumerate(kept)]
     assert any(len(others) > 2 for others in lists)
     assert [sorted(own) for own in lists if len(own) < NEIGHBOURS] == [

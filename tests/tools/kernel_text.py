@@ -51,13 +51,12 @@ def entry_of(function: Callable, arguments: tuple, math: str) -> str:
 
 def kernel_text(kernel: Any, letters: str, real: Any, math: str) -> str:
     """The PTX of a kernel from its entry on. `letters`, one of each argument: R and I arrays of reals and of integers, L of
-    64-bit and U of unsigned ones, T of unsigned ones of 32 bits, P the record of constants of solvers of quads, F of fluids,
+    64-bit and U of unsigned ones, P the record of constants of solvers of quads, F of fluids,
     r a real, i and l numbers of 32 and 64 bits, b a yes or no."""
     from numba import types
 
     numbers = (types.float32 if real is np.float32 else types.float64)[::1]
     known = {"R": numbers, "I": types.int32[::1], "L": types.int64[::1], "U": types.uint64[::1]}
-    known["T"] = types.uint32[::1]
     known["P"], known["F"] = record_of(real, "quads"), record_of(real, "fluid")
     known |= {"r": numbers.dtype, "i": types.int32, "l": types.int64, "b": types.boolean}
     return entry_of(kernel.py_func, tuple(known[letter] for letter in letters), math)

@@ -209,7 +209,7 @@ def make_axes(real, compiled=plain):
     """`axes`: eigenvalues and eigenvectors of a symmetric matrix; `product` A B and `transposed_product` A'B of two."""
     dot = make_lengths(real, compiled).dot
     zero, half, one = real(0), real(0.5), real(1)
-    sweeps, largest = SWEEPS[np.dtype(real).itemsize], real(np.sqrt(np.finfo(real).max))
+    sweeps, largest = SWEEPS[np.dtype(real).itemsize], real(float(np.finfo(real).eps) ** -2)
 
     @compiled
     def product(a, b):
@@ -232,7 +232,7 @@ def make_axes(real, compiled=plain):
         if pq == zero:
             return one, zero, zero
         theta = half * (qq - pp) / pq
-        if abs(theta) > largest:  # its square is infinite, which `fast` math on CUDA makes no number of
+        if abs(theta) > largest:  # less than half of eps^2, of which `fast` math on CUDA may make no number
             return one, zero, zero
         t = one / (abs(theta) + sqrt(theta * theta + one))
         t = t if theta >= zero else -t

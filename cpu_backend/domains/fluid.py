@@ -1,0 +1,102 @@
+"""A fluid on several CPU ranks, by slabs of space: the window of a rank is the ordinary fluid, some of whose particles are
+there."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numba
+import numpy as np
+
+from cpu_backend.fluid.cells import AXES, BOX
+from cpu_backend.fluid.quads import LANES
+from cpu_backend.fluid.solver import Fluid
+from model.core.plan import Executor, Moment
+
+SPARE = 1.25  # of the room for particles, where more are to be held than there was room for
+
+
+class FluidWindow(Fluid):
+    """See model/domains/shared_fluid.py. Arrays have room for what it held so far, and some more; the table of cells is that
+    of all, which decides how wide they are."""
+
+    def _allocate(self) -> None:
+        self._particles, self._held = LANES, np.zeros(1, np.int64)
+        super()._allocate()
+
+    def _grow(self, count: int) -> None:
+        """Make room for so many particles; what is left is what was put aside, and what the last substep told."""
+        kept, missed, multiplier = self._kept, self._missed, self._world[4][2]
+        self._particles = min(int(SPARE * count), len(self.body.position))
+        room = self._room
+        super()._allocate()
+        self._missed[:], self._world[4][2][:room] = missed, multiplier[:room]
+        for array, old in zip(self._kept, kept, strict=True):
+            for plane in range(len(old) // room):
+                array[plane * self._room :][:room] = old[plane * room :][:room]
+        self._kept[-1][:] = kept[-1]
+        self._executor = Executor(self.plan, self._stages())
+
+    @property
+    def _now(self) -> tuple[np.ndarray, ...]:
+        return (*self._state, self._held)
+
+    @property
+    def there(self) -> int:
+        return int(self._held[0])
+
+    def run_stage(self, name: str, moment: Moment) -> None:
+        """One of the plan's."""
+        numba.set_num_threads(self._bands)
+        self.stages[name](moment)
+
+    def box(self) -> np.ndarray:
+        """(6,) float64 [m]: the lowest predicted places, then the highest ones."""
+        boxes = self._boxes
+        return np.concatenate([boxes[:, :AXES].min(axis=0), boxes[:, AXES:].max(axis=0)]).astype(np.float64)
+
+    def take_box(self, box: np.ndarray) -> None:
+        """Sort into the cells of that one."""
+        self._boxes[:] = box.astype(self.real)
+
+    @property
+    def _boxes(self) -> np.ndarray:
+        """(bands, 6)."""
+        found: np.ndarray = self._world[5][0].reshape(-1, BOX)
+        return found
+
+    def particles(self) -> tuple[np.ndarray, np.ndarray]:
+        """(numbers (n,), positions and velocities (2 x dimensions, n)) of those that are there."""
+        count = self.there
+        return self._state[2][:count], np.concatenate([array[:, :count] for array in self._planes])
+
+    def hold(self, number: np.ndarray, values: np.ndarray) -> None:
+        """Take those in the place of all that were there."""
+        count, axes = len(number), self.scene.dimensions
+        if count > self._particles:
+            self._grow(count)
+        self._held[0], self._state[2][:count] = count, number
+        self._state[3][:count] = self.scene.fluid_set.fluid[number]
+        for array, some in zip(self._planes, (values[:axes], values[axes:]), strict=True):
+            array[:, :count] = some
+
+    @property
+    def _planes(self) -> Any:
+        axes, room = self.scene.dimensions, self._room
+        return [array[: axes * room].reshape(axes, room) for array in self._state[:2]]
+
+    def _upload(self, position: np.ndarray, velocity: np.ndarray) -> None:
+        """Nobody: what is in a slab and near it is `held`."""
+        self._held[0] = 0
+
+    def _places(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, int]:
+        return self._state[0], self._state[1], np.argsort(self._state[2][: self.there]), self._room
+
+    def _first_diverged(self) -> int:
+        found = super()._first_diverged()
+        return found if found < 0 else int(np.sort(self._state[2][: self.there])[found])
+
+    def multipliers_at(self, places: np.ndarray) -> np.ndarray:
+        """Of the last substep [m^2], by where particles lay after it."""
+        found: np.ndarray = self._world[4][2][places]
+        return found

@@ -1,0 +1,194 @@
+"""A fluid that is stepped in windows, one around each slab: the contract of a simulation, kept by the windows together."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from operator import methodcaller
+from typing import Any
+
+import numpy as np
+
+from model.core.families import scene_plan
+from model.core.options import Options, unknown_kernel
+from model.domains.slabs import Slabs, fluid_halo_of, slabs_of
+from model.domains.windows import WindowedSimulation
+from model.scene.scene import Scene
+
+BALANCED_EVERY = 64  # steps
+NOTHING = np.zeros(0, np.uint8)
+PREDICTED, LAST = "predict", "limit velocities"  # stages: where the box of all is asked for, where owners send
+
+
+class SharedFluid(WindowedSimulation):
+    """See model/domains/windows.py. `windows` are of the shares `mine`; `slabs`: as they are now. In `exact` math the bits
+    are those of one.
+
+    A window is a fluid of the scene, by stages, of whose particles some are there. It has besides: `run_stage(name,
+    moment)`; `box()`, (6,) float64, the lowest and the highest predicted place of its particles, and `take_box(box)`;
+    `particles()`, the numbers (n,) int32 and the positions and velocities (2 x dimensions, n) of those that are there,
+    `hold(numbers, values)`, which takes others in their place; `multipliers_at(places)`, of the last substep, by places in
+    `particles()`.
+    """
+
+    def __init__(self, scene: Scene, options: Options, slabs: Slabs, mine: Sequence[int]):
+        if options.kernel not in (None, "stages"):
+            raise unknown_kernel(options.kernel, ("stages",), "for fluids that are shared")
+        super().__init__(scene, options)
+        self.slabs, self._kept_slabs, self.mine = slabs, slabs, list(mine)
+        self.plan, self.firsts = scene_plan(scene, options.live), [0] * len(mine)
+        particles = len(self.body.position)
+        self._owned = [np.zeros(particles, bool) for _ in mine]  # by number
+        self._last: list[tuple[np.ndarray, np.ndarray]] = [(np.zeros(0, np.int64),) * 2 for _ in mine]
+        part = scene, replace(options, kernel="stages"), self.body
+        self._open_windows(slabs.count, [part for _ in mine])
+
+    # ------------------------------------------------------------------ what is sent
+
+    def _join_boxes(self) -> None:
+        """Every window makes its cells of the box of all particles, so that they are those of one."""
+        found = np.array(self._each(lambda window: window.box()))
+        found[:, :3] *= -1
+        box = self.exchange.largest_each(found.max(axis=0))
+        box[:3] *= -1
+        self._each(lambda window: window.take_box(box))
+
+    def _send(self, slabs: Slabs, last: bool = False) -> None:
+        """What each owns to all that hold it by these slabs; `last`: right after a substep."""
+        messages, kept = [], []
+        for place, (number, values) in enumerate(self._each(lambda window: window.particles())):
+            own, along, sent = self._owned[place][number], values[slabs.axis], []
+            if last:
+                self._last[place] = np.flatnonzero(own), number[own]
+            for share in range(slabs.count):
+                some = np.flatnonzero(own & slabs.held(along, share))
+                found = number[some], values.take(some, axis=1)
+                stays = share == self.mine[place]
+                if stays:
+                    kept.append(found)
+                sent.append(NOTHING if stays else _packed(*found))
+            messages.append(sent)
+        self.slabs = slabs
+        for place, came in enumerate(self.exchange.swap(messages)):
+            parts = [kept[place], *(_unpacked(message, self.real, self.scene.dimensions) for message in came)]
+            numbers, values = zip(*parts, strict=True)
+            self._hold(place, np.concatenate(numbers), np.concatenate(values, axis=1))
+
+    def _hold(self, place: int, number: np.ndarray, values: np.ndarray) -> None:
+        with self._at(place):
+            self.windows[place].hold(number, values)
+        self._claim(place, number, values)
+
+    def _claim(self, place: int, number: np.ndarray, values: np.ndarray) -> None:
+        """Own, of what a window holds, what lies in its slab."""
+        owned = self._owned[place]
+        owned[:] = False
+        owned[number[self.slabs.owned(values[self.slabs.axis], self.mine[place])]] = True
+
+    def _gather(self, rows: Sequence[np.ndarray]) -> np.ndarray:
+        """(particles, n): of each window's rows, whose first column is a particle's number, those of all, by number."""
+        whole = self.exchange.gather(np.ascontiguousarray(np.concatenate(rows)))
+        found = np.empty((len(self.body.position), whole.shape[1] - 1))
+        found[whole[:, 0].astype(np.int64)] = whole[:, 1:]
+        return found
+
+    def _states(self) -> np.ndarray:
+        """(particles, 2 x dimensions) float64, which holds every number of a state and of a particle."""
+        rows = []
+        for owned, (number, values) in zip(self._owned, self._each(lambda window: window.particles()), strict=True):
+            some = owned[number]
+            rows.append(np.vstack([number[some], values[:, some]]).T.astype(np.float64))
+        return self._gather(rows)
+
+    # ------------------------------------------------------------------ the contract
+
+    def _run(self, steps: int) -> None:
+        for step in range(self.step, self.step + steps):
+            for stage, moment in self.plan.moments(step):
+                self._each(methodcaller("run_stage", stage.name, moment))
+                if stage.name == PREDICTED:
+                    self._join_boxes()
+                elif stage.name == LAST:
+                    self._send(self.slabs, last=True)
+            if (step + 1) % BALANCED_EVERY == 0:
+                self.balance()
+
+    def balance(self) -> None:
+        """Slabs with as many particles each, where they are now."""
+        slabs = slabs_of(self.scene, self._states()[:, : self.scene.dimensions], self.slabs.count, self.slabs.halo)
+        self._send(slabs)
+
+    def _parameters_changed(self) -> None:
+        def send(window: Any) -> None:
+            window.scene, window._record, window._clock = self.scene, self._record, self._clock
+            window._poke_particle, window._poke_force = self._poke_particle, self._poke_force
+            window._parameters_changed()
+
+        self._each(send)
+        halo = fluid_halo_of(self.scene)
+        if halo != self.slabs.halo:  # another step size
+            self._send(replace(self.slabs, halo=halo))
+
+    def _keep(self) -> None:
+        super()._keep()
+        self._kept_slabs = self.slabs
+
+    def _restore(self) -> None:
+        super()._restore()
+        self.slabs = self._kept_slabs
+        for place, (number, values) in enumerate(self._each(lambda window: window.particles())):
+            self._claim(place, number, values)
+        self._send(replace(self.slabs, halo=fluid_halo_of(self.scene)))  # which may be another one since
+
+    def _download(self) -> tuple[np.ndarray, np.ndarray]:
+        found, axes = self._states().astype(self.real), self.scene.dimensions
+        return np.ascontiguousarray(found[:, :axes]), np.ascontiguousarray(found[:, axes:])
+
+    def _upload(self, position: np.ndarray, velocity: np.ndarray) -> None:
+        self.slabs = slabs_of(self.scene, position, self.slabs.count, fluid_halo_of(self.scene))
+        values = np.ascontiguousarray(np.hstack([position, velocity]).T)
+        for place, share in enumerate(self.mine):
+            number = np.flatnonzero(self.slabs.held(values[self.slabs.axis], share)).astype(np.int32)
+            self._hold(place, number, values[:, number])
+
+    def _multipliers(self) -> np.ndarray:
+        rows = []
+        for place, (places, number) in enumerate(self._last):
+            with self._at(place):
+                found = self.windows[place].multipliers_at(places)
+            rows.append(np.stack([number, found], axis=1).astype(np.float64))
+        if not len(self.exchange.gather(np.concatenate(rows))):  # before the first substep
+            return np.zeros(len(self.body.position), self.real)
+        return self._gather(rows)[:, 0].astype(self.real)
+
+    # ------------------------------------------------------------------ what is told
+
+    def held(self) -> np.ndarray:
+        """(shares, 2): how many particles each owns and holds now."""
+        counts = [
+            (owned.sum(), len(number))
+            for owned, (number, _) in zip(self._owned, self._each(lambda window: window.particles()), strict=True)
+        ]
+        return self.exchange.gather(np.array(counts, np.float64)).astype(np.int64)
+
+    @property
+    def contacts_lost(self) -> int:
+        """As of one, but neighbours of particles that several hold count as often."""
+        counts = self._each(lambda window: float(window.contacts_lost))
+        return int(self.exchange.gather(np.array(counts).reshape(-1, 1)).sum())
+
+
+def _packed(number: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Particles as bytes."""
+    return np.concatenate([np.ascontiguousarray(one).reshape(-1).view(np.uint8) for one in (number, values)])
+
+
+def _unpacked(message: np.ndarray, real: Any, axes: int) -> tuple[np.ndarray, np.ndarray]:
+    """(numbers (n,), values (2 x axes, n))."""
+    end = np.dtype(np.int32).itemsize * (len(message) // bytes_each(real, axes))
+    return message[:end].view(np.int32), message[end:].view(real).reshape(2 * axes, -1)
+
+
+def bytes_each(real: Any, axes: int) -> int:
+    """Of a particle that is sent."""
+    return np.dtype(np.int32).itemsize + 2 * axes * np.dtype(real).itemsize
