@@ -58,6 +58,7 @@ test_docs.py test_the_errors_in_the_example_are_as_told
 test_drawing.py test_a_helper_draws_the_same
 test_findings_costs.py test_a_wrong_answer_gets_no_ratio test_nothing_is_measured_twice
 test_finite_elements_peer.py test_the_continuum
+test_fields.py test_the_world_of_the_page_runs*
 test_fluid_cpu.py test_against_the_judge_and_the_same_bits?cup?
     test_against_the_judge_and_the_same_bits?free?column?
 test_foam.py test_as_many_are_made_as_sources_say_and_always_the_same?3?

@@ -163,6 +163,90 @@ point = [0.0, -1.0, 0.0]
 
 [contact]
 ```
+
+A world, particles of four families: water, a rigid body of clusters, a body of tetrahedra and a cloth, in a vessel of planes.
+
+```toml
+title = "Water, a cloth, a brick and a jelly"
+
+[water]
+kind = "fluid"
+size = [0.5, 0.2, 0.3]      # m, from the origin
+rest_distance = 0.025       # m
+viscosity = 1.0             # Pa s
+
+[brick]                     # of wood: it floats
+kind = "rigid_body"
+shape = { name = "box", sides = [0.1, 0.075, 0.1] }
+particle_spacing = 0.025    # m, the water's
+volume_sampling = 1.0       # particles fill it, so that it holds as much water off as its volume
+surface_sampling = 0.0
+density = 600.0             # kg/m^3
+origin = [0.1, 0.28, 0.15]  # m, of its middle
+
+[jelly]
+kind = "tetrahedral_body"
+shape = { name = "box", sides = [0.1, 0.1, 0.1], resolution = 20 }
+edge = 0.05                 # m
+young_modulus = 2e4         # Pa
+density = 400.0
+origin = [0.36, 0.5, 0.15]
+
+[cloth]                     # held above the water by two corners; the jelly falls on it
+kind = "mesh"
+shape = "sheet"
+rows = 13
+columns = 13
+spacing = 0.025
+placement = "flat"
+density = 0.3               # kg/m^2
+origin = [0.2, 0.4, 0.0]    # m, of row 0, column 0
+pinned = "top-corners"
+
+[structural]
+compliance = 1e-5           # m/N
+
+[bending]
+model = "isometric"
+stiffness = 1e-4            # N m
+
+[contact]                   # of all that is solid
+distance = 0.015            # m, between surfaces
+sweeps = 4
+
+[floor]
+kind = "plane"
+thickness = 0.0
+
+[left]
+kind = "plane"
+normal = [1.0, 0.0, 0.0]
+thickness = 0.0
+
+[right]
+kind = "plane"
+point = [0.5, 0.0, 0.0]
+normal = [-1.0, 0.0, 0.0]
+thickness = 0.0
+
+[back]
+kind = "plane"
+normal = [0.0, 0.0, 1.0]
+thickness = 0.0
+
+[front]
+kind = "plane"
+point = [0.0, 0.0, 0.3]
+normal = [0.0, 0.0, -1.0]
+thickness = 0.0
+
+[gravity]
+
+[method]
+solver = "world"            # each part by the solver of its family
+substeps = 4
+iterations = 10
+```
 """
 
 

@@ -12,7 +12,7 @@ from bench.stress.results import BODIES, IN_FULL, OF_FLUIDS, OF_TETRAHEDRA, Hard
 from bench.stress.told import table_of
 from plots.core.colours import BLUE, GREEN, GREY, ORANGE, SKY, VERMILLION
 from plots.core.data import Results, Source, judgements
-from plots.core.style import Drawing, new_sheet
+from plots.core.style import Drawing, legend_below, new_sheet
 
 STATES_TITLE = "What the hard cases end in"
 VERDICTS_TITLE = "Verdicts of the hard cases"
@@ -47,6 +47,7 @@ def draw_states(results: Results) -> Drawing | str:
         ax.set_axis_off()
     for ax, row in zip(axes, shown, strict=False):
         _draw_shape(ax, row)
+    legend_below(figure, axes)
     words = "; ".join(dict.fromkeys(f"{row.case}: {row.title}" for row in shown))
     caption = (
         f"The last state of each hard case, of {PREFERRED[0]} in float64, or of {PREFERRED[-1]} where constraints "
@@ -112,10 +113,11 @@ def _draw_shape(ax: Any, row: HardRow) -> None:
     grid = as_seen(np.array(row.shape.position, dtype=float))
     centre, extent = framed(grid.reshape(-1, 2))
     grid = (grid - centre) / extent if extent > POINT else np.zeros_like(grid)
-    colour = VERMILLION if row.verdict in ("fail", "known") else BLUE
+    colour, meaning = (VERMILLION, "fails") if row.verdict in ("fail", "known") else (BLUE, "passes, or is refused")
     for line in (*grid, *np.moveaxis(grid, 1, 0)):
-        ax.plot(line[:, 0], line[:, 1], color=colour, linewidth=0.5, marker=".", markersize=1.2)
-    ax.plot(grid[0, :, 0], grid[0, :, 1], linestyle="", marker=".", color=ORANGE, markersize=2.5)
+        ax.plot(line[:, 0], line[:, 1], color=colour, linewidth=0.5, marker=".", markersize=1.2, label=meaning)
+    ax.plot(grid[0, :, 0], grid[0, :, 1], linestyle="", marker=".", color=ORANGE, markersize=2.5,
+            label="first row of masses")  # fmt: skip
     finish_panel(ax, row, extent)
 
 

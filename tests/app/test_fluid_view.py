@@ -190,6 +190,15 @@ def test_a_few_drops_that_fly_far_are_out_of_sight_and_the_tank_is_in_sight() ->
     assert (left, bottom, right) == pytest.approx((0.01, -0.3, 0.9)) and top == pytest.approx(0.39)
 
 
+def test_a_splash_stays_in_sight() -> None:
+    """One particle in fifty, three quarters of the fluid's own height above it."""
+    scene = Scene({"water": {"kind": "fluid"} | FLAT | {"size": [0.4, 0.4], "rest_distance": 0.02}, "method": METHOD})
+    position = scene.fluid_set.position.copy()
+    position[::50, 1] = 0.69
+    assert len(main_part(scene, position)) == len(position)
+    assert seen_points(scene, position, 0.0)[:, 1].max() == pytest.approx(0.69)
+
+
 def test_a_legend_that_is_to_come_has_its_place_from_the_first_picture_on() -> None:
     """The fluid lies above it."""
     scene = water(**FLAT)

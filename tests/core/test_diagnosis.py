@@ -8,7 +8,7 @@ import pytest
 from model.core.errors import Diverged
 from model.core.families import stability_limit
 from model.core.integrators import INTEGRATORS, damping_rate, frequency_bound
-from model.core.stability.diagnosis import diagnose
+from model.core.stability.diagnosis import diagnose, refusal
 from model.scene.scene import Scene, load_scene
 
 
@@ -66,6 +66,24 @@ def test_a_run_says_it(opened):
             with pytest.raises(Diverged) as caught:
                 simulation.advance(1000)
             assert words in str(caught.value) and caught.value.cause in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("name", "path", "value", "factor"),
+    [
+        ("lab-grid", "grid.mass", 1e-300, 10), ("lab-grid", "springs.stiffness", 1e200, 0.1),
+        ("cloth-hanging", "cloth.mass", 1e-300, 10), ("cloth-hanging", "structural.stiffness", 1e200, 0.1),
+        ("cloth-mesh", "mesh.density", 1e-300, 10), ("lab-grid", "damping.coefficient", 1e200, 0.1),
+    ],
+)  # fmt: skip
+def test_a_value_that_leaves_no_usable_step_is_named_with_one_that_holds(name, path, value, factor):
+    """What is advised holds; a tenth of that mass, ten times that stiffness, does not."""
+    scene = load_scene(name).replace({path: value})
+    told = str(refusal(scene))
+    assert f"{path} = {value:g} is too " in told
+    advised = float(told.rpartition(f"--set {path}=")[2].partition(")")[0])
+    assert refusal(scene.replace({path: advised})) is None
+    assert refusal(scene.replace({path: advised / factor})) is not None
 
 
 def test_without_a_diagnosis_the_message_stays_whole():

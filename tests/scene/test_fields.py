@@ -7,10 +7,12 @@ import tomllib
 from io import StringIO
 from pathlib import Path
 
+import numpy as np
 import pytest
 from rich.console import Console
 
 from app.command.tables import print_fields
+from app.driver import open_simulation
 from model.assets.strokes import letters
 from model.core.errors import SceneError
 from model.core.pins import PIN_WORDS
@@ -58,6 +60,16 @@ def test_fields_bounds_and_units_are_the_parts() -> None:
 def test_the_examples_of_the_page_are_scenes(text: str) -> None:
     scene = Scene(tomllib.loads(text))
     assert scene.grid.particle_count > 10 and scene.title != "untitled"
+
+
+def test_the_world_of_the_page_runs_with_all_its_families() -> None:
+    """A step by the solvers of water, bodies, tetrahedra and cloth, and by what couples them; of one substep, to be quick."""
+    (text,) = [text for text in re.findall(r"```toml\n(.*?)```", document(), re.DOTALL) if '"world"' in text]
+    scene = Scene(tomllib.loads(text))
+    assert list(scene.members) == ["bodies", "tetrahedra", "fluid"] and scene.members["tetrahedra"].mesh
+    with open_simulation(scene.replace({"method.substeps": 1, "method.iterations": 1})) as simulation:
+        simulation.advance(1)
+        assert np.isfinite(simulation.read("position")).all()
 
 
 def test_letters_are_those_that_there_are() -> None:

@@ -11,8 +11,8 @@ from model.fluid.foam import in_reach
 from model.scene.cloth import Plane
 from model.scene.scene import Scene
 
-FEW = 0.03  # of the particles, at each end of an axis, that may be out of sight
-BESIDE = 0.25  # of the others' extent: what is farther from them than this is
+FEW = 0.005  # of the particles, at each end of an axis, that may be out of sight
+BESIDE = 0.5  # of the others' extent: what is farther from them than this is
 SAMPLE = 20_000  # particles: of more, some tell where most are
 TANK = 3.0  # times the fluids' first extent: how far a wall may be that belongs to the picture
 CEILING = -0.2  # of a plane's unit normal upward: what hangs over a fluid does not

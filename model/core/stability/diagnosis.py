@@ -14,14 +14,20 @@ from math import ceil, floor, isfinite, log10, sqrt
 
 import numpy as np
 
-from model.core.errors import UnstableTimeStep
+from model.core.errors import SceneError, UnstableTimeStep
 from model.core.families import stability_limit
 from model.core.integrators import INTEGRATORS
+from model.scene.parts import Part
 from model.scene.scene import Scene
 
 FAST = 0.5  # spacings a step: a mass that moves farther passes its neighbours before their springs can turn it
 MUCH = 2.0  # another integrator is named if its step size is so many times as large
 HALVINGS = 40  # of the range in which the largest ratio that holds is looked for
+LEAST_STEP = 1e-9  # s: shorter ones are of no use, a thousand million to a second
+LIGHT = ("mass", "density", "compliance")  # fields that allow the longer steps the larger they are
+STIFF = ("stiffness", "link_stiffness", "cluster_stiffness", "young_modulus", "coefficient")  # the smaller they are
+FOLLOWS = {"stiffness": "compliance", "mass": "density"}  # of a part that has both
+DECADES = 6  # from 1, in which a value of such a field is looked for that holds
 ROUNDING = 1e-12  # of the limit: over it by less is not over it
 
 
@@ -111,6 +117,25 @@ def beyond_numbers(at: Situation) -> Diagnosis | None:
     )
 
 
+def no_usable_step(at: Situation) -> Diagnosis | None:
+    """Steps that hold are too short to be done, for one mass, density, stiffness or damper, the one farthest from 1 in its
+    unit by which the step size would hold: its power of ten that does."""
+    if not at.over or at.limit >= LEAST_STEP:
+        return None
+    fields = [(name, field) for name, part in at.scene.parts.items() for field in _numbers_of(part)]
+    values = {(name, field): float(getattr(at.scene.parts[name], field)) for name, field in fields}
+    for (name, field), value in sorted(values.items(), key=lambda found: -abs(log10(found[1]))):
+        holds = _power_that_holds(at.scene, f"{name}.{field}", value, field in LIGHT)
+        if holds is not None:
+            steps = f"steps of {at.limit:.3g} s" if at.limit > 0 else "steps that no number is short enough for"
+            wrong, bound = ("small", "least") if field in LIGHT else ("large", "most")
+            return Diagnosis(
+                f"{name}.{field} = {value:g} is too {wrong}: {at.integrator} would need {steps}",
+                f"use at {bound} {holds:g}, which holds (--set {name}.{field}={holds:g})",
+            )
+    return None
+
+
 def no_step_size(at: Situation) -> Diagnosis | None:
     """The integrator grows at any step size: explicit Euler without a damper."""
     if at.limit > 0:
@@ -166,6 +191,7 @@ def violent_forces(at: Situation) -> Diagnosis:
 
 CAUSES: dict[str, Cause] = {
     "beyond numbers": beyond_numbers,
+    "no usable step": no_usable_step,
     "no step size": no_step_size,
     "stiffness ratio": stiffness_ratio,
     "explicit limit": over_the_limit,
@@ -197,9 +223,38 @@ def refusal(scene: Scene) -> UnstableTimeStep | None:
     at = Situation(scene, limit)
     if not at.over:
         return None
-    found = beyond_numbers(at) or stiffness_ratio(at)
+    found = beyond_numbers(at) or no_usable_step(at) or stiffness_ratio(at)
     clauses = (found.cause, found.remedy) if found else ()
     return UnstableTimeStep(at.dt, limit, at.integrator, *clauses)
+
+
+def _numbers_of(part: Part) -> list[str]:
+    """The fields of LIGHT and STIFF that a part has, over 0, without those that follow from others of them: a stiffness from
+    a compliance, a mass from a density."""
+    given = [field for field in (*LIGHT, *STIFF) if (getattr(part, field, None) or 0) > 0]
+    follow = [field for field, cause in FOLLOWS.items() if cause in given]
+    return [field for field in given if field not in follow]
+
+
+def _power_that_holds(scene: Scene, path: str, value: float, light: bool) -> float | None:
+    """The power of ten next to `value`, larger of what is `light`, else smaller, by which the scene's step size holds; None
+    where none does within DECADES of 1."""
+    way = 1 if light else -1
+    near, far = floor(way * log10(value)), DECADES
+
+    def holds(power: int) -> bool:
+        try:
+            changed = scene.replace({path: float(f"1e{way * power}")})
+        except SceneError:  # another rule forbids it
+            return False
+        return scene.method.dt <= stability_limit(changed)
+
+    if near >= far or not holds(far):
+        return None
+    while far - near > 1:
+        middle = (near + far) // 2
+        near, far = (near, middle) if holds(middle) else (middle, far)
+    return float(f"1e{way * far}")
 
 
 def _limit_at(scene: Scene, ratio: float) -> float:
