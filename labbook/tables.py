@@ -6,6 +6,7 @@ import re
 from collections.abc import Sequence
 from typing import Any
 
+from bench.store.machine_records import DISTURBED
 from labbook import words
 from labbook.words import number
 from plots.core.data import Results, Source
@@ -56,7 +57,7 @@ def _machine(source: Source) -> dict[str, str]:
     record = source.machine.record
     told = {label: str(record[name]) for name, label in RECORD.items() if record.get(name) is not None}
     layer, policy = source.threading
-    disturbed = " (disturbed: other programs ran)" if record.get("limits_suspect") else ""
+    disturbed = " (disturbed: other programs ran)" if record.get(DISTURBED) else ""
     limits = [
         f"{words.bandwidth(record[name])}{disturbed}" if record.get(name) else ""
         for name in ("copy_bandwidth", "gpu_copy_bandwidth")

@@ -16,7 +16,7 @@ from bench.store.results import Timing
 from labbook import words
 from labbook.words import masses, percent, seconds, times
 from plots.core.apart import apart, too_few
-from plots.core.bandwidth import copy_bandwidth, fraction
+from plots.core.bandwidth import copy_bandwidth, disturbed, fraction
 from plots.core.data import THREAD_WORDS, Results, Source, is_suspect, sound
 from plots.core.pairs import at_one_size, float64_pairs
 
@@ -187,11 +187,11 @@ def bandwidth_reached(source: Source | None, backend: str, word: str | None) -> 
     if source is None or share is None or limit is None:
         return Claim(f"How much of the {backend.upper()}'s copy bandwidth a step reaches was not measured.")
     told = f"{percent(share)} of the measured copy bandwidth"
-    if disturbed := bool(source.machine.record.get("limits_suspect")):
+    if doubted := disturbed(source):
         told = "which is not held against the copy bandwidth, since other programs disturbed that"
     beyond = (
         "; more than all of it is possible where the grid stays in a cache, or where a pass over memory does several steps"
-        if share > 1 and not disturbed
+        if share > 1 and not doubted
         else ""
     )
     threads = ", with 1x threads" if word else ""
@@ -199,7 +199,7 @@ def bandwidth_reached(source: Source | None, backend: str, word: str | None) -> 
         f"{on(source, backend)}{threads}, a step of {masses(largest[0].particles)} has an effective bandwidth (the bytes "
         f"that one step a pass would move, over its time) of {words.bandwidth(share * limit)}, {told}{beyond}{suspect}."
     )
-    return Claim(text, {"share": share, "masses": largest[0].particles}, not disturbed)
+    return Claim(text, {"share": share, "masses": largest[0].particles}, not doubted)
 
 
 def float64_cost(source: Source | None, backend: str, word: str | None) -> Claim:

@@ -9,7 +9,7 @@ from labbook.claims.claim import Claim, Claims, on, trusted, where
 from labbook.words import masses, number, percent, seconds, times
 from plots.core.apart import apart, too_few
 from plots.core.backends import on_backends
-from plots.core.bandwidth import from_memory
+from plots.core.bandwidth import disturbed, from_memory
 from plots.core.data import Results, Source, sound
 from plots.core.ladder import defaults, fastest, machine_of
 from plots.core.pairs import at_one_size
@@ -45,9 +45,7 @@ def choice(results: Results, backend: str) -> Claim:
 
 def roof(results: Results, backend: str) -> Claim:
     """The largest share of the one-step-per-pass roof that any kernel reaches, and of the arithmetic one."""
-    source = machine_of(
-        results, backend, lambda s: ceilings(s, backend) is not None and not s.machine.record.get("limits_suspect")
-    )
+    source = machine_of(results, backend, lambda s: ceilings(s, backend) is not None and not disturbed(s))
     found = ceilings(source, backend) if source else None
     beyond = [(t,) for t in fastest(source, backend) if from_memory(source, t)] if source else []
     ranked, suspect = trusted(beyond)

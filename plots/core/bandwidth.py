@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from bench.store.machine_records import DISTURBED
 from bench.store.results import Timing
 from plots.core.data import Source
 
@@ -11,6 +12,11 @@ UNKNOWN_CACHE = 1 << 26  # B
 def copy_bandwidth(source: Source, backend: str) -> float | None:
     """The measured copy bandwidth of a backend's memory [B/s]; None where it was not measured."""
     return source.machine.record.get("gpu_copy_bandwidth" if backend == "gpu" else "copy_bandwidth")
+
+
+def disturbed(source: Source) -> bool:
+    """Whether other programs ran while it was measured."""
+    return bool(source.machine.record.get(DISTURBED))
 
 
 def fraction(source: Source, timing: Timing) -> float | None:

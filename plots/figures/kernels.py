@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from bench.store.results import Timing
 from plots.core.backends import sources_of
-from plots.core.bandwidth import copy_bandwidth
+from plots.core.bandwidth import copy_bandwidth, disturbed
 from plots.core.colours import BLACK
 from plots.core.data import Results
 from plots.core.ladder import backend_panels, in_order, mark_switches, rung, threading_words
@@ -39,9 +39,11 @@ def draw(results: Results) -> Drawing | str:
     chosen[0][0].set_ylabel("time per step")
     legend_below(figure, [ax for ax, *_ in chosen], times)
     marks = "Dotted lines: where the kernel changes that the backend chooses by itself. " if switches else ""
+    doubted = [backend.upper() for _, backend, source in chosen if disturbed(source)]
+    doubt = f" (of the {' and the '.join(doubted)} beside other programs: too slow)" if doubted else ""
     caption = (
         "Time of one step of the square grid with each kernel, float32: medians, and bands from the least to the "
-        "greatest repeat. Dashed: what one step per pass over memory takes at the measured copy bandwidth; kernels that "
-        f"do several steps per pass, or stay on the chip, go below it. {marks}{threading_words(chosen)}"
+        f"greatest repeat. Dashed: what one step per pass over memory takes at the measured copy bandwidth{doubt}; kernels "
+        f"that do several steps per pass, or stay on the chip, go below it. {marks}{threading_words(chosen)}"
     )
     return Drawing(figure, TITLE, caption, sources_of(chosen))

@@ -16,7 +16,7 @@ from model.core.errors import SoftlabError
 from model.core.families import scene_plan
 from model.scene.scene import Scene
 from plots.core.backends import sources_of
-from plots.core.bandwidth import copy_bandwidth
+from plots.core.bandwidth import copy_bandwidth, disturbed
 from plots.core.colours import BLACK, GREY
 from plots.core.data import Results, Source
 from plots.core.ladder import backend_panels, in_order, rung
@@ -87,15 +87,18 @@ def draw(results: Results) -> Drawing | str:
             draw_times(ax, mine, rung(kernel), _percent(found))
             times += mine
         ax.axhline(100, color=GREY, linewidth=1.2, zorder=1, label="one step per pass")
+        doubt = ", beside other programs" if disturbed(source) else ""
         if found.arithmetic_share and found.rate:
             ax.axhline(
                 100 * found.arithmetic_share, color=BLACK, linestyle="--", linewidth=1, zorder=1, label="arithmetic"
             )
             words.append(
-                f"{backend.upper()} {found.bandwidth / 1e9:.0f} GB/s and {found.rate / 1e9:.0f} G operations/s"
+                f"{backend.upper()} {found.bandwidth / 1e9:.0f} GB/s and {found.rate / 1e9:.0f} G operations/s{doubt}"
             )
         else:
-            words.append(f"{backend.upper()} {found.bandwidth / 1e9:.0f} GB/s (its arithmetic rate was not measured)")
+            words.append(
+                f"{backend.upper()} {found.bandwidth / 1e9:.0f} GB/s{doubt} (its arithmetic rate was not measured)"
+            )
         log_axes(ax)
         operations, moved = found.operations, found.bytes
     plain_ticks(chosen[0][0].yaxis)

@@ -62,6 +62,18 @@ def test_the_default_is_the_fastest_where_the_law_says_so(gpu: Results) -> None:
     assert chosen[16 * 16] == "one-block" and chosen[64 * 64] == "resident" and chosen[4096 * 4096] == "tiles"
 
 
+def test_a_bandwidth_that_was_measured_beside_other_programs_is_told(gpu: Results) -> None:
+    def captions(results: Results) -> list[str]:
+        with settings():
+            drawn = [figure.draw(results) for figure in (kernels, roofline)]
+        return [one if isinstance(one, str) else one.caption for one in drawn]
+
+    assert not any("beside other programs" in caption for caption in captions(gpu))
+    beside = {"limits_suspect": "load: other programs ran"}
+    doubted = (replace(s, machine=replace(s.machine, record=s.machine.record | beside)) for s in gpu.sources)
+    assert all("beside other programs" in caption for caption in captions(Results(tuple(doubted))))
+
+
 def test_the_figure_of_the_kernels_marks_switches_and_the_roof(gpu: Results) -> None:
     with settings():
         drawing = kernels.draw(gpu)
