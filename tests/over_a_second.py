@@ -21,11 +21,11 @@ test_baked.py test_damaged_files_are_made_anew
 test_bar.py test_a_jelly_bar_swings_as_its_clusters_say?cpu?
     test_springs_are_a_chain?cpu-mass-spring-1-verlet_frequency?
     test_springs_are_a_chain?cpu-xpbd-32-implicit_frequency?
-test_bar_told.py test_figures_are_drawn_or_say_why_not
+test_bar_told.py test_figures_are_drawn_or_say_why_not test_backends_are_held_against_each_other
 test_bars_of_peers.py test_an_answer_that_takes_too_long_is_not_waited_for
 test_bodies_hard.py test_a_ball_inside_a_body_pushes_it_out_in_place
     test_a_soft_body_finds_its_shape_again?onto?a?line?across-float32? test_another_body_stops* test_a_hit_keeps_linear*
-    test_what_goes_too_far* test_what_begins_inside* test_a_hit_keeps_angular*soft?
+    test_what_goes_too_far* test_what_begins_inside* test_a_hit_keeps_angular*
 test_bodies_rest.py test_a_brick_bears_a_heavy_one?10.0-4-float32? test_what_was_dropped* test_bodies_that_were*
     test_a_heap_of_eight*
 test_bodies_run.py test_the_catalogue_is_readable_at_80_columns
@@ -38,7 +38,8 @@ test_cloth_orders.py test_holds_just_under_its_limit?semi-implicit-euler-springs
     test_holds_just_under_its_limit?velocity-verlet-springs-reference? test_orders?rk4?with?all-reference?
     test_orders?semi-reference?
 test_cloth_reference.py test_backends_are_the_reference?velocity-verlet-cpu?
-test_compiled.py test_fast_math_stays_near_exact?grid? test_machine_code_gives_the_bits_of_its_source?cloth?
+test_compiled.py test_fast_math_stays_near_exact?grid? test_machine_code_gives_the_bits_of_its_source?jelly?grid?
+    test_machine_code_gives_the_bits_of_its_source?cloth?
     test_machine_code_gives_the_bits_of_its_source?grid?in?teams?
     test_machine_code_gives_the_bits_of_its_source?grid?in?tiles?
     test_machine_code_gives_the_bits_of_its_source?grid,?rk4? test_machine_code_gives_the_bits_of_its_source?xpbd?
@@ -50,6 +51,7 @@ test_cpu_kernels.py test_odd_shapes_give_the_bits_of_fused?1-1-velocity-verlet-t
 test_cpu_reference.py test_integrators_over_200_steps?cpu-float32-fused-rk4?
     test_integrators_over_200_steps?cpu-float64-stages-velocity-verlet?
     test_published_errors_of_s1_and_s2?cpu-lab-curtain-lab-0.02?
+    test_published_errors_of_s1_and_s2?cpu-lab-hammock-semi*
 test_cuda_vertices.py test_a_gpus_state_is_written_into_the_buffers_and_the_picture_is_t*
 test_digest.py test_a_digest_is_the_same_in_every_process
     test_touching_any_file_of_a_backend_changes_its_sources?gpu?
@@ -98,7 +100,8 @@ test_peers_blocked.py test_the_quickest_tile_is_kept_and_what_cannot_be_opened_l
     test_the_source_compiles_for_a_real_architecture?64x128h4?of?16?wa*
     test_the_source_compiles_for_a_real_architecture?64x64h4?of?8?warp*
 test_physics_conservation.py test_rk4_loses_angular_momentum?cpu-20.0? test_rk4_loses_angular_momentum?cpu-5.0?
-test_physics_hard.py *cpu-B6-lab? *cpu-B6-velocity*
+test_partitions.py test_a_bar_of_every_kind* test_vertex_block_descent* test_vertices_that_sleep* *vbd*
+test_physics_hard.py *cpu-B6-lab? *cpu-B6-velocity* *cpu-B7?mirrored-lab?
 test_physics_point.py test_free_fall?cpu-float32-stages-rk4-0.0?
 test_ranks.py test_they_diverge_where_one_does
 test_recomputed.py test_no_printed_sentence_rests_on_nothing_but_marked_times_silently
@@ -110,6 +113,7 @@ test_rotation.py test_it_is_the_rotation_of_the_singular_value_decomposition?ran
     test_it_is_the_rotation_of_the_singular_value_decomposition?rigid-*
 test_shapes.py test_every_shape_is_a_body?octopus-coarsest?
 test_shared_projections.py test_ranks*small-steps*-8-4?
+test_simulated_distance_field.py test_the_bits_of_the_cpu?rk4?
 test_simulated_domains.py test_a_cloth_of_constraints_has_the_bits_of_the_cpu?changes0-peer?
 test_simulated_fluid.py test_it_is_the_judges_and_stage_by_stage_the_same_bits?cup?
     test_the_bits_are_the_cpus?cup-float32? test_the_bits_are_the_cpus?cup-float64?
@@ -119,6 +123,7 @@ test_simulated_matching.py test_the_bits_of_the_cpu?1-2-3?
 test_simulated_newton.py test_bits_are_the_cpus?fixed-corotated-float64?
 test_simulated_restitution.py test_the_bits_of_the_cpu
 test_simulated_scaling.py test_a_sweep_over_gpus_is_stored_checked_and_told
+test_simulated_shared_fluid.py test_slabs_have_the_bits_of_the_cpu?3-float64?
 test_simulated_wet_worlds.py test_bits_are_the_cpus?bodies-float32-launch?
     test_bits_are_the_cpus?cloth-float64-stages? test_bits_are_the_cpus?tetrahedra-float64-launch?
 test_simulated_xpbd.py test_all_kernels_give_the_same_bits?gauss-seidel?
@@ -132,6 +137,7 @@ test_stability_limits.py test_limit_is_the_edge_of_every_slower_mode
 test_surface_contacts.py test_a_body_meets_itself_where_it_says_so
     test_a_cube_slides_where_the_slope_is_over_the_friction_and_sticks*
 test_tetrahedra_cpu.py test_b21_a_body_out_of_all_shape_recovers?corotated-flat?
+    test_b21_a_body_out_of_all_shape_recovers?fixed-corotated-flat?
     test_b21_a_body_out_of_all_shape_recovers?neo-hookean-flat?
 test_tetrahedra_peer.py test_it_is_asked_and_checked
 test_tetrahedra_reference.py test_at_rest_is_where_steps_come_to_rest?1? test_blocks_sag_less?30-1-1.0743?
@@ -153,6 +159,7 @@ test_xpbd_cpu.py test_fused_gives_the_bits_of_the_stages?alternating-averaged-ja
 test_xpbd_cpu_reference.py test_attachments_hold_every_mass
 test_xpbd_laws.py test_a_rigid_rope_is_too_long_by_h_squared?cpu-jacobi?
     test_error_against_the_motion_of_the_springs?cpu-S1-0.0025-1-0.00537?
+    test_error_against_the_motion_of_the_springs?cpu-S1-0.0025-4-0.00239?
     test_mass_ratio_1000?cpu-1-100-gauss-seidel-97.6?
 # what compiles for its siblings: all of them
 test_hard_bodies.py test_the_laws*B18*
