@@ -12,7 +12,7 @@ import psutil
 
 from app.command.foaming import Foaming, frame_steps, shows_foam
 from app.command.run_length import step_count
-from app.command.run_parts import body_lines, caught_lines, collider_lines, fluid_notes
+from app.command.run_parts import body_lines, caught_lines, collider_lines, fluid_notes, newton_notes
 from app.command.run_report import run_report
 from app.driver import open_simulation
 from app.output.export import Exporter, Target, check_export
@@ -135,7 +135,7 @@ def run_scene(scene: Scene, request: Request, *, progress: bool = True) -> Resul
         )  # fmt: skip
         if result.rank != 0:
             return result
-        notes += caught_lines(result.report) + fluid_notes(result.report)
+        notes += caught_lines(result.report) + fluid_notes(result.report) + newton_notes(result.report)
         if exporter:
             result.written += exporter.finish(simulation, notes)
         _write_results(result, request, recorder, simulation, start, clip, foaming.points if foaming else None)

@@ -122,6 +122,30 @@ def fluid_notes(report: dict[str, Any]) -> list[str]:
     ]
 
 
+def newton_report(simulation: Simulation) -> dict[str, Any]:
+    """Of implicit tetrahedral bodies, per substep: matrices, Newton's steps, and products with the matrix."""
+    if not simulation.scene.tetrahedra or not hasattr(simulation, "done"):
+        return {}
+    substeps, _, matrices, products, steps = (int(one) for one in simulation.done)
+    each = max(substeps, 1)
+    return {"matrices": matrices / each, "newton_steps": steps / each, "matrix_products": products / each}
+
+
+def newton_notes(report: dict[str, Any]) -> list[str]:
+    """That nothing was solved: where a matrix that is made again, positive, leads nowhere either, there are two of a substep
+    and no step; at rest there is one."""
+    if (
+        "newton_steps" not in report
+        or report["newton_steps"] > 0.5
+        or report["matrices"] - report["newton_steps"] < 1.5
+    ):
+        return []
+    return [
+        f"Newton's method found {report['newton_steps']:.2g} steps a substep, and none in most: bodies stand still there "
+        "though they are not at rest; --math exact or --precision float64 tells whether rounding is why"
+    ]
+
+
 def contact_report(simulation: Simulation, state: State) -> dict[str, Any]:
     """Of a cloth that meets itself: the least gaps [m] between layers and between edges (None: more than the thickness), what
     contacts of masses with triangles do not see (pairs of edges that are too near, edges through triangles), and contacts

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from app.command.run_parts import bodies_report, contact_report, fluid_report
+from app.command.run_parts import bodies_report, contact_report, fluid_report, newton_report
 from app.shared import shares
 from model.core.energy import energies, spring_strain
 from model.core.errors import Diverged
@@ -58,4 +58,5 @@ def run_report(
         **contact_report(simulation, state),
         **bodies_report(simulation, state),
         **fluid_report(simulation, state),
+        **newton_report(simulation),
     }

@@ -27,8 +27,14 @@ UNITS = {
     "mean_compression": "of the density at rest",
     "largest_compression": "of the density at rest",
     "height": "m",
+    "matrices": "a substep",
+    "newton_steps": "a substep",
+    "matrix_products": "a substep",
 }
-LABELS = {"mean_compression": "density error, mean", "largest_compression": "density error, largest"}
+LABELS = {
+    "mean_compression": "density error, mean", "largest_compression": "density error, largest",
+    "newton_steps": "Newton steps",
+}  # fmt: skip
 MODIFIED = "J (2 x kinetic + potential, which the step lab {keeps})"
 ABSENT = ("error", "threads_reason", "max_strain")  # no line where there is none
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ import pytest
 from test_cli import command  # noqa: F401  # a fixture
 from tetrahedra_scenes import tetrahedra_scene
 
+from app.command.run_parts import newton_notes, newton_report
 from app.command.scene_file import scene_toml
 from app.output.files import read_state
 
@@ -26,3 +28,21 @@ def test_the_strain_is_of_the_edge_that_is_stretched_most(command: Any, tmp_path
     length = np.linalg.norm(position[ends[:, 1]] - position[ends[:, 0]], axis=1)
     worst = np.abs(length / rest - 1).max()
     assert worst > 0 and json.loads(done.out)["max_strain"] == pytest.approx(worst, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    "done, told",
+    [
+        ((3, 9, 3, 60, 3), False),  # each substep a step
+        ((3, 9, 9, 60, 9), False),  # three
+        ((10, 20, 10, 0, 0), False),  # at rest: what is left is below rounding, after a matrix
+        ((10, 20, 20, 0, 0), True),  # a matrix, and one made again: neither leads anywhere
+        ((10, 21, 19, 22, 1), True),  # of the first substep alone
+    ],
+)
+def test_a_solver_that_finds_no_step_says_so(done: tuple[int, ...], told: bool) -> None:
+    """(substeps, looks, matrices, products, steps), of one that its matrices are no numbers of, and of others."""
+    simulation: Any = SimpleNamespace(scene=SimpleNamespace(tetrahedra={"bar": None}), done=np.array(done))
+    report = newton_report(simulation)
+    assert report["newton_steps"] == pytest.approx(done[4] / done[0])
+    assert bool(newton_notes(report)) == told and newton_notes({}) == []
