@@ -23,9 +23,14 @@ LINKS = {  # of GPUs: the class that opens a sheet which they share
     "nccl": "gpu_backend.domains.nccl:NcclSimulation",
 }
 USUAL_LINK = "flags"
-BODIES = "gpu_backend.domains.bodies:GpuBodies"  # which need none
-PARTITIONS = "gpu_backend.domains.partitions:GpuPartitions"  # which know one way alone, as does a fluid
+BODIES = "gpu_backend.domains.bodies:GpuBodies"
+PARTITIONS = "gpu_backend.domains.partitions:GpuPartitions"
 FLUID = "gpu_backend.domains.fluid:GpuFluid"
+NO_LINK = {  # of those that are shared in one way alone
+    BODIES: "bodies send nothing",
+    PARTITIONS: "partitions of a mesh are read from the neighbours' memory",
+    FLUID: "what a fluid sends goes through the host",
+}
 
 
 def check_sharing(backend: str, gpus: int, ranks: int, link: str | None) -> None:
@@ -65,20 +70,23 @@ def check_shareable(scene: Scene, count: int, option: str) -> None:
 def check_cut(scene: Scene, count: int, steps: int | None, link: str | None, option: str) -> None:
     """Raise SceneError where so many cannot share the scene, before anything is opened or started; `steps` between two
     exchanges and `link` None: not said."""
+    way = _way(scene, count)
+    {None: cut, BODIES: division, PARTITIONS: partitions, FLUID: slabs_at_start}[way](scene, count, steps, option)
+    _check_link(way, link)
+
+
+def _way(scene: Scene, count: int) -> str | None:
+    """The class that opens a scene which so many GPUs share in one way alone; None: a sheet, which they share by a link."""
     if is_partitioned(scene, count):
-        partitions(scene, count, steps, option)
-        told = "partitions of a mesh are read from the neighbours' memory"
-    elif is_apart(scene):
-        division(scene, count, steps, option)
-        told = "bodies send nothing"
-    elif is_in_slabs(scene):
-        slabs_at_start(scene, count, steps, option)
-        told = "what a fluid sends goes through the host"
-    else:
-        cut(scene, count, steps, option)
-        return
-    if link is not None:
-        raise SceneError("--link", link, f"is for a sheet that is shared by its rows: {told}; leave it out")
+        return PARTITIONS
+    return BODIES if is_apart(scene) else FLUID if is_in_slabs(scene) else None
+
+
+def _check_link(way: str | None, link: str | None) -> None:
+    """Raise SceneError for a `link` that was said of a way that needs none; None: not said."""
+    if way is not None and link is not None:
+        told = f"is for a sheet that is shared by its rows: {NO_LINK[way]}; leave it out"
+        raise SceneError("--link", link, told)
 
 
 def open_shared(
@@ -98,11 +106,9 @@ def open_shared(
         from cpu_backend.domains.ranks import on_ranks
 
         return on_ranks(scene, options, MpiRanks(ranks), threads, exchange_every)
-    apart = BODIES if is_apart(scene) else FLUID if is_in_slabs(scene) else None
-    place = PARTITIONS if is_partitioned(scene, gpus) else apart or LINKS[link]
-    if place != LINKS[link]:
-        check_cut(scene, gpus, exchange_every, None if link == USUAL_LINK else link, "--gpus")
-    opened: Simulation = named(place)(scene, options, gpus, exchange_every)
+    way = _way(scene, gpus)
+    _check_link(way, None if link == USUAL_LINK else link)
+    opened: Simulation = named(way or LINKS[link])(scene, options, gpus, exchange_every)
     return opened
 
 

@@ -23,6 +23,24 @@ from model.scene.scene import Scene
 LINES = 16  # of domains that are listed
 
 
+def _more(count: int) -> list[str]:
+    """The line of those that are not listed."""
+    return [f"  and {count - LINES} more"] if count > LINES else []
+
+
+def _link(link: Link) -> dict[str, Any]:
+    """For `--json`."""
+    return {"latency": link.latency, "bandwidth": link.bandwidth, "source": link.source}
+
+
+def _adds(link: Link, seconds: float) -> str:
+    """What sending adds to a step [s], for a person."""
+    return (
+        f"  {link.name} ({1e6 * link.latency:g} us, {link.bandwidth / 1e9:g} GB/s; {link.source}) adds "
+        f"{1e6 * seconds:.2g} us a step"
+    )
+
+
 @dataclass(frozen=True)
 class SharedPlan:
     """Of a sheet that several GPUs share. `mass_bytes`: of a mass's state, its position and velocity."""
@@ -65,7 +83,7 @@ class SharedPlan:
             "repeated_rows": found.repeated - 1,
             "domains": [{"first_row": d.first, "end_row": d.end, "window_rows": d.window_rows} for d in found.domains],
             "bytes_per_exchange": self.message, "bytes_per_step": self.bytes_per_step,
-            "link": {"latency": self.link.latency, "bandwidth": self.link.bandwidth, "source": self.link.source},
+            "link": _link(self.link),
             "exchange_seconds": self.exchange_seconds, "step_seconds": self.step_seconds,
             "most_masses_per_second": self.most_masses if self.message else None,
         }  # fmt: skip
@@ -78,17 +96,13 @@ class SharedPlan:
             state = readable(domain.window_rows * found.columns * self.mass_bytes)
             held = f"holds {domain.window_first} to {domain.window_end - 1} ({state} a state)"
             lines.append(f"  GPU {domain.number}: owns rows {domain.first} to {domain.end - 1}, {held}")
-        if found.count > LINES:
-            lines.append(f"  and {found.count - LINES} more")
+        lines += _more(found.count)
         lines.append(f"  {100 * (found.repeated - 1):.2g} % of the rows are computed twice")
         lines.append(
             f"  {readable(self.message)} to each neighbour an exchange, {readable(self.bytes_per_step)} a step, each way"
         )
-        link = self.link
-        lines.append(
-            f"  {link.name} ({1e6 * link.latency:g} us, {link.bandwidth / 1e9:g} GB/s; {link.source}) adds "
-            f"{1e6 * self.step_seconds:.2g} us a step: at most {number(self.most_masses / 1e9)} G masses a second"
-        )
+        most = f"at most {number(self.most_masses / 1e9)} G masses a second"
+        lines.append(f"{_adds(self.link, self.step_seconds)}: {most}")
         return lines
 
 
@@ -130,8 +144,7 @@ class BodiesPlan:
             if found.counted != "particles":
                 told = f"{number(share.weight)} {found.counted}, {told}"
             lines.append(f"  GPU {share.number}: owns {bodies} ({', '.join(names)}), {told}")
-        if found.count > LINES:
-            lines.append(f"  and {found.count - LINES} more")
+        lines += _more(found.count)
         fair = f"the heaviest share has {100 / (found.count * found.balance):.3g} % of the {found.counted}"
         return [*lines, f"  {fair}: at most {found.count * found.balance:.3g} times as fast as one"]
 
@@ -165,28 +178,26 @@ class PartitionsPlan:
                 for p in found.parts
             ],
             "bytes_per_exchange": self.message, "bytes_per_step": self.message * mesh.exchanges,
-            "link": {"latency": self.link.latency, "bandwidth": self.link.bandwidth, "source": self.link.source},
+            "link": _link(self.link),
             "step_seconds": self.step_seconds,
         }  # fmt: skip
 
     def lines(self) -> list[str]:
         """For a person."""
-        found, mesh, link = self.partitions, self.partitions.mesh, self.link
+        found, mesh = self.partitions, self.partitions.mesh
         times = "once" if mesh.exchanges == 1 else f"{mesh.exchanges} times"
         lines = [f"shared by {found.count} GPUs, by partitions of the mesh; halos are exchanged {times} a step"]
         for part in found.parts[:LINES]:
             held = f"holds {number(len(part.particles))} and {number(len(part.elements))} of {number(mesh.elements)}"
             lines.append(f"  GPU {part.number}: owns {number(len(part.owned))} particles, {held} {mesh.counted}")
-        if found.count > LINES:
-            lines.append(f"  and {found.count - LINES} more")
+        lines += _more(found.count)
         return [
             *lines,
             f"  {100 * (found.repeated - 1):.3g} % of the particles are computed twice: at most "
             f"{found.count * found.balance:.3g} times as fast as one",
             f"  {readable(self.message)} to a neighbour an exchange at most, "
             f"{readable(self.message * mesh.exchanges)} a step",
-            f"  {link.name} ({1e6 * link.latency:g} us, {link.bandwidth / 1e9:g} GB/s; {link.source}) adds "
-            f"{1e6 * self.step_seconds:.2g} us a step",
+            _adds(self.link, self.step_seconds),
         ]
 
 
@@ -237,15 +248,14 @@ class SlabsPlan:
             f"shared by {slabs.count} GPUs, by slabs along {axis} with as many particles each; halos of {slabs.halo:.3g} m, "
             "exchanged every substep, as it starts:"
         ]
-        for share, (owned, held, _) in list(enumerate(self.counts))[:LINES]:
+        for share, (owned, held, _) in enumerate(self.counts[:LINES]):
             low, high = slabs.ends(share)
             place = [f"from {low:.3g} m" * (share > 0), f"to {high:.3g} m" * (share + 1 < slabs.count)]
             told = f"holds {number(held)} ({readable(int(held) * self.particle_bytes)} a state)"
             lines.append(
                 f"  GPU {share}: owns {number(owned)} particles {' '.join(filter(None, place)) or 'all'}, {told}"
             )
-        if slabs.count > LINES:
-            lines.append(f"  and {slabs.count - LINES} more")
+        lines += _more(slabs.count)
         return [
             *lines,
             f"  {100 * self.repeated:.2g} % of particles are repeated: at most {self.gain:.3g} times as fast as one",
@@ -261,8 +271,7 @@ def _slabs_plan(scene: Scene, gpus: int, exchange_every: int | None, item: int, 
         held = slabs.held(along, share)
         counts[share, :2] = owned[share].sum(), held.sum()
         counts[:, 2] += [(own & held).sum() if other != share else 0 for other, own in enumerate(owned)]
-    real = {4: np.float32, 8: np.float64}[item]
-    return SlabsPlan(slabs, counts, scene.method.substeps, particle_bytes, bytes_each(real, scene.dimensions))
+    return SlabsPlan(slabs, counts, scene.method.substeps, particle_bytes, bytes_each(item, scene.dimensions))
 
 
 def shared_plan(

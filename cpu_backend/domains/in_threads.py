@@ -49,9 +49,6 @@ class AmongThreads(NothingSent):
     def gather(self, owned: np.ndarray) -> np.ndarray:
         return np.concatenate(self._meeting.all_of(self.rank, owned))
 
-    def largest(self, number: float) -> float:
-        return max(self._meeting.all_of(self.rank, number))
-
     def largest_each(self, numbers: np.ndarray) -> np.ndarray:
         found: np.ndarray = np.max(self._meeting.all_of(self.rank, numbers), axis=0)
         return found

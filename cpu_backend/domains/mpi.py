@@ -22,9 +22,6 @@ class AmongProcesses(NothingSent):
     def gather(self, owned: np.ndarray) -> np.ndarray:
         return gather_rows(self._world, owned)
 
-    def largest(self, number: float) -> float:
-        return float(largest_of(self._world, np.array([number]))[0])
-
     def largest_each(self, numbers: np.ndarray) -> np.ndarray:
         return largest_of(self._world, numbers)
 

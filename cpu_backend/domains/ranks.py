@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -68,25 +69,30 @@ class Ranks:
 
 
 class OnRanks(WindowedSimulation):
-    """This rank's window, whatever it holds; see model/domains/windows.py."""
+    """This rank's window, whatever it holds; see model/domains/windows.py. `divided(scene, count, steps, option)`: who owns
+    what. `threads`: of each rank; `1x`, `2x`, `4x` of its share of the cores, or a number."""
 
     backend = "cpu"
-
-    def _join(self, ranks: Ranks, threads: str | int) -> None:
-        self._ranks, self._words = ranks, shared_threads(threads, ranks.count)
-
-    def _open(self, place: int, scene: Scene, options: Options) -> Simulation:
-        return named(family_of(scene).solvers["cpu"])(scene, options, self._words)
-
-
-class RankSimulation(OnRanks, DecomposedSimulation):
-    """This rank's window of a sheet. `threads`: of each rank; `1x`, `2x`, `4x` of its share of the cores, or a number."""
+    divided: Callable[[Scene, int, int | None, str], Any]
 
     def __init__(
         self, scene: Scene, options: Options, ranks: Ranks, threads: str | int = "1x", steps: int | None = None
     ):
-        self._join(ranks, threads)
-        super().__init__(scene, options, cut(scene, ranks.count, steps, "--ranks"), [ranks.rank])
+        self._ranks, self._words = ranks, shared_threads(threads, ranks.count)
+        shares = self.divided(scene, ranks.count, steps, "--ranks")
+        super().__init__(scene, options, shares, [ranks.rank])  # type: ignore[call-arg]  # of what it is mixed into
+
+    def _open(self, place: int, scene: Scene, options: Options) -> Simulation:
+        return named(family_of(scene).solvers["cpu"])(scene, options, self._words)
+
+    def _connect(self) -> Exchange:
+        return self._ranks.apart()
+
+
+class RankSimulation(OnRanks, DecomposedSimulation):
+    """This rank's window of a sheet."""
+
+    divided = staticmethod(cut)
 
     def _connect(self) -> Exchange:
         window: Any = self.windows[0]
@@ -94,26 +100,15 @@ class RankSimulation(OnRanks, DecomposedSimulation):
 
 
 class RankBodies(OnRanks, SharedBodies):
-    """This rank's share of bodies that never meet. `threads`: as of RankSimulation."""
+    """This rank's share of bodies that never meet."""
 
-    def __init__(
-        self, scene: Scene, options: Options, ranks: Ranks, threads: str | int = "1x", steps: int | None = None
-    ):
-        self._join(ranks, threads)
-        super().__init__(scene, options, division(scene, ranks.count, steps, "--ranks"), [ranks.rank])
-
-    def _connect(self) -> Exchange:
-        return self._ranks.apart()
+    divided = staticmethod(division)
 
 
 class RankPartitions(OnRanks, PartitionedBodies):
-    """This rank's partition of the meshes of bodies. `threads`: as of RankSimulation."""
+    """This rank's partition of the meshes of bodies."""
 
-    def __init__(
-        self, scene: Scene, options: Options, ranks: Ranks, threads: str | int = "1x", steps: int | None = None
-    ):
-        self._join(ranks, threads)
-        super().__init__(scene, options, partitions(scene, ranks.count, steps, "--ranks"), [ranks.rank])
+    divided = staticmethod(partitions)
 
     def _connect(self) -> Exchange:
         window: Any = self.windows[0]
@@ -121,19 +116,12 @@ class RankPartitions(OnRanks, PartitionedBodies):
 
 
 class RankFluid(OnRanks, SharedFluid):
-    """This rank's slab of a fluid. `threads`: as of RankSimulation."""
+    """This rank's slab of a fluid."""
 
-    def __init__(
-        self, scene: Scene, options: Options, ranks: Ranks, threads: str | int = "1x", steps: int | None = None
-    ):
-        self._join(ranks, threads)
-        super().__init__(scene, options, slabs_at_start(scene, ranks.count, steps, "--ranks"), [ranks.rank])
+    divided = staticmethod(slabs_at_start)
 
     def _open(self, place: int, scene: Scene, options: Options) -> Simulation:
         return FluidWindow(scene, options, self._words)
-
-    def _connect(self) -> Exchange:
-        return self._ranks.apart()
 
 
 def on_ranks(

@@ -18,8 +18,8 @@ class GpuBodies(OnGpus, SharedBodies):
     """Shares on the GPUs of this machine, `count` of them."""
 
     def __init__(self, scene: Scene, options: Options, count: int, steps: int | None = None):
-        require_gpu()
         found = division(scene, count, steps, "--gpus")
+        require_gpu()
         self.devices = devices_for(count)
         super().__init__(scene, options, found, range(count))
         self._tell_of_turns()

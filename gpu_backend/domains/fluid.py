@@ -93,8 +93,8 @@ class GpuFluid(OnGpus, SharedFluid):
     """Slabs on the GPUs of this machine, `count` of them."""
 
     def __init__(self, scene: Scene, options: Options, count: int, steps: int | None = None):
-        require_gpu()
         slabs = slabs_at_start(scene, count, steps, "--gpus")
+        require_gpu()
         self.devices = devices_for(count)
         super().__init__(scene, options, slabs, range(count))
         self._tell_of_turns()

@@ -126,8 +126,8 @@ class NcclExchange(Exchange):
     def gather(self, owned: np.ndarray) -> np.ndarray:
         return gather_rows(self._world, owned) if self._world else owned
 
-    def largest(self, number: float) -> float:
-        return float(largest_of(self._world, np.array([number]))[0]) if self._world else number
+    def largest_each(self, numbers: np.ndarray) -> np.ndarray:
+        return largest_of(self._world, numbers) if self._world else super().largest_each(numbers)
 
     def close(self) -> None:
         for group in self._groups:

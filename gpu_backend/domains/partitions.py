@@ -61,8 +61,8 @@ class GpuPartitions(OnGpus, PartitionedBodies):
     """Partitions on the GPUs of this machine, `count` of them."""
 
     def __init__(self, scene: Scene, options: Options, count: int, steps: int | None = None):
-        require_gpu()
         found = partitions(scene, count, steps, "--gpus")
+        require_gpu()
         kernel = launched_kernel(options.kernel, "a partition of tetrahedral bodies")
         self.devices = devices_for(count)
         connect(self.devices)

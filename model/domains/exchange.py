@@ -31,7 +31,7 @@ class Exchange(ABC):
 
     def largest(self, number: float) -> float:
         """The largest of what the processes say."""
-        return number
+        return float(self.largest_each(np.array([number], np.float64))[0])
 
     def largest_each(self, numbers: np.ndarray) -> np.ndarray:
         """(n,) float64: the largest of what the processes say in each place."""

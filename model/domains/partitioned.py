@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from copy import copy
 from typing import Any
 
@@ -13,7 +13,7 @@ from model.core.errors import SceneError
 from model.core.families import family_of, scene_plan
 from model.core.options import Options
 from model.domains.partitions import Part, Partitions, partition
-from model.domains.windows import WindowedSimulation
+from model.domains.windows import WindowedSimulation, refuse_targets
 from model.scene.scene import Scene
 
 
@@ -21,7 +21,9 @@ def is_partitioned(scene: Scene, count: int) -> bool:
     """Whether so many share the scene by partitions of its meshes: where there are fewer bodies than shares. Raises
     SceneError for what lets bodies act on each other."""
     family = family_of(scene)
-    return family.partitions is not None and count > family.partitions(scene).bodies
+    if family.partitions is None or family.apart is None:
+        return False
+    return count > len(family.apart(scene).names)
 
 
 def partitions(scene: Scene, count: int, steps: int | None, option: str) -> Partitions:
@@ -40,8 +42,7 @@ class PartitionedBodies(WindowedSimulation):
     math the bits are those of one."""
 
     def __init__(self, scene: Scene, options: Options, cut: Partitions, mine: Sequence[int]):
-        if "targets" in options.live:
-            raise SceneError("live", "targets", "are of all pinned vertices: run it as one, not shared")
+        refuse_targets(options)
         super().__init__(scene, options)
         self.partitions, self.mine = cut, [cut.parts[k] for k in mine]
         self.plan, self._sent = scene_plan(scene, options.live), scene
@@ -62,14 +63,6 @@ class PartitionedBodies(WindowedSimulation):
         )
         return found
 
-    def _to_each(self, do: Callable[[Part, Any], Any]) -> list[Any]:
-        """What `do(part, window)` gives of each of this process."""
-        found = []
-        for place, (part, window) in enumerate(zip(self.mine, self.windows, strict=True)):
-            with self._at(place):
-                found.append(do(part, window))
-        return found
-
     # ------------------------------------------------------------------ the contract
 
     def _run(self, steps: int) -> None:
@@ -82,22 +75,20 @@ class PartitionedBodies(WindowedSimulation):
     def _parameters_changed(self) -> None:
         changed, self._sent = self.scene is not self._sent, self.scene
 
-        def send(part: Part, window: Any) -> None:
+        def send(window: Any, part: Part) -> None:
             if changed:
                 window.scene = self._window_scene(self.scene, window.scene.grid)
             here = np.flatnonzero(part.particles == self._poke_particle)
-            window._poke_particle = int(here[0]) if len(here) else -1
-            window._poke_force, window._record, window._clock = self._poke_force, self._record, self._clock
-            window._parameters_changed()
+            self._hand_on(window, int(here[0]) if len(here) else -1)
 
-        self._to_each(send)
+        self._each(send, self.mine)
 
     def _weights_changed(self) -> None:
-        def send(part: Part, window: Any) -> None:
+        def send(window: Any, part: Part) -> None:
             window.body = some_of(self.body, part.particles)
             window._weights_changed()
 
-        self._to_each(send)
+        self._each(send, self.mine)
 
     def _gathered(self, owned: Sequence[np.ndarray]) -> np.ndarray:
         """Of rows of what each part of this process owns, those of all particles."""
@@ -107,11 +98,11 @@ class PartitionedBodies(WindowedSimulation):
         return whole
 
     def _download(self) -> tuple[np.ndarray, np.ndarray]:
-        both = self._to_each(lambda part, window: [state[part.places] for state in window._download()])
+        both = self._each(lambda window, part: [state[part.places] for state in window._download()], self.mine)
         return self._gathered([one for one, _ in both]), self._gathered([one for _, one in both])
 
     def _upload(self, position: np.ndarray, velocity: np.ndarray) -> None:
-        self._to_each(lambda part, window: window._upload(position[part.particles], velocity[part.particles]))
+        self._each(lambda window, part: window._upload(position[part.particles], velocity[part.particles]), self.mine)
 
     def _diverged(self) -> list[int]:
         found = super()._diverged()
@@ -121,9 +112,9 @@ class PartitionedBodies(WindowedSimulation):
         """Of the pins of this process's windows; what others hold is theirs to tell."""
         found = np.zeros((len(self.body.pinned), 3), self.real)
 
-        def fill(part: Part, window: Any) -> None:
+        def fill(window: Any, part: Part) -> None:
             here = np.isin(self.body.pinned, part.particles)
             found[here] = window._pin_velocity(step * self.scene.method.substeps)
 
-        self._to_each(fill)
+        self._each(fill, self.mine)
         return found

@@ -25,15 +25,14 @@ Window = tuple[np.ndarray, np.ndarray]  # particles, elements, both ascending in
 class SharedMesh:
     """What is shared in parts. `layers` (particles,) int64: of each particle the number of the layer that is never cut, from
     0 on along the bodies, one body after the other; `weights` (particles,) float64: how much work each is; `window(owned)`:
-    what a substep of the `owned` (particles,) bool reads; `elements`: how many there are, called `counted`; `bodies`: how
-    many; `exchanges`: a step; `some(window)`: what is in a window, in the place of what the scene calls `held`."""
+    what a substep of the `owned` (particles,) bool reads; `elements`: how many there are, called `counted`; `exchanges`:
+    a step; `some(window)`: what is in a window, in the place of what the scene calls `held`."""
 
     layers: np.ndarray
     weights: np.ndarray
     window: Callable[[np.ndarray], Window]
     elements: int
     counted: str
-    bodies: int
     exchanges: int
     held: str
     some: Callable[[Window], Any]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from math import prod
 from typing import Any
 
@@ -13,7 +13,7 @@ from model.core.errors import SceneError
 from model.core.families import family_of, scene_plan
 from model.core.options import Options
 from model.domains.bodies import Apart, Division, Share, divide
-from model.domains.windows import WindowedSimulation
+from model.domains.windows import WindowedSimulation, refuse_targets
 from model.scene.scene import Scene
 
 TURN = 64  # steps that are asked of one GPU before the next one is spoken to: one that is full holds up whoever asks
@@ -45,8 +45,7 @@ class SharedBodies(WindowedSimulation):
     """See model/domains/windows.py. `windows` are of the shares `mine`. In `exact` math the bits are those of one."""
 
     def __init__(self, scene: Scene, options: Options, division: Division, mine: Sequence[int]):
-        if "targets" in options.live:
-            raise SceneError("live", "targets", "are of all pinned vertices: run it as one, not shared")
+        refuse_targets(options)
         super().__init__(scene, options)
         self.division, self.mine = division, [division.shares[k] for k in mine]
         self.plan, self._apart = scene_plan(scene, options.live), bodies_of(scene)
@@ -59,14 +58,6 @@ class SharedBodies(WindowedSimulation):
             some = self._apart.some(share.first, share.end)
             parts.append((self._apart.scene(scene, some), options, some_of(self.body, share.particles)))
         self._open_windows(division.count, parts)
-
-    def _shares(self, do: Callable[[Share, Any, np.ndarray], Any]) -> list[Any]:
-        """What `do(share, window, clusters)` gives of each of this process: a share, who steps it, its clusters among all."""
-        found, known = [], zip(self.mine, self.windows, self._of_mine, strict=True)
-        for place, of_one in enumerate(known):
-            with self._at(place):
-                found.append(do(*of_one))
-        return found
 
     def _gathered(self, arrays: Sequence[np.ndarray]) -> np.ndarray:
         """Of rows that each share of this process has, those of all, in the order of shares."""
@@ -92,41 +83,40 @@ class SharedBodies(WindowedSimulation):
     def _parameters_changed(self) -> None:
         changed, self._sent = self.scene is not self._sent, self.scene
 
-        def send(share: Share, window: Any, clusters: np.ndarray) -> None:
+        def send(window: Any, share: Share) -> None:
             if changed:
                 window.scene = self._apart.scene(self.scene, window.scene.grid)
             here = share.first_particle <= self._poke_particle < share.end_particle
-            window._poke_particle = self._poke_particle - share.first_particle if here else -1
-            window._poke_force, window._record, window._clock = self._poke_force, self._record, self._clock
-            window._parameters_changed()
+            self._hand_on(window, self._poke_particle - share.first_particle if here else -1)
 
-        self._shares(send)
+        self._each(send, self.mine)
 
     def _weights_changed(self) -> None:
-        def send(share: Share, window: Any, clusters: np.ndarray) -> None:
+        def send(window: Any, share: Share) -> None:
             window.body = some_of(self.body, share.particles)
             window._weights_changed()
 
-        self._shares(send)
+        self._each(send, self.mine)
 
     def _download(self) -> tuple[np.ndarray, np.ndarray]:
         both = self._each(lambda window: window._download())
         return self._gathered([one for one, _ in both]), self._gathered([one for _, one in both])
 
     def _upload(self, position: np.ndarray, velocity: np.ndarray) -> None:
-        def send(share: Share, window: Any, clusters: np.ndarray) -> None:
+        def send(window: Any, share: Share) -> None:
             held = share.particles
             window._upload(np.ascontiguousarray(position[held]), np.ascontiguousarray(velocity[held]))
 
-        self._shares(send)
+        self._each(send, self.mine)
 
     def _download_rotation(self) -> np.ndarray | None:
         found = self._each(lambda window: window._download_rotation())
         return None if found[0] is None else self._by_cluster(found)
 
     def _upload_rotation(self, rotation: np.ndarray | None) -> None:
-        self._shares(
-            lambda share, window, clusters: window._upload_rotation(None if rotation is None else rotation[clusters])
+        self._each(
+            lambda window, clusters: window._upload_rotation(None if rotation is None else rotation[clusters]),
+            self._of_mine,
         )
 
     def _download_plastic(self) -> np.ndarray | None:
@@ -137,10 +127,10 @@ class SharedBodies(WindowedSimulation):
         return self._by_cluster([empty if one is None else one for one in found], loose=True)
 
     def _upload_plastic(self, plastic: np.ndarray | None) -> None:
-        def send(share: Share, window: Any, clusters: np.ndarray) -> None:
+        def send(window: Any, clusters: np.ndarray) -> None:
             window._upload_plastic(None if plastic is None else plastic[clusters[clusters < len(plastic)]])
 
-        self._shares(send)
+        self._each(send, self._of_mine)
 
     def _read_clusters(self) -> tuple[np.ndarray, np.ndarray]:
         both = self._each(lambda window: window._read_clusters())
@@ -153,9 +143,9 @@ class SharedBodies(WindowedSimulation):
         """Of the pins of this process's shares; what others hold is theirs to tell."""
         found = np.zeros((len(self.body.pinned), 3), self.real)
 
-        def fill(share: Share, window: Any, clusters: np.ndarray) -> None:
+        def fill(window: Any, share: Share) -> None:
             first, end = np.searchsorted(self.body.pinned, (share.first_particle, share.end_particle))
             found[first:end] = window._pin_velocity(step)
 
-        self._shares(fill)
+        self._each(fill, self.mine)
         return found

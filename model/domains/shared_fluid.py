@@ -120,9 +120,8 @@ class SharedFluid(WindowedSimulation):
 
     def _parameters_changed(self) -> None:
         def send(window: Any) -> None:
-            window.scene, window._record, window._clock = self.scene, self._record, self._clock
-            window._poke_particle, window._poke_force = self._poke_particle, self._poke_force
-            window._parameters_changed()
+            window.scene = self.scene
+            self._hand_on(window, self._poke_particle)
 
         self._each(send)
         halo = fluid_halo_of(self.scene)
@@ -185,10 +184,10 @@ def _packed(number: np.ndarray, values: np.ndarray) -> np.ndarray:
 
 def _unpacked(message: np.ndarray, real: Any, axes: int) -> tuple[np.ndarray, np.ndarray]:
     """(numbers (n,), values (2 x axes, n))."""
-    end = np.dtype(np.int32).itemsize * (len(message) // bytes_each(real, axes))
+    end = np.dtype(np.int32).itemsize * (len(message) // bytes_each(np.dtype(real).itemsize, axes))
     return message[:end].view(np.int32), message[end:].view(real).reshape(2 * axes, -1)
 
 
-def bytes_each(real: Any, axes: int) -> int:
-    """Of a particle that is sent."""
-    return np.dtype(np.int32).itemsize + 2 * axes * np.dtype(real).itemsize
+def bytes_each(item: int, axes: int) -> int:
+    """Of a particle that is sent; `item`: of a scalar."""
+    return np.dtype(np.int32).itemsize + 2 * axes * item

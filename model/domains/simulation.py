@@ -13,7 +13,6 @@ from model.core.errors import SceneError
 from model.core.families import family_of, scene_plan
 from model.core.options import Options
 from model.core.own_forces import own_parts
-from model.core.simulation import Simulation
 from model.domains.decomposition import Decomposition, Domain, Reach, decompose
 from model.domains.windows import WindowedSimulation
 from model.scene.scene import Scene
@@ -88,12 +87,7 @@ class DecomposedSimulation(WindowedSimulation):
             done += now
 
     def _parameters_changed(self) -> None:
-        def send(window: Simulation) -> None:
-            window._record, window._clock = self._record, self._clock
-            window._poke_particle, window._poke_force = self._poke_particle, self._poke_force
-            window._parameters_changed()
-
-        self._each(send)
+        self._each(lambda window: self._hand_on(window, self._poke_particle))
 
     def _download(self) -> tuple[np.ndarray, np.ndarray]:
         both = self._each(lambda window: window._download())
@@ -111,7 +105,9 @@ class DecomposedSimulation(WindowedSimulation):
 
     def _upload(self, position: np.ndarray, velocity: np.ndarray) -> None:
         columns = self.decomposition.columns
-        for place, (domain, window) in enumerate(zip(self.mine, self.windows, strict=True)):
+
+        def send(window: Any, domain: Domain) -> None:
             held = slice(domain.window_first * columns, domain.window_end * columns)
-            with self._at(place):
-                window._upload(np.ascontiguousarray(position[held]), np.ascontiguousarray(velocity[held]))
+            window._upload(np.ascontiguousarray(position[held]), np.ascontiguousarray(velocity[held]))
+
+        self._each(send, self.mine)

@@ -7,12 +7,19 @@ from contextlib import AbstractContextManager, nullcontext
 from typing import Any
 
 from model.core.build import Body, given
+from model.core.errors import SceneError
 from model.core.options import Options
 from model.core.simulation import Simulation
 from model.domains.exchange import Exchange
 from model.scene.scene import Scene
 
 NOBODY = 2**62  # beyond any particle's number
+
+
+def refuse_targets(options: Options) -> None:
+    """Raise SceneError for targets that may change."""
+    if "targets" in options.live:
+        raise SceneError("live", "targets", "are of all pinned vertices: run it as one, not shared")
 
 
 class WindowedSimulation(Simulation):
@@ -56,12 +63,19 @@ class WindowedSimulation(Simulation):
         """Where window number `place` of this process is spoken to: its device."""
         return nullcontext()
 
-    def _each(self, do: Callable[[Any], Any]) -> list[Any]:
+    def _each(self, do: Callable[..., Any], *beside: Sequence[Any]) -> list[Any]:
+        """What `do(window, ...)` gives of each of this process; `beside`: what else it is told, one of each for a window."""
         found = []
-        for place, window in enumerate(self.windows):
+        for place, told in enumerate(zip(self.windows, *beside, strict=True)):
             with self._at(place):
-                found.append(do(window))
+                found.append(do(*told))
         return found
+
+    def _hand_on(self, window: Any, poked: int) -> None:
+        """What changed, to a window in which the poked particle has the number `poked`; -1: it is not there."""
+        window._record, window._clock = self._record, self._clock
+        window._poke_particle, window._poke_force = poked, self._poke_force
+        window._parameters_changed()
 
     def _run_each(self, first: int, steps: int) -> None:
         """So many steps of every window, which count them from `first` on."""

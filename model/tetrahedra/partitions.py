@@ -39,7 +39,7 @@ def partitions_by(scene: Scene, walk: Callable[[Scene, np.ndarray], Window]) -> 
 
     weights = np.bincount(found.tetrahedra.ravel(), minlength=found.particle_count) / 4
     return SharedMesh(
-        layers_of(found), weights, window, len(found.tetrahedra), "tetrahedra", len(found.names), scene.method.substeps,
+        layers_of(found), weights, window, len(found.tetrahedra), "tetrahedra", scene.method.substeps,
         "tetrahedra_set", lambda window: some_tetrahedra(found, *window),
     )  # fmt: skip
 
