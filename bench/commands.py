@@ -224,6 +224,10 @@ def tetrahedra(
     young: Annotated[
         list[float] | None, typer.Option(help="Only bars of this Young's modulus: 1e5, 1e6 or 1e7 Pa. Repeatable.")
     ] = None,
+    solver: Annotated[
+        list[str] | None,
+        typer.Option(help="Only this solver: xpbd, 'xpbd blocks', vbd, newton or 'newton order 2'. Repeatable."),
+    ] = None,
     backend: Backends = None,
     precision: RatePrecisions = None,
     store: StorePath = DEFAULT_STORE,
@@ -234,8 +238,10 @@ def tetrahedra(
     from bench.experiments.tetrahedral.meshes import print_meshes, run_meshes
 
     chosen = precisions_of(precision, "float32")
-    picked: dict[str, Any] = {"precisions": chosen, "across": across or (), "young": young or ()}
-    if not across and not young:  # of which a chosen bar is no part
+    picked: dict[str, Any] = {
+        "precisions": chosen, "across": across or (), "young": young or (), "solvers": solver or ()
+    }  # fmt: skip
+    if not across and not young and not solver:  # of which a chosen bar is no part
         measure(store, run_meshes, print_meshes, quick=quick, backends=backend)
     measure(store, run_tetrahedra, print_tetrahedra, quick=quick, backends=backend, **picked)
 

@@ -15,7 +15,7 @@ masses). It holds the error of the steps in time, too. A frame of 1/60 s is time
 from __future__ import annotations
 
 import time as clock
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import ExitStack
 from functools import partial
 from itertools import product
@@ -31,6 +31,7 @@ from bench.experiments.tetrahedral.cantilever import (
     DENSITY,
     FRAME,
     POISSON,
+    SECOND,
     SIDE,
     bending_frequency,
     cantilever,
@@ -64,12 +65,14 @@ SETTINGS = {  # solver -> (substeps, iterations) of a frame
     BLOCKS: ((4, 1), (16, 1), (30, 1), (64, 1), (128, 1), (4, 8), (16, 8), (32, 2)),
     "vbd": ((1, 10), (1, 30), (1, 100), (4, 30), (16, 10)),
     "newton": ((1, 1), (1, 2), (1, 4), (4, 1)),
+    SECOND: ((1, 1), (1, 2), (2, 1), (4, 1)),
 }
 QUICK_SETTINGS = {
     "xpbd": ((4, 1), (30, 1), (128, 1)),
     BLOCKS: ((30, 1), (16, 8)),
     "vbd": ((1, 30),),
     "newton": ((1, 1),),
+    SECOND: ((1, 1),),
 }
 STIFFER = 1.25  # a bar of two voxels across swings so many times as quick as the continuum's; finer ones less
 FREE = 1e-9  # of the brake: as good as none, with the same machine code
@@ -116,11 +119,14 @@ def drop(simulation: Simulation, across: int, young: float, most: float = inf) -
     return sag(simulation.scene, simulation.state().position)
 
 
-def settings(quick: bool, across: int = SECTIONS[1], young: float | None = None) -> list[tuple[str, int, int]]:
-    """(solver, substeps, iterations) of a bar, of the solvers that there are: of fine meshes, which take minutes to settle,
-    few; and of a Young's modulus [Pa], unless `quick`, what should come within a hundredth soonest."""
+def settings(
+    quick: bool, across: int = SECTIONS[1], young: float | None = None, solvers: Sequence[str] = ()
+) -> list[tuple[str, int, int]]:
+    """(solver, substeps, iterations) of a bar, of `solvers`, or of all that there are: of fine meshes, which take minutes to
+    settle, few; and of a Young's modulus [Pa], unless `quick`, what should come within a hundredth soonest."""
     chosen = QUICK_SETTINGS if quick or across > SECTIONS[1] else SETTINGS
     there = [solver for solver in SETTINGS if solver.split()[0] in SOLVERS_OF_TETRAHEDRA]
+    there = [solver for solver in there if not solvers or solver in solvers]
     found = [(solver, *both) for solver in there for both in chosen[solver]]
     if young is not None and not quick:
         pace = STIFFER * 2 * pi * bending_frequency(young)
@@ -129,11 +135,13 @@ def settings(quick: bool, across: int = SECTIONS[1], young: float | None = None)
     return list(dict.fromkeys(found))
 
 
-def among(option: str, chosen: Sequence[float], known: Sequence[Any]) -> Sequence[Any]:
+def among(option: str, chosen: Sequence[Any], known: Iterable[Any]) -> Sequence[Any]:
     """What was chosen of what there is. Raises SceneError for another."""
+    known = tuple(known)
     for value in chosen:
         if value not in known:
-            raise SceneError(option, value, f"must be one of {', '.join(f'{one:g}' for one in known)}")
+            told = ", ".join(one if isinstance(one, str) else f"{one:g}" for one in known)
+            raise SceneError(option, value, f"must be one of {told}")
     return chosen
 
 
@@ -144,14 +152,18 @@ def groups(
     precisions: Sequence[str] = tuple(PRECISIONS),
     across: Sequence[int] = (),
     young: Sequence[float] = (),
+    solvers: Sequence[str] = (),
 ) -> list[Group]:
     """What is timed in turn: all settings of one bar. `quick`: the middle mesh, few settings, fewer and shorter samples;
-    `across`, `young`: only these of SECTIONS and of MODULI. Raises SceneError for others."""
+    `across`, `young`, `solvers`: only these of SECTIONS, of MODULI and of SETTINGS. Raises SceneError for others."""
     effort, usual = (QUICK, SECTIONS[1:2]) if quick else (FULL, SECTIONS)
     sections, moduli = among("--across", across, SECTIONS) or usual, among("--young", young, MODULI) or MODULI
+    chosen = among("--solver", solvers, SETTINGS)
     made = {
-        (a, e): tuple(cantilever(a, e, *setting) for setting in settings(quick, a, e)) for a in sections for e in moduli
-    }  # fmt: skip
+        (a, e): tuple(cantilever(a, e, *setting) for setting in settings(quick, a, e, chosen))
+        for a in sections
+        for e in moduli
+    }
     found = []
     for backend in backends:
         sources = cost_sources(backend, __file__)

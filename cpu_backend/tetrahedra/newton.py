@@ -18,7 +18,16 @@ from model.scene.scene import Scene
 from model.tetrahedra.aggregates import MODES, aggregates
 from model.tetrahedra.block_rows import BLOCKS, block_rows
 from model.tetrahedra.material import material_of
-from model.tetrahedra.newton import DAMPED, SUMMED, element_values, holding, newton_plan, rounding_floor
+from model.tetrahedra.newton import (
+    DAMPED,
+    STAGED,
+    SUMMED,
+    element_values,
+    holding,
+    newton_plan,
+    rounding_floor,
+    stages_of,
+)
 from model.tetrahedra.springs import rounding_of, springs
 from model.tetrahedra.tables import surface_lists
 
@@ -44,10 +53,10 @@ class TetrahedraNewton(QuadsSimulation):
         size = MODES * rigid.count
         coarse = ((rigid.count, 4), (size, rigid.width), (1, size), (1, size))
         hard = holding(found).astype(real)[:, None]
-        groups = -(-max(count, tetrahedra) // SUMMED)
+        groups, vectors = -(-max(count, tetrahedra) // SUMMED), VECTORS + (STAGED in self.plan.parts)
         self._solver = (
             (np.ascontiguousarray(found.tetrahedra, np.int32), material_of(found), element_values(found).astype(real)),
-            (*rows.arrays, *held.arrays(real)), tuple(np.zeros((count, 3), real) for _ in range(VECTORS)),
+            (*rows.arrays, *held.arrays(real)), tuple(np.zeros((count, 3), real) for _ in range(vectors)),
             (*(np.zeros(shape, real) for shape in matrix), hard), np.zeros((SUMS, groups), real), rigid.arrays,
             tuple(np.zeros(shape, real) for shape in coarse),
         )  # fmt: skip
@@ -64,7 +73,7 @@ class TetrahedraNewton(QuadsSimulation):
         method = self.scene.method
         self._control[:] = 0
         make_newton_advance(self.real, self.options.math, self.plan.parts - ALWAYS)(
-            self._bands, steps, step, method.substeps, method.iterations, self._floor,
+            self._bands, steps, step, method.substeps * stages_of(self.scene), method.iterations, self._floor,
             (self._position, self._velocity, self._before),
             (self.parameters, self.integers, self._lists, self.bodies, self.kinds, self.driven), self._solver, self._control,
             self._values, self.done,

@@ -23,7 +23,8 @@ from cpu_backend.tetrahedra.newton_matrix import make_matrix_rows
 from cpu_backend.tetrahedra.newton_rows import make_moving, make_solving
 from cpu_backend.xpbd.mesh_kernels import make_begin, make_end
 from model.formulas.elastic import newton as passes
-from model.tetrahedra.newton import DAMPED, SUMMED
+from model.formulas.elastic import stages
+from model.tetrahedra.newton import DAMPED, STAGED, SUMMED
 
 SUMS = 2
 DONE = ("substeps", "looks", "matrices", "products", "steps")  # that a simulation has done
@@ -38,6 +39,21 @@ def make_substep_ends(
     update_velocity, collide = ends.update, ends.collide
     has_bodies, pressed = contact.has_bodies, contact.pressed
     drive, has_motion = make_drive(compiler, real), "motion" in parts
+    ahead, staged = stages.make(real, compiler.compiled), STAGED in parts
+
+    @compiler.compiled
+    def begin_stage(low, high, number, state, given, start):
+        """The first stage of a substep keeps velocities in `start`; the second one begins ahead of the first one's end."""
+        position, velocity, before = state
+        h = given[0].dt
+        for k in range(low, high):
+            for axis in range(3):
+                if number % 2 == 0:
+                    start[k, axis] = velocity[k, axis]
+                elif before[k, 3] != 0:
+                    position[k, axis], velocity[k, axis] = ahead(
+                        position[k, axis], velocity[k, axis], start[k, axis], h
+                    )
 
     @compiler.compiled
     def drive_between(low, high, number, state, given):
@@ -53,6 +69,8 @@ def make_substep_ends(
         position, velocity, before = state
         parameters, integers, wind_lists, _, _, _ = given
         low, high = first * SUMMED, min(last * SUMMED, len(position))
+        if staged:
+            begin_stage(low, high, number, state, given, vectors[len(vectors) - 1])
         for k in range(low, high):
             for axis in range(position.shape[1]):
                 before[k, axis] = position[k, axis]

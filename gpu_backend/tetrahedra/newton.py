@@ -26,7 +26,16 @@ from model.tetrahedra.aggregates import Couplings, aggregates, couplings
 from model.tetrahedra.block_rows import BLOCKS, block_rows
 from model.tetrahedra.constraints import ITERATED
 from model.tetrahedra.material import material_of
-from model.tetrahedra.newton import DAMPED, SUMMED, element_values, holding, newton_plan, rounding_floor
+from model.tetrahedra.newton import (
+    DAMPED,
+    STAGED,
+    SUMMED,
+    element_values,
+    holding,
+    newton_plan,
+    rounding_floor,
+    stages_of,
+)
 from model.tetrahedra.springs import rounding_of, springs
 from model.tetrahedra.tables import surface_lists
 
@@ -41,6 +50,7 @@ class TetrahedraNewton(DrivenSimulation):
         if options.kernel not in (None, "cooperative"):
             raise unknown_kernel(options.kernel, ("cooperative",), "for implicit tetrahedral bodies on the gpu")
         self.plan, self.kernel, self.threads = newton_plan(scene, options.live), "cooperative", THREADS
+        self._working = WORKING + (STAGED in self.plan.parts)
         self._make_tables()
         self._require_space()
         self._start()
@@ -74,7 +84,7 @@ class TetrahedraNewton(DrivenSimulation):
 
     def _require_space(self) -> None:
         item, found = np.dtype(self.real).itemsize, self.scene.tetrahedra_set
-        needed = (8 + WORKING) * SIZE * self.particle_count * item + sum(one.nbytes for one in self._tables)
+        needed = (8 + self._working) * SIZE * self.particle_count * item + sum(one.nbytes for one in self._tables)
         needed += (sum(self._sizes) + sum(self._coarse_sizes) + 14 * len(found.tetrahedra)) * item
         self._require_memory(needed, "tetrahedral_body", f"{len(found.tetrahedra)} tetrahedra")
 
@@ -92,7 +102,7 @@ class TetrahedraNewton(DrivenSimulation):
 
         self._done = self.on_device(np.zeros(len(DONE), np.int64))
         self._arrays = (
-            room(WORKING * SIZE * self.particle_count), self.on_device(element_values(found).T.astype(real)),
+            room(self._working * SIZE * self.particle_count), self.on_device(element_values(found).T.astype(real)),
             *(room(size) for size in self._sizes), self.on_device(holding(found).astype(real)),
             self.on_device(np.append(self._springs.values.ravel(), 0).astype(real)),
             *(room(size) for size in self._coarse_sizes), self.on_device(packed(self._tables)), room(self._sum_size),
@@ -113,8 +123,8 @@ class TetrahedraNewton(DrivenSimulation):
         method = self.scene.method
         return (
             self.position[0], self.velocity[0], *self._arrays, self._steps.flags, self._done, self.record, self.bodies,
-            self.integers, self._counter, np.int64(steps), np.int64(method.substeps), np.int64(method.iterations),
-            self._floor,
+            self.integers, self._counter, np.int64(steps), np.int64(method.substeps * stages_of(self.scene)),
+            np.int64(method.iterations), self._floor,
         )  # fmt: skip
 
     @property

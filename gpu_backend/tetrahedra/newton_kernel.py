@@ -54,7 +54,7 @@ from model.formulas.elastic.newton import (
 from model.tetrahedra.newton import DAMPED, SUMMED
 
 DONE = ("substeps", "looks", "matrices", "products", "steps")  # that a simulation has done
-WORKING = len(Vectors._fields) - 1  # vectors beside the state: directions are two
+WORKING = len(Vectors._fields) - 2  # vectors beside the state: directions are two, and few scenes have `start`
 
 
 class Lists(NamedTuple):
@@ -104,7 +104,7 @@ def _views(math: str) -> SimpleNamespace:
         n, w = position.size, working
         return Vectors(
             position, velocity, w[:n], w[n : 2 * n], w[2 * n : 3 * n], w[3 * n : 4 * n], w[4 * n : 5 * n], w[5 * n : 6 * n],
-            w[6 * n : 7 * n], w[7 * n : 8 * n], w[8 * n : 9 * n], w[9 * n : 10 * n], w[10 * n :],
+            w[6 * n : 7 * n], w[7 * n : 8 * n], w[8 * n : 9 * n], w[9 * n : 10 * n], w[10 * n : 12 * n], w[12 * n :],
         )  # fmt: skip
 
     @inline

@@ -24,6 +24,7 @@ from gpu_backend.xpbd.mesh_kernels import AXES
 from gpu_backend.xpbd.point import make_motion
 from model.formulas import distance
 from model.formulas.elastic import newton as passes
+from model.formulas.elastic import stages
 from model.formulas.elastic.newton import (
     BEGIN,
     CENTRES,
@@ -43,7 +44,7 @@ from model.formulas.elastic.newton import (
     WEIGH,
 )
 from model.tetrahedra.block_rows import BLOCKS as BLOCKS_EACH
-from model.tetrahedra.newton import DAMPED, SUMMED
+from model.tetrahedra.newton import DAMPED, STAGED, SUMMED
 from model.xpbd.mesh_plan import BODY_DAMPING
 
 FACTOR, INVERT, BACK = range(len(KINDS), len(KINDS) + 3)  # what follows `coarse rows`, and `restrict`, before the next
@@ -62,10 +63,29 @@ def make_substep_ends(real: Any, math: str, parts: frozenset[str]) -> SimpleName
         make_driven(real, math, parts), device_formulas(distance.make, real, math).slowed, BODY_DAMPING in parts
     )  # fmt: skip
     moves, driven = pins.moves, pins.driven
+    ahead, staged, two = device_formulas(stages.make, real, math), STAGED in parts, np.int64(2)
+
+    @inline
+    def begin_stage(k, p, w, v, h, number):
+        """As on the CPU (cpu_backend/tetrahedra/newton_steps.py)."""
+        if number % two == 0:
+            store_quad(v.start, k, w[0], w[1], w[2], zero)
+        elif p[3] != zero:
+            s = load_quad(v.start, k)
+            (x, vx), (y, vy), (z, vz) = (
+                ahead(p[0], w[0], s[0], h),
+                ahead(p[1], w[1], s[1], h),
+                ahead(p[2], w[2], s[2], h),
+            )
+            p, w = (x, y, z, p[3]), (vx, vy, vz, w[3])
+            store_quad(v.position, k, x, y, z, p[3])
+        return p, w
 
     @inline
     def begin(k, v, lists, world, time):
         p, w = load_quad(v.position, k), load_quad(v.velocity, k)
+        if staged:
+            p, w = begin_stage(k, p, w, v, world.parameters.dt, time[1])
         ax, ay, az = add_gravity(zero, zero, zero, world.parameters)
         ax, ay, az = add_own(ax, ay, az, k, p[3], world.parameters, world.integers, time[0])
         if is_slowed:

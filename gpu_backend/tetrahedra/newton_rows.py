@@ -27,7 +27,8 @@ from model.tetrahedra.springs import PARTS
 class Vectors(NamedTuple):
     """Quads of every particle: the state; where it was, with its weight; where inertia leads; where the last step led; the
     potential's gradient there, and at a trial; a step; what of it is left to solve; the matrix times the direction; what is
-    preconditioned; the way since the substep's start; the direction, of which `fast` math has two in turn."""
+    preconditioned; the way since the substep's start; the direction, of which `fast` math has two in turn; velocities at a
+    substep's start, where it has stages."""
 
     position: Any
     velocity: Any
@@ -42,6 +43,7 @@ class Vectors(NamedTuple):
     better: Any
     away: Any
     direction: Any
+    start: Any
 
 
 class Matrix(NamedTuple):

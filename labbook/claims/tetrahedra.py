@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import log10
 
 from bench.experiments.tetrahedral.bars import Bar, bars
-from bench.experiments.tetrahedral.cantilever import BLOCKS
+from bench.experiments.tetrahedral.cantilever import BLOCKS, SECOND
 from bench.experiments.tetrahedral.decides import STIFF, Decision, decisions
 from bench.experiments.tetrahedral.meshes import MESH, STEP, meshes, steps
 from bench.experiments.tetrahedral.promised import WITHIN
@@ -29,6 +29,11 @@ def _budget(bar: Bar) -> str:
     """`in 16 substeps of 8 sweeps, as blocks`."""
     sweeps = f" of {bar.iterations} sweeps" if bar.iterations > 1 else ""
     return f"in {bar.substeps} substeps{sweeps}{', as blocks' * (bar.solver == BLOCKS)}"
+
+
+def _solver(bar: Bar) -> str:
+    """`newton of second order`."""
+    return "newton of second order" if bar.solver == SECOND else bar.solver
 
 
 def _pascal(young: float) -> str:
@@ -88,7 +93,7 @@ def budget(results: Results) -> Claim:
                 told.append(f"at {_pascal(young)} {words.seconds(rows.seconds)} ({_budget(rows)}")
             if other is not None:
                 numbers[f"{backend} {young:g} {other.solver}"] = other.seconds
-                told[-1] += f"{'; ' if rows else ' ('}{words.seconds(other.seconds)} by {other.solver}"
+                told[-1] += f"{'; ' if rows else ' ('}{words.seconds(other.seconds)} by {_solver(other)}"
             if rows is not None or other is not None:
                 told[-1] += ")"
         if told:
@@ -115,7 +120,7 @@ def decided(results: Results) -> Claim:
             if one.elements != largest or one.best is None:
                 continue
             busy = busy or one.best.suspect or (one.rows is not None and one.rows.suspect)
-            told = f"{one.best.solver}, {words.count(largest)} tetrahedra, on {where(backend, source)}"
+            told = f"{_solver(one.best)}, {words.count(largest)} tetrahedra, on {where(backend, source)}"
             if one.share is None:
                 numbers[f"{backend} {one.where} alone"] = one.best.seconds
                 parts.append(

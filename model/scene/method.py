@@ -32,7 +32,8 @@ class Method(Part):
     grid, 2 `region` + 1 masses wide and high, would have them if they were rigid. Tetrahedra are two scalar `rows` each, or
     `blocks`, which end at implicit Euler where iterations do; `vbd` descends vertex by vertex, `iterations` times over all,
     accelerated by Chebyshev's weights where `chebyshev`, what a sweep leaves of the slowest error, is over 0, and `newton`
-    solves implicit Euler to the end, in at most `iterations` Newton steps. `pbf` keeps the density of fluids: by the `scheme`
+    solves implicit Euler to the end, in at most `iterations` Newton steps, or at `order` 2 each of two such stages of a
+    substep, which hardly damp a swing. `pbf` keeps the density of fluids: by the `scheme`
     macklin a substep's pressure grows over its iterations, each going the part `relaxation` of its way; averaged is that of
     the particle libraries, which shares corrections among neighbours and lets a fluid sink together; divergence-free
     (DFSPH) keeps it by velocities, `iterations` times for their divergence and as often for the density that they lead to. Of
@@ -57,6 +58,7 @@ class Method(Part):
     tensile_distance: Annotated[float, Field(gt=0, lt=1, strict=True)] = 0.2  # of the support, where it is that strong
     chebyshev: Annotated[float, Field(ge=0, lt=1, strict=True)] = 0.0  # of vbd: 0.9 or so; too much diverges
     tetrahedra: Literal["xpbd", "vbd"] = "xpbd"  # who solves them in a world
+    order: Literal[1, 2] = 1  # of newton, in time
     sleeping_speed: NotNegative = 0.0  # m/s, of xpbd: vertices of tetrahedra that tremble slower keep their places
 
     @model_validator(mode="after")
@@ -91,9 +93,9 @@ class Method(Part):
 
     @property
     def label(self) -> str:
-        """The solver and what it is told: `mass-spring rk4`, `xpbd jacobi`, `shape-matching`."""
+        """The solver and what it is told: `mass-spring rk4`, `xpbd jacobi`, `shape-matching`, `newton, order 2`."""
         if self.matches_shapes or self.solver in (*OF_TETRAHEDRA, OF_WORLDS):
-            return self.solver
+            return self.solver + f", order {self.order}" * (self.order > 1)
         if self.solver == OF_FLUIDS:
             return f"{self.solver} {self.scheme}"
         blocks = ", blocks" * (self.rows == "blocks")
@@ -114,6 +116,7 @@ class Method(Part):
             fields = type(self).model_fields
             told -= {name for name in ("tetrahedra", *ABOUT_FLUIDS) if getattr(self, name) == fields[name].default}
         told -= {name for name in ("chebyshev", "sleeping_speed") if getattr(self, name) == 0}
+        told -= {"order"} if self.order == 1 else set()
         return set(type(self).model_fields) - told
 
 
@@ -124,7 +127,7 @@ FIELDS_OF_SOLVER = {
     "pbd": ("solver", "dt", "substeps", "iterations", "ordering", "pbd_stiffness"),
     "shape-matching": ("solver", "dt", "substeps", "iterations", "region"),
     "vbd": ("solver", "dt", "substeps", "iterations", "chebyshev"),
-    "newton": ("solver", "dt", "substeps", "iterations"),
+    "newton": ("solver", "dt", "substeps", "iterations", "order"),
     "world": ("solver", "dt", "substeps", "iterations", "tetrahedra", *ABOUT_FLUIDS),
     "pbf": ("solver", "dt", "substeps", "iterations", *ABOUT_FLUIDS),
 }

@@ -1,5 +1,7 @@
 """Bodies of tetrahedra by implicit Euler, solved by Newton's method: the constants, the plan and the entry of the registry.
 
+At order 2 a substep is two such solves, each of a part of it (model/formulas/elastic/stages.py); below, h is that part then.
+
 A substep of h minimises the incremental potential (S. Martin et al., "Example-Based Elastic Materials", ACM TOG 2011, eq. 3)
 
     sum m / (2 h^2) |x - y|^2 + sum V W(F(x)) + 1 / (2 h) (x - x_0)' tau K_0 (x - x_0),    y = x_0 + h v_0 + h^2 a,
@@ -21,7 +23,7 @@ from model.core.parameters import rounded_record
 from model.core.plan import Node, Plan, Stage
 from model.formulas import colliders, distance
 from model.formulas.constraints.tetrahedron import MATERIALS
-from model.formulas.elastic import deformation, tangent
+from model.formulas.elastic import deformation, stages, tangent
 from model.scene.scene import Scene
 from model.tetrahedra.apart import none_apart
 from model.tetrahedra.body_set import TetrahedraSet
@@ -36,7 +38,7 @@ CONSTANTS = ("newton_inertia", "newton_rate")  # of the record: the mean mass ov
 VALUES = 14  # of a tetrahedron: 9 of B [1/m], V [m^3], mu, lambda [Pa], alpha of the neo-Hookean material, tau [s]
 AT_VOLUME, AT_MU, AT_LAME, AT_ALPHA, AT_DAMPING = range(9, VALUES)
 SUMMED = 64  # tetrahedra, or particles, whose sum is one number: whichever thread takes them
-DAMPED = "tetrahedra-damping"  # of the parts
+DAMPED, STAGED = "tetrahedra-damping", "two-stages"  # of the parts
 PRODUCTS = "conjugate gradients, until the residual is small enough"
 
 
@@ -66,13 +68,27 @@ def rounding_floor(found: TetrahedraSet, real: Any) -> float:
 
 def newton_parts(scene: Scene, live: frozenset[str] = frozenset()) -> frozenset[str]:
     """The parts that need code: those of a position-based scene, but for the materials, which tetrahedra are asked for."""
-    return tetrahedra_parts(scene, live) - set(MATERIALS)
+    more = {STAGED} if scene.method.order > 1 else set()
+    return tetrahedra_parts(scene, live) - set(MATERIALS) | more
+
+
+def stages_of(scene: Scene) -> int:
+    """How many solves of implicit Euler a substep is."""
+    return stages.STAGES[scene.method.order]
+
+
+def solved(scene: Scene) -> Scene:
+    """The scene of which each solve is one substep: another step size if a substep is several."""
+    if scene.method.order == 1:
+        return scene
+    return scene.replace({"method.dt": stages.STAGE * scene.method.dt})
 
 
 def newton_record(
     scene: Scene, real: Any, poke: tuple[float, ...] = (0.0, 0.0, 0.0), clock: Clock = START
 ) -> np.ndarray:
-    """(1,): CONSTANTS, then those of every position-based solver."""
+    """(1,): CONSTANTS, then those of every position-based solver; h is what a solve takes."""
+    scene = solved(scene)
     h = scene.method.dt / scene.method.substeps
     own = dict(zip(CONSTANTS, (scene.grid.mass / h**2, 1 / h), strict=True))
     return rounded_record(scene, own | xpbd_values(scene, poke, clock), XPBD_FIELDS, real)
@@ -103,14 +119,19 @@ def newton_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
     if scene.colliders:
         touched = sum(colliders.OPERATIONS[kind] for kind, _ in scene.colliders)
         last.append(Stage("collide", 2, 2, touched, 1.0))
-    substep = Node("substep", (Stage("predict", 2, 3, forces), *pins, look, newton, *last), method.substeps)
-    root = Node("step", (substep,))
+    solves: list[Node | Stage] = [Stage("predict", 2, 3, forces), *pins, look, newton, *last]
+    if STAGED in parts:
+        between = Stage("begin of a stage", 3, 2, stages.OPERATIONS_AHEAD)
+        solves = [Node("stage", (between, *solves), stages_of(scene))]
+    root = Node("step", (Node("substep", tuple(solves), method.substeps),))
     return Plan(root, sum(stage.reads + stage.writes for stage in root.stages()), parts, dimensions=3)
 
 
 def newton_note(scene: Scene) -> str:
     """A line on what the method does to a motion, and whether the step size has a limit."""
     text = "implicit Euler by Newton's method, at any step size: first order, and damped by it"
+    if scene.method.order > 1:
+        text = "two stages by Newton's method, at any step size: second order, and hardly damped; masses' dampers first order"
     return with_limit(scene, text) + through_note(scene)
 
 

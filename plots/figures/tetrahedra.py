@@ -6,9 +6,9 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from bench.experiments.tetrahedral.bars import Bar, bars
-from bench.experiments.tetrahedral.cantilever import BLOCKS
+from bench.experiments.tetrahedral.cantilever import BLOCKS, SECOND
 from plots.core.backends import on_backends
-from plots.core.colours import BLUE, GREEN, GREY, ORANGE, PURPLE, VERMILLION
+from plots.core.colours import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, VERMILLION
 from plots.core.data import Results, Source
 from plots.core.style import Drawing, legend_below, new_grid, plain_ticks
 
@@ -19,6 +19,7 @@ LOOKS = {
     BLOCKS: ("position-based, the shape as one block", PURPLE, "P"),
     "vbd": ("vertex block descent", VERMILLION, "^"),
     "newton": ("implicit Euler by Newton's method", GREEN, "D"),
+    SECOND: ("Newton's method, of second order", BLACK, "v"),
 }
 PRECISIONS = {"float64": "-", "float32": ":"}
 ERRORS: dict[str, Callable[[Bar], float]] = {

@@ -7,15 +7,17 @@ from functools import partial
 from typing import Any
 
 from bench.experiments.tetrahedral.bars import Bar, bars
+from bench.experiments.tetrahedral.cantilever import SECOND
+from bench.experiments.tetrahedral.decides import positional
 from bench.experiments.tetrahedral.promised import WITHIN
 from plots.core.backends import name_of, on_backends, sources_of
-from plots.core.colours import BLACK, BLUE, GREEN, GREY, VERMILLION
+from plots.core.colours import BLACK, BLUE, GREEN, GREY, PURPLE, VERMILLION
 from plots.core.data import Results, Source
 from plots.core.style import Drawing, legend_below, new_grid, plain_ticks
 
 TITLE = "The error of the tip against the time of a frame"
 LOOKS = {"xpbd": ("position-based", BLUE, "o"), "vbd": ("vertex block descent", VERMILLION, "^"),
-         "newton": ("Newton's method", GREEN, "D")}  # fmt: skip
+         "newton": ("Newton's method", GREEN, "D"), SECOND: ("Newton's method, order 2", PURPLE, "v")}  # fmt: skip
 LINES = {"cpu": "--", "gpu": "-"}
 LEAST = 1e-4  # an error that is drawn at the bottom
 SIZES = (400, 3200, 25600)
@@ -24,6 +26,11 @@ SIZES = (400, 3200, 25600)
 def on(source: Source, backend: str) -> list[Bar]:
     """The bars of a backend, of SIZES."""
     return [bar for bar in bars(source.measures) if bar.backend == backend and bar.elements in SIZES]
+
+
+def kind_of(bar: Bar) -> str:
+    """One of LOOKS."""
+    return "xpbd" if positional(bar) else bar.solver
 
 
 def frontier(found: Sequence[Bar]) -> list[Bar]:
@@ -53,7 +60,7 @@ def draw(results: Results) -> Drawing | str:
         ax.set_xlabel("time of a frame / ms")
     plot = partial(rows[0][0].plot, [], [])
     for solver, (label, colour, marker) in LOOKS.items():
-        if any(b.solver.startswith(solver) for b in found):
+        if any(kind_of(b) == solver for b in found):
             plot(color=colour, marker=marker, label=label)
     for backend, source, _ in chosen:
         plot(LINES[backend], color=GREY, label=name_of(backend, source))
@@ -69,7 +76,7 @@ def draw(results: Results) -> Drawing | str:
 def _panel(ax: Any, found: Sequence[Bar]) -> None:
     for solver, (_, colour, marker) in LOOKS.items():
         for backend, line in LINES.items():
-            mine = frontier([b for b in found if b.solver.startswith(solver) and b.backend == backend])
+            mine = frontier([b for b in found if (kind_of(b), b.backend) == (solver, backend)])
             x, y = [1e3 * b.seconds for b in mine], [max(abs(b.motion_error), LEAST) for b in mine]
             if mine:
                 ax.plot(x, y, line, color=colour, marker=marker, markersize=3.5)

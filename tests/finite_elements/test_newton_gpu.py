@@ -8,8 +8,8 @@ from newton_scenes import bar, end_state, groups_and_bodies, newton_scene, shake
 from tetrahedra_scenes import through
 
 from app.driver import open_simulation
-from bench.experiments.tetrahedra import let_go
-from bench.experiments.tetrahedral.cantilever import cantilever
+from bench.experiments.tetrahedra import drop, let_go
+from bench.experiments.tetrahedral.cantilever import SECOND, cantilever, exact_drop
 from model.scene.scene import Scene, load_scene
 
 pytestmark = pytest.mark.gpu
@@ -33,6 +33,21 @@ def test_bits_of_groups_of_particles_and_of_bodies(precision: str) -> None:
 def test_bits_of_large_bars(across: int, steps: int, material: str) -> None:
     held_against_the_cpu(bar(across, material=material, damping=0.01), "float32", steps)
     held_against_the_cpu(bar(across, material=material), "float64", steps)
+
+
+@pytest.mark.parametrize("precision", ["float32", "float64"])
+def test_bits_of_second_order(precision: str) -> None:
+    """Two stages a substep, of bodies that are damped, and of several groups."""
+    for scene in (newton_scene("damped"), bar(4)):
+        held_against_the_cpu(scene.replace({"method.order": 2}), precision, 5)
+
+
+@pytest.mark.parametrize("across", [2, 4, 8])
+def test_a_bar_comes_within_a_hundredth_at_second_order(across: int) -> None:
+    """float32, fast math, one substep a frame: half a vibration after it was let go, by the modes of its mesh."""
+    with open_simulation(let_go(cantilever(across, 1e7, SECOND, 1, 1)), "gpu") as simulation:
+        moved = drop(simulation, across, 1e7)
+    assert moved == pytest.approx(exact_drop(across, 1e7)[1], rel=0.01)
 
 
 def held_against_the_cpu(scene: Scene, precision: str, steps: int) -> None:

@@ -10,7 +10,7 @@ import pytest
 from kernel_text import entry_of
 
 from model.core.parameters import record_type
-from model.tetrahedra.newton import CONSTANTS, DAMPED
+from model.tetrahedra.newton import CONSTANTS, DAMPED, STAGED
 from model.tetrahedra.springs import PARTS
 from model.xpbd.mesh_plan import BODY_DAMPING
 from model.xpbd.parameters import XPBD_PARAMETERS
@@ -19,6 +19,7 @@ pytestmark = pytest.mark.usefixtures("ptx_compiler")
 
 FREE = frozenset({"gravity", "load"})
 EVERYTHING = FREE | {DAMPED, "pins", "damping", "external", "poke", "plane", "sphere", "capsule", "box", "friction"}
+STAGES = FREE | {DAMPED, STAGED}
 PINS = FREE | {DAMPED, "pins", "motion", BODY_DAMPING} | PARTS
 
 
@@ -39,7 +40,7 @@ def text(real: Any, math: str, parts: frozenset[str]) -> str:
 
 
 @pytest.mark.parametrize("math", ["fast", "exact"])
-@pytest.mark.parametrize("parts", [FREE, EVERYTHING, PINS], ids=["free", "everything", "pins"])
+@pytest.mark.parametrize("parts", [FREE, EVERYTHING, PINS, STAGES], ids=["free", "everything", "pins", "stages"])
 def test_float32_holds_no_double_and_no_local_memory(parts: frozenset[str], math: str) -> None:
     found = text(np.float32, math, parts)
     assert ".f64" not in found

@@ -43,6 +43,7 @@ from bench.store.results import measures
 from bench.store.versions import code_version
 from model.core.errors import SceneError, SoftlabError
 from model.core.simulation import PRECISIONS
+from model.scene.checks.tetrahedra import NOT_SMOOTH, unsteady
 from model.scene.scene import Scene
 
 FINDING = "advise tetrahedra"  # value of `finding`
@@ -143,6 +144,7 @@ def budgets_by_law(scene: Scene, stiff: Sequence[Stiff], error: float) -> Iterat
         why = f"in motion implicit Euler's damping, 1.5 pi w h / 4, {wave}"
         yield Budget("newton", steps, 1, 0.0, damped(steps), f"rests where it should, by its own end; {why}")
         yield _descent(dt, stiff, error, damped)
+    yield _second(scene, stiff, error, wave)
     others = _outside(scene)
     for sweeps, name in SWEEPS.items():
         if others or (sweeps > 1 and any(part.material == "neo-hookean" for part in scene.tetrahedra.values())):
@@ -160,6 +162,19 @@ def budgets_by_law(scene: Scene, stiff: Sequence[Stiff], error: float) -> Iterat
         law = "the excess of rows, as (h^2 E / (rho a^2))" + ("" if sweeps == 1 else "^2 and less")
         told = f"{law}, here {worst.stiffness(dt / rows):.3g}" + ", more by the damper" * (worst.damping > 0)
         yield Budget("xpbd", rows, sweeps, excess(rows), max(damped(rows), excess(rows)), told)
+
+
+def _second(scene: Scene, stiff: Sequence[Stiff], error: float, wave: str) -> Budget | tuple[str, str]:
+    """Newton's method of second order, which some parts of a scene do not go with."""
+    dt, against = scene.method.dt, unsteady(scene)
+    if against:
+        return "newton order 2", f"{', '.join(against)}: {NOT_SMOOTH}"
+    steps = fewest(lambda n: max(one.damped(dt / n, 2) for one in stiff) <= error)
+    if steps is None:
+        return "newton order 2", f"would take more than {MOST} substeps a step"
+    moved = max(one.damped(dt / steps, 2) for one in stiff)
+    why = f"rests where it should, by its own end; in motion .4 w^2 h^2, {wave}"
+    return Budget("newton", steps, 1, 0.0, moved, why, order=2)
 
 
 def _descent(dt: float, stiff: Sequence[Stiff], error: float, damped: Any) -> Budget | tuple[str, str]:

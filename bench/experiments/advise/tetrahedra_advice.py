@@ -12,8 +12,8 @@ from bench.experiments.advise.budgets import BudgetAdvice
 
 @dataclass(frozen=True)
 class Budget:
-    """A solver with `substeps` of a step and `iterations` of each, what it leaves `at_rest` and `in_motion` (relative), and
-    `basis`: which laws say so. `seconds`: of a step of the scene, timed; inf before."""
+    """A solver, of an `order` in time, with `substeps` of a step and `iterations` of each, what it leaves `at_rest` and
+    `in_motion` (relative), and `basis`: which laws say so. `seconds`: of a step of the scene, timed; inf before."""
 
     solver: str
     substeps: int
@@ -24,6 +24,7 @@ class Budget:
     backend: str = "cpu"
     precision: str = "float64"
     seconds: float = inf
+    order: int = 1
 
     def on(self, backend: str, precision: str) -> Budget:
         """The same there."""
@@ -34,10 +35,15 @@ class Budget:
         return replace(self, seconds=seconds)
 
     @property
+    def name(self) -> str:
+        """`newton`, or `newton order 2`."""
+        return self.solver + f" order {self.order}" * (self.order > 1)
+
+    @property
     def words(self) -> str:
         """`newton, 8 substeps of 1 iteration`."""
         some = "substep" if self.substeps == 1 else "substeps"
-        return f"{self.solver}, {self.substeps} {some} of {self.iterations} iteration{'s' * (self.iterations > 1)}"
+        return f"{self.name}, {self.substeps} {some} of {self.iterations} iteration{'s' * (self.iterations > 1)}"
 
     def __str__(self) -> str:
         return f"{self.words}, {self.precision}, {self.backend}"
@@ -48,6 +54,8 @@ class Budget:
         budget = {
             "method.solver": self.solver, "method.substeps": self.substeps, "method.iterations": self.iterations
         }  # fmt: skip
+        if self.solver == "newton":
+            return budget | {"method.order": self.order}
         return budget | {"method.rows": "scalar"} if self.solver == "xpbd" else budget
 
 
@@ -70,7 +78,7 @@ class TetrahedraAdvice(BudgetAdvice[Budget]):
             f"{self.scene.title}, {self.scene.tetrahedra_set}: at most {self.error:g} of the sag at rest, and of the way "
             f"made in half of the slowest vibration ({self.time:.3g} s); a step of {self.scene.method.dt:.4g} s"
         )
-        bases = list(dict.fromkeys(f"{one.solver} of {one.iterations}: {one.basis}" for one in self.choices))
+        bases = list(dict.fromkeys(f"{one.name} of {one.iterations}: {one.basis}" for one in self.choices))
         limits = "the mesh's own error is none of it: softlab tetrahedra tells how far linear tetrahedra bend"
         return self._told(asked, bases, limits)
 

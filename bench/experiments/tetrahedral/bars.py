@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from math import nan
 
 from bench.experiments.tetrahedra import ELEMENTS, MESH_ERROR, MOTION_ERROR, SOLVER_ERROR, TETRAHEDRA
-from bench.experiments.tetrahedral.cantilever import BLOCKS
+from bench.experiments.tetrahedral.cantilever import setting_of
 from bench.measure.costs_timing import SECONDS
 from bench.store.results import Measure, by_configuration
 from bench.store.schema import tables_by_kind
@@ -45,9 +45,9 @@ def bars(held: Sequence[Measure]) -> list[Bar]:
         found.append(
             Bar(
                 round(value[ELEMENTS]), tables["tetrahedral_body"]["young_modulus"],
-                BLOCKS if method.get("rows") == "blocks" else method["solver"], method["substeps"],
-                method["iterations"], description["backend"], description["precision"], value[SECONDS],
-                value.get(SOLVER_ERROR, nan), value[MOTION_ERROR], value[MESH_ERROR], "; " in (numbers[SECONDS].reason or ""),
+                setting_of(method), method["substeps"], method["iterations"], description["backend"],
+                description["precision"], value[SECONDS], value.get(SOLVER_ERROR, nan), value[MOTION_ERROR],
+                value[MESH_ERROR], "; " in (numbers[SECONDS].reason or ""),
             )
         )  # fmt: skip
     return sorted(

@@ -24,9 +24,17 @@ SHEAR = 0.849673  # of a square section's area that resists shear, at this Poiss
 FRAME = 1 / 60  # s
 MODES = 16  # of the lowest ones, which the tip follows
 BLOCKS = "xpbd blocks"  # a name of SETTINGS: position-based, the shape as one block
+SECOND = "newton order 2"  # likewise: of second order in time
 REFERENCE = 1e6  # Pa: of the bars that references are made of
 
 _MASSES: dict[int, float] = {}  # kg, of a particle, by voxels across: known without cutting each bar anew
+
+
+def setting_of(method: Mapping[str, Any]) -> str:
+    """The name in SETTINGS of a table `method`."""
+    if method.get("rows") == "blocks":
+        return BLOCKS
+    return SECOND if method.get("order") == 2 else str(method["solver"])
 
 
 def cantilever(across: int, young: float, solver: str, substeps: int, iterations: int) -> Scene:
@@ -38,6 +46,8 @@ def cantilever(across: int, young: float, solver: str, substeps: int, iterations
     method: dict[str, Any] = {"solver": solver.split()[0], "dt": FRAME, "substeps": substeps, "iterations": iterations}
     if solver == BLOCKS:
         method["rows"] = "blocks"
+    if solver == SECOND:
+        method["order"] = 2
     tables = {"beam": beam, "gravity": {"acceleration": WEIGHT * young}, "method": method}
     if across not in _MASSES:
         _MASSES[across] = Scene(tables, "cantilever").grid.mass

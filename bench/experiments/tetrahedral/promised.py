@@ -4,6 +4,7 @@ error soonest, by each solver, so that fine meshes are measured there and not ev
 from __future__ import annotations
 
 from bench.experiments.advise.tetrahedra_laws import Stiff, fewest, least_descent
+from bench.experiments.tetrahedral.cantilever import SECOND
 
 WITHIN = 0.01  # of the way, or of the sag: the error that is asked for
 SAFE = 0.7  # of the substeps that the law of rows asks for: in fine meshes it asks for too many
@@ -11,7 +12,7 @@ SAFE = 0.7  # of the substeps that the law of rows asks for: in fine meshes it a
 
 def promised(stiff: Stiff, dt: float, error: float = WITHIN) -> list[tuple[str, int, int]]:
     """(solver, substeps, iterations) of a step of dt [s]: rows of one sweep, also with SAFE as many substeps, and of two,
-    vertex block descent, and Newton's method; none that the laws do not promise."""
+    vertex block descent, and Newton's method of both orders; none that the laws do not promise."""
     found: list[tuple[str, int, int]] = []
     for sweeps in (1, 2):
         substeps = fewest(lambda n, sweeps=sweeps: max(stiff.excess(dt / n, sweeps), stiff.damped(dt / n)) <= error)  # type: ignore[misc]
@@ -20,5 +21,7 @@ def promised(stiff: Stiff, dt: float, error: float = WITHIN) -> list[tuple[str, 
     descent = least_descent([stiff], dt, error)
     if descent:
         found.append(("vbd", *descent))
-    steps = fewest(lambda n: stiff.damped(dt / n) <= error)
-    return found + ([("newton", steps, 1)] if steps else [])
+    for order, solver in ((1, "newton"), (2, SECOND)):
+        steps = fewest(lambda n, order=order: stiff.damped(dt / n, order) <= error)  # type: ignore[misc]
+        found += [(solver, steps, 1)] if steps else []
+    return found

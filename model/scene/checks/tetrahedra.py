@@ -20,6 +20,8 @@ OF_TETRAHEDRA = (
     *TETRAHEDRAL_KINDS, "contact", "damping", "external", "gravity", "method", "motion", "region", "attachment", "material",
     "mesh", "wind", *(kind for kind in CONSTRAINT_KINDS if kind != "shear"), *COLLIDER_KINDS,
 )  # fmt: skip
+UNSTEADY = (*COLLIDER_KINDS, "motion")  # of which order 2 in time is not asked
+NOT_SMOOTH = "is no smooth force, which the second order of newton in time asks for"
 MEETING = ("xpbd", "vbd")  # solvers under which tetrahedral bodies meet
 
 
@@ -44,6 +46,8 @@ def check_tetrahedra(scene: SceneParts) -> None:
     for name, held in scene.held_parts.items():
         check_attachment(name, held, scene.holdable, colliders)
         check_word(f"{name}.vertices", held.vertices, scene.regions)
+    if scene.method.order > 1:
+        scene.refuse(UNSTEADY, f"{NOT_SMOOTH}: --set method.order=1, or leave it out")
     if scene.method.rows == "blocks":
         for name, part in scene.tetrahedra.items():
             if part.material == "neo-hookean":
@@ -63,6 +67,11 @@ def check_tetrahedra(scene: SceneParts) -> None:
         scene.refuse(CONSTRAINT_KINDS, "holds a cloth together: add one, a table [mesh], or leave it out")
         scene.refuse(("wind",), "blows on a cloth alone: add one, a table [mesh], or leave it out")
     _check_surfaces(scene)
+
+
+def unsteady(scene: SceneParts) -> list[str]:
+    """The names of what does not go with order 2."""
+    return [name for name, kind in scene.kinds.items() if kind in UNSTEADY]
 
 
 def _check_surfaces(scene: SceneParts) -> None:
