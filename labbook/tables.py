@@ -19,9 +19,8 @@ UNITS = {
     "rows": "masses", "columns": "masses", "spacing": "m", "mass": "kg", "stiffness": "N/m", "rest_length": "m",
     "coefficient": "N s/m", "acceleration": "m/s\u00b2", "magnitude": "N", "dt": "s", "amplitude": "m",
 }  # fmt: skip
-RECORD = {  # of the machine record, what a reader wants to know
-    "cpu": "Processor", "cores": "Cores in use", "memory_gib": "Memory / GiB", "gpu": "GPU",
-    "gpu_memory_gib": "GPU memory / GiB", "gpu_driver": "GPU driver", "system": "System",
+RECORD = {  # of the machine record, what a reader wants to know beside the machine's name
+    "memory_gib": "Memory / GiB", "gpu_memory_gib": "GPU memory / GiB", "gpu_driver": "GPU driver", "system": "System",
     "python_build": "Python", "numba": "numba", "llvmlite": "llvmlite", "numba_cuda": "numba-cuda", "numpy": "NumPy",
 }  # fmt: skip
 MEASURED = (
@@ -40,15 +39,20 @@ def table(title: str, head: Sequence[str], rows: Sequence[Sequence[str]], left: 
 
 
 def machine_table(results: Results) -> Table | None:
-    """Hardware, versions, limits, commit and date: a column a machine, a line for what any of them tells."""
+    """Hardware, versions, limits, commit and date: a column a machine, a line for what any of them tells; what all that tell
+    it tell alike is in the title."""
     machines = [_machine(source) for source in results.sources]
     names = list(dict.fromkeys(name for told in machines for name in told))
     names.sort(key=[*RECORD.values(), *MEASURED].index)
-    rows = [[name, *(told.get(name, DASH) for told in machines)] for name in names]
+    values = {name: {told[name] for told in machines if name in told} for name in names}
+    alike = [name for name in names if name in RECORD.values() and len(machines) > 1 and len(values[name]) == 1]
+    rows = [[name, *(told.get(name, DASH) for told in machines)] for name in names if name not in alike]
     head = ["Property", *(source.place.removesuffix(source.bracket) for source in results.sources)]
     title = "The machines of the measurements"
     if any(re.search(r" [A-Z], \d+ cores?\b", source.machine.label) for source in results.sources):
         title += "; a letter tells those apart that have one name"
+    if alike:
+        title += f". Of all: {', '.join(f'{name} {next(iter(values[name]))}' for name in alike)}"
     return table(title, head, rows, left=len(head)) if machines else None
 
 

@@ -49,13 +49,14 @@ def on(source: Source, backend: str) -> list[Bar]:
 
 
 def draw(results: Results) -> Drawing | str:
-    """The figure, at rest and in motion, a panel a Young's modulus, of the GPU where it was measured; or why not."""
-    chosen = on_backends(results, on)[-1:]
+    """The figure, at rest and in motion, a panel a Young's modulus, of the backend of which most were measured, the GPU if
+    both are alike; or why not."""
+    chosen = on_backends(results, on)
     if not chosen:
         return "no bars of tetrahedra were measured (softlab tetrahedra)"
-    ((backend, source, found),) = chosen
+    backend, source, found = max(chosen, key=lambda one: (len({bar.young for bar in one[2]}), one[0] == "gpu"))
     moduli = sorted({bar.young for bar in found})
-    figure, rows = new_grid(len(ERRORS), len(moduli), 4.8)
+    figure, rows = new_grid(len(ERRORS), len(moduli), 3.9)
     for axes, (name, error) in zip(rows, ERRORS.items(), strict=True):
         for ax, young in zip(axes, moduli, strict=True):
             _panel(ax, [bar for bar in found if bar.young == young], error)

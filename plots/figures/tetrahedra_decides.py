@@ -21,6 +21,7 @@ LOOKS = {"xpbd": ("position-based", BLUE, "o"), "vbd": ("vertex block descent", 
 LINES = {"cpu": "--", "gpu": "-"}
 LEAST = 1e-4  # an error that is drawn at the bottom
 SIZES = (400, 3200, 25600)
+ACROSS = 3  # panels in a row
 
 
 def on(source: Source, backend: str) -> list[Bar]:
@@ -43,19 +44,22 @@ def frontier(found: Sequence[Bar]) -> list[Bar]:
 
 
 def draw(results: Results) -> Drawing | str:
-    """A row a size, a column a Young's modulus, both backends; or why not."""
+    """A panel a size and a Young's modulus, ACROSS in a row, both backends; or why not."""
     chosen = on_backends(results, on)
     found = [bar for _, _, mine in chosen for bar in mine]
     if not found:
         return "no bars of tetrahedra were measured (softlab tetrahedra)"
-    sizes, moduli = sorted({b.elements for b in found}), sorted({b.young for b in found})
-    figure, rows = new_grid(len(sizes), len(moduli), 1.0 + 1.6 * len(sizes))
-    for axes, size in zip(rows, sizes, strict=True):
-        for ax, young in zip(axes, moduli, strict=True):
-            _panel(ax, [b for b in found if (b.elements, b.young) == (size, young)])
-        axes[0].set_ylabel(f"error in motion\n{size} tetrahedra")
-    for ax, young in zip(rows[0], moduli, strict=True):
-        ax.set_title(f"E = {young:.0e} Pa".replace("e+0", "e"), fontsize=8)
+    panels = sorted({(b.elements, b.young) for b in found})
+    count = -(-len(panels) // ACROSS)
+    figure, rows = new_grid(count, min(ACROSS, len(panels)), 1.0 + 1.6 * count)
+    every = [ax for axes in rows for ax in axes]
+    for ax, (size, young) in zip(every, panels, strict=False):
+        _panel(ax, [b for b in found if (b.elements, b.young) == (size, young)])
+        ax.set_title(f"{size} tetrahedra, E = {young:.0e} Pa".replace("e+0", "e"), fontsize=8)
+    for ax in every[len(panels) :]:
+        ax.set_axis_off()
+    for axes in rows:
+        axes[0].set_ylabel("error in motion")
     for ax in rows[-1]:
         ax.set_xlabel("time of a frame / ms")
     plot = partial(rows[0][0].plot, [], [])
