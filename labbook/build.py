@@ -45,7 +45,7 @@ from labbook.facts import facts
 from labbook.rungs import rung_tables
 from labbook.tables import Table, machine_table, region_tables, scene_table
 from model.core.errors import BackendUnavailable, InputError
-from model.core.files import replacing
+from model.core.files import check_target, replacing
 from plots.core.data import Origin, Results, Source, is_suspect
 from plots.core.draw import FigureFiles, draw_figures
 from plots.core.files import without_footer
@@ -107,13 +107,7 @@ def build(
 
 
 def _target(out_pdf: str | Path) -> Path:
-    path = Path(out_pdf)
-    if path.suffix.lower() != ".pdf":
-        raise InputError(f"{path}: the lab book is a .pdf file; name it so")
-    if path.is_dir() or not path.parent.is_dir():
-        what = f"{path} is a folder" if path.is_dir() else f"{path}: no such folder as {path.parent}"
-        raise InputError(f"{what}; give another path for the lab book")
-    return path
+    return check_target(out_pdf, (".pdf",), "the lab book")
 
 
 def write_book(

@@ -85,6 +85,8 @@ def check_targets(scene: Scene, request: Request, steps: int, notes: list[str]) 
     if request.render:
         check_render(request.render)
     check_look(scene, request.look)
+    if request.look and not request.render:
+        raise InputError(f"--look {request.look[0]}: is of a picture or a clip; add --render FILE.png or FILE.mp4")
     check_asked(request.backend, request.gpus, request.ranks, request.exchange_every, request.link)
     if request.gpus > 1:
         check_cut(scene, request.gpus, request.exchange_every, request.link, "--gpus")

@@ -14,6 +14,7 @@ from typing import Any
 
 from model.core.errors import BackendUnavailable
 
+BARS = 80  # pixels of a screen that the window's title and the desktop's bar take
 DEBIAN_OFFSCREEN = "apt-get install libegl1 libgl1 libgl1-mesa-dri libfontconfig1 libfreetype6 fonts-dejavu-core"
 OFFSCREEN_REMEDY = (
     f"on Debian or Ubuntu: {DEBIAN_OFFSCREEN}; elsewhere install EGL with an OpenGL 3.3 driver (Mesa or the graphics "
@@ -60,7 +61,8 @@ def load_pyglet(headless: bool) -> Any:
 
 
 def open_window(headless: bool, width: int, height: int, **options: Any) -> Any:
-    """A pyglet window (off-screen: of exactly `width` x `height` pixels) with an OpenGL 3.3 context, made current.
+    """A pyglet window (off-screen: of exactly `width` x `height` pixels; else no larger than the screen) with an OpenGL 3.3
+    context, made current.
 
     Raises BackendUnavailable.
     """
@@ -70,6 +72,9 @@ def open_window(headless: bool, width: int, height: int, **options: Any) -> Any:
         # EGL sorts what it has by what was asked for, and unasked may give 5 bits a colour; a display has its own depth.
         depth = {f"{colour}_size": 8 for colour in ("red", "green", "blue")} if headless else {}
         config = pyglet.gl.Config(double_buffer=True, major_version=3, minor_version=3, **depth)
+        if not headless:
+            screen = pyglet.display.get_display().get_default_screen()
+            width, height = min(width, screen.width), min(height, screen.height - BARS)
         window = pyglet.window.Window(width, height, config=config, **options)
         window.switch_to()
     except Exception as error:

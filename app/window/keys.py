@@ -78,7 +78,7 @@ FLUID_KEYS = (
     *SPACE_KEYS[13:],
 )
 WORLDS_KEY = ("Tab", "change one world alone, all")
-TWO_COLUMNS_FROM = 760  # pixels of window width
+TWO_COLUMNS_FROM = 780  # pixels of window width
 HINT = (
     "H: keys    G: gravity    drag a mass to pull it    space: pause    [ ]: time step    R: restart    Escape: close"
 )
@@ -134,7 +134,7 @@ def keys_text(width: int, subject: str = "sheet", space: bool = False, several: 
     three dimensions; `several`: worlds side by side."""
     own = tuple(key for key in _own(subject, space)[0] if space or key not in IN_SPACE)
     keys = (*((WORLDS_KEY,) if several else ()), *own)
-    lines = [f"{key:8}{meaning:33}" for key, meaning in keys]
+    lines = [f"{key:8}{meaning:35}" for key, meaning in keys]
     if width >= TWO_COLUMNS_FROM:
         half = (len(lines) + 1) // 2
         lines = [left + right for left, right in zip_longest(lines[:half], lines[half:], fillvalue="")]

@@ -160,6 +160,10 @@ class Viewer:
         """The scene before its first step, which may compile for a minute: nobody should look at a black window so long."""
         demo, said = self.demo, (self.demo.message, self.demo.message_count)
         demo.say("compiling what this scene needs; it is kept for the next time")
+        if len(demo.worlds) > 1:  # under the numbers, whose height is known once they are drawn
+            self._paint()
+            self._lay_out()
+            self.following.approach(1.0)
         self._paint()
         self.window.flip()
         demo.message, demo.message_count = said

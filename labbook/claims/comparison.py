@@ -144,7 +144,7 @@ def trust(results: Results) -> Claim:
     checked = sum(timing.error is not None for timing in everything)
     costs = [timing for source in results.featured for timing in source.costs.values()]
     doubtful = sum(bool(timing.suspect) for timing in costs)
-    accuracy = f", as of {len(costs)} times of accuracy runs {doubtful or 'none'}" if costs else ""
+    accuracy = f", and of the {len(costs)} times of accuracy runs {doubtful or 'none'}" if costs else ""
     text = (
         f"Of the {len(everything)} configurations timed for this book, {checked} were held against the reference, "
         f"{wrong or 'none'} gave a wrong answer, and {suspect or 'none'} {'is' if suspect == 1 else 'are'} suspect"

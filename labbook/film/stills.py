@@ -49,8 +49,13 @@ def draw_title(made: Judged, results: Results, area: Area, count: int, fps: int)
             canvas.box(2 * MARGIN, 140, 130, 6, CPU)
             canvas.box(2 * MARGIN + 130, 140, 130, 6, GPU)
             y = 186.0
-            for line in machines:
-                for text in canvas.balanced(line, x - 3 * MARGIN, 21):
+            for number, line in enumerate(machines):
+                texts = canvas.balanced(line, x - 3 * MARGIN, 21)
+                rest = len(machines) - number
+                if y + 30 * len(texts) + (44 if rest > 1 else 0) > canvas.height:  # a line is left for this
+                    canvas.text(2 * MARGIN, y, f"and {rest} more, which the lab book names", 21, FAINT)
+                    break
+                for text in texts:
                     canvas.text(2 * MARGIN, y, text, 21, FAINT)
                     y += 30
                 y += 14

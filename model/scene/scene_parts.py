@@ -77,6 +77,8 @@ class SceneParts:
         self.kinds: dict[str, str] = {}
         for part_name, table in tables.items():
             if not isinstance(table, Mapping):
+                if part_name in KINDS:
+                    raise SceneError(part_name, table, f"must be a table, such as [{part_name}]")
                 raise SceneError(part_name, table, f"unknown key; a scene has a title and tables: {', '.join(KINDS)}")
             fields = dict(table)
             kind = fields.pop("kind", part_name)

@@ -120,6 +120,7 @@ def _draw_panel(ax: Any, found: list[Point], title: str) -> None:
         ax.axvline(edge, color=GREY, linestyle=":", linewidth=1)
         ax.annotate("diverged", (edge, 1), (-3, -2), xycoords=("data", "axes fraction"), textcoords="offset points",
                     fontsize=7, color="#555555", va="top", ha="right", rotation=90)  # fmt: skip
+    ax.margins(0.08, 0.12)  # room for what the front's steps are called
     ax.set_title(title)
 
 

@@ -239,3 +239,7 @@ def test_the_command_line_writes_the_end_and_replaces_what_was_there(
 def test_mistakes_are_told_before_the_run(command: Any, options: str, words: list[str], tmp_path: Path) -> None:  # noqa: F811
     refused(command(f"run lab-grid {options}"), 2, *words)
     assert not list(tmp_path.iterdir())
+
+
+def test_a_look_is_of_a_picture(command: Any) -> None:  # noqa: F811
+    refused(command("run dam-break --steps 1 --look foam"), 2, "--look foam", "--render")

@@ -322,8 +322,8 @@ def test_books_that_cannot_be_built(folder: Path, tmp_path: Path) -> None:
     good = folder / "cpu.csv"
     (tmp_path / "folder.pdf").mkdir()
     for own, out, reason in (
-        (good, tmp_path / "book.txt", "name it so"),
-        (good, tmp_path / "missing" / "book.pdf", "no such folder"),
+        (good, tmp_path / "book.txt", "must end in .pdf"),
+        (good, tmp_path / "missing" / "book.pdf", "does not exist"),
         (good, tmp_path / "folder.pdf", "is a folder"),
         (tmp_path / "none.sqlite", tmp_path / "book.pdf", "no such store"),
         (None, tmp_path / "book.pdf", "no measurements"),

@@ -60,7 +60,8 @@ def draw(results: Results) -> Drawing | str:
         ax.set_yticks(places, shown)
         ax.set_xscale("log")
         ax.set_xlabel(LABELS[0])
-        ax.set_title(f"{name_of(backend, source)}, {point.particles:,} particles".replace(",", " "), fontsize=8)
+        particles = f"{point.particles:,}".replace(",", " ")
+        ax.set_title(f"{name_of(backend, source)}, {particles} particles", fontsize=8)
     axes[0].invert_yaxis()
     axes[0].legend(loc="lower right", fontsize=7)
     caption = (

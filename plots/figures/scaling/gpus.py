@@ -46,8 +46,7 @@ def draw(results: Results) -> Drawing | str:
             joules.plot(*zip(*each, strict=True), "-", color=colour, marker="o", label="one GPU" if gpus == 1 else None)
     joules.set_xscale("log")
     joules.set_xlabel("masses")
-    joules.margins(y=0.15)
-    joules.set_ylim(bottom=0)
+    joules.set_ylim(0, 1.1 * joules.get_ylim()[1])  # or the uppermost marker is cut
     joules.set_ylabel("mJ / million mass-steps")
     legend_below(figure, [faster, joules], columns=4)
     caption = (
