@@ -98,6 +98,22 @@ def test_bad_scene(data, words):
     assert words in one_line(caught.value)
 
 
+@pytest.mark.parametrize(
+    ("scene", "changes", "told"),
+    [
+        ("cloth-flag", {"wind.velocity": [1, 2]}, "wind.velocity = [1, 2]: has too few numbers: must have three"),
+        ("cloth-flag", {"wind.velocity": []}, "too few numbers: must have three"),
+        ("cloth-flag", {"wind.velocity": [1, 2, 3, 4]}, "too many numbers: must have three"),
+        ("dam-break", {"fluid.size": [1]}, "fluid.size = [1]: has too few numbers: must have two or three"),
+        ("dam-break", {"fluid.blocks": [{"origin": [0]}]}, "fluid.blocks.0.origin = [0]: has too few numbers"),
+    ],
+)
+def test_a_list_of_another_length(scene, changes, told):
+    """Says how many numbers there must be."""
+    with pytest.raises(SceneError, match=re.escape(told)):
+        load_scene(scene).replace(changes)
+
+
 @pytest.mark.parametrize("path", ["rows", "grid", "grid.", ".rows", "grid.rows.more", "gird.rows", "grid.row", ""])
 def test_bad_path(path):
     with pytest.raises(SceneError) as caught:
