@@ -14,12 +14,13 @@ from model.scene.parts import Part
 
 NOTE = r"^    (\w+): [^#\n]*  (?:# type: ignore\[[\w-]+\]  )?# (?!type:|noqa|fmt:)(.*)$"  # a field's comment
 
+NEAR = 0.65  # of letters alike: below, cloth-hanging is near to nothing; far above, bar is not near to bat
 COUNTS = ("none", "one", "two", "three", "four")
 
 
 def suggestion(word: str, known: Any) -> str:
     """` (did you mean ...?)`, the nearest of `known` names; nothing where none is near."""
-    close = difflib.get_close_matches(word, list(known), n=1)
+    close = difflib.get_close_matches(word, list(known), n=1, cutoff=NEAR)
     return f" (did you mean {close[0]}?)" if close else ""
 
 

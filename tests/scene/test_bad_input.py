@@ -161,6 +161,8 @@ def test_bad_options(options):
 
 
 def test_unknown_scene():
+    with pytest.raises(InputError, match=r"unknown scene 'nothing'; `softlab scenes`"):  # no name is near
+        load_scene("nothing")
     with pytest.raises(InputError, match="did you mean lab-grid") as caught:
         load_scene("lab-gird")
     one_line(caught.value)
