@@ -15,6 +15,9 @@ from model.scene.parts import Part
 NOTE = r"^    (\w+): [^#\n]*  (?:# type: ignore\[[\w-]+\]  )?# (?!type:|noqa|fmt:)(.*)$"  # a field's comment
 
 NEAR = 0.65  # of letters alike: below, cloth-hanging is near to nothing; far above, bar is not near to bat
+MEANT = {  # names that others have for a field, whose letters are not near to it
+    "mesh": "file", "model": "file", "path": "file", "position": "origin", "rotation": "angle", "fixed": "pinned",
+}  # fmt: skip
 COUNTS = ("none", "one", "two", "three", "four")
 
 
@@ -84,6 +87,8 @@ def scene_error(part: str, error: ValidationError, kind: type[Part]) -> SceneErr
     if first["type"] == "extra_forbidden":
         known = list(_kind_within(kind, first["loc"][:-1]).model_fields)
         near = suggestion(location[-1], known)
+        if MEANT.get(location[-1]) in known:
+            near = f" (did you mean {MEANT[location[-1]]}?)"
         if location[1:] and location[-1] in kind.model_fields:
             near = f" (did you mean {part}.{location[-1]}?)"
         return SceneError(".".join([part, *location]), first["input"], f"unknown key{near}; known: {', '.join(known)}")

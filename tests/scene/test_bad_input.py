@@ -80,6 +80,7 @@ def test_bad_value(path, value):
             {"gem": {"kind": "soft_body", "shape": {"nme": "star"}}},
             "gem.shape.nme = 'star': unknown key (did you mean name?",
         ),
+        ({"gem": {"kind": "soft_body", "mesh": "a.obj"}}, "gem.mesh = 'a.obj': unknown key (did you mean file?"),
         ({"grid": 4}, "grid"),
         ({"grid": {"rows": 2, "columns": 2}, "title": 3}, "title"),
         (
