@@ -59,8 +59,8 @@ def read_arrays(path: Path) -> tuple[np.ndarray, np.ndarray, int]:
 
 def _beyond(vertex: int, counted: str, there: int) -> str:
     return (
-        f"a face names vertex {vertex}, counted {counted}, and there are {there}; the file is damaged or cut short: export it "
-        "again"
+        f"a face names vertex {vertex}, counted {counted}, and there are {there}; the file is damaged or cut short: export "
+        "it again"
     )
 
 
