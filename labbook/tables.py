@@ -51,6 +51,8 @@ def machine_table(results: Results) -> Table | None:
     title = "The machines of the measurements"
     if any(re.search(r" [A-Z], \d+ cores?\b", source.machine.label) for source in results.sources):
         title += "; a letter tells those apart that have one name"
+    if any(source.threading[1] == "brief" for source in results.sources):
+        title += "; wait policy brief: idle threads spin for microseconds, then sleep"
     if alike:
         title += f". Of all: {', '.join(f'{name} {next(iter(values[name]))}' for name in alike)}"
     return table(title, head, rows, left=len(head)) if machines else None

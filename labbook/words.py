@@ -22,10 +22,15 @@ def number(value: float, digits: int = 3) -> str:
         return "0"
     exponent = math.floor(math.log10(abs(float(f"{value:.{digits - 1}e}"))))
     if exponent < -3:
-        mantissa = f"{value / 10.0**exponent:.{digits - 1}f}".replace("-", MINUS)
-        return f"{mantissa}{SPACE}{TIMES}{SPACE}10{str(exponent).translate(SUPERSCRIPTS)}"
+        return power(value, exponent, digits)
     text = f"{value:.{max(0, digits - 1 - exponent)}f}"
     return grouped(text).replace("-", MINUS)
+
+
+def power(value: float, exponent: int, digits: int = 3) -> str:
+    """A number of `digits` significant digits where its first is that of a power of ten: 4.67 x 10^9."""
+    mantissa = number(value / 10.0**exponent, digits)
+    return f"{mantissa}{SPACE}{TIMES}{SPACE}10{str(exponent).translate(SUPERSCRIPTS)}"
 
 
 def grouped(text: str) -> str:

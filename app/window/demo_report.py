@@ -19,6 +19,8 @@ from model.core.simulation import Simulation
 from model.scene.scene import Scene
 from model.shape_matching.spare import counts, present
 
+FAR = 100  # steps: a limit beyond so many tells nothing of this step
+
 
 def milliseconds(seconds: float) -> str:
     """Three digits, or more where there are more before the point."""
@@ -46,11 +48,12 @@ def numbers_text(demo: Demo, frame_seconds: float, draw_seconds: float, way: str
     rate = f"{speed:.0f} frame{'s' * (round(speed) != 1)}/s"
     physics, drawing = milliseconds(demo.physics_seconds), milliseconds(draw_seconds)
     told = f"   gravity {gravity}   {springs}energy {demo.statistics.energy:.4g} J   {strain_text(demo)}"
+    limit = "" if FAR * scene.method.dt < world.limit < math.inf else f", {demo.limit_text()}"
     masses = f"   {masses_text(scene, world.body.inverse_mass)}"
     return "\n".join(
         (
             f"{whose}time {world.time:.2f} s   {rate}   {speed * steps * running:.0f} steps/s{state}",
-            f"dt {scene.method.dt:.4g} s, {demo.limit_text()} ({scene.method.name}){'' if brief else told}",
+            f"dt {scene.method.dt:.4g} s{limit} ({scene.method.name}){'' if brief else told}",
             f"{world.backend}, {threads}, {world.options.precision}{'' if brief else masses}   "
             f"a frame: {steps} step{'s' * (steps != 1)}, physics {physics}, drawing {drawing}{way}",
         )

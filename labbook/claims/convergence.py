@@ -124,8 +124,9 @@ def against_integrators(results: Results, target: float = 1e-2) -> Claim:
             ways = [next((p for p in able if (p.integrator in XPBD) is xpbd), None) for xpbd in (True, False)]
             if ways[0] is not None and ways[1] is not None:
                 numbers[scene] = ratio = (ways[0].seconds or 0.0) / (ways[1].seconds or 1.0)
-                way, machine = method_words(ways[0].integrator, ways[0].iterations), source.place
-                told = f"in {scene} {way} takes {words.times(ratio)} as long as {ways[1].integrator} ({machine})"
+                way, _, effort = method_words(ways[0].integrator, ways[0].iterations).rpartition(", ")
+                told = f"in {scene} {way} ({effort}) takes {words.times(ratio)} as long as {ways[1].integrator}"
+                told += f" ({source.place})"
                 parts.append(told + suspicion(ways, MARK))
                 break
     if not parts:

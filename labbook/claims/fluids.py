@@ -84,10 +84,10 @@ def dam(results: Results) -> Claim:
     later = min(found, key=lambda r: r.numbers[laws.FRONT_LATER])
     numbers = {"front": best.numbers[laws.FRONT], "later": later.numbers[laws.FRONT_LATER], "start": start_off()}
     text = (
-        f"The front of Martin and Moyce's dam is met within {_share(best.numbers[laws.FRONT])} at its worst point at best "
-        f"({best.who}), and finer particles do not help: that point is the first, which lies {_share(start_off())} above the "
-        "parabola that the next two make from rest, so that no flow that starts at rest meets all three. All others are met "
-        f"within {_share(later.numbers[laws.FRONT_LATER])} ({later.who}, {later.effort})."
+        f"With the best setting ({best.who}) the front of Martin and Moyce's dam is {_share(best.numbers[laws.FRONT])} off "
+        f"at its worst point, and finer particles do not help: that point is the first, which lies {_share(start_off())} "
+        "above the parabola that the next two make from rest, so that no flow that starts at rest meets all three. All "
+        f"others are met within {_share(later.numbers[laws.FRONT_LATER])} ({later.who}, {later.effort})."
     )
     others = [r for r in held[2] if r.peer and laws.FRONT in r.numbers]
     if others:
@@ -194,8 +194,8 @@ def rate(results: Results) -> Claim:
 
 
 def _rate(value: float) -> str:
-    """`4.67 thousand million`, `13.3 million`."""
-    return f"{value / 1e9:.3g} thousand million" if value >= 1e9 else f"{value / 1e6:.3g} million"
+    """`4.67 x 10^9`, `13.3 million`."""
+    return words.power(value, 9) if value >= 1e9 else f"{value / 1e6:.3g}{words.SPACE}million"
 
 
 def _share(value: float) -> str:

@@ -79,13 +79,13 @@ def windows(results: Results) -> Claim:
         ratios = [by_region[4] / by_region[1] for by_region in grids.values() if {1, 4} <= set(by_region)]
         if ratios:
             numbers[f"{backend} most"] = max(ratios)
-            parts.append(f"at most {words.times(max(ratios))} on {where(backend, source)}")
+            parts.append(f"at most {words.times(max(ratios))} as long on {where(backend, source)}")
     if not parts:
         return Claim("Clusters of different widths were not timed on a grid.")
     area = (2 * 4 + 1) ** 2 / (2 * 1 + 1) ** 2
     return Claim(
         f"A window of 9{words.SPACE}{words.TIMES}{words.SPACE}9 masses in place of one of 3{words.SPACE}{words.TIMES}"
-        f"{words.SPACE}3, {words.number(area)} times the members, takes {words.listed(parts)} the time.",
+        f"{words.SPACE}3, {words.number(area)} times the members, takes {words.listed(parts)}.",
         numbers, all(value < area for value in numbers.values()),
     )  # fmt: skip
 

@@ -53,11 +53,15 @@ def read_arrays(path: Path) -> tuple[np.ndarray, np.ndarray, int]:
         raise InputError(f"{path} holds {what}; a mesh needs faces: export it with them")
     least, most = int(triangles.min()), int(triangles.max())
     if least < 0 or most >= len(vertices):
-        raise InputError(
-            f"{path}: a face names vertex {least if least < 0 else most}, counted from 0, and there are {len(vertices)}; "
-            "the file is damaged or cut short: export it again"
-        )
+        raise InputError(f"{path}: {_beyond(least if least < 0 else most, 'from 0', len(vertices))}")
     return vertices, triangles, more
+
+
+def _beyond(vertex: int, counted: str, there: int) -> str:
+    return (
+        f"a face names vertex {vertex}, counted {counted}, and there are {there}; the file is damaged or cut short: export "
+        "it again"
+    )
 
 
 def _bytes(path: Path) -> bytes:
@@ -103,7 +107,14 @@ def _read_obj(data: bytes) -> tuple[np.ndarray, np.ndarray, int]:
     if b"-" in corners:
         _refuse_interleaved(data)
     text = b"v " + b"\nv ".join(points) + b"\nf " + corners
-    loaded = load_obj(io.StringIO(text.decode("latin-1")), maintain_order=True, skip_materials=True)
+    try:
+        loaded = load_obj(io.StringIO(text.decode("latin-1")), maintain_order=True, skip_materials=True)
+    except IndexError:  # trimesh looks the vertices up itself, so that no array of faces comes out to be checked
+        named = (int(corner) for corner in re.findall(rb"(?<!\S)[-+]?\d+(?!\S)", corners))
+        vertex = next((vertex for vertex in named if abs(vertex) > lines), None)
+        if vertex is None:
+            raise
+        raise InputError(_beyond(vertex, "from 1" if vertex > 0 else "from the end", lines)) from None
     (mesh,) = loaded["geometry"].values()
     if len(mesh["vertices"]) != lines:
         raise InputError(f"{lines} vertices, of which {len(mesh['vertices'])} can be read; export it again")

@@ -33,11 +33,18 @@ class Scene(SceneParts):
             if kind not in SEVERAL and len(self.all_of(kind)) > 1:
                 raise SceneError(kind, list(self.all_of(kind)), "one part of this kind a scene")
         sheets = list(self.all_of(*SHEETS))
+        if len(sheets) > 1:
+            told = [name if name == self.kinds[name] else f"{name} (kind {self.kinds[name]})" for name in sheets]
+            raise SceneError(
+                sheets[1],
+                None,
+                f"a scene has one part of kind grid, cloth or mesh; this one has {len(sheets)}: {', '.join(told)}",
+            )
         free = self.bodies or self.tetrahedra or self.fluids or self.is_world
-        if len(sheets) != 1 and not (free and not sheets):
+        if not sheets and not free:
             raise SceneError(
                 "grid",
-                sheets or None,
+                None,
                 "a scene needs one part of kind grid or cloth, with rows and columns, or mesh; "
                 "or bodies: soft_body, soft_sheet, soft_lattice, rigid_body, or tetrahedral_body, or fluid",
             )

@@ -14,10 +14,16 @@ from model.scene.parts import Part
 
 NOTE = r"^    (\w+): [^#\n]*  (?:# type: ignore\[[\w-]+\]  )?# (?!type:|noqa|fmt:)(.*)$"  # a field's comment
 
+NEAR = 0.65  # of letters alike: below, cloth-hanging is near to nothing; far above, bar is not near to bat
+MEANT = {  # names that others have for a field, whose letters are not near to it
+    "mesh": "file", "model": "file", "path": "file", "position": "origin", "rotation": "angle", "fixed": "pinned",
+}  # fmt: skip
+COUNTS = ("none", "one", "two", "three", "four")
+
 
 def suggestion(word: str, known: Any) -> str:
     """` (did you mean ...?)`, the nearest of `known` names; nothing where none is near."""
-    close = difflib.get_close_matches(word, list(known), n=1)
+    close = difflib.get_close_matches(word, list(known), n=1, cutoff=NEAR)
     return f" (did you mean {close[0]}?)" if close else ""
 
 
@@ -44,19 +50,45 @@ def _holds_tables(kind: type[Part], location: list[str]) -> bool:
     return any(hasattr(choice, "model_fields") for choice in get_args(kind.model_fields[location[0]].annotation))
 
 
+def _count_error(part: str, complaints: list[Any], first: Any) -> SceneError:
+    """A list of too few or too many numbers: how many it must have. Each length that a field can have complains by itself, a
+    short list once for each number that it lacks."""
+    counts: dict[tuple[int | str, ...], int] = {}
+    for complaint in complaints:
+        place = complaint["loc"]
+        if complaint["type"] == "too_long":
+            counts[place] = complaint["ctx"]["max_length"]
+        elif complaint["type"] == "missing" and isinstance(place[-1], int):
+            counts[place[:-1]] = max(place[-1] + 1, counts.get(place[:-1], 0))
+    short = first["type"] == "missing"
+    field = _field(first["loc"][:-1] if short else first["loc"])
+    wanted = " or ".join(
+        COUNTS[count] for count in sorted({n for place, n in counts.items() if _field(place) == field})
+    )
+    told = f"has too {'few' if short else 'many'} numbers: must have {wanted}"
+    return SceneError(".".join([part, *field]), first["input"], told)
+
+
+def _field(place: tuple[int | str, ...]) -> list[str]:
+    """A complaint's place without the kind of list that pydantic tells there, where there can be several."""
+    return [str(step) for step in place if not str(step).startswith("tuple[")]
+
+
 def scene_error(part: str, error: ValidationError, kind: type[Part]) -> SceneError:
     """The first complaint of pydantic, in the words of a scene."""
     complaints = error.errors(include_url=False)  # a misspelt key explains the one that then is missing
     first = next((c for c in complaints if c["type"] == "extra_forbidden"), complaints[0])
     location = [str(step) for step in first["loc"]]
-    if first["type"] == "missing" and isinstance(first["loc"][-1], int):
-        return SceneError(f"{part}.{location[0]}", first["input"], "has too few numbers")
+    if first["type"] == "too_long" or (first["type"] == "missing" and isinstance(first["loc"][-1], int)):
+        return _count_error(part, complaints, first)
     if first["type"] == "missing":
         note = notes_of(_kind_within(kind, first["loc"][:-1])).get(location[-1])
         return SceneError(".".join([part, *location]), None, f"must be given{f': {note}' if note else ''}")
     if first["type"] == "extra_forbidden":
         known = list(_kind_within(kind, first["loc"][:-1]).model_fields)
         near = suggestion(location[-1], known)
+        if MEANT.get(location[-1]) in known:
+            near = f" (did you mean {MEANT[location[-1]]}?)"
         if location[1:] and location[-1] in kind.model_fields:
             near = f" (did you mean {part}.{location[-1]}?)"
         return SceneError(".".join([part, *location]), first["input"], f"unknown key{near}; known: {', '.join(known)}")
@@ -69,8 +101,6 @@ def scene_error(part: str, error: ValidationError, kind: type[Part]) -> SceneErr
     words = {
         "int_type": "must be a whole number",
         "tuple_type": "must be a list of numbers, such as [0.0, 1.0, 0.0]",
-        "missing_tuple": "must have three numbers",
-        "too_long": "must have three numbers",
         "int_from_float": "must be a whole number",
         "float_type": "must be a number",
         "finite_number": "must be a finite number",

@@ -204,6 +204,7 @@ def test_numbers(value: float, text: str) -> None:
 
 def test_small_numbers_and_units() -> None:
     assert words.number(1.2e-5, 2) == f"1.2{words.SPACE}{words.TIMES}{words.SPACE}10⁻⁵"
+    assert words.power(4.671e9, 9) == f"4.67{words.SPACE}{words.TIMES}{words.SPACE}10⁹"
     assert words.seconds(1.5e-6, 2) == f"1.5{words.SPACE}µs"
     assert words.seconds(2.5e-10, 2) == f"0.25{words.SPACE}ns"
     assert words.listed(["a", "b", "c"]) == "a, b and c"

@@ -80,6 +80,7 @@ def test_bad_value(path, value):
             {"gem": {"kind": "soft_body", "shape": {"nme": "star"}}},
             "gem.shape.nme = 'star': unknown key (did you mean name?",
         ),
+        ({"gem": {"kind": "soft_body", "mesh": "a.obj"}}, "gem.mesh = 'a.obj': unknown key (did you mean file?"),
         ({"grid": 4}, "grid"),
         ({"grid": {"rows": 2, "columns": 2}, "title": 3}, "title"),
         (
@@ -96,6 +97,22 @@ def test_bad_scene(data, words):
     with pytest.raises(SceneError) as caught:
         Scene(data)
     assert words in one_line(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("scene", "changes", "told"),
+    [
+        ("cloth-flag", {"wind.velocity": [1, 2]}, "wind.velocity = [1, 2]: has too few numbers: must have three"),
+        ("cloth-flag", {"wind.velocity": []}, "too few numbers: must have three"),
+        ("cloth-flag", {"wind.velocity": [1, 2, 3, 4]}, "too many numbers: must have three"),
+        ("dam-break", {"fluid.size": [1]}, "fluid.size = [1]: has too few numbers: must have two or three"),
+        ("dam-break", {"fluid.blocks": [{"origin": [0]}]}, "fluid.blocks.0.origin = [0]: has too few numbers"),
+    ],
+)
+def test_a_list_of_another_length(scene, changes, told):
+    """Says how many numbers there must be."""
+    with pytest.raises(SceneError, match=re.escape(told)):
+        load_scene(scene).replace(changes)
 
 
 @pytest.mark.parametrize("path", ["rows", "grid", "grid.", ".rows", "grid.rows.more", "gird.rows", "grid.row", ""])
@@ -145,6 +162,8 @@ def test_bad_options(options):
 
 
 def test_unknown_scene():
+    with pytest.raises(InputError, match=r"unknown scene 'nothing'; `softlab scenes`"):  # no name is near
+        load_scene("nothing")
     with pytest.raises(InputError, match="did you mean lab-grid") as caught:
         load_scene("lab-gird")
     one_line(caught.value)

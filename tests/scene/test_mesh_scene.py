@@ -109,7 +109,8 @@ def test_what_a_mesh_cannot_be(mesh: dict[str, Any], words: str) -> None:
         ({"structural": {"compliance": -1.0}}, "at least 0"),
         ({"bending": {"model": "isometric", "damping": 0.1}}, "must be 0"),
         ({"bending": {"model": "cubic"}}, "distance, isometric or dihedral"),
-        ({"cloth": {"rows": 2, "columns": 2}}, "one part of kind"),
+        ({"cloth": {"rows": 2, "columns": 2}}, "one part of kind .* has 2: mesh, cloth"),
+        ({"flag": {"kind": "cloth", "rows": 2, "columns": 2}}, r"has 2: mesh, flag \(kind cloth\)"),
     ],
 )
 def test_what_a_scene_with_a_mesh_cannot_have(changes: dict[str, Any], words: str) -> None:

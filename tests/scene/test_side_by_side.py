@@ -118,6 +118,8 @@ def test_keys_change_every_world_or_the_chosen_one_alone(pair: Demo) -> None:
     first, second, third = numbers_text(pair, 0.02, 0.01, "fine").split("\n")  # what matters most is first
     assert first.startswith("Moon: time 0.00 s   50 frames/s") and second.startswith("dt 0.0125 s, limit")
     assert third.startswith("cpu, ") and third.endswith("drawing 10 ms (fine)")
+    pair.world.limit = 25.0  # far beyond the step: it tells nothing of it
+    assert "limit" not in numbers_text(pair, 0.02, 0.01)
     pair.physics_seconds = 1.01
     slow = numbers_text(pair, 1.0, 0.01, brief=True)  # beside the panel, which tells the rest
     assert "1 frame/s" in slow and "physics 1010 ms, drawing 10 ms" in slow

@@ -134,6 +134,7 @@ def _lattice(
     if per_voxel not in CUTS:
         raise SceneError("tetrahedra", per_voxel, "must be 5 or 6 a voxel")
     field: tuple[str, object] = ("voxels", voxels) if edge is None else ("edge", edge)
+    advice = "take fewer" if edge is None else "make them larger"
     size = edge_of(hull.position, edge, voxels)
     largest = float(np.abs(hull.position).max())
     if size < COARSEST * largest:
@@ -143,9 +144,7 @@ def _lattice(
         )
     wide = (high - low) / size
     if wide.max() > MOST_VOXELS:
-        raise SceneError(
-            *field, f"makes {wide.max():.3g} voxels along an axis; at most {MOST_VOXELS}: make them larger"
-        )
+        raise SceneError(*field, f"makes {wide.max():.3g} voxels along an axis; at most {MOST_VOXELS}: {advice}")
     counts = np.maximum(np.ceil(wide - 2 * _slack(hull, size)), 1).astype(np.int64)
     some = min(float(np.prod(wide + 1)), hull.volume / size**3 + 2 * hull.area / size**2 + 8)
     spanned = len(hull.triangles) + float(np.ptp(hull.position[hull.triangles], axis=1).max(axis=1).sum()) / size
@@ -154,7 +153,7 @@ def _lattice(
         raise SceneError(
             *field,
             f"makes about {some:.3g} voxels, which take {readable(needed)} of memory, of which {readable(free)} is free; "
-            "make them larger",
+            + advice,
         )
     return size, counts
 

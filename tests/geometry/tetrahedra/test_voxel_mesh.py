@@ -202,7 +202,8 @@ def test_parameters_are_refused_with_what_would_do():
         ({"voxels": 1 << 30}, "voxels = .*must be 1 to"),
         ({"edge": 1e-3, "voxels": 3}, "give voxels or edge"),
         ({"per_voxel": 4}, "must be 5 or 6"),
-        ({"edge": 1e-4}, "edge = 0.0001: makes about .* voxels, which take .* of memory"),
+        ({"edge": 1e-4}, "edge = 0.0001: makes about .* voxels, which take .* of memory.* make them larger"),
+        ({"voxels": 100_000}, "voxels = 100000: makes about .* of memory.* take fewer"),
         ({"edge": 1e-8}, "edge = 1e-08: makes .* voxels along an axis"),
     ):
         with pytest.raises(SceneError, match=words):
