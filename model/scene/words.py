@@ -62,9 +62,8 @@ def _count_error(part: str, complaints: list[Any], first: Any) -> SceneError:
             counts[place[:-1]] = max(place[-1] + 1, counts.get(place[:-1], 0))
     short = first["type"] == "missing"
     field = _field(first["loc"][:-1] if short else first["loc"])
-    wanted = " or ".join(
-        COUNTS[count] for count in sorted({n for place, n in counts.items() if _field(place) == field})
-    )
+    lengths = sorted({n for place, n in counts.items() if _field(place) == field})
+    wanted = " or ".join(COUNTS[count] if count < len(COUNTS) else str(count) for count in lengths)
     told = f"has too {'few' if short else 'many'} numbers: must have {wanted}"
     return SceneError(".".join([part, *field]), first["input"], told)
 
