@@ -123,16 +123,17 @@ def fluid_notes(report: dict[str, Any]) -> list[str]:
 
 
 def newton_report(simulation: Simulation) -> dict[str, Any]:
-    """Of implicit tetrahedral bodies, per substep: matrices, Newton's steps, and products with the matrix."""
+    """Of implicit tetrahedral bodies, per solve (a substep is one, of second order two): matrices, Newton's steps, and
+    products with the matrix."""
     if not simulation.scene.tetrahedra or not hasattr(simulation, "done"):
         return {}
-    substeps, _, matrices, products, steps = (int(one) for one in simulation.done)
-    each = max(substeps, 1)
+    solves, _, matrices, products, steps = (int(one) for one in simulation.done)
+    each = max(solves, 1)
     return {"matrices": matrices / each, "newton_steps": steps / each, "matrix_products": products / each}
 
 
 def newton_notes(report: dict[str, Any]) -> list[str]:
-    """That nothing was solved: where a matrix that is made again, positive, leads nowhere either, there are two of a substep
+    """That nothing was solved: where a matrix that is made again, positive, leads nowhere either, there are two of a solve
     and no step; at rest there is one."""
     if (
         "newton_steps" not in report
@@ -141,7 +142,7 @@ def newton_notes(report: dict[str, Any]) -> list[str]:
     ):
         return []
     return [
-        f"Newton's method found {report['newton_steps']:.2g} steps a substep, and none in most: bodies stand still there "
+        f"Newton's method found {report['newton_steps']:.2g} steps a solve, and none in most: bodies stand still there "
         "though they are not at rest; --math exact or --precision float64 tells whether rounding is why"
     ]
 

@@ -27,9 +27,9 @@ UNITS = {
     "mean_compression": "of the density at rest",
     "largest_compression": "of the density at rest",
     "height": "m",
-    "matrices": "a substep",
-    "newton_steps": "a substep",
-    "matrix_products": "a substep",
+    "matrices": "a solve",
+    "newton_steps": "a solve",
+    "matrix_products": "a solve",
 }
 LABELS = {
     "mean_compression": "density error, mean", "largest_compression": "density error, largest",

@@ -27,7 +27,7 @@ from model.formulas.elastic import stages
 from model.tetrahedra.newton import DAMPED, STAGED, SUMMED
 
 SUMS = 2
-DONE = ("substeps", "looks", "matrices", "products", "steps")  # that a simulation has done
+DONE = ("solves", "looks", "matrices", "products", "steps")  # that a simulation has done
 
 
 def make_substep_ends(

@@ -129,7 +129,7 @@ class TetrahedraNewton(DrivenSimulation):
 
     @property
     def done(self) -> np.ndarray:
-        """(substeps, looks, matrices, products, steps) so far: see newton_kernel.py."""
+        """(solves, looks, matrices, products, steps) so far: see newton_kernel.py."""
         host: np.ndarray = self._done.copy_to_host(stream=self.stream)
         self.synchronize()
         return host

@@ -53,7 +53,7 @@ from model.formulas.elastic.newton import (
 )
 from model.tetrahedra.newton import DAMPED, SUMMED
 
-DONE = ("substeps", "looks", "matrices", "products", "steps")  # that a simulation has done
+DONE = ("solves", "looks", "matrices", "products", "steps")  # that a simulation has done
 WORKING = len(Vectors._fields) - 2  # vectors beside the state: directions are two, and few scenes have `start`
 
 

@@ -41,7 +41,7 @@ def test_the_strain_is_of_the_edge_that_is_stretched_most(command: Any, tmp_path
     ],
 )
 def test_a_solver_that_finds_no_step_says_so(done: tuple[int, ...], told: bool) -> None:
-    """(substeps, looks, matrices, products, steps), of one that its matrices are no numbers of, and of others."""
+    """(solves, looks, matrices, products, steps), of one that its matrices are no numbers of, and of others."""
     simulation: Any = SimpleNamespace(scene=SimpleNamespace(tetrahedra={"bar": None}), done=np.array(done))
     report = newton_report(simulation)
     assert report["newton_steps"] == pytest.approx(done[4] / done[0])
