@@ -31,7 +31,7 @@ from model.tetrahedra.newton import (
 from model.tetrahedra.springs import rounding_of, springs
 from model.tetrahedra.tables import surface_lists
 
-VECTORS = 8  # see newton_rows.py
+VECTORS = 8  # see newton_rows.py; of order 2 one more
 
 
 class TetrahedraNewton(QuadsSimulation):

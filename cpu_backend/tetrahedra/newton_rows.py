@@ -1,9 +1,10 @@
 """What Newton's method does with particles, group by group, on CPU threads: each sums up its own row, in one order.
 
 `vectors`: (target, current, gradient of the potential, that at a trial, solution, residual, direction, product of the matrix
-or what is preconditioned or the way since the substep's start), each (particles, 3); `rows`: model/tetrahedra/block_rows.py's
-arrays, then those of springs; `matrix`: (blocks of tetrahedra and of springs, of rows, of the damper's rows, inverse of the
-diagonal as six numbers, forces at corners, what holds each particle [N/m]).
+or what is preconditioned or the way since the substep's start; at order 2 also velocities at its first stage's start), each
+(particles, 3); `rows`: model/tetrahedra/block_rows.py's arrays, then those of springs; `matrix`: (blocks of tetrahedra and
+of springs, of rows, of the damper's rows, inverse of the diagonal as six numbers, forces at corners, what holds each particle
+[N/m]).
 """
 
 from __future__ import annotations
