@@ -28,6 +28,7 @@ COMPILED = {
     "test_xpbd_cpu_reference.py": "test_fast_math*",
     "test_tetrahedra_meshes.py": "test_a_swing*",
     "test_newton.py": "*",  # statics take hundreds of steps
+    "test_newton_order.py": "test_orders* test_a_swing* test_a_bar* test_any_number*",
     "test_kernel_cache.py": "*", "test_rotation.py": "*",  # machine code itself, a hundred thousand matrices
     "test_tetrahedra_cpu.py": "test_b21*", "test_hard_tetrahedra.py": "test_the_laws*",  # seconds of motion
     "test_hard_fluids.py": "test_the_laws*",
@@ -175,7 +176,7 @@ test_accuracy_xpbd.py test_the_published_errors*
 test_iterations.py test_two_errors* test_iterations*xpbd?jacobi?
 test_ablate.py test_of_chaos* test_over_the_limit* test_dropping_a_random* test_dropped_parts*
 test_advise.py test_the_command_writes* test_no_cheaper*0.0001? test_no_cheaper*0.2? test_no_cheaper*0.01?
-test_advise_tetrahedra.py test_what_is_advised*solver2* test_what_is_advised*solver3* test_float32*
+test_advise_tetrahedra.py test_what_is_advised*solver[234]* test_float32*
 test_bar.py test_windows*cpu-1? test_bodies_keep*
 test_reading.py test_neither_figures*
 test_labbook.py test_the_book*None*

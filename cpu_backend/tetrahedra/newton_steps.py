@@ -184,8 +184,8 @@ def make_pass(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
 
 @cache
 def make_newton_advance(real: Any, math: str, parts: frozenset[str]) -> Any:
-    """advance(bands, steps, step, substeps, iterations, floor, state, given, solver, control, values, done): many steps in
-    one call. `control` (2 + COUNTS,): what the next pass is, substeps done, counts; `values` (VALUES,); `done` (DONE,) is
+    """advance(bands, steps, step, solves, iterations, floor, state, given, solver, control, values, done): many steps in
+    one call. `control` (2 + COUNTS,): what the next pass is, solves done, counts; `values` (VALUES,); `done` (DONE,) is
     added to."""
     compiler = Compiler(cloth_variant("newton", real, math, parts), math)
     one_pass = make_pass(compiler, real, parts)
@@ -237,14 +237,14 @@ def make_newton_advance(real: Any, math: str, parts: frozenset[str]) -> Any:
         control[0] = later
 
     def advance(
-        team, member, bands, steps, step, substeps, iterations, floor, state, given, solver, control, values, done
+        team, member, bands, steps, step, solves, iterations, floor, state, given, solver, control, values, done
     ):  # fmt: skip
         particles = len(state[0])
-        while control[1] < steps * substeps:  # it only grows: who comes late sees that all is done
+        while control[1] < steps * solves:  # it only grows: who comes late sees that all is done
             for band in shares(team, member, bands):
                 number = control[1]
                 one_pass(
-                    control[0], band, bands, step + number // substeps, step * substeps + number, control[3], values[5],
+                    control[0], band, bands, step + number // solves, step * solves + number, control[3], values[5],
                     values[6], values[7], state, given, solver,
                 )  # fmt: skip
             for _ in shares(team, member, 1):

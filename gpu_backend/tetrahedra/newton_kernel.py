@@ -131,11 +131,11 @@ def _views(math: str) -> SimpleNamespace:
 @cache
 def make_newton(real: Any, math: str, parts: frozenset[str]) -> Any:
     """kernel(position, velocity, working, values, found, blocks, damper, inverses, forces, holding, springs, centres, band,
-    unknowns, inverse, tables, sums, flags, done, record, bodies, integers, counter, steps, substeps, iterations, floor):
-    `steps` steps of the state in `position` and `velocity`. `working`: WORKING vectors of quads; `values`: of tetrahedra,
-    column by column; then those of Matrix and Coarse, of which `unknowns` has three; `tables`: `packed`; `sums`: twice what
-    groups sum up; `flags` (1,) int32, 0 before the launch; `done` (DONE,) int64 is added to; `floor`: of residuals that are
-    left alone."""
+    unknowns, inverse, tables, sums, flags, done, record, bodies, integers, counter, steps, solves, iterations, floor):
+    `steps` steps, of so many `solves` each, of the state in `position` and `velocity`. `working`: WORKING vectors of quads,
+    of order 2 one more; `values`: of tetrahedra, column by column; then those of Matrix and Coarse, of which `unknowns` has
+    three; `tables`: `packed`; `sums`: twice what groups sum up; `flags` (1,) int32, 0 before the launch; `done` (DONE,) int64
+    is added to; `floor`: of residuals that are left alone."""
     views, dispatch, sum_up = _views(math), _make_dispatch(real, math, parts), _make_sum_up(real, math)
     vectors_of, lists_of, coarse_of = views.vectors, views.lists, views.coarse
     # decided in exact math always: a trial may be so far off that its energy is no number, which fast math takes for one
@@ -144,7 +144,7 @@ def make_newton(real: Any, math: str, parts: frozenset[str]) -> Any:
 
     def newton_steps(
         position, velocity, working, values, found, blocks, damper, inverses, forces, holding, springs, centres, band,
-        unknowns, inverse, tables, sums, flags, done, record, bodies, integers, counter, steps, substeps, iterations, floor,
+        unknowns, inverse, tables, sums, flags, done, record, bodies, integers, counter, steps, solves, iterations, floor,
     ):  # fmt: skip
         shared = cuda.shared.array(ROOM, real)
         world = World(record[0], bodies, integers)
@@ -153,11 +153,11 @@ def make_newton(real: Any, math: str, parts: frozenset[str]) -> Any:
         coarse = coarse_of(lists, centres, band, unknowns, inverse)
         wanted, turn, flip, half = np.int32(cuda.gridDim.x), 0, 0, sums.size // 2
         first_thread = cuda.blockIdx.x == 0 and cuda.threadIdx.x == 0
-        for number in range(steps * substeps):
+        for number in range(steps * solves):
             step = np.int64(0)
             if has_time:
-                step = counter[0] + number // substeps
-            time = step, step * substeps + number % substeps
+                step = counter[0] + number // solves
+            time = step, step * solves + number % solves
             kind, counts = BEGIN, (0, 0, 0, 0, 0)
             kept = zero, zero, zero, zero, zero, zero, zero, zero, zero, zero
             while True:

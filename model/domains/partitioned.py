@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from copy import copy
 from typing import Any
 
 import numpy as np
@@ -55,12 +54,8 @@ class PartitionedBodies(WindowedSimulation):
 
     def _window_scene(self, scene: Scene, some: Any) -> Scene:
         """The `scene` with `some` in the place of all its bodies, whose step is a substep of it."""
-        found, method = copy(scene), scene.method
+        found = scene.stepped(dt=scene.method.dt / scene.method.substeps, substeps=1)
         vars(found).update({"grid": some, self.partitions.mesh.held: some})
-        found.parts = dict(scene.parts)
-        found.parts[scene.name_of("method")] = method.model_copy(
-            update={"dt": method.dt / method.substeps, "substeps": 1}
-        )
         return found
 
     # ------------------------------------------------------------------ the contract

@@ -7,6 +7,7 @@ A part that is not there is not simulated: it has no stage, no array and no bran
 from __future__ import annotations
 
 from collections.abc import Mapping
+from copy import copy
 from pathlib import Path
 from typing import Any
 
@@ -61,6 +62,13 @@ class Scene(SceneParts):
         scene = cls.__new__(cls)
         SceneParts.__init__(scene, tables, "scene", "scene")
         return scene
+
+    def stepped(self, **fields: Any) -> Scene:
+        """These parts, and what is made of them, with other `fields` of the method, which are not looked at again."""
+        _ = self.grid  # made once, for both
+        found = copy(self)
+        found.parts = self.parts | {self.name_of("method"): self.method.model_copy(update=fields)}
+        return found
 
     def replace(self, changes: Mapping[str, Any]) -> Scene:
         """A new, validated scene with fields replaced by dotted path: `scene.replace({"grid.rows": 64})`.

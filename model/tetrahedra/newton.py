@@ -18,19 +18,21 @@ from typing import Any
 import numpy as np
 
 from model.core.clock import START, Clock
+from model.core.errors import SceneError
 from model.core.own_forces import own_forces
 from model.core.parameters import rounded_record
 from model.core.plan import Node, Plan, Stage
 from model.formulas import colliders, distance
 from model.formulas.constraints.tetrahedron import MATERIALS
 from model.formulas.elastic import deformation, stages, tangent
+from model.scene.checks.tetrahedra import NOT_SMOOTH
 from model.scene.scene import Scene
 from model.tetrahedra.apart import none_apart
 from model.tetrahedra.body_set import TetrahedraSet
 from model.tetrahedra.constraints import tetrahedra_parts, through_note
 from model.tetrahedra.family import TETRAHEDRA
 from model.tetrahedra.material import rest_ratio
-from model.xpbd.family import with_limit
+from model.xpbd.family import projection_limit, with_limit
 from model.xpbd.mesh_plan import PINS
 from model.xpbd.parameters import XPBD_FIELDS, xpbd_values
 
@@ -74,28 +76,34 @@ def newton_parts(scene: Scene, live: frozenset[str] = frozenset()) -> frozenset[
 
 def stages_of(scene: Scene) -> int:
     """How many solves of implicit Euler a substep is."""
-    return stages.STAGES[scene.method.order]
+    return scene.method.order
 
 
 def solved(scene: Scene) -> Scene:
-    """The scene of which each solve is one substep: another step size if a substep is several."""
-    if scene.method.order == 1:
-        return scene
-    return scene.replace({"method.dt": stages.STAGE * scene.method.dt})
+    """The scene of which each solve is one substep: of another step size if a substep is several. Nothing timed may hang on
+    it, since stages do not end where substeps would."""
+    return scene if scene.method.order == 1 else scene.stepped(dt=stages.STAGE * scene.method.dt)
+
+
+def refuse_unsteady(scene: Scene, live: frozenset[str]) -> None:
+    """Raise SceneError for pins that go where they are told while running, which have no second order in time."""
+    if scene.method.order > 1 and "targets" in live:
+        raise SceneError("live", "targets", f"{NOT_SMOOTH}: --set method.order=1")
 
 
 def newton_record(
     scene: Scene, real: Any, poke: tuple[float, ...] = (0.0, 0.0, 0.0), clock: Clock = START
 ) -> np.ndarray:
     """(1,): CONSTANTS, then those of every position-based solver; h is what a solve takes."""
-    scene = solved(scene)
-    h = scene.method.dt / scene.method.substeps
+    one = solved(scene)
+    h = one.method.dt / one.method.substeps
     own = dict(zip(CONSTANTS, (scene.grid.mass / h**2, 1 / h), strict=True))
-    return rounded_record(scene, own | xpbd_values(scene, poke, clock), XPBD_FIELDS, real)
+    return rounded_record(scene, own | xpbd_values(one, poke, clock), XPBD_FIELDS, real)
 
 
 def newton_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
     """The plan of a step. How often its inner node runs is decided by residuals: bytes and operations are of one each."""
+    refuse_unsteady(scene, live)
     parts, method, found = newton_parts(scene, live), scene.method, scene.tetrahedra_set
     particles = found.particle_count
     each = len(found.tetrahedra) / particles  # tetrahedra of a particle
@@ -127,11 +135,18 @@ def newton_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
     return Plan(root, sum(stage.reads + stage.writes for stage in root.stages()), parts, dimensions=3)
 
 
+def newton_limit(scene: Scene, frequency: float | None = None) -> float:
+    """As of projections (model/xpbd/family.py), [s]; the two stages of order 2 hold a damper that is explicit while h c / m <
+    1 / (g (1 - g)), of R(z) = 1 - z + g (1 - g) z^2 with z = h c / m, whatever vibrates beside it."""
+    limit = projection_limit(scene, frequency)
+    return limit if scene.method.order == 1 else limit / (2 * stages.STAGE * (1 - stages.STAGE))
+
+
 def newton_note(scene: Scene) -> str:
     """A line on what the method does to a motion, and whether the step size has a limit."""
     text = "implicit Euler by Newton's method, at any step size: first order, and damped by it"
     if scene.method.order > 1:
-        text = "two stages by Newton's method, at any step size: second order, and hardly damped; masses' dampers first order"
+        text = "two stages by Newton's method, at any step size: second order, and hardly damped; dampers are of first order"
     return with_limit(scene, text) + through_note(scene)
 
 
@@ -142,6 +157,7 @@ TETRAHEDRA_NEWTON = replace(
     plan=newton_plan,
     record=newton_record,
     note=newton_note,
+    limit=newton_limit,
     solvers={
         "cpu": "cpu_backend.tetrahedra.newton:TetrahedraNewton",
         "gpu": "gpu_backend.tetrahedra.newton:TetrahedraNewton",

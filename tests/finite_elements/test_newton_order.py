@@ -7,16 +7,18 @@ from math import pi
 
 import numpy as np
 import pytest
+from kinematic_scenes import BAR, CUBE, HOOK, kinematic_scene
 from newton_scenes import bar, end_state, newton_scene, shaken
 from tetrahedra_scenes import BODY
 
 from app.driver import open_simulation
 from bench.experiments.tetrahedral.meshes import decay, law, swinging
 from bench.reference import tetrahedra_newton as reference
-from model.core.errors import SceneError
+from model.core.errors import SceneError, UnstableTimeStep
 from model.core.simulation import State
 from model.formulas.elastic.stages import STAGE
 from model.scene.scene import Scene, load_scene
+from model.tetrahedra.newton import newton_record, solved
 
 NAMES = ["fixed-corotated", "corotated", "neo-hookean", "damped"]
 
@@ -117,15 +119,72 @@ def test_any_number_of_threads_gives_the_same_bits() -> None:
         assert np.array_equal(other.position, found[0].position) and np.array_equal(other.velocity, found[0].velocity)
 
 
+def everything() -> Scene:
+    """Two bodies with dampers of all kinds, one hung up by springs, a force that changes with the step."""
+    scene = kinematic_scene(
+        "newton", bar=BAR | {"edge": 0.1, "damping": 0.03, "mass_damping": 3.0}, cube=CUBE | {"edge": 0.1}, hook=HOOK,
+        gravity={}, external={"magnitude": 0.5},
+    )  # fmt: skip
+    return second(scene, substeps=3)
+
+
 def test_a_run_in_parts_is_the_same() -> None:
-    """A step begins at its first stage, whatever was called before."""
-    scene, states = second(newton_scene("damped"), substeps=1), []
+    """A step begins at its first stage, whatever was called before; another step size and a push are of both stages."""
+    scene, states = everything(), []
     for parts in ((4,), (1, 3), (1, 1, 2)):
-        with open_simulation(scene, math="exact", initial=shaken(scene)) as simulation:
+        with open_simulation(scene, math="exact", live=("dt", "poke"), initial=shaken(scene)) as simulation:
             for steps in parts:
                 simulation.advance(steps)
+            simulation.set("method.dt", 0.5 * scene.method.dt)
+            simulation.poke(3, (1.0, 0.0, 0.0))
+            simulation.advance(1)
             states.append(simulation.state())
-    assert all(np.array_equal(one.position, states[0].position) for one in states[1:])
+    for one in states[1:]:
+        assert np.array_equal(one.position, states[0].position) and np.array_equal(one.velocity, states[0].velocity)
+
+
+def test_a_body_that_is_braked_slows_as_the_stages_say() -> None:
+    """By R(z) = 1 - z + g (1 - g) z^2 a substep, z = h c, of the rate at which its own velocities decay."""
+    rate, h = 5.0, 0.02
+    scene = second(newton_scene("fixed-corotated", body=BODY | {"pinned": [], "mass_damping": rate}), substeps=1)
+    scene = scene.replace({"method.dt": h, "gravity.enabled": False})
+    with open_simulation(scene, precision="float64", math="exact") as simulation:
+        begin = simulation.state()
+        velocity = np.broadcast_to([0.5, 1.0, -0.2], begin.position.shape)
+        simulation.load(State(begin.position, velocity, begin.inverse_mass, 0.0, 0))
+        simulation.advance(4)
+        found = simulation.state().velocity
+    z = rate * h
+    np.testing.assert_allclose(found, (1 - z + STAGE * (1 - STAGE) * z**2) ** 4 * velocity, rtol=1e-9)
+
+
+def test_the_limit_is_that_of_two_stages() -> None:
+    """A body that is braked by its rate c holds to h c = 1 / (g (1 - g)), 4.83, and not beyond."""
+    body = BODY | {"pinned": [], "mass_damping": 100.0}
+    scene = second(newton_scene("fixed-corotated", body=body), substeps=1, dt=0.0482)
+    edge = 1 / (STAGE * (1 - STAGE)) / 100.0
+    speeds = []
+    for h in (0.98 * edge, 1.02 * edge):
+        one = scene.replace({"method.dt": h, "gravity.enabled": False})
+        with open_simulation(one, precision="float64", allow_unstable=True) as simulation:
+            assert simulation.limit == pytest.approx(edge)
+            begin = simulation.state()
+            velocity = np.broadcast_to([0.5, 1.0, -0.2], begin.position.shape)
+            simulation.load(State(begin.position, velocity, begin.inverse_mass, 0.0, 0))
+            simulation.advance(10)
+            speeds.append(np.abs(simulation.state().velocity).max())
+    assert speeds[0] < 1 < speeds[1]
+    with pytest.raises(UnstableTimeStep):
+        open_simulation(scene.replace({"method.dt": 1.02 * edge}))
+
+
+def test_its_mesh_is_cut_once() -> None:
+    """The constants of a solve are asked for at every push: none of them makes a body anew."""
+    scene = second(newton_scene("damped"))
+    assert solved(scene).tetrahedra_set is scene.tetrahedra_set and solved(scene).grid is scene.grid
+    assert solved(scene).method.dt == pytest.approx(STAGE * scene.method.dt) and scene.method.dt == 0.01
+    with pytest.raises(SceneError, match="1e-44"):  # what was given is told, and not what a stage takes
+        newton_record(scene.replace({"method.dt": 1e-44}), np.float32)
 
 
 @pytest.mark.parametrize("part", ["floor", "motion"])
@@ -134,6 +193,11 @@ def test_what_is_not_smooth_is_refused(part: str) -> None:
     more = {"floor": {"kind": "plane"}} if part == "floor" else {"motion": {"velocity": [0.1, 0, 0], "pins": "all"}}
     with pytest.raises(SceneError, match="no smooth force"):
         Scene(scene.as_dict() | more).replace({"method.order": 2})
+
+
+def test_pins_that_are_told_where_to_go_are_refused() -> None:
+    with pytest.raises(SceneError, match="no smooth force"):
+        open_simulation(second(newton_scene("damped")), live=("targets",))
 
 
 def test_order_is_newtons() -> None:

@@ -17,7 +17,7 @@ from bench.experiments.advise.tetrahedra_advice import Budget, TetrahedraAdvice
 from bench.experiments.advise.tetrahedra_laws import MOST, Stiff, fewest, gravity_lost, least_substep
 from bench.experiments.tetrahedra import drop, settle
 from bench.experiments.tetrahedral.bars import bars
-from bench.experiments.tetrahedral.cantilever import BLOCKS, cantilever, exact_drop, exact_rest, sag
+from bench.experiments.tetrahedral.cantilever import BLOCKS, SECOND, cantilever, exact_drop, exact_rest, sag
 from bench.measure.experiment import described
 from bench.reference.finite_elements import modes
 from bench.store.database import Store
@@ -34,13 +34,13 @@ def bar(young: float = 1e6) -> Scene:
 
 
 def advised(scene: Scene, error: float) -> dict[tuple[str, int], Budget]:
-    """(solver, sweeps or 0) -> the budget, of all that reach the error."""
+    """(solver with its order, sweeps or 0) -> the budget, of all that reach the error."""
     found = [one for one in budgets_by_law(scene, bodies(scene)[0], error) if isinstance(one, Budget)]
-    return {(one.solver, one.iterations if one.solver == "xpbd" else 0): one for one in found}
+    return {(one.name, one.iterations if one.solver == "xpbd" else 0): one for one in found}
 
 
 @pytest.mark.parametrize("young", [1e5, 1e6, 1e7])
-@pytest.mark.parametrize("solver", [("xpbd", 2), ("newton", 0), ("xpbd", 1), ("vbd", 0)])
+@pytest.mark.parametrize("solver", [("xpbd", 2), ("newton", 0), ("xpbd", 1), ("vbd", 0), (SECOND, 0)])
 def test_what_is_advised_meets_its_error(solver: tuple[str, int], young: float) -> None:
     """1 % at 400 tetrahedra, run: at rest and half a vibration after it was let go."""
     budget = advised(bar(young), 0.01)[solver]
@@ -51,7 +51,7 @@ def test_what_is_advised_meets_its_error(solver: tuple[str, int], young: float) 
         moved = drop(free, 2, young) / exact_drop(2, young)[1] - 1
     assert abs(found) <= 0.01
     assert abs(moved) <= 0.01 + JUDGE
-    assert max(abs(found), abs(moved)) > 0.001  # and is no waste
+    assert max(abs(found), abs(moved)) > 0.001 or budget.substeps == 1  # and is no waste
 
 
 def test_two_sweeps_are_a_bargain() -> None:
@@ -135,7 +135,7 @@ def test_float32_is_not_advised_where_it_loses_gravity(store: Store) -> None:
 def test_what_the_laws_do_not_know_is_left_out() -> None:
     """Six tetrahedra to a voxel; several sweeps of neo-Hookean rows; too stiff a body."""
     six = bar().replace({"beam.tetrahedra": 6})
-    assert advised(six, 0.01).keys() == {("newton", 0), ("vbd", 0)}
+    assert advised(six, 0.01).keys() == {("newton", 0), (SECOND, 0), ("vbd", 0)}
     neo = bar().replace({"beam.material": "neo-hookean"})
     assert ("xpbd", 2) not in advised(neo, 0.01) and ("xpbd", 1) in advised(neo, 0.01)
     steel = bar().replace({"beam.young_modulus": 1e14})

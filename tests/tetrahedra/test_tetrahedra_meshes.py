@@ -97,7 +97,7 @@ def made() -> Store:
             numbers = {TETRAHEDRA: 100.0, PART: 0.6 if cut == 5 else 0.02}
         else:
             h = scene["method"]["dt"] / scene["method"]["substeps"]
-            right = law(0.8334, h)
+            right = law(0.8334, h, scene["method"].get("order", 1))
             lost = right / 2 if scene["method"]["solver"] == "xpbd" else right
             numbers = {LAW: right, FREQUENCY: 0.83, DECAY: lost}
         for name, value in numbers.items():
@@ -107,11 +107,11 @@ def made() -> Store:
 
 def test_what_is_told_drawn_and_claimed(made: Store) -> None:
     held = list(measures(made))
-    assert len(meshes(held)) == 2 * 3 * 3 and len(steps(held)) == 3 * 6
+    assert len(meshes(held)) == 2 * 3 * 3 and len(steps(held)) == 3 * 6 + 1
     console = Console(width=100, record=True, file=io.StringIO())
     print_meshes(console, made, "cpu")
     told = console.export_text()
-    assert "0.020 (100)" in told and "implicit Euler" in told and "…" not in told
+    assert "0.020 (100)" in told and "by its law" in told and "…" not in told
     results = load(made)
     cuts, stepping = (CLAIMS[name](results) for name in ("tetrahedra-cuts", "tetrahedra-stepping"))
     assert cuts.supported and cuts.numbers["6 0.499"] == 0.02 and "4 voxels across" in cuts.sentence

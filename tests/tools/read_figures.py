@@ -43,7 +43,7 @@ LABELS: dict[str, list[tuple[str, str]]] = {  # figure -> (x, y) of each panel, 
         ("", "error at rest"), ("", ""), ("", ""), ("time of a frame / ms", "error in motion"),
         *[("time of a frame / ms", "")] * 2,
     ],
-    "tetrahedra-decides": [("time of a frame / ms", "error in motion\n400 tetrahedra"), *[("time of a frame / ms", "")] * 2],
+    "tetrahedra-decides": [("time of a frame / ms", "error in motion"), *[("time of a frame / ms", "")] * 2],
     "tetrahedra-mesh": [("voxels across the bar", "sag / the continuum's"), ("substep / ms", "amplitude lost / (1/s)")],
     "fluids-truth": [
         ("time of a frame / ms", "mean density error"), ("time of a frame / ms", "worst error of the front"),

@@ -31,7 +31,7 @@ from bench.experiments.advise.tetrahedra_laws import (
     least_substep,
 )
 from bench.experiments.tetrahedral.bars import Bar, bars
-from bench.experiments.tetrahedral.cantilever import DENSITY, FRAME, LENGTH, POISSON, SIDE
+from bench.experiments.tetrahedral.cantilever import DENSITY, FRAME, LENGTH, POISSON, SECOND, SIDE
 from bench.measure.costs_timing import QUICK, SECONDS, Record, in_turn
 from bench.measure.experiment import backends_here, described
 from bench.measure.items import cost_sources
@@ -79,7 +79,7 @@ def advise_tetrahedra(
             beaten.append(budget)
             continue
         for precision in sorted(precisions, reverse=True):
-            lost = _lost(scene, scene.method.dt / budget.substeps) if precision == "float32" else 0.0
+            lost = _lost(scene, budget.solve(scene.method.dt)) if precision == "float32" else 0.0
             if lost > error:
                 beaten.append((f"{budget.words}, float32", _loses(scene, budget, lost, error)))
             else:
@@ -168,10 +168,10 @@ def _second(scene: Scene, stiff: Sequence[Stiff], error: float, wave: str) -> Bu
     """Newton's method of second order, which some parts of a scene do not go with."""
     dt, against = scene.method.dt, unsteady(scene)
     if against:
-        return "newton order 2", f"{', '.join(against)}: {NOT_SMOOTH}"
+        return SECOND, f"{', '.join(against)}: {NOT_SMOOTH}"
     steps = fewest(lambda n: max(one.damped(dt / n, 2) for one in stiff) <= error)
     if steps is None:
-        return "newton order 2", f"would take more than {MOST} substeps a step"
+        return SECOND, f"would take more than {MOST} substeps a step"
     moved = max(one.damped(dt / steps, 2) for one in stiff)
     why = f"rests where it should, by its own end; in motion .4 w^2 h^2, {wave}"
     return Budget("newton", steps, 1, 0.0, moved, why, order=2)
@@ -206,7 +206,7 @@ def _lost(scene: Scene, h: float) -> float:
 
 
 def _loses(scene: Scene, budget: Budget, lost: float, error: float) -> str:
-    h = scene.method.dt / budget.substeps
+    h = budget.solve(scene.method.dt)
     assert scene.gravity is not None
     least = least_substep(_place(scene), scene.gravity.acceleration, error)
     return (

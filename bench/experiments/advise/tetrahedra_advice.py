@@ -8,6 +8,7 @@ from math import inf
 from typing import Any
 
 from bench.experiments.advise.budgets import BudgetAdvice
+from model.formulas.elastic.stages import STAGE
 
 
 @dataclass(frozen=True)
@@ -39,6 +40,10 @@ class Budget:
         """`newton`, or `newton order 2`."""
         return self.solver + f" order {self.order}" * (self.order > 1)
 
+    def solve(self, dt: float) -> float:
+        """[s]: what one solve of a step of `dt` [s] takes."""
+        return dt / self.substeps * (STAGE if self.order > 1 else 1)
+
     @property
     def words(self) -> str:
         """`newton, 8 substeps of 1 iteration`."""
@@ -54,7 +59,7 @@ class Budget:
         budget = {
             "method.solver": self.solver, "method.substeps": self.substeps, "method.iterations": self.iterations
         }  # fmt: skip
-        if self.solver == "newton":
+        if self.solver == "newton":  # also 1, where a scene says 2
             return budget | {"method.order": self.order}
         return budget | {"method.rows": "scalar"} if self.solver == "xpbd" else budget
 

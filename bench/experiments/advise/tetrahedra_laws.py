@@ -10,13 +10,13 @@ frequency of its slowest vibration:
   Where all vertices lie on the surface it is more (COARSE); in finer meshes less (0.44 q with four voxels across, 0.68 q with
   two, 1.1 q with one).
 - Newton's method and vertex block descent begin each step where the last one ended, and rest where they should.
-- In motion all are implicit Euler, whose damping shortens the way made in half a vibration by w h pi / 4 of it (by its factor
-  1 / (1 + i w h) a step), on the bar by up to DAMPING times as much.
+- In motion all but order 2 are implicit Euler, whose damping shortens the way made in half a vibration by w h pi / 4 of it
+  (by its factor 1 / (1 + i w h) a step), on the bar by up to DAMPING times as much.
 - At order 2 Newton's method shortens it by up to SWING (w h)^2: hardly by damping, which takes a part of order (w h)^3, but
   by what becomes of the quicker vibrations that go with it.
 - A sweep of vertex block descent takes CREEP / (1 + h^2 E / (rho a^2)) of what is left of a slow motion. What is left after
   the last is lost from the velocity, in every substep: pi / (4 w h) of it over half a vibration.
-- In float32 a place y is kept to half a digit of y 2^-23, and gravity moves it by g h^2 a substep: the ratio of both may be
+- In float32 a place y is kept to half a digit of y 2^-23, and gravity moves it by g h^2 a solve: the ratio of both may be
   lost. It is more often a tenth of that.
 """
 

@@ -17,13 +17,12 @@ from math import sqrt
 from model.formulas import plain
 
 STAGE = 1 - 1 / sqrt(2)  # of the substep, which each of two stages takes
-STAGES = {1: 1, 2: 2}  # order -> stages
 OPERATIONS_AHEAD = 3 * (3 + 3)
 
 
 def make(real, compiled=plain):
     """`ahead(x, v, start, h)`: (place, velocity) that the second stage begins with, of one axis: `x` and `v` at the first
-    one's end, the velocity at its `start`, and its length h [s]."""
+    stage's end, the velocity at its `start`, and how long it is, h [s], a part STAGE of the substep."""
     reach = real(sqrt(2))
 
     @compiled

@@ -34,6 +34,11 @@ def test_bits_are_the_cpus(name: str, precision: str) -> None:
 
 
 @pytest.mark.parametrize("precision", ["float32", "float64"])
+def test_bits_of_second_order(precision: str) -> None:
+    held_against_the_cpu(newton_scene("damped").replace({"method.order": 2}), precision, 2)
+
+
+@pytest.mark.parametrize("precision", ["float32", "float64"])
 def test_bits_of_groups_of_particles_and_of_bodies(precision: str) -> None:
     held_against_the_cpu(groups_and_bodies(), precision, 1)
 
