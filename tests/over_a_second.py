@@ -223,7 +223,8 @@ test_bodies_rest.py test_iterations_make* test_a_stack_sleeps* test_ten* test_br
 test_bodies_hard.py test_a_plane_stops*
 test_hard_fluids.py test_the_laws*
 test_newton.py *
-test_newton_order.py test_orders* test_a_swing* test_a_bar* test_a_run* test_the_limit* test_any_number* *judges?fixed-corotated?
+test_newton_order.py test_orders* test_a_swing* test_a_bar* test_a_run* test_the_limit* test_any_number*
+    *judges?fixed-corotated?
 test_vbd_chebyshev.py test_threads_and_kernels*
 test_world_cpu.py test_momentum* test_threads_give*
 test_attachments.py test_a_body_on_soft*
