@@ -70,12 +70,10 @@ def _steps(ax: Any, found: list[Step]) -> None:
                 markersize=4,
                 label=label,
             )
-    label = "what its scheme should lose"
-    for second in (False, True):
-        told = sorted({(1e3 * step.h, step.law) for step in found if (step.solver == SECOND) == second})
-        if told:
-            ax.plot(*zip(*told, strict=True), "--", color=BLACK, linewidth=1, label=label)
-            label = "_the same of another"
+    laws = [sorted({(1e3 * s.h, s.law) for s in found if (s.solver == SECOND) == second}) for second in (False, True)]
+    for number, told in enumerate(law for law in laws if law):
+        named = {} if number else {"label": "what its scheme should lose"}
+        ax.plot(*zip(*told, strict=True), "--", color=BLACK, linewidth=1, **named)
     ax.set_xscale("log")
     ax.set_yscale("log")
     plain_ticks(ax.xaxis)

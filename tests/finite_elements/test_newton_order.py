@@ -28,16 +28,10 @@ def second(scene: Scene, **changes: int | float) -> Scene:
     return scene.replace({"method.order": 2} | {f"method.{name}": value for name, value in changes.items()})
 
 
-def judged(name: str) -> Scene:
-    """What the judge knows of: no forces but gravity."""
-    scene = newton_scene(name)
-    return second(scene, iterations=30)
-
-
 @pytest.mark.parametrize("name", NAMES)
 def test_steps_are_the_judges(name: str) -> None:
     """As of order 1 (test_newton.py), of four solves."""
-    scene = judged(name)
+    scene = second(newton_scene(name), iterations=30)
     start = shaken(scene)
     with open_simulation(scene, precision="float64", math="exact", initial=start) as simulation:
         simulation.advance(2)

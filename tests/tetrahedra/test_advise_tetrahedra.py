@@ -51,7 +51,8 @@ def test_what_is_advised_meets_its_error(solver: tuple[str, int], young: float) 
         moved = drop(free, 2, young) / exact_drop(2, young)[1] - 1
     assert abs(found) <= 0.01
     assert abs(moved) <= 0.01 + JUDGE
-    assert max(abs(found), abs(moved)) > 0.001 or budget.substeps == 1  # and is no waste
+    least = (budget.name, budget.substeps) == (SECOND, 1)  # fewer there are none
+    assert least or max(abs(found), abs(moved)) > 0.001  # and is no waste
 
 
 def test_two_sweeps_are_a_bargain() -> None:

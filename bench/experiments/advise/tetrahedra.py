@@ -21,9 +21,11 @@ import numpy as np
 from app.driver import open_simulation
 from bench.experiments.advise.tetrahedra_advice import Budget, TetrahedraAdvice
 from bench.experiments.advise.tetrahedra_laws import (
+    DAMPING,
     LARGEST,
     LEAST,
     MOST,
+    SWING,
     Stiff,
     fewest,
     gravity_lost,
@@ -134,17 +136,17 @@ def budgets_by_law(scene: Scene, stiff: Sequence[Stiff], error: float) -> Iterat
     quick, rows = max(stiff, key=lambda one: one.frequency), None
     wave = f"w = {quick.frequency:.3g} 1/s of the quickest body's slowest vibration"
 
-    def damped(substeps: int) -> float:
-        return max(one.damped(dt / substeps) for one in stiff)
+    def damped(substeps: int, order: int = 1) -> float:
+        return max(one.damped(dt / substeps, order) for one in stiff)
 
     steps = fewest(lambda n: damped(n) <= error)
     if steps is None:
         yield "newton", f"would take more than {MOST} substeps a step: a vibration is shorter than that"
     else:
-        why = f"in motion implicit Euler's damping, 1.5 pi w h / 4, {wave}"
+        why = f"in motion implicit Euler's damping, {DAMPING:g} pi w h / 4, {wave}"
         yield Budget("newton", steps, 1, 0.0, damped(steps), f"rests where it should, by its own end; {why}")
         yield _descent(dt, stiff, error, damped)
-    yield _second(scene, stiff, error, wave)
+    yield _second(scene, error, damped, wave)
     others = _outside(scene)
     for sweeps, name in SWEEPS.items():
         if others or (sweeps > 1 and any(part.material == "neo-hookean" for part in scene.tetrahedra.values())):
@@ -164,17 +166,16 @@ def budgets_by_law(scene: Scene, stiff: Sequence[Stiff], error: float) -> Iterat
         yield Budget("xpbd", rows, sweeps, excess(rows), max(damped(rows), excess(rows)), told)
 
 
-def _second(scene: Scene, stiff: Sequence[Stiff], error: float, wave: str) -> Budget | tuple[str, str]:
+def _second(scene: Scene, error: float, damped: Any, wave: str) -> Budget | tuple[str, str]:
     """Newton's method of second order, which some parts of a scene do not go with."""
-    dt, against = scene.method.dt, unsteady(scene)
+    against = unsteady(scene)
     if against:
         return SECOND, f"{', '.join(against)}: {NOT_SMOOTH}"
-    steps = fewest(lambda n: max(one.damped(dt / n, 2) for one in stiff) <= error)
+    steps = fewest(lambda n: damped(n, 2) <= error)
     if steps is None:
         return SECOND, f"would take more than {MOST} substeps a step"
-    moved = max(one.damped(dt / steps, 2) for one in stiff)
-    why = f"rests where it should, by its own end; in motion .4 w^2 h^2, {wave}"
-    return Budget("newton", steps, 1, 0.0, moved, why, order=2)
+    why = f"rests where it should, by its own end; in motion {SWING:g} w^2 h^2, {wave}"
+    return Budget("newton", steps, 1, 0.0, damped(steps, 2), why, order=2)
 
 
 def _descent(dt: float, stiff: Sequence[Stiff], error: float, damped: Any) -> Budget | tuple[str, str]:

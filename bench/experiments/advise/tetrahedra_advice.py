@@ -8,6 +8,7 @@ from math import inf
 from typing import Any
 
 from bench.experiments.advise.budgets import BudgetAdvice
+from bench.experiments.tetrahedral.cantilever import SECOND
 from model.formulas.elastic.stages import STAGE
 
 
@@ -38,7 +39,7 @@ class Budget:
     @property
     def name(self) -> str:
         """`newton`, or `newton order 2`."""
-        return self.solver + f" order {self.order}" * (self.order > 1)
+        return SECOND if self.order > 1 else self.solver
 
     def solve(self, dt: float) -> float:
         """[s]: what one solve of a step of `dt` [s] takes."""
