@@ -79,7 +79,8 @@ def _bar(key: Key, measures: list[Measure]) -> Bar:
 def first_backend(found: list[Bar]) -> list[Bar]:
     """Of rows that both backends have, one's, that has most: exact math makes them the same."""
     names = [bar.backend for bar in found]
-    return [bar for bar in found if bar.backend == max(names, key=names.count)]
+    chosen = max(names, key=names.count) if names else ""
+    return [bar for bar in found if bar.backend == chosen]
 
 
 def series(found: list[Bar], solver: str, by: Callable[[Bar], float], **fixed: float) -> list[Bar]:

@@ -25,6 +25,7 @@ from bench.store.database import Store
 from bench.store.results import Measure, measures
 from bench.store.tables import columns, print_table
 from bench.stress.vessels import basin_area, in_basin, pouring
+from model.fluid.fluid_set import particle_count
 from model.fluid.plan import fluid_plan, neighbours_at_rest
 from model.scene.scene import Scene, load_scene
 
@@ -72,8 +73,8 @@ def pool(count: int, scheme: str = SCHEMES[0]) -> Scene:
 
 
 def count_of(scene: Scene) -> int:
-    """Particles of a pool."""
-    return scene.fluid_set.particle_count
+    """Particles of a pool, none of which is made for it."""
+    return particle_count(scene.fluids)
 
 
 def particle_iterations(scene: Scene) -> int:
@@ -183,10 +184,10 @@ def points(held: Iterable[Measure]) -> list[FluidPoint]:
     kept = list(held)
     alone: dict[str, dict[str, float]] = {}
     shares: dict[str, dict[str, float]] = {}
+    phases = {phase_name(phase): phase for phase in (*PHASES, *FREE_PHASES)}
     for measure in kept:
-        for phase in dict.fromkeys((*PHASES, *FREE_PHASES)):
-            if measure.name == phase_name(phase):
-                alone.setdefault(_key(measure), {})[phase] = measure.value or 0.0
+        if measure.name in phases:
+            alone.setdefault(_key(measure), {})[phases[measure.name]] = measure.value or 0.0
         if measure.name.startswith((IN_CUP, IN_BASIN, LEVEL)):
             shares.setdefault(_key(measure), {})[measure.name] = measure.value or 0.0
     found = []

@@ -35,6 +35,13 @@ TEXTS = (".csv", ".csv.gz")  # how the names of text exports end
 DEEPEST = 32  # tables within tables that a column names
 GROUP = ("configuration", "run", "sources", "stage", "steps", "suspect")  # what the repeats in one line share
 Rows = dict[str, list[tuple[Any, ...]]]  # table -> rows in the column order of TABLES
+READERS = {  # table -> of each column its name, its type, and whether an empty cell is none
+    table: [
+        (column, {"REAL": float, "INTEGER": int}.get(kind, str), not rule)
+        for column, (kind, _, rule) in ((column, declared.partition(" ")) for column, declared in columns.items())
+    ]
+    for table, columns in COLUMNS.items()
+}
 
 
 def as_text(rows: Rows) -> str:
@@ -90,7 +97,7 @@ def flatten(data: Mapping[str, Any], prefix: str = "") -> dict[str, str]:
     return cells
 
 
-@lru_cache(maxsize=4096)  # most cells of a column are the same
+@lru_cache(maxsize=65536)  # most cells of a column are the same
 def _value(cell: str) -> Any:
     """What a cell says: JSON, or else its text."""
     try:
@@ -183,15 +190,7 @@ def _parse(reader: Any, file: Path) -> Rows:
 
 def _row(table: str, cells: Mapping[str, str]) -> tuple[Any, ...]:
     """A row of a table from its cells, by column."""
-    return tuple(_read(declared, cells[column]) for column, declared in COLUMNS[table].items())
-
-
-def _read(declared: str, cell: str) -> Any:
-    """A cell as its column declares it; an empty one is none where it may be."""
-    kind, _, rule = declared.partition(" ")
-    if not cell and not rule:
-        return None
-    return {"REAL": float, "INTEGER": int}.get(kind, str)(cell)
+    return tuple([None if not cells[name] and free else kind(cells[name]) for name, kind, free in READERS[table]])
 
 
 def _samples(row: Mapping[str, str]) -> list[tuple[Any, ...]]:

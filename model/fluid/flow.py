@@ -149,14 +149,11 @@ def check_flow(scene: Any) -> None:
         if part.speed > limit:
             told = f"must be at most {limit:.4g} m/s, half a support a substep, or the fluid's maximum_speed"
             raise SceneError(f"{name}.speed", part.speed, told)
-        room = scene.fluid_set.capacities[number] - scene.fluid_set.starting[number]
-        if not room and not emptied:
-            allowed = (
-                f"must be more than {fluid_name} starts with, {scene.fluid_set.starting[number]}, or nothing can come"
-            )
+        if fluid.most == fluid.starting_count and not emptied:
+            allowed = f"must be more than {fluid_name} starts with, {fluid.starting_count}, or nothing can come"
             raise SceneError(f"{fluid_name}.capacity", fluid.capacity, allowed)
     for number, (name, fluid) in enumerate(scene.fluids.items()):
-        if number not in given and scene.fluid_set.capacities[number] > scene.fluid_set.starting[number]:
+        if number not in given and fluid.most > fluid.starting_count:
             raise SceneError(f"{name}.capacity", fluid.capacity, "is for a fluid that an emitter gives; leave it out")
 
 

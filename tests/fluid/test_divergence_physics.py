@@ -16,8 +16,8 @@ FREE = {"method.scheme": "divergence-free"}
 @pytest.mark.parametrize("iterations", [5, 10])
 def test_a_column_at_rest_all_at_once(iterations: int) -> None:
     """F1, with 8 substeps a sixtieth of a second and 120 Pa s, 5 iterations of each solve as well as 10. But for two of
-    macklin's bounds: layers go on giving way, one particle at a time, and rounding decides which. Over both precisions, 2.5 to
-    4 s and viscosities a thousandth apart, the largest speed is .2 to 1.2 % with 5 iterations and .5 to 1.5 with 10, the
+    macklin's bounds: layers go on giving way, one particle at a time, and rounding decides which. Over both precisions, 2.5
+    to 4 s and viscosities a thousandth apart, the largest speed is .2 to 1.2 % with 5 iterations and .5 to 1.5 with 10, the
     error of the pressure .6 to 3.5 % in float32 (in float64 up to 5.5, as long as the lattice is whole)."""
     found = column_at_rest(load_scene("column").replace(FREE | {"method.iterations": iterations}))
     assert abs(found["height"] - 1) < 0.01, found

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from bench.experiments.fluids import PHASES, SCHEMES, FluidPoint, moved_bytes, operations, points, pool
+from bench.experiments.fluids import PHASES, QUICK, SCHEMES, FluidPoint, moved_bytes, operations, points, pool
 from model.fluid.plan import neighbours_at_rest
 from plots.core.backends import name_of, on_backends, sources_of, timed
 from plots.core.colours import BLACK, BLUE, ORANGE
@@ -34,7 +34,7 @@ def rates(source: Source, backend: str) -> tuple[float, float] | None:
 
 def least(point: FluidPoint, phase: str, limits: tuple[float, float]) -> tuple[float, str]:
     """([s], by what): the least that a stage takes of all particles."""
-    scene = pool(point.particles)
+    scene = pool(min(QUICK))  # a particle costs as much in any pool
     moved = moved_bytes(phase, neighbours_at_rest(scene)) * point.particles / limits[0]
     done = operations(scene, phase) * point.particles / limits[1]
     return (moved, "memory") if moved >= done else (done, "arithmetic")
