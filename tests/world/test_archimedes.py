@@ -51,7 +51,7 @@ def test_a_block_floats_as_deep_as_it_weighs(density: float) -> None:
     """Archimedes: depth = height times the ratio of densities, on the mean of two seconds, after one. The water's level
     follows from its volume, which it keeps to a percent (the column of NUMERICS F1). Within a quarter of a rest distance,
     which is 2 % from a dozen layers on and 3 % of these 8: water at rest gives way to no less, and where in that range it
-    stops is left to rounding (wood .12 to .21 too deep, as its water's viscosity differs by ten-thousandths; docs/method.md)."""
+    stops is left to rounding (wood .12 to .21 too deep for viscosities ten-thousandths apart; docs/method.md)."""
     scene, depths = floating(density), []
     block, water = (scene.world_set.slices()[name] for name in ("bodies", "fluid"))
     free = TANK**2 - ACROSS**2
