@@ -50,6 +50,8 @@ def _print_backend(console: Console, one: BackendPlan) -> None:
     kernel = f"{one.kernel}:{one.tile}" if one.tile else one.kernel
     console.print(f"{one.name} ({one.device})", soft_wrap=True, markup=False)
     console.print(f"  kernel {kernel}: {one.why}", soft_wrap=True, markup=False)
+    if one.tile:
+        console.print(f"    {tile_told(one.tile)}", soft_wrap=True)
     for found in one.passes:
         console.print(f"  {' + '.join(found.stages)}", soft_wrap=True, markup=False)
         amounts = f"{found.bytes:.3g} bytes, {found.operations:.3g} operations a mass"
@@ -61,6 +63,18 @@ def _print_backend(console: Console, one: BackendPlan) -> None:
         console.print(f"  measured: a stage that does nothing takes {1e6 * one.empty:.3g} us", soft_wrap=True)
     if one.unmeasured:
         console.print(f"  not measured: {one.unmeasured}", soft_wrap=True, markup=False)
+
+
+def tile_told(name: str) -> str:
+    """What a tile's name says (gpu_backend/core/tiling.py, `Tile.name`).
+
+    >>> tile_told("32x8x4h10")
+    '32x8x4h10: a block of 32 columns of 8 threads, 4 masses each; blocks exchange masses every 10 steps'
+    """
+    columns, threads, masses, steps = (int(part) for part in name.replace("h", "x").split("x"))
+    each = "1 mass" if masses == 1 else f"{masses} masses"
+    shared = f"blocks exchange masses every {steps} steps" if steps > 1 else "blocks exchange masses every step"
+    return f"{name}: a block of {columns} columns of {threads} threads, {each} each" + (f"; {shared}" if steps else "")
 
 
 def overhead_lines(report: PlanReport) -> list[str]:

@@ -32,8 +32,8 @@ def _budget(bar: Bar) -> str:
 
 
 def _solver(bar: Bar) -> str:
-    """`newton of second order`."""
-    return "newton of second order" if bar.solver == SECOND else bar.solver
+    """`newton of order 2`."""
+    return "newton of order 2" if bar.solver == SECOND else bar.solver
 
 
 def _pascal(young: float) -> str:

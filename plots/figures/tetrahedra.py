@@ -19,7 +19,7 @@ LOOKS = {
     BLOCKS: ("position-based, the shape as one block", PURPLE, "P"),
     "vbd": ("vertex block descent", VERMILLION, "^"),
     "newton": ("implicit Euler by Newton's method", GREEN, "D"),
-    SECOND: ("Newton's method, of second order", BLACK, "v"),
+    SECOND: ("Newton's method, order 2", BLACK, "v"),
 }
 PRECISIONS = {"float64": "-", "float32": ":"}
 ERRORS: dict[str, Callable[[Bar], float]] = {

@@ -14,8 +14,8 @@ TITLE = "What meshes and steps do by themselves"
 MARKERS = {5: ("o", "-"), 6: ("s", ":")}
 RATIOS = {0.3: BLUE, 0.45: ORANGE, 0.499: VERMILLION}
 SOLVERS = {
-    "newton": ("Newton", GREEN, "D"),
-    SECOND: ("Newton, order 2", PURPLE, "v"),
+    "newton": ("Newton's method", GREEN, "D"),
+    SECOND: ("Newton's method, order 2", PURPLE, "v"),
     "vbd": ("vertex block descent", VERMILLION, "^"),
     "xpbd": ("position-based, one sweep", BLUE, "o"),
 }

@@ -13,7 +13,8 @@ import pytest
 
 from app.driver import open_simulation
 from app.plan.report import PlanReport, flatten, plan_report
-from app.plan.table import overhead_lines
+from app.plan.table import overhead_lines, tile_told
+from gpu_backend.core.tiling import Tile
 from model.core.errors import BackendUnavailable, SceneError
 from model.core.plan import Executor, Node, Plan, Stage
 from model.mass_spring.plan import mass_spring_plan
@@ -93,6 +94,14 @@ def test_the_gpu_kernel_told_is_the_one_opened(
     )  # fmt: skip
     mass_spring.MassSpring._choose_kernel(opened)
     assert (told.kernel, told.tile) == (opened.kernel, opened.tile and opened.tile.name)
+
+
+def test_a_tiles_name_is_told_in_words() -> None:
+    tile = Tile(32, 8, 4, 10)
+    assert tile_told(tile.name) == (
+        f"{tile.name}: a block of 32 columns of 8 threads, 4 masses each; blocks exchange masses every 10 steps"
+    )
+    assert tile_told(Tile(16, 16, 1).name).endswith("16 threads, 1 mass each")
 
 
 def measured(report: PlanReport, backend: str) -> list[float]:

@@ -127,6 +127,8 @@ class Advice:
             lines += [f"runner-up  {self._line(second)}; {close}", f"           {_margin(second)}"]
         lines += [f"  then     {self._line(choice)}" for choice in self.choices[2:]]
         lines += [f"  not      {name}: {reason}" for name, reason in self.beaten]
+        reasons = dict.fromkeys(choice.suspect for choice in self.choices if choice.suspect)
+        lines += [f"?: this time is suspect: {reason}" for reason in reasons]
         lines += [f"note: {note}" for note in self.notes]
         lines.append(f"{self.seconds:.0f} s")
         return "\n".join(lines)
@@ -140,9 +142,9 @@ class Advice:
 
     def _line(self, choice: Choice) -> str:
         cost, copied = 1e3 * choice.seconds, 1e3 * choice.copied(self.time)
-        mark = f" (suspect: {choice.suspect})" if choice.suspect else ""
+        mark = "?" if choice.suspect else ""
         return (
-            f"{choice.name}: {cost:.3g} ms a simulated second ({copied:.3g} with the copy to the host){mark}, "
+            f"{choice.name}: {cost:.3g}{mark} ms a simulated second ({copied:.3g} with the copy to the host), "
             f"error {choice.error:.2e}"
         )
 

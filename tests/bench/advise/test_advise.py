@@ -2,6 +2,7 @@
 
 import math
 import sys
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -14,6 +15,7 @@ from app.command.scene_file import write_scene
 from bench.experiments.accuracy.references import by_numpy, numpy_seconds, own_converged, own_growth, own_seconds
 from bench.experiments.advise import experiment as advise_experiment
 from bench.experiments.advise import search as advise_search
+from bench.experiments.advise.advice import Advice, Choice
 from bench.experiments.advise.bracket import TIGHT, next_steps
 from bench.experiments.advise.check import brute_force, grid_steps
 from bench.experiments.advise.experiment import advise
@@ -97,6 +99,12 @@ def test_an_answer_in_words_and_from_the_store(store, clockwork, monkeypatch):
     again = advise(store, small(), 1e-3, time=END, **ASKED)
     assert again.choices == advice.choices
     assert store.query("SELECT count(*) FROM sample")[0][0] == runs
+
+
+def test_suspect_times_are_marked_and_their_reasons_told_once() -> None:
+    best = Choice("rk4", 0.1, "float32", "cpu", "fast", "fused", 1, 10, 1e-3, 2.0, 2.0, 0.0, 1.0, "too few samples")
+    told = str(Advice(small(), 0.01, 1.0, 1.0, (best, replace(best, integrator="lab"), replace(best, suspect=None))))
+    assert told.count("too few samples") == 1 and told.count("? ms") == 2 and told.count("2e+03 ms") == 1
 
 
 @pytest.mark.parametrize(("total", "step", "told"), [(1000, 1e-6, None), (1000, 20.0, "s are left")])
