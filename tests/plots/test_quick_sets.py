@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -34,11 +35,17 @@ from plots.figures import convergence
 from plots.figures.convergence import Converging
 
 
+@cache
+def measured() -> Source:
+    """What one machine measured, made up."""
+    return load(cpu_store()).sources[0]
+
+
 def source(own: bool, key: str, cases: int, backend: str = "cpu", finding: str | None = None) -> Source:
     """A machine that judged so many cases."""
-    machine = replace(load(cpu_store()).sources[0].machine, key=key)
+    machine = replace(measured().machine, key=key)
     description = {"backend": backend} | ({"finding": finding} if finding else {})
-    one = load(cpu_store()).sources[0].measures[0]
+    one = measured().measures[0]
     measures: list[Measure] = [
         replace(one, description=description, name="x", configuration=f"{finding} {n}") for n in range(cases)
     ]
