@@ -178,13 +178,14 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     that are not COMPILED, run as plain Python."""
     rest = config.getoption("--rest")
     thorough = config.getoption("--thorough") or rest
+    simulated = os.environ.get("NUMBA_ENABLE_CUDASIM") == "1"  # grids so small that the CPU's kernels take longer to compile
     items.sort(key=lambda item: item.path.name not in DEAR)
     left_out, slow = set(), set()
     dear = set()  # of those left out, what is compiled when it runs
     variants: dict[Any, list[Any]] = {}
     for item in items:
         on_gpu = item.get_closest_marker("gpu") is not None  # and held against the CPU on grids for it
-        item.stash[in_plain_python] = not (thorough or on_gpu or listed(COMPILED, item))
+        item.stash[in_plain_python] = simulated or not (thorough or on_gpu or listed(COMPILED, item))
         if rest and item.path.name == "test_cuda_simulator.py":
             dear.add(item)  # which asks the simulator's tests the same
         if listed(ONLY_THOROUGH, item) or item.get_closest_marker("display"):
