@@ -51,7 +51,7 @@ def draw(results: Results) -> Drawing | str:
         return "no bars of tetrahedra were measured (softlab tetrahedra)"
     panels = sorted({(b.elements, b.young) for b in found})
     count = -(-len(panels) // ACROSS)
-    figure, rows = new_grid(count, min(ACROSS, len(panels)), 1.0 + 1.6 * count)
+    figure, rows = new_grid(count, min(ACROSS, len(panels)), 1.0 + 1.15 * count)
     every = [ax for axes in rows for ax in axes]
     for ax, (size, young) in zip(every, panels, strict=False):
         _panel(ax, [b for b in found if (b.elements, b.young) == (size, young)])
