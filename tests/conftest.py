@@ -178,7 +178,9 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     that are not COMPILED, run as plain Python."""
     rest = config.getoption("--rest")
     thorough = config.getoption("--thorough") or rest
-    simulated = os.environ.get("NUMBA_ENABLE_CUDASIM") == "1"  # grids so small that the CPU's kernels take longer to compile
+    simulated = (
+        os.environ.get("NUMBA_ENABLE_CUDASIM") == "1"
+    )  # grids so small that the CPU's kernels take longer to compile
     items.sort(key=lambda item: item.path.name not in DEAR)
     left_out, slow = set(), set()
     dear = set()  # of those left out, what is compiled when it runs
