@@ -60,7 +60,7 @@ def draw(results: Results) -> Drawing | str:
         ax.set_axis_off()
     for axes in rows:
         axes[0].set_ylabel("error in motion")
-    for ax in rows[-1]:
+    for ax in every[max(0, len(panels) - ACROSS) : len(panels)]:  # the lowest of each column
         ax.set_xlabel("time of a frame / ms")
     plot = partial(rows[0][0].plot, [], [])
     for solver, (label, colour, marker) in LOOKS.items():
