@@ -178,9 +178,8 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     that are not COMPILED, run as plain Python."""
     rest = config.getoption("--rest")
     thorough = config.getoption("--thorough") or rest
-    simulated = (
-        os.environ.get("NUMBA_ENABLE_CUDASIM") == "1"
-    )  # grids so small that the CPU's kernels take longer to compile
+    # the simulator's grids are so small that the CPU's kernels take longer to compile than to run as Python
+    simulated = os.environ.get("NUMBA_ENABLE_CUDASIM") == "1"
     items.sort(key=lambda item: item.path.name not in DEAR)
     left_out, slow = set(), set()
     dear = set()  # of those left out, what is compiled when it runs

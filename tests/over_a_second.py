@@ -74,6 +74,7 @@ test_finite_elements_peer.py test_the_continuum
 test_fluid_cpu.py test_against_the_judge_and_the_same_bits?cup? test_against_the_judge_and_the_same_bits?free?column?
     test_against_the_judge_and_the_same_bits?averaged? test_against_the_judge_and_the_same_bits?column?
     test_against_the_judge_and_the_same_bits?two?fluids? test_live_fields_and_pressures
+test_fluid_divergence.py test_a_lattice_without_weight_stays
 test_fluid_flow.py test_against_the_judge_and_the_same_bits?tap?
 test_fluid_solids.py test_it_is_the_judges_and_the_same_bits_on_any_threads?alone?
 test_fluid_view.py test_a_fluid_is_seen?space?

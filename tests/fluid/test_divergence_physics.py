@@ -15,14 +15,13 @@ FREE = {"method.scheme": "divergence-free"}
 
 @pytest.mark.parametrize("iterations", [5, 10])
 def test_a_column_at_rest_all_at_once(iterations: int) -> None:
-    """F1, with 8 substeps a sixtieth of a second and 120 Pa s, 5 iterations of each solve as well as 10. But for two of
-    macklin's bounds: layers go on giving way, one particle at a time, and rounding decides which. Over both precisions, 2.5
-    to 4 s and viscosities a thousandth apart, the largest speed is .2 to 1.2 % with 5 iterations and .5 to 1.5 with 10, the
-    error of the pressure .6 to 3.5 % in float32 (in float64 up to 5.5, as long as the lattice is whole)."""
+    """F1, with 8 substeps a sixtieth of a second and 120 Pa s, 5 iterations of each solve as well as 10. But for 10's largest
+    speed: layers go on giving way, one particle at a time, and rounding decides which. After 3 s, over viscosities a
+    thousandth apart, it is .5 to 1.1 % (of 5 iterations .2 to .6), and in exact math .8; later up to 1.5."""
     found = column_at_rest(load_scene("column").replace(FREE | {"method.iterations": iterations}))
     assert abs(found["height"] - 1) < 0.01, found
     assert found["mean"] < 0.01 and found["largest"] < 0.03, found
-    assert found["speed"] < 0.02 and found["pressure"] < 0.05, found
+    assert found["speed"] < (0.01 if iterations == 5 else 0.02) and found["pressure"] < 0.03, found
 
 
 def test_density_error_falls_with_the_squares_of_iterations_and_substeps() -> None:
