@@ -83,13 +83,14 @@ def projections_of(parts: frozenset[str]) -> tuple[Projection, ...]:
 def _projection(material: str, run: int, whole: bool, parts: frozenset[str]) -> Projection:
     """Of tetrahedra: their shapes alone where voxels keep the volume as a `whole`."""
     damped, blocks, kept = DAMPED in parts, BLOCKS in parts, ITERATED in parts
+    nine = blocks or material == tetrahedron.MATERIALS[tetrahedron.HOOKEAN]
     flags = {
         "material": tetrahedron.MATERIALS.index(material), "damped": damped, "blocks": blocks, "kept": kept,
         "alone": not whole,
     }  # fmt: skip
     return Projection(
         f"{'shapes' if whole else 'tetrahedra'}_{material.replace('-', '_')}", tetrahedron.make, 4, tetrahedron.COUNT,
-        tetrahedron.BLOCKS if blocks else tetrahedron.ROWS, damped=damped, soft=kept, constants=CONSTANTS,
+        tetrahedron.BLOCKS if nine else tetrahedron.ROWS, damped=damped, soft=kept, constants=CONSTANTS,
         flags=tuple(flags.items()), run=run,
     )  # fmt: skip
 
