@@ -11,8 +11,8 @@ C^2 / (2 compliance) add up to V Psi (bench/reference/elastic_materials.py), the
   visit takes the way along the residual to where the substep's energy is least, to second order (`Sweep.descend`).
 
 `rows` takes them one after the other, the shape's first, as all do of the neo-Hookean but `volume-first`; `WAYS` has others.
-`blocks` is another scheme: F - R as nine rows, solved as one system, which is 3 x 3, then the volume. With iterations a scalar
-row keeps multipliers along directions that |F - R| has left and ends some per cent off the step of implicit Euler
+`blocks` is another scheme: F - R as nine rows, solved as one system, which is 3 x 3, then the volume. With iterations a
+scalar row keeps multipliers along directions that |F - R| has left and ends some per cent off the step of implicit Euler
 (finite_elements_newton.py), where blocks end, and the neo-Hookean material's rows.
 
 Damping by a time tau in proportion to stiffness is a damper beta = tau / compliance on each row: with alpha~ = alpha/h^2 and

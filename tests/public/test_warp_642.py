@@ -1,7 +1,7 @@
 """warp 642, bullet3 3882: neo-Hookean tetrahedra under XPBD move, and gain energy, without any load.
 
 Two rows, of |F| and of det F - alpha, hold each other at rest, but only once both have their multipliers: from 0, one after
-the other, each sweep moved the body. A cube of 0.3 m had a strain of 0.56 after a second, and 600 J; at a Poisson's ratio of 0
+the other, each sweep moved the body. A cube of 0.3 m had a strain of 0.56 after a second, and 600 J; at Poisson's ratio 0
 it fell into a point.
 """
 
