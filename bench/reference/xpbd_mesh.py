@@ -264,7 +264,7 @@ def motion(
         v = (p - before) / h
         shape = (fine.grid.rows, fine.grid.columns, 3)
         old, new, speed = (a.reshape(shape) for a in (before, p, v))
-        new, speed = cloth.collide(fine, old, new, speed, number)
+        new, speed = cloth.collide(fine, old, new, speed, number, in_place=True)
         p, v = np.where(free, new.reshape(p.shape), p), np.where(free, speed.reshape(p.shape), 0.0)
     return p, v
 
