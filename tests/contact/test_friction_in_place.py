@@ -1,8 +1,8 @@
 """Friction of colliders under position-based tetrahedra: what should stick stays, what slides goes as Coulomb says.
 
 Friction on velocities alone left vertices where constraints had put them within the substep: a body crept by g h sin a times
-how much more it weighs than what touches the slope, and slid the faster: at tan a = 1.1 mu and four substeps 379 mm in a second
-instead of 246.
+how much more it weighs than what touches the slope, and slid the faster: at tan a = 1.1 mu and four substeps 379 mm in a
+second instead of 246.
 """
 
 from __future__ import annotations
@@ -73,8 +73,8 @@ def test_what_should_stick_does_not_creep(material: str, kind: str) -> None:
 @pytest.mark.parametrize("material", ["fixed-corotated", "neo-hookean"])
 def test_what_slides_goes_as_coulomb_says(material: str) -> None:
     """At tan a = 1.1 mu from 0.2 m/s: v t + g (sin a - mu cos a) t^2 / 2, within a per cent: letting go of its shear, of
-    which a tenth is given back, moves the centre by some hundredths of a millimetre, and a substep goes at its last speed, by g
-    h t (sin a - mu cos a) / 2 = 0.5 mm too far."""
+    which a tenth is given back, moves the centre by some hundredths of a millimetre, and a substep goes at its last speed, by
+    g h t (sin a - mu cos a) / 2 = 0.5 mm too far."""
     ratio = 1.1
     state, (scene, down) = settled(ratio, material), sloped(ratio, MU, material)
     begin = State(
