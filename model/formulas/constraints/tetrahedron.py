@@ -77,7 +77,8 @@ def make(real, compiled=plain, material=FIXED, damped=False, blocks=False, kept=
     row, row_of_length = one_row.row, one_row.row_of_length
     block: Any = make_block(real, compiled, damped) if blocks else None
     hookean: Any = make_hookean(real, compiled, damped, kept) if material == HOOKEAN else None
-    descend, combined = (hookean.descend, hookean.combined) if hookean else (None, None)
+    descend: Any = hookean.descend if hookean else None
+    combined: Any = hookean.combined if hookean else None
 
     @compiled
     def damper(values, constants):
