@@ -54,7 +54,7 @@ def check_tetrahedra(scene: SceneParts) -> None:
                 raise SceneError(
                     f"{name}.material",
                     part.material,
-                    "has no blocks, and its rows converge without: --set method.rows=single, or leave it out",
+                    "has no blocks: its scalar rows converge without; --set method.rows=scalar, or leave it out",
                 )
     for name, part in scene.tetrahedra.items():
         if part.volume == "voxels" and scene.method.solver not in ("xpbd", "world"):
