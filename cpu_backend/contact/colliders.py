@@ -170,14 +170,14 @@ def make_instants(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
     bounces, in_place, zero = "restitution" in parts, FRICTION_IN_PLACE in parts, real(0)
 
     @compiler.compiled
-    def pace(slow, h):
+    def with_step(slow, h):
         return (slow, h) if in_place else slow
 
     @compiler.compiled
     def instants(step, parameters):
         slow = settling_speed(parameters.gravity, parameters.dt) if bounces else zero
         clock = parameters.dt, parameters.first_step, parameters.first_time
-        return instant(step, *clock), instant(step + 1, *clock), pace(slow, parameters.dt)
+        return instant(step, *clock), instant(step + 1, *clock), with_step(slow, parameters.dt)
 
     return instants
 

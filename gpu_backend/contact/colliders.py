@@ -180,7 +180,7 @@ def make_collide(real: Any, math: str, parts: frozenset[str]) -> Any:
     in_place = FRICTION_IN_PLACE in parts
 
     @inlined(math)
-    def pace(slow, h):
+    def with_step(slow, h):
         return (slow, h) if in_place else slow
 
     @inlined(math)
@@ -189,7 +189,7 @@ def make_collide(real: Any, math: str, parts: frozenset[str]) -> Any:
         if has_colliders:
             clock, at = (parameters.dt, parameters.first_step, parameters.first_time), FIRST_ROW
             end = instant(step + next_one, *clock)
-            slow = pace(settling_speed(parameters.gravity, parameters.dt) if bounces else zero, parameters.dt)
+            slow = with_step(settling_speed(parameters.gravity, parameters.dt) if bounces else zero, parameters.dt)
             if has_planes:
                 for _ in range(np.int32(integers[PLANES])):
                     px, py, pz, vx, vy, vz = meet_plane(px, py, pz, vx, vy, vz, slow, bodies, at, end)

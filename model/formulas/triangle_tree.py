@@ -212,9 +212,9 @@ def make(real, compiled=plain, bounces=False, in_place=False):
     )  # fmt: skip
 
     @compiled
-    def speed_of(pace):
+    def speed_of(pair):
         """Of `settling`."""
-        return pace[0] if in_place else pace
+        return pair[0] if in_place else pair
 
     @compiled
     def settle(
