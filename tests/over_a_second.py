@@ -67,6 +67,8 @@ test_drawing.py test_a_helper_draws_the_same
 test_fields.py test_the_world_of_the_page_runs*
 test_figure_axes.py test_curves_are_what_the_axes_say?time-per-step?GPU?
 test_film.py test_a_film
+test_friction_in_place.py *distance_field? *mesh_collider?
+test_mesh_collider_ptx.py test_friction_in_place*
 test_findings_costs.py test_a_wrong_answer_gets_no_ratio test_nothing_is_measured_twice
 test_finite_elements_newton.py test_elastica?2-1.0-corotated? test_elastica?2-1.0-fixed-corotated?
     test_implicit_euler_comes_to_rest_and_falls?corotated?

@@ -250,13 +250,20 @@ def touched(collider: Any, slow: float, velocity: np.ndarray, normal: np.ndarray
     return surface + np.where(into > 0, slowed * direction + back * normal, along)
 
 
+def held_back(dt: float, velocity: np.ndarray, answered: np.ndarray, normal: np.ndarray) -> np.ndarray:
+    """(..., 3) [m]: what friction takes back of a step: dt times what it changed the velocity by, across the normal."""
+    change = answered - velocity
+    return dt * (change - _dot(change, normal) * normal)
+
+
 def collide(
-    scene: Scene, before: np.ndarray, position: np.ndarray, velocity: np.ndarray, step: int
+    scene: Scene, before: np.ndarray, position: np.ndarray, velocity: np.ndarray, step: int, in_place: bool = False
 ) -> tuple[np.ndarray, np.ndarray]:
     """(position, velocity) (rows, columns, 3) after the colliders of step number `step`, which it began at `before`.
 
     Collider by collider, where it is at the step's end: a mass that a ball swept over is put where it entered it, one
-    nearer than the thickness is put at that distance. Pinned masses are not moved.
+    nearer than the thickness is put at that distance. Pinned masses are not moved. `in_place`: friction also takes back what
+    a mass slid by within the step, but for one that was swept over.
     """
     dt = scene.method.dt
     free = ~pinned_mask(scene)[..., None]
@@ -267,15 +274,15 @@ def collide(
             old, new, speed = (array.reshape(-1, 3) for array in (before, position, velocity))
             times = step * dt, (step + 1) * dt, partial(touched, collider, slow)
             if isinstance(collider, MeshCollider):
-                settled, answered = mesh_collider.collide(collider, old, new, speed, *times)
+                settled, answered = mesh_collider.collide(collider, old, new, speed, *times, in_place)
             else:
-                settled, answered = distance_field.collide(collider, old, new, speed, *times)
+                settled, answered = distance_field.collide(collider, old, new, speed, *times, in_place)
             position = np.where(free, settled.reshape(position.shape), position)
             velocity = np.where(free, answered.reshape(position.shape), velocity)
             continue
         distance, normal = distances(kind, collider, position, (step + 1) * dt)
         settled = position + np.maximum(collider.thickness - distance, 0) * normal
-        touching = distance < collider.thickness
+        touching, swept = distance < collider.thickness, np.zeros(distance.shape, bool)
         if kind == "sphere":
             ball: Any = collider
             reach = ball.radius + ball.thickness
@@ -283,7 +290,10 @@ def collide(
             caught, entered = _entries(before - old, position - new, reach)
             settled = np.where(caught, new + entered, settled)
             normal = np.where(caught, _unit(entered)[1], normal)
-            touching = touching | caught
+            touching, swept = touching | caught, caught
+        answered = touched(collider, slow, velocity, normal)
+        if in_place:
+            settled = settled + np.where(swept, 0.0, held_back(dt, velocity, answered, normal))
         position = np.where(touching & free, settled, position)
-        velocity = np.where(touching & free, touched(collider, slow, velocity, normal), velocity)
+        velocity = np.where(touching & free, answered, velocity)
     return position, velocity

@@ -5,17 +5,20 @@ C^2 / (2 compliance) add up to V Psi (bench/reference/elastic_materials.py), the
 
 - `corotated`: |F - R|, 1/(2 mu V); tr(R' F) - 3, 1/(lambda V);
 - `fixed-corotated`: |F - R|, 1/(2 mu V); det F - 1, 1/(lambda V);
-- `neo-hookean`: |F|, 1/(mu V); det F - alpha, 1/(lambda' V). Macklin and Mueller, "A Constraint-based Formulation of Stable
-  Neo-Hookean Materials", MIG 2021, whose C_D and C_H these are, with lambda' = lambda + mu and alpha = 1 + mu/lambda'.
+- `neo-hookean`: det F - 1, 1/(lambda V), and beside it no row but the rest of the energy, mu V S / 2 with S = |F|^2 + J^2 -
+  4 J, which is least at every rotation. (Macklin and Mueller, "A Constraint-based Formulation of Stable Neo-Hookean
+  Materials", MIG 2021, take |F| and det F - alpha, which hold each other at rest, so that rows in turn do not rest there.) A
+  visit takes the way along the residual to where the substep's energy is least, to second order (`Sweep.descend`).
 
-`rows` takes them one after the other, the shape's first; `WAYS` has others. `blocks` is another scheme: F - R (or F) as nine
-rows, solved as one system, which is 3 x 3, then the volume. With iterations a scalar row keeps multipliers along directions
-that |F - R| has left and ends some per cent off the step of implicit Euler (finite_elements_newton.py), where blocks end.
-|F| has a force at rest, which only `together` balances there.
+`rows` takes them one after the other, the shape's first, as all do of the neo-Hookean but `volume-first`; `WAYS` has others.
+`blocks` is another scheme: F - R as nine rows, solved as one system, which is 3 x 3, then the volume. With iterations a
+scalar row keeps multipliers along directions that |F - R| has left and ends some per cent off the step of implicit Euler
+(finite_elements_newton.py), where blocks end, and the neo-Hookean material's rows.
 
 Damping by a time tau in proportion to stiffness is a damper beta = tau / compliance on each row: with alpha~ = alpha/h^2 and
-beta~ = h^2 beta eq. 26's gamma = alpha~ beta~ / h is tau / h. Multipliers start at 0 in every substep and are kept over its
-iterations, in J s^2; positions (..., n, 3): leading axes are bodies that never meet.
+beta~ = h^2 beta eq. 26's gamma = alpha~ beta~ / h is tau / h. Of a block it damps the rate of the stretch S, F = R S.
+Multipliers start at 0 in every substep and are kept over its iterations, in J s^2; positions (..., n, 3): leading axes are
+bodies that never meet.
 """
 
 from __future__ import annotations
@@ -30,6 +33,7 @@ from bench.reference.finite_elements import Body
 
 ROUND = 1e-9  # |F - R| below it has no direction: no row
 SHAPE, VOLUME = 0, 1
+LEAST_CURVATURE = 2.0  # of S / 2 along a unit way that does not turn, at rest
 WAYS = {"rows": ((SHAPE,), (VOLUME,)), "volume-first": ((VOLUME,), (SHAPE,)), "together": ((SHAPE, VOLUME),)}
 
 
@@ -39,9 +43,8 @@ def row(body: Body, kind: int, members: np.ndarray, gradient: np.ndarray) -> tup
     mu, lam, volume = body.mu[members], body.lam[members], body.volume[members]
     if kind == SHAPE:
         if body.material == "neo-hookean":
-            ways, modulus = gradient, mu
-        else:
-            ways, modulus = gradient - elastic_materials.rotation(gradient), 2 * mu
+            raise ValueError("the shape of a neo-Hookean tetrahedron is no row: see Sweep.descend")
+        ways, modulus = gradient - elastic_materials.rotation(gradient), 2 * mu
         length = np.sqrt((ways**2).sum(axis=(-2, -1)))
         there = length >= ROUND
         slope = ways / np.where(there, length, 1.0)[..., None, None] * there[..., None, None]
@@ -50,9 +53,7 @@ def row(body: Body, kind: int, members: np.ndarray, gradient: np.ndarray) -> tup
         u, s, w = elastic_materials.decompose(gradient)
         value, slope, modulus = s.sum(axis=-1) - 3, u @ w, lam
     else:
-        modulus = lam + mu if body.material == "neo-hookean" else lam
-        rest = 1 + mu / modulus if body.material == "neo-hookean" else 1.0
-        value, slope = np.linalg.det(gradient) - rest, elastic_materials.cofactor(gradient)
+        value, slope, modulus = np.linalg.det(gradient) - 1, elastic_materials.cofactor(gradient), lam
     with np.errstate(divide="ignore"):
         return value, slope, 1 / (modulus * volume)
 
@@ -60,7 +61,8 @@ def row(body: Body, kind: int, members: np.ndarray, gradient: np.ndarray) -> tup
 @dataclass
 class Sweep:
     """What the projections of one substep of h [s] share; the multipliers (..., m, 3, 3) of shapes, where a row is one number
-    in [0, 0], and (..., m) of volumes. `before`: positions at the substep's start."""
+    in [0, 0] and of a neo-Hookean tetrahedron the impulse of its volume's row is added, and (..., m) of volumes. `before`:
+    positions at the substep's start."""
 
     body: Body
     inverse_mass: np.ndarray
@@ -108,16 +110,55 @@ class Sweep:
         self.push(members, position, np.einsum("...mk,...mkij->...mij", change, slope))
 
     def block(self, members: np.ndarray, position: np.ndarray) -> None:
-        """The nine rows F - R (or F) of these tetrahedra as one system, in place."""
+        """The nine rows F - R of these tetrahedra as one system, in place."""
         body, f = self.body, self.gradient(members, position)
-        neo = body.material == "neo-hookean"
-        value = f if neo else f - elastic_materials.rotation(f)
-        alpha = 1 / ((1 if neo else 2) * body.mu[members] * body.volume[members] * self.h**2)[:, None, None]
+        turn, before = elastic_materials.rotation(f), self.gradient(members, self.before)
+        back = np.swapaxes(elastic_materials.rotation(before), -2, -1)
+        value, before = f - turn, turn @ back @ before  # R S0
+        alpha = 1 / (2 * body.mu[members] * body.volume[members] * self.h**2)[:, None, None]
         system = (1 + self.gamma) * self.weight(members) + alpha * np.eye(3)
-        rate = self.gamma * (f - self.gradient(members, self.before))
+        rate = self.gamma * (f - before)
         change = -(value + alpha * self.shape[..., members, :, :] + rate) @ np.linalg.inv(system)
         self.shape[..., members, :, :] += change
         self.push(members, position, change)
+
+    def descend(self, members: np.ndarray, position: np.ndarray) -> None:
+        """The shape of these neo-Hookean tetrahedra, in place.
+
+        With the impulse Y of shape and volume, l the volume's multiplier, e(D) = (F'D + D'F) / 2 and E = e(F) / 2 of now, E0
+        of the substep's start, a substep is at its end where alpha (Y - l cof F) + dS/dF / 2 + 2 gamma F (E - E0) = 0: the
+        last term is a damper in Green's strain. Along that residual's way D the energy S / 2 has the curvature |D|^2 +
+        (cof F : D)^2 + 2 (J - 2) F : cof D and the damper 2 gamma (e(D):e(D) + (E - E0) : D'D)."""
+        body, f, gamma = self.body, self.gradient(members, position), self.gamma
+        cofactor, ratio = elastic_materials.cofactor(f), np.linalg.det(f)
+        alpha = 1 / (body.mu[members] * body.volume[members] * self.h**2)
+        own = self.shape[..., members, :, :] - self.volume[..., members][..., None, None] * cofactor
+        grown = (square(f) - square(self.gradient(members, self.before))) / 2
+        left = -(f + (ratio - 2)[..., None, None] * cofactor) - alpha[:, None, None] * own - 2 * gamma * f @ grown
+        way = left @ self.weight(members)
+        size, tilt = inner(way, way), np.swapaxes(f, -2, -1) @ way
+        rate = (tilt + np.swapaxes(tilt, -2, -1)) / 2
+        elastic = size + inner(cofactor, way) ** 2 + 2 * (ratio - 2) * inner(f, elastic_materials.cofactor(way))
+        viscous = 2 * (inner(rate, rate) + np.maximum(inner(grown, square(way)), 0))
+        curvature = np.maximum(elastic, LEAST_CURVATURE * size) + gamma * np.maximum(viscous, LEAST_CURVATURE * size)
+        along = inner(left, way)
+        moves = along > np.finfo(float).tiny
+        step = np.where(moves, along, 0) / np.where(moves, alpha * along + curvature, 1)
+        change = step[..., None, None] * left
+        self.shape[..., members, :, :] += change
+        self.push(members, position, change)
+
+    def hookean(self, members: np.ndarray, position: np.ndarray, way: Sequence[Sequence[int]]) -> None:
+        """The shape and the volume of neo-Hookean tetrahedra one after the other, in place; impulses of the second are
+        among the first one's multipliers, so that they need not turn with F."""
+        for kind in [kind for kinds in way for kind in kinds]:
+            if kind == SHAPE:
+                self.descend(members, position)
+                continue
+            slope = elastic_materials.cofactor(self.gradient(members, position))
+            known = self.volume[..., members].copy()
+            self.rows(members, position, (VOLUME,))
+            self.shape[..., members, :, :] += (self.volume[..., members] - known)[..., None, None] * slope
 
     def weight(self, members: np.ndarray) -> np.ndarray:
         """(c, 3, 3) [1/(kg m^2)]: how F answers to what is pushed, sum of w g g'."""
@@ -126,12 +167,25 @@ class Sweep:
 
     def project(self, members: np.ndarray, position: np.ndarray, way: str) -> None:
         """Shape and volume of the tetrahedra `members` (c,), no two of which share a vertex, in place."""
+        if self.body.material == "neo-hookean":
+            self.hookean(members, position, WAYS.get(way, ((SHAPE, VOLUME),)))
+            return
         if way == "blocks":
             self.block(members, position)
             self.rows(members, position, (VOLUME,))
             return
         for kinds in WAYS[way]:
             self.rows(members, position, kinds)
+
+
+def inner(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """(...): A : B of matrices (..., 3, 3)."""
+    return (a * b).sum(axis=(-2, -1))
+
+
+def square(a: np.ndarray) -> np.ndarray:
+    """(..., 3, 3): A'A."""
+    return np.swapaxes(a, -2, -1) @ a
 
 
 def substep(

@@ -121,6 +121,6 @@ def motion(scene: Scene, steps: int, position: np.ndarray, velocity: np.ndarray,
             p = yield before, p
         v = np.where(free, (p - before) / h, 0.0)
         if scene.colliders:
-            met = cloth_colliders.collide(fine, before[None], p[None], v[None], number)
+            met = cloth_colliders.collide(fine, before[None], p[None], v[None], number, in_place=True)
             p, v = np.where(free, met[0][0], p), np.where(free, met[1][0], 0.0)
     return p, v

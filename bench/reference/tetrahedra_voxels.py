@@ -4,9 +4,9 @@ backends.
 The shapes of all tetrahedra are the rows of bench/reference/tetrahedra.py. Then comes each voxel: with the volumes V of its
 tetrahedra at rest and J = det F
 
-    C = sum V J / sum V - alpha,    dC / dx of a corner = sum over its tetrahedra V cof(F) g / sum V,    g of its hat,
+    C = sum V J / sum V - 1,    dC / dx of a corner = sum over its tetrahedra V cof(F) g / sum V,    g of its hat,
 
-of the compliance 1 / sum V k_H, k_H = lambda (fixed corotated, alpha = 1) or lambda + mu (neo-Hookean).
+of the compliance 1 / sum V lambda.
 """
 
 from __future__ import annotations
@@ -23,15 +23,12 @@ from bench.reference.tetrahedra import SHAPE, Sweep
 def keep_volume(sweep: Sweep, members: np.ndarray, position: np.ndarray, multiplier: float) -> float:
     """Moves the corners of the tetrahedra `members` of one voxel, in place; its multiplier [J s^2]."""
     body, volume = sweep.body, sweep.body.volume[members]
-    hookean = body.material == "neo-hookean"
-    modulus = body.lam[members] + (body.mu[members] if hookean else 0.0)
-    rest = float((volume * (1 + body.mu[members] / modulus if hookean else 1.0)).sum() / volume.sum())
     f = sweep.gradient(members, position)
     ways = (volume / volume.sum())[:, None, None] * (cofactor(f) @ np.swapaxes(body.gradient[members], 1, 2))
     slope = np.zeros_like(position)
     np.add.at(slope, body.tetrahedra[members], np.swapaxes(ways, 1, 2))
-    violation = float((volume * np.linalg.det(f)).sum() / volume.sum()) - rest
-    alpha = 1 / float((modulus * volume).sum()) / sweep.h**2
+    violation = float((volume * np.linalg.det(f)).sum() / volume.sum()) - 1
+    alpha = 1 / float((body.lam[members] * volume).sum()) / sweep.h**2
     rate = sweep.gamma * float((slope * (position - sweep.before)).sum())
     weight = float((sweep.inverse_mass * (slope**2).sum(axis=1)).sum())
     change = (-violation - alpha * multiplier - rate) / ((1 + sweep.gamma) * weight + alpha)
@@ -64,7 +61,10 @@ def simulate(
         held = np.zeros(len(voxels))
         for _ in range(iterations):
             for members in order:
-                sweep.rows(members, p, (SHAPE,))
+                if body.material == "neo-hookean":
+                    sweep.descend(members, p)
+                else:
+                    sweep.rows(members, p, (SHAPE,))
             for number, members in enumerate(voxels):
                 held[number] = keep_volume(sweep, members, p, held[number])
         v = (p - begin) / h

@@ -121,6 +121,8 @@ def _stretched(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """(C + gamma times the lengthening in this substep (n,), a~ = alpha/h^2, gamma = alpha beta/h (eq. 26), d/|d| (n, k)).
 
+    The lengthening is C - C_before, which no turn changes, and not eq. 26's grad C . (x - x_before).
+
     Masses in one place have no direction: 0.
     """
     a, b = constraints.first[which], constraints.second[which]
@@ -129,7 +131,7 @@ def _stretched(
     direction = np.divide(d, length, out=np.zeros_like(d), where=length > 0)
     alpha = constraints.compliance[which]
     gamma = alpha * constraints.damping[which] / h
-    lengthening = np.einsum("nk,nk->n", direction, d - (before[b] - before[a]))
+    lengthening = length[:, 0] - np.linalg.norm(before[b] - before[a], axis=1)
     return length[:, 0] - constraints.rest_length[which] + gamma * lengthening, alpha / h**2, gamma, direction
 
 

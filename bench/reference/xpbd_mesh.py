@@ -168,16 +168,17 @@ def project(
     item: Item, position: np.ndarray, before: np.ndarray, multiplier: np.ndarray, inverse_mass: np.ndarray, h: float,
     pbd_stiffness: float = 1.0,
 ) -> None:  # fmt: skip
-    """One projection in place (eq. 17 and 18; with a damper eq. 26): `multiplier` (n,) [kg m] of the item's n components."""
+    """One projection in place (eq. 17 and 18; with a damper eq. 26, C - C_before for its grad C . (x - x_before)):
+    `multiplier` (n,) [kg m] of the item's n components."""
     w = inverse_mass[item.corners]
     values, gradients = item.of(position[item.corners])
+    earlier, _ = item.of(before[item.corners]) if item.damping else (values, None)
     compliance, gamma = item.compliance / h**2, item.compliance * item.damping / h
     change = np.zeros(len(values))
     for n, (value, gradient) in enumerate(zip(values, gradients, strict=True)):
         weight = float(w @ (gradient**2).sum(axis=1))
         if weight > 0:
-            moved = float((gradient * (position - before)[item.corners]).sum())
-            change[n] = -value - compliance * multiplier[n] - gamma * moved
+            change[n] = -value - compliance * multiplier[n] - gamma * (value - earlier[n])
             change[n] /= (1 + gamma) * weight / pbd_stiffness + compliance
     multiplier += change
     position[item.corners] += w[:, None] * np.einsum("n,ncj->cj", change, gradients)
@@ -264,7 +265,7 @@ def motion(
         v = (p - before) / h
         shape = (fine.grid.rows, fine.grid.columns, 3)
         old, new, speed = (a.reshape(shape) for a in (before, p, v))
-        new, speed = cloth.collide(fine, old, new, speed, number)
+        new, speed = cloth.collide(fine, old, new, speed, number, in_place=True)
         p, v = np.where(free, new.reshape(p.shape), p), np.where(free, speed.reshape(p.shape), 0.0)
     return p, v
 

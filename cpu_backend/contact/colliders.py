@@ -31,6 +31,7 @@ from model.mass_spring.cloth_parameters import (
     B_Z,
     COLLIDER_FIELDS,
 )
+from model.mass_spring.plan import FRICTION_IN_PLACE
 from model.scene.cloth import COLLIDER_KINDS
 
 PLANE, SPHERE, CAPSULE, BOX, MESH, FIELD = range(len(COLLIDER_KINDS))  # what kernels are told of a collider's kind
@@ -41,8 +42,12 @@ def make_push(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNam
     the inner function."""
     compiled, sums = compiler.compiled, cloth.make(real, compiler.compiled)
     formulas, moved, pushed = colliders.make(real, compiled), sums.moved, sums.pushed
-    respond, rebound, zero = formulas.respond, formulas.rebound, real(0)
-    has_friction, bounces = "friction" in parts, "restitution" in parts
+    respond, rebound, slid, zero = formulas.respond, formulas.rebound, formulas.slid, real(0)
+    has_friction, bounces, in_place = "friction" in parts, "restitution" in parts, FRICTION_IN_PLACE in parts
+
+    @compiled
+    def speed_of(slow):
+        return slow[0] if in_place else slow
 
     @compiled
     def point(body, time):
@@ -57,7 +62,8 @@ def make_push(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNam
             static, dynamic = body[B_STATIC], body[B_DYNAMIC]
         ux, uy, uz = body[B_VX], body[B_VY], body[B_VZ]
         if bounces:
-            return rebound(vx, vy, vz, ux, uy, uz, nx, ny, nz, static, dynamic, body[B_RESTITUTION], slow)
+            speed = speed_of(slow)
+            return rebound(vx, vy, vz, ux, uy, uz, nx, ny, nz, static, dynamic, body[B_RESTITUTION], speed)
         return respond(vx, vy, vz, ux, uy, uz, nx, ny, nz, static, dynamic)
 
     @compiled
@@ -67,7 +73,11 @@ def make_push(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNam
         if distance < thickness:
             depth = thickness - distance
             px, py, pz = pushed(px, depth, nx), pushed(py, depth, ny), pushed(pz, depth, nz)
+            bx, by, bz = vx, vy, vz
             vx, vy, vz = answer(body, slow, vx, vy, vz, nx, ny, nz)
+            if in_place:
+                dx, dy, dz = slid(slow[1], vx, vy, vz, bx, by, bz, nx, ny, nz)
+                px, py, pz = px + dx, py + dy, pz + dz
         return px, py, pz, vx, vy, vz
 
     return SimpleNamespace(point=point, answer=answer, push=push)
@@ -84,7 +94,7 @@ def make_touches(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simple
     plane, sphere, capsule, box = formulas.plane, formulas.sphere, formulas.capsule, formulas.box
     pushing, sphere_entry = make_push(compiler, real, parts), formulas.sphere_entry
     point, answer, push = pushing.point, pushing.answer, pushing.push
-    has_friction, bounces = "friction" in parts, "restitution" in parts
+    has_friction, bounces, in_place = "friction" in parts, "restitution" in parts, FRICTION_IN_PLACE in parts
     zero, one = real(0), real(1)
 
     @compiled
@@ -129,7 +139,7 @@ def make_touches(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simple
 
     def of_surface(topic: Any) -> Any:
         """Swept, in the collider's own frame: see model/formulas/frame.py."""
-        meet = topic.make(real, compiled, bounces).touch
+        meet = topic.make(real, compiled, bounces, in_place).touch
 
         @compiled
         def touch_surface(body, begin, end, slow, ax, ay, az, px, py, pz, vx, vy, vz):
@@ -154,16 +164,20 @@ def make_touches(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simple
 
 def make_instants(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
     """instants(step, parameters) -> (begin, end, slow): the step's two ends [s], and the speed [m/s] up to which nothing
-    bounces, 0 where nothing does anyway."""
+    bounces, 0 where nothing does anyway; where friction acts on positions, (that speed, the step [s])."""
     instant = cloth.make(real, compiler.compiled).instant
     settling_speed = colliders.make(real, compiler.compiled).settling_speed
-    bounces, zero = "restitution" in parts, real(0)
+    bounces, in_place, zero = "restitution" in parts, FRICTION_IN_PLACE in parts, real(0)
+
+    @compiler.compiled
+    def with_step(slow, h):
+        return (slow, h) if in_place else slow
 
     @compiler.compiled
     def instants(step, parameters):
         slow = settling_speed(parameters.gravity, parameters.dt) if bounces else zero
         clock = parameters.dt, parameters.first_step, parameters.first_time
-        return instant(step, *clock), instant(step + 1, *clock), slow
+        return instant(step, *clock), instant(step + 1, *clock), with_step(slow, parameters.dt)
 
     return instants
 

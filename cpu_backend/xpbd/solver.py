@@ -26,7 +26,6 @@ from cpu_backend.xpbd.seidel import make_seidel_advance
 from cpu_backend.xpbd.stages import bind_position_stages
 from cpu_backend.xpbd.tables import Tables
 from cpu_backend.xpbd.walk import keeps_velocity
-from model.core.build import rest_positions
 from model.core.errors import SceneError
 from model.core.plan import Executor
 from model.core.simulation import Options
@@ -83,12 +82,10 @@ class PositionBased(RowsSimulation):
         if part is None or "attachments" not in self.plan.parts:
             nothing = np.zeros((0, body.rows, body.columns))
             return nothing.astype(np.int32), nothing.astype(self.real)
-        from model.geometry.geodesic import sheet_attachments
+        from model.geometry.tables import sheet_reaches
 
-        anchor, way = sheet_attachments(rest_positions(self.scene.grid), body.pinned, part.anchors)
-        anchor, way = np.where(anchor < 0, anchor[:, :1], anchor), np.where(anchor < 0, way[:, :1], way)
+        anchor, reach = sheet_reaches(self.scene, body, self.real)
         shape = (part.anchors, body.rows, body.columns)
-        reach = (way * (1 + part.slack)).astype(self.real)
         return np.ascontiguousarray(anchor.T, np.int32).reshape(shape), np.ascontiguousarray(reach.T).reshape(shape)
 
     # ------------------------------------------------------------------ the kernels

@@ -37,8 +37,12 @@ def make_change(compiler: Compiler, real: Any, axes: int, soft: bool, damped: bo
     def change(d, e, rest, compliance, damping, multiplier, reciprocal):
         squared = squared_length_2d(d[0], d[1]) if axes == 2 else squared_length_3d(d[0], d[1], d[2])
         if damped:
-            along = along_2d(d[0], d[1], e[0], e[1]) if axes == 2 else along_3d(d[0], d[1], d[2], e[0], e[1], e[2])
-            return damped_change(squared, rest, reciprocal, compliance, multiplier, damping, along)
+            if axes == 2:
+                along, passed = along_2d(d[0], d[1], e[0], e[1]), along_2d(e[0], e[1], e[0], e[1])
+            else:
+                along = along_3d(d[0], d[1], d[2], e[0], e[1], e[2])
+                passed = along_3d(e[0], e[1], e[2], e[0], e[1], e[2])
+            return damped_change(squared, rest, reciprocal, compliance, multiplier, damping, along, passed)
         if soft:
             return soft_change(squared, rest, reciprocal, compliance, multiplier)
         return rigid_change(squared, rest, reciprocal)

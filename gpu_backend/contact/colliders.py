@@ -34,6 +34,7 @@ from gpu_backend.core.compile import inlined
 from gpu_backend.core.formulas import device_formulas
 from gpu_backend.core.integers import BOXES, CAPSULES, COLLIDERS, FIELDS, MESHES, PLANES, SPHERES
 from model.formulas import cloth, colliders, distance_field, triangle_tree
+from model.mass_spring.plan import FRICTION_IN_PLACE
 
 
 @cache
@@ -57,6 +58,11 @@ def _make_answers(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespac
     formulas, place_of = device_formulas(colliders.make, real, math), make_place_of(real, math)
     respond, rebound, pushed = formulas.respond, formulas.rebound, device_formulas(cloth.make, real, math).pushed
     bounces, has_friction, zero, inline = "restitution" in parts, "friction" in parts, real(0), inlined(math)
+    in_place, slid = FRICTION_IN_PLACE in parts, formulas.slid
+
+    @inline
+    def speed_of(slow):
+        return slow[0] if in_place else slow
 
     @inline
     def answer(vx, vy, vz, nx, ny, nz, slow, bodies, at):
@@ -65,18 +71,24 @@ def _make_answers(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespac
             static, dynamic = bodies[at + B_STATIC], bodies[at + B_DYNAMIC]
         ux, uy, uz = bodies[at + B_VX], bodies[at + B_VY], bodies[at + B_VZ]
         if bounces:
-            return rebound(vx, vy, vz, ux, uy, uz, nx, ny, nz, static, dynamic, bodies[at + B_RESTITUTION], slow)
+            speed = speed_of(slow)
+            return rebound(vx, vy, vz, ux, uy, uz, nx, ny, nz, static, dynamic, bodies[at + B_RESTITUTION], speed)
         return respond(vx, vy, vz, ux, uy, uz, nx, ny, nz, static, dynamic)
 
     @inline
     def push(px, py, pz, vx, vy, vz, surface, slow, bodies, at):
-        """Out to the collider's thickness. `surface`: (distance, nx, ny, nz); `slow`: speed up to which nothing bounces."""
+        """Out to the collider's thickness. `surface`: (distance, nx, ny, nz); `slow`: speed up to which nothing bounces, and
+        where friction acts on positions the step [s]."""
         distance, nx, ny, nz = surface
         thickness = bodies[at + B_THICKNESS]
         if distance < thickness:
             depth = thickness - distance
             px, py, pz = pushed(px, depth, nx), pushed(py, depth, ny), pushed(pz, depth, nz)
+            ox, oy, oz = vx, vy, vz
             vx, vy, vz = answer(vx, vy, vz, nx, ny, nz, slow, bodies, at)
+            if in_place:
+                dx, dy, dz = slid(slow[1], vx, vy, vz, ox, oy, oz, nx, ny, nz)
+                px, py, pz = px + dx, py + dy, pz + dz
         return px, py, pz, vx, vy, vz
 
     return SimpleNamespace(place_of=place_of, answer=answer, push=push)
@@ -129,7 +141,7 @@ def _make_meetings(real: Any, math: str, parts: frozenset[str]) -> tuple[Any, ..
 
     def of_surface(topic: Any) -> Any:
         """In the collider's own frame: see model/formulas/frame.py."""
-        meet = device_formulas(topic.make, real, math, bounces=bounces).touch
+        meet = device_formulas(topic.make, real, math, bounces=bounces, in_place=FRICTION_IN_PLACE in parts).touch
 
         @inline
         def meet_surface(before, px, py, pz, vx, vy, vz, slow, bodies, at, begin, end):
@@ -165,6 +177,11 @@ def make_collide(real: Any, math: str, parts: frozenset[str]) -> Any:
     has_planes, has_spheres, has_capsules = "plane" in parts, "sphere" in parts, "capsule" in parts
     has_boxes, has_meshes, has_fields = "box" in parts, "mesh_collider" in parts, "distance_field" in parts
     has_colliders, zero, next_one = bool(parts & COLLIDERS), real(0), np.int64(1)
+    in_place = FRICTION_IN_PLACE in parts
+
+    @inlined(math)
+    def with_step(slow, h):
+        return (slow, h) if in_place else slow
 
     @inlined(math)
     def collide(before, px, py, pz, vx, vy, vz, world, step):
@@ -172,7 +189,7 @@ def make_collide(real: Any, math: str, parts: frozenset[str]) -> Any:
         if has_colliders:
             clock, at = (parameters.dt, parameters.first_step, parameters.first_time), FIRST_ROW
             end = instant(step + next_one, *clock)
-            slow = settling_speed(parameters.gravity, parameters.dt) if bounces else zero
+            slow = with_step(settling_speed(parameters.gravity, parameters.dt) if bounces else zero, parameters.dt)
             if has_planes:
                 for _ in range(np.int32(integers[PLANES])):
                     px, py, pz, vx, vy, vz = meet_plane(px, py, pz, vx, vy, vz, slow, bodies, at, end)

@@ -57,8 +57,8 @@ def make_change(real: Any, math: str, parts: frozenset[str], kind: str, axes: in
     def change(dx, dy, dz, ex, ey, ez, reciprocal, multiplier, rest, compliance, damping):
         squared = squared_3d(dx, dy, dz) if solid else squared_2d(dx, dy)
         if has_damper:
-            along = along_3d(dx, dy, dz, ex, ey, ez)
-            return damped(squared, rest, reciprocal, compliance, multiplier, damping, along)
+            along, passed = along_3d(dx, dy, dz, ex, ey, ez), along_3d(ex, ey, ez, ex, ey, ez)
+            return damped(squared, rest, reciprocal, compliance, multiplier, damping, along, passed)
         if has_compliance:
             return soft(squared, rest, reciprocal, compliance, multiplier)
         return rigid(squared, rest, reciprocal)

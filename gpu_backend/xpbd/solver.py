@@ -42,11 +42,10 @@ from gpu_backend.xpbd.kernels import (
 )
 from gpu_backend.xpbd.launch import BlockLauncher, TiledLauncher
 from gpu_backend.xpbd.stages import bind_xpbd_stages
-from model.core.build import rest_positions
 from model.core.errors import SceneError
 from model.core.plan import Executor
 from model.core.simulation import Options
-from model.geometry.geodesic import sheet_attachments
+from model.geometry.tables import sheet_reaches
 from model.mass_spring.cloth_parameters import collider_numbers
 from model.scene.scene import Scene
 from model.xpbd.plan import colour_order, families, xpbd_plan
@@ -108,12 +107,10 @@ class PositionBased(SubstepSimulation):
         """(particles, count) anchors and reaches; a mass without that many repeats the nearest."""
         attachments = self.scene.attachments
         assert attachments is not None
-        anchor, length = sheet_attachments(rest_positions(self.scene.grid), self.body.pinned, attachments.anchors)
-        missing = anchor < 0
-        anchor, length = np.where(missing, anchor[:, :1], anchor), np.where(missing, length[:, :1], length)
+        anchor, reach = sheet_reaches(self.scene, self.body, self.real)
         self.attachments = attachments.anchors
         self.anchors = self.on_device(np.ascontiguousarray(anchor, np.int32).reshape(-1))
-        self.reaches = self.on_device((length * (1 + attachments.slack)).astype(self.real).reshape(-1))
+        self.reaches = self.on_device(np.ascontiguousarray(reach).reshape(-1))
 
     # ------------------------------------------------------------------ kernels
 

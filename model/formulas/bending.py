@@ -7,7 +7,8 @@ et al., "A Quadratic Bending Model for Inextensible Surfaces", SGP 2006, eq. 4 a
 
 `isometric`: the vector k = K0 a + K1 b + K2 c + K3 d of the cotangents at rest, which is |b - a| (t_c + t_d) long, t the
 wings' directions away from the edge: 2 |b - a| sin(theta/2) while triangles keep their shape. It is linear, so that its
-energy is quadratic and one projection exact; of a hinge that is bent at rest, only the length of k is held.
+energy is quadratic and one projection exact. It holds only the length of k, and has no slope at k = 0, so that scenes need a
+mesh that is flat at rest (model/xpbd/rest_shape.py).
 
 `dihedral`: |b - a| (4 tan(theta/4) - the same at rest). It needs no arc function, is smooth from -180 to 180 degrees, where
 it is 4 instead of pi, and has a derivative everywhere, so that a hinge folded flat still opens (2 sin(theta/2) has none

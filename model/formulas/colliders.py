@@ -21,8 +21,8 @@ OPERATIONS = {"plane": 40, "sphere": 60, "capsule": 65, "box": 60, "mesh_collide
 
 
 def make(real, compiled=plain):
-    """What `make_distances` makes, `respond`, and of colliders that give back `rebound`, `settling_speed`; in the arithmetic
-    `real`."""
+    """What `make_distances` makes, `respond`, and of colliders that give back `rebound`, `settling_speed`; `slid`, where
+    friction acts on positions, too; in the arithmetic `real`."""
     zero, one, two = real(0), real(1), real(2)
 
     @compiled
@@ -72,7 +72,15 @@ def make(real, compiled=plain):
             rx, ry, rz = rx + back * nx, ry + back * ny, rz + back * nz
         return cx + rx, cy + ry, cz + rz
 
-    answers = SimpleNamespace(respond=respond, rebound=rebound, settling_speed=settling_speed)
+    @compiled
+    def slid(h, ux, uy, uz, vx, vy, vz, nx, ny, nz):
+        """The displacement [m] by which friction holds a mass back in a substep of h [s] as it changes its velocity from v to
+        u: a particle that sticks is where it was, one that slides went at its new speed (Mueller et al. 2020, eq. 30)."""
+        x, y, z = ux - vx, uy - vy, uz - vz
+        along = (x * nx + y * ny) + z * nz
+        return h * (x - along * nx), h * (y - along * ny), h * (z - along * nz)
+
+    answers = SimpleNamespace(respond=respond, rebound=rebound, settling_speed=settling_speed, slid=slid)
     return joined(make_distances(real, compiled, root), answers)
 
 

@@ -17,7 +17,7 @@ OPERATIONS_RIGID = (
     22  # 3 differences, 5 for the square, 2 for 1/length, 4 for the change, 1 for its scale, 6 to apply, ...
 )
 OPERATIONS_SOFT = 25  # ... 3 for the multiplier
-OPERATIONS_DAMPER = 15  # 6 differences, 5 for the product, 4
+OPERATIONS_DAMPER = 26  # 6 differences, 10 for the products, 10
 OPERATIONS_PREDICT = 5  # per axis: the kick and the drift
 OPERATIONS_UPDATE = 2  # per axis
 OPERATIONS_ATTACHMENT = 20
@@ -54,13 +54,24 @@ def make(real, compiled=plain):
         return change, change * inverse
 
     @compiled
-    def damped_change(squared, rest, reciprocal, compliance, multiplier, damping, along):
-        """The same with a damper along the spring (eq. 26): `along`: the product of d and what it changed by in this substep,
-        `damping`: gamma = alpha beta / h."""
+    def lengthened(squared, length, along, passed):
+        """|d| - |d - e| = e . (2 d - e) / (|d| + |d - e|), where nothing large cancels."""
+        gained = (along + along) - passed
+        before = squared - gained
+        if before > zero:
+            length = length + before * inverse_length(before)
+        return gained / length
+
+    @compiled
+    def damped_change(squared, rest, reciprocal, compliance, multiplier, damping, along, passed):
+        """The same with a damper along the spring: `along`: d . e, `passed`: e . e, e what d changed by in this substep;
+        `damping`: gamma = alpha beta / h. The rate is that of the length, (C - C_before) / h in place of eq. 26's
+        grad C . (x - x_before) / h, to which it tends: a rigid turn leaves it at 0, by which the other one would pull."""
         inverse = inverse_length(squared)
         change = zero
         if squared > zero:
-            stretch = (squared * inverse - rest) + damping * (along * inverse)
+            length = squared * inverse
+            stretch = (length - rest) + damping * lengthened(squared, length, along, passed)
             change = (-stretch - compliance * multiplier) * reciprocal
         return change, change * inverse
 

@@ -99,15 +99,23 @@ def make_field(real, compiled, between):
     return SimpleNamespace(sample=sample, entry=entry)
 
 
-def make(real, compiled=plain, bounces=False):
+def make(real, compiled=plain, bounces=False, in_place=False):
     """What `make_field` makes; `settle`, of a mass in the collider's frame; `touch`, of a mass. In the arithmetic `real`.
-    `bounces`: whether there is code for restitution."""
+    `bounces`: whether there is code for restitution; `in_place`: friction acts on positions, too, and `settling` is (that
+    speed, the substep [s])."""
     zero, one, settled, null = real(0), real(1), real(SETTLED), real(NULL)
     sums, answers, lengths = make_cloth(real, compiled), make_colliders(real, compiled), make_lengths(real, compiled)
     between, pushed, norm, cross = sums.between, sums.pushed, lengths.length, lengths.cross
-    respond, rebound, touching = answers.respond, answers.rebound, make_frame(real, compiled).touching
+    respond, rebound, touching, slid = (
+        answers.respond, answers.rebound, make_frame(real, compiled).touching, answers.slid
+    )  # fmt: skip
     found = make_field(real, compiled, between)
     sample, entry = found.sample, found.entry
+
+    @compiled
+    def speed_of(pair):
+        """Of `settling`."""
+        return pair[0] if in_place else pair
 
     @compiled
     def settle(
@@ -140,10 +148,16 @@ def make(real, compiled=plain, bounces=False):
             x, y, z = pushed(x, depth, nx), pushed(y, depth, ny), pushed(z, depth, nz)
             cx, cy, cz = cross(sx, sy, sz, x, y, z)
             cx, cy, cz = ux + cx, uy + cy, uz + cz
+            bx, by, bz = vx, vy, vz
             if bounces:
-                vx, vy, vz = rebound(vx, vy, vz, cx, cy, cz, nx, ny, nz, static, dynamic, restitution, settling)
+                slow = speed_of(settling)
+                vx, vy, vz = rebound(vx, vy, vz, cx, cy, cz, nx, ny, nz, static, dynamic, restitution, slow)
             else:
                 vx, vy, vz = respond(vx, vy, vz, cx, cy, cz, nx, ny, nz, static, dynamic)
+            if in_place:
+                if part == one:  # a way that was cut off has lost what friction would take
+                    dx, dy, dz = slid(settling[1], vx, vy, vz, bx, by, bz, nx, ny, nz)
+                    x, y, z = x + dx, y + dy, z + dz
             met, reach = True, settled * thickness
         return met, x, y, z, vx, vy, vz
 

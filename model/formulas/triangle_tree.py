@@ -199,14 +199,22 @@ def make_tree(real, compiled=plain):
     return joined(triangle, SimpleNamespace(first_crossing=first_crossing, nearest=nearest, facing=facing))
 
 
-def make(real, compiled=plain, bounces=False):
+def make(real, compiled=plain, bounces=False, in_place=False):
     """What `make_tree` makes; `settle`, of a mass in the mesh's frame; `touch`, of a mass. In the arithmetic `real`.
-    `bounces`: whether there is code for restitution."""
+    `bounces`: whether there is code for restitution; `in_place`: friction acts on positions, too, and `settling` is (that
+    speed, the substep [s])."""
     zero, settled, near = real(0), real(SETTLED), real(NEAR)
     tree_walks, sums, answers = make_tree(real, compiled), make_cloth(real, compiled), make_colliders(real, compiled)
     first_crossing, nearest, facing = tree_walks.first_crossing, tree_walks.nearest, tree_walks.facing
     between, pushed, cross = sums.between, sums.pushed, sums.cross
-    respond, rebound, touching = answers.respond, answers.rebound, make_frame(real, compiled).touching
+    respond, rebound, touching, slid = (
+        answers.respond, answers.rebound, make_frame(real, compiled).touching, answers.slid
+    )  # fmt: skip
+
+    @compiled
+    def speed_of(pair):
+        """Of `settling`."""
+        return pair[0] if in_place else pair
 
     @compiled
     def settle(
@@ -223,6 +231,7 @@ def make(real, compiled=plain, bounces=False):
         met, reach = False, thickness
         for attempt in range(ROUNDS + 1):
             part, place = first_crossing(numbers, tree, ax, ay, az, x, y, z)
+            crossing = place
             nx, ny, nz = zero, zero, zero
             if place >= 0 and attempt == ROUNDS:
                 cx, cy, cz = cross(sx, sy, sz, ax, ay, az)
@@ -245,10 +254,16 @@ def make(real, compiled=plain, bounces=False):
                 x, y, z = pushed(x, depth, nx), pushed(y, depth, ny), pushed(z, depth, nz)
             cx, cy, cz = cross(sx, sy, sz, x, y, z)
             cx, cy, cz = ux + cx, uy + cy, uz + cz
+            bx, by, bz = vx, vy, vz
             if bounces:
-                vx, vy, vz = rebound(vx, vy, vz, cx, cy, cz, nx, ny, nz, static, dynamic, restitution, settling)
+                slow = speed_of(settling)
+                vx, vy, vz = rebound(vx, vy, vz, cx, cy, cz, nx, ny, nz, static, dynamic, restitution, slow)
             else:
                 vx, vy, vz = respond(vx, vy, vz, cx, cy, cz, nx, ny, nz, static, dynamic)
+            if in_place:
+                if crossing < 0:  # a way that was cut off has lost what friction would take
+                    dx, dy, dz = slid(settling[1], vx, vy, vz, bx, by, bz, nx, ny, nz)
+                    x, y, z = x + dx, y + dy, z + dz
             met, reach = True, settled * thickness
         return met, x, y, z, vx, vy, vz
 

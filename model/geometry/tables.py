@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from model.core.build import Body
-from model.geometry.geodesic import mesh_attachments
+from model.core.build import Body, rest_positions
+from model.geometry.geodesic import mesh_attachments, sheet_attachments
 from model.geometry.mesh import TriangleMesh
 from model.geometry.topology import mesh_of
 from model.scene.scene import Scene
@@ -22,6 +22,20 @@ def wind_lists(mesh: TriangleMesh, wanted: bool = True) -> tuple[np.ndarray, np.
         return np.zeros(1, np.int32), np.zeros(1, np.int32), np.zeros((1, 3), np.int32)
     lists = mesh.edges.vertex_triangles
     return lists.offsets, lists.indices, mesh.triangles
+
+
+def sheet_reaches(scene: Scene, body: Body, real: Any) -> tuple[np.ndarray, np.ndarray]:
+    """(anchors (masses, count) int32, how far from them (masses, count) [m]) of a sheet of rows and columns; a mass without
+    that many repeats the nearest. The way through a sheet of springs is as long as their rest lengths add up to, not as the
+    sheet begins; but springs that give and begin stretched may be held so by pins, and keep what they begin with."""
+    part, springs, spacing = scene.attachments, scene.springs, scene.grid.spacing
+    assert part is not None
+    anchor, way = sheet_attachments(rest_positions(scene.grid), body.pinned, part.anchors)
+    anchor, way = np.where(anchor < 0, anchor[:, :1], anchor), np.where(anchor < 0, way[:, :1], way)
+    scale = springs.rest_length / spacing if springs else 1.0
+    if springs and not springs.inextensible:
+        scale = max(scale, 1.0)
+    return anchor.astype(np.int32), (way * scale * (1 + part.slack)).astype(real)
 
 
 def vertex_attachments(scene: Scene, body: Body, real: Any, wanted: bool = True) -> tuple[np.ndarray, np.ndarray]:

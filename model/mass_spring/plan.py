@@ -12,6 +12,7 @@ from model.formulas import integrators, manufactured, springs, wind
 from model.scene.scene import Scene
 
 TRIANGLES_EACH = 6  # of a cloth, that a mass is a corner of
+FRICTION_IN_PLACE = "friction-in-place"  # of the parts: friction of colliders acts on positions, too
 WIND = TRIANGLES_EACH * (wind.OPERATIONS_TRIANGLE + 18)  # with the mean velocity of a triangle's corners
 
 Stages = tuple[Stage, ...]

@@ -57,8 +57,8 @@ class Bending(ClothSprings):
 
     Of a mesh, by `model`: a spring across each edge, between the two vertices opposite (`distance`, stiffness in N/m); or a
     hinge at each edge with the stiffness of the material against bending, in N m, as one quadratic form (`isometric`, for
-    meshes that hardly stretch) or by the angle between both triangles (`dihedral`). Both are energies of hinges, and hold up
-    to three times what a plate of that stiffness would, where only a third of the hinges bend.
+    meshes that hardly stretch and are flat at rest) or by the angle between both triangles (`dihedral`). Both are energies
+    of hinges, and hold up to three times what a plate of that stiffness would, where only a third of the hinges bend.
     """
 
     stiffness: Positive = 10.0

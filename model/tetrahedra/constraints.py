@@ -19,7 +19,7 @@ from model.tetrahedra.material import constraint_values, material_of, voxel_valu
 from model.tetrahedra.voxel_order import voxel_order
 from model.xpbd import mesh_constraints as of_cloths
 from model.xpbd.colouring import colour
-from model.xpbd.mesh_plan import BODY_DAMPING, constrained_plan, model_parts
+from model.xpbd.mesh_plan import BODY_DAMPING, constrained_plan, model_parts, with_friction_in_place
 from model.xpbd.plan import xpbd_parts
 
 CONSTANTS = ("elastic_compliance", "elastic_damping", "elastic_stiffening")  # of the record: m / h^2, 1 / h, 1
@@ -83,13 +83,14 @@ def projections_of(parts: frozenset[str]) -> tuple[Projection, ...]:
 def _projection(material: str, run: int, whole: bool, parts: frozenset[str]) -> Projection:
     """Of tetrahedra: their shapes alone where voxels keep the volume as a `whole`."""
     damped, blocks, kept = DAMPED in parts, BLOCKS in parts, ITERATED in parts
+    nine = blocks or material == tetrahedron.MATERIALS[tetrahedron.HOOKEAN]
     flags = {
         "material": tetrahedron.MATERIALS.index(material), "damped": damped, "blocks": blocks, "kept": kept,
         "alone": not whole,
     }  # fmt: skip
     return Projection(
         f"{'shapes' if whole else 'tetrahedra'}_{material.replace('-', '_')}", tetrahedron.make, 4, tetrahedron.COUNT,
-        tetrahedron.BLOCKS if blocks else tetrahedron.ROWS, damped=damped, soft=kept, constants=CONSTANTS,
+        tetrahedron.BLOCKS if nine else tetrahedron.ROWS, damped=damped, soft=kept, constants=CONSTANTS,
         flags=tuple(flags.items()), run=run,
     )  # fmt: skip
 
@@ -184,7 +185,7 @@ def tetrahedra_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
     sets = constraint_sets(scene)
     kinds = {SHAPES, *KINDS.values()}
     runs = {part_of_run(found.model, found.run, found.kind == SHAPES) for found in sets if found.kind in kinds}
-    parts = tetrahedra_parts(scene, live) | runs
+    parts = with_friction_in_place(tetrahedra_parts(scene, live) | runs)
     operations = [operations_of(one) for one in projections_of(parts)]
     plan = constrained_plan(scene, parts, list(zip(sets, operations, strict=True)))
     return with_sleep(plan, scene.method.substeps) if SLEEPING in parts else plan

@@ -6,7 +6,8 @@ and lambda of Young's modulus and Poisson's ratio:
     fixed corotated   mu sum (s - 1)^2 + lambda / 2 (J - 1)^2          (A. Stomakhin et al., SCA 2012, eq. 4)
     corotated         mu sum (s - 1)^2 + lambda / 2 (sum (s - 1))^2    (M. Mueller, M. Gross, GI 2004)
     neo-Hookean       mu / 2 (sum s^2 - 3) + (lambda + mu) / 2 (J - alpha)^2, less its value at rest; alpha = 1 + mu / (lambda
-                      + mu) (B. Smith, F. de Goes, T. Kim, TOG 37 (2018), section 3.4, without the logarithm)
+                      + mu) (B. Smith, F. de Goes, T. Kim, TOG 37 (2018), section 3.4, without the logarithm); which is
+                      mu / 2 (sum s^2 + J^2 - 4 J) + lambda / 2 (J - 1)^2, whose last J is a voxel's where voxels keep it
 """
 
 from __future__ import annotations
@@ -35,9 +36,9 @@ def stretches(gradient: np.ndarray) -> np.ndarray:
     return found
 
 
-def volume_ratios(found: TetrahedraSet, gradient: np.ndarray) -> np.ndarray:
-    """(tetrahedra,) float64: det F, of tetrahedra that keep their volume together its mean by volume."""
-    ratio = np.linalg.det(gradient)
+def volume_ratios(found: TetrahedraSet, ratio: np.ndarray) -> np.ndarray:
+    """(tetrahedra,) float64: det F, which is `ratio` (tetrahedra,), of tetrahedra that keep their volume together its mean by
+    volume."""
     if found.patch[-1] == len(ratio) - 1:
         return ratio
     whole = np.bincount(found.patch, found.volume)
@@ -57,9 +58,11 @@ def energies(found: TetrahedraSet, position: np.ndarray) -> np.ndarray:
     finite = np.isfinite(gradient).all(axis=(1, 2))
     s = stretches(np.where(finite[:, None, None], gradient, 0.0))
     mu, lame = found.lame()
-    volume_ratio, off = volume_ratios(found, np.where(finite[:, None, None], gradient, 0.0)), s - 1
+    local = np.linalg.det(np.where(finite[:, None, None], gradient, 0.0))
+    volume_ratio, off = volume_ratios(found, local), s - 1
     alpha = rest_ratio(mu, lame)
     hookean = mu / 2 * ((s**2).sum(axis=1) - 3) + (lame + mu) / 2 * ((volume_ratio - alpha) ** 2 - (1 - alpha) ** 2)
+    hookean += mu / 2 * (local - volume_ratio) * (local + volume_ratio - 4)
     shape = mu * (off**2).sum(axis=1)
     density = np.choose(
         material_of(found),
@@ -75,7 +78,7 @@ def von_mises(found: TetrahedraSet, position: np.ndarray) -> np.ndarray:
     finite = np.isfinite(gradient).all(axis=(1, 2))
     s = stretches(np.where(finite[:, None, None], gradient, 0.0))
     mu, lame = (one[:, None] for one in found.lame())
-    volume_ratio = volume_ratios(found, np.where(finite[:, None, None], gradient, 0.0))[:, None]
+    volume_ratio = volume_ratios(found, np.linalg.det(np.where(finite[:, None, None], gradient, 0.0)))[:, None]
     shape = 2 * mu * (s - 1) * s
     pulled = np.select(
         [kind[:, None] for kind in (material_of(found) == k for k in range(2))],
@@ -113,16 +116,27 @@ def stiffnesses(found: TetrahedraSet, chosen: np.ndarray) -> np.ndarray:
     """(n, 4) float64: V k_D, V k_H [J] of the `chosen` tetrahedra (n,), alpha, or 1, and a damper's time [s]."""
     mu, lame = (one[chosen] for one in found.lame())
     hookean = np.array([part.material == "neo-hookean" for part in found.parts])[found.body[chosen]]
-    shape, pressure = np.where(hookean, mu, 2 * mu), np.where(hookean, lame + mu, lame)
+    pressure, alpha = np.where(hookean, lame + mu, lame), np.where(hookean, rest_ratio(mu, lame), 1.0)
+    return _values(found, chosen, pressure, alpha)
+
+
+def row_stiffnesses(found: TetrahedraSet, chosen: np.ndarray) -> np.ndarray:
+    """The same of position-based rows, of which each is at rest by itself: k_H is lambda, J at rest 1."""
+    return _values(found, chosen, found.lame()[1][chosen], np.ones(len(chosen)))
+
+
+def _values(found: TetrahedraSet, chosen: np.ndarray, pressure: np.ndarray, rest: np.ndarray) -> np.ndarray:
+    mu, volume = found.lame()[0][chosen], found.volume[chosen]
+    hookean = np.array([part.material == "neo-hookean" for part in found.parts])[found.body[chosen]]
+    shape = np.where(hookean, mu, 2 * mu)
     pressure = np.maximum(pressure, LEAST_PRESSURE * shape)
-    volume, alpha = found.volume[chosen], np.where(hookean, rest_ratio(mu, lame), 1.0)
-    return np.column_stack([shape * volume, pressure * volume, alpha, found.matter.damping[chosen]])
+    return np.column_stack([shape * volume, pressure * volume, rest, found.matter.damping[chosen]])
 
 
 def constraint_values(found: TetrahedraSet, chosen: np.ndarray, corners: np.ndarray) -> np.ndarray:
     """(n, COUNT) float64: what the two constraints of the `chosen` tetrahedra (n,) read (see the formula), their corners
     being in the order of `corners` (n, 4)."""
-    stiff = stiffnesses(found, chosen)
+    stiff = row_stiffnesses(found, chosen)
     values = np.column_stack([framed_rest(found.position[corners]), 1 / stiff[:, :2], stiff[:, 2:]])
     assert values.shape[1] == COUNT
     return values
@@ -147,7 +161,7 @@ def framed_rest(corners: np.ndarray) -> np.ndarray:
 def voxel_values(found: TetrahedraSet, chosen: np.ndarray, run: int) -> np.ndarray:
     """(voxels, COUNT) float64: what the constraint of each voxel's volume reads (voxel_volume.py), the `chosen` tetrahedra
     (n,) being `run` after `run` of a voxel; of several materials in one their mean."""
-    stiff, volume = stiffnesses(found, chosen).reshape(-1, run, 4), found.volume[chosen].reshape(-1, run)
+    stiff, volume = row_stiffnesses(found, chosen).reshape(-1, run, 4), found.volume[chosen].reshape(-1, run)
     whole, pressure = volume.sum(axis=1), stiff[..., 1].sum(axis=1)
     rest, time = ((volume * stiff[..., k]).sum(axis=1) / whole for k in (2, 3))
     values = np.column_stack([1 / (6 * whole), 1 / pressure, rest, time])

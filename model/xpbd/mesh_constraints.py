@@ -28,6 +28,7 @@ from model.scene.cloth import CONSTRAINT_KINDS
 from model.scene.scene import Scene
 from model.scene.xpbd import MAX_ANCHORS
 from model.xpbd.colouring import colour
+from model.xpbd.rest_shape import check_flat
 
 FLAT = 1e-9  # of the edge: a shorter vector k at rest is made of the rounded coordinates of a flat hinge
 SHAKE = 1e-4  # of the mean edge
@@ -63,6 +64,8 @@ def constraint_sets(scene: Scene) -> tuple[ConstraintSet, ...]:
     known = _known.setdefault(mesh, {})
     for kind, name in wanted(scene):
         if (kind, name) not in known:
+            if name == "isometric":
+                check_flat(scene.name_of(kind), quarter_tangents(mesh.position, mesh.edges.winged))
             corners, values = MODELS[name].made(mesh, kind)
             known[kind, name] = coloured(kind, name, corners, values, len(mesh.position))
     return tuple(known[name] for name in wanted(scene))

@@ -8,7 +8,7 @@ from model.core.constraints import ConstraintSet
 from model.core.own_forces import own_forces
 from model.core.plan import Node, Plan, Stage
 from model.formulas import colliders, contact, distance
-from model.mass_spring.plan import WIND
+from model.mass_spring.plan import FRICTION_IN_PLACE, WIND
 from model.scene.scene import Scene
 from model.xpbd.mesh_constraints import constraint_sets, model_of, operations_of, projection_of, wanted
 from model.xpbd.plan import LOOKED_AT, xpbd_parts
@@ -32,6 +32,12 @@ def model_parts(scene: Scene) -> frozenset[str]:
     return frozenset(f"{kind}-{model}" for kind, model in wanted(scene) if model != model_of(kind))
 
 
+def with_friction_in_place(parts: frozenset[str]) -> frozenset[str]:
+    """With friction of colliders on positions, where there is any: what a constraint moved a touching vertex by along a
+    collider within a substep would stay else, since friction takes velocities alone, and what should stick would creep."""
+    return parts | {FRICTION_IN_PLACE} if "friction" in parts else parts
+
+
 def stage_name(kind: str, model: str, colour: int) -> str:
     """Of the plan, for one colour of a set of constraints."""
     if kind == "attachments":
@@ -41,7 +47,7 @@ def stage_name(kind: str, model: str, colour: int) -> str:
 
 def xpbd_mesh_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
     """The plan of a mesh."""
-    parts = mesh_parts(scene, live)
+    parts = with_friction_in_place(mesh_parts(scene, live))
     return constrained_plan(
         scene, parts, [(found, operations_of(projection_of(found.kind, parts))) for found in constraint_sets(scene)]
     )

@@ -126,6 +126,14 @@ def test_what_comes_back_and_what_friction_then_takes(normal: float, along: floa
     assert (found @ n, found @ t, found @ s) == pytest.approx((back, left, 0), abs=1e-14)
 
 
+def test_friction_takes_back_what_it_slowed_for_a_substep() -> None:
+    """Across the normal alone: of a mass that sticks all that it slid."""
+    n, t, s = TURN
+    before, after, h = MOVES - 2.0 * n + 1.5 * t, MOVES + 0.4 * n, 0.01
+    taken = np.array(DOUBLE.slid(h, *after, *before, *n))
+    assert (taken @ n, taken @ t, taken @ s) == pytest.approx((0, -1.5 * h, 0), abs=1e-16)
+
+
 def test_settling_is_twice_what_gravity_adds_in_a_step() -> None:
     assert DOUBLE.settling_speed(-9.81, 0.01) == DOUBLE.settling_speed(9.81, 0.01) == pytest.approx(0.1962)
 

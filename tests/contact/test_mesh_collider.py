@@ -34,9 +34,9 @@ def soup(count: int, seed: int = 0) -> np.ndarray:
     return corners[order_of(corners)]
 
 
-def touch(part: MeshCollider, real: Any = np.float64) -> Any:
+def touch(part: MeshCollider, real: Any = np.float64, in_place: bool = False) -> Any:
     """See `touch_by`."""
-    return touch_by(formulas, "mesh_collider", part, real)
+    return touch_by(formulas, "mesh_collider", part, real, in_place)
 
 
 def written(path: Path, position: Any, triangles: Any) -> str:
@@ -264,8 +264,10 @@ def test_a_blade_that_turns_sweeps_a_mass(floor: str) -> None:
     assert (velocity - surface) @ normal == pytest.approx(0, abs=1e-9)
 
 
-@pytest.mark.parametrize("spin", [(0.0, 0.0, 0.0), (1.0, 2.0, -0.5)])
-def test_formulas_are_the_references(spin: Any) -> None:
+@pytest.mark.parametrize(
+    ("spin", "in_place"), [((0.0, 0.0, 0.0), False), ((1.0, 2.0, -0.5), False), ((1.0, 2.0, -0.5), True)]
+)
+def test_formulas_are_the_references(spin: Any, in_place: bool) -> None:
     """Of masses that fall on the terrain: the reference knows no tree."""
     mesh = {
         "shape": TERRAIN, "origin": (0.1, -0.2, 0.3), "angle": 20.0, "axis": (1.0, 0.2, 0.0), "velocity": (0.3, 0.1, -0.2),
@@ -274,7 +276,7 @@ def test_formulas_are_the_references(spin: Any) -> None:
     scene = cloth(10, 20, mesh_collider=mesh, method={"dt": 0.02})
     random = np.random.default_rng(8)
     position = random.uniform(-2, 2, (200, 3)) * [1, 0.15, 1] - [0, 0.3, 0]
-    check_formulas(scene, touch(MeshCollider(**mesh)), position, random, 160)
+    check_formulas(scene, touch(MeshCollider(**mesh), in_place=in_place), position, random, 160, in_place)
 
 
 @each_precision

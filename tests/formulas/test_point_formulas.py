@@ -81,15 +81,17 @@ def test_an_inextensible_constraint_gets_its_length_and_moves_its_ends_by_their_
 
 @pytest.mark.parametrize("damping", [None, 0.0, 0.4])
 def test_a_compliant_constraint_solves_its_equation(damping: float | None) -> None:
-    """XPBD, eq. 18 and 26: (1 + gamma) w dlambda + a dlambda = -C - a lambda - gamma grad C . (x - x_before)."""
+    """XPBD, eq. 18 and 26, with C - C_before in place of grad C . (x - x_before): (1 + gamma) w dlambda + a dlambda = -C - a
+    lambda - gamma (C - C_before)."""
     made, w, rest, compliance, multiplier = distance.make(REAL), 5.0, 1.0, 0.7, -0.05
     gamma, passed = damping or 0.0, np.array([0.02, 0.01, -0.03])
     r = made.reciprocal(w, 1 + gamma, compliance)
     if damping is None:
         change, scale = made.soft_change(D @ D, rest, r, compliance, multiplier)
     else:
-        change, scale = made.damped_change(D @ D, rest, r, compliance, multiplier, gamma, made.along_3d(*D, *passed))
-    left = -(1.3 - rest) - compliance * multiplier - gamma * (D / 1.3 @ passed)
+        products = made.along_3d(*D, *passed), made.along_3d(*passed, *passed)
+        change, scale = made.damped_change(D @ D, rest, r, compliance, multiplier, gamma, *products)
+    left = -(1.3 - rest) - compliance * multiplier - gamma * (1.3 - float(np.linalg.norm(D - passed)))
     assert ((1 + gamma) * w + compliance) * change == pytest.approx(left)
     assert scale == pytest.approx(change / 1.3)
 

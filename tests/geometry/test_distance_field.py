@@ -36,9 +36,9 @@ def field_of(distance: Any, spacing: float, half: float) -> np.ndarray:
     return np.concatenate([[count - 1] * 3, low, [1 / spacing, 0.1], distance(x, y, z).ravel()])
 
 
-def touch(part: DistanceField, real: Any = np.float64) -> Any:
+def touch(part: DistanceField, real: Any = np.float64, in_place: bool = False) -> Any:
     """See `touch_by`."""
-    return touch_by(formulas, "distance_field", part, real)
+    return touch_by(formulas, "distance_field", part, real, in_place)
 
 
 def fall(part: DistanceField, place: Any, velocity: Any, steps: int, dt: float) -> Any:
@@ -277,8 +277,10 @@ def test_a_turntable_turns_what_sticks_to_it() -> None:
     assert velocity == pytest.approx(np.cross([0, spin, 0], position), abs=1e-12)
 
 
-@pytest.mark.parametrize("spin", [(0.0, 0.0, 0.0), (1.0, 2.0, -0.5)])
-def test_formulas_are_the_references(spin: Any) -> None:
+@pytest.mark.parametrize(
+    ("spin", "in_place"), [((0.0, 0.0, 0.0), False), ((1.0, 2.0, -0.5), False), ((1.0, 2.0, -0.5), True)]
+)
+def test_formulas_are_the_references(spin: Any, in_place: bool) -> None:
     """Of masses around and in a torus."""
     part = {
         "shape": TORUS, "spacing": 0.05, "origin": (0.1, -0.2, 0.3), "angle": 20.0, "axis": (1.0, 0.2, 0.0),
@@ -287,7 +289,7 @@ def test_formulas_are_the_references(spin: Any) -> None:
     scene = cloth(10, 20, distance_field=part, method={"dt": 0.02})
     random = np.random.default_rng(8)
     position = random.uniform(-0.5, 0.5, (200, 3)) * [1, 0.5, 1] + [0.1, -0.2, 0.3]
-    check_formulas(scene, touch(DistanceField(**part)), position, random, 180)
+    check_formulas(scene, touch(DistanceField(**part), in_place=in_place), position, random, 180, in_place)
 
 
 @each_precision

@@ -203,8 +203,8 @@ FORMULAS: tuple[Mistake, ...] = (
                 "change = ((rest - squared * inverse) + compliance * multiplier) * reciprocal",
             ),
             "a constraint's damper drives": (
-                "stretch = (squared * inverse - rest) + damping",
-                "stretch = (squared * inverse - rest) - damping",
+                "stretch = (length - rest) + damping",
+                "stretch = (length - rest) - damping",
             ),
             "compliance is left out of the denominator": (
                 "return one / (stiffening * weight + compliance) if",

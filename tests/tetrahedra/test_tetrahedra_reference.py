@@ -32,9 +32,9 @@ def inverse_masses(made: Bar) -> np.ndarray:
     return np.where(made.clamped, 0, 1 / fem.lumped_mass(made.position, made.tetrahedra, DENSITY))
 
 
-@pytest.mark.parametrize("material", materials.MATERIALS)
+@pytest.mark.parametrize("material", ("corotated", "fixed-corotated"))
 def test_rows_add_up_to_the_material(material: str) -> None:
-    """C^2 / (2 compliance) of both rows is V Psi, but for what the stable neo-Hookean has at rest; dC/dF by differences."""
+    """C^2 / (2 compliance) of both rows is V Psi; dC/dF by differences."""
     body, first = one(material), np.array([0])
     here = ONE @ np.random.default_rng(1).normal(size=(3, 3)) + 0.1
 
@@ -62,7 +62,7 @@ def test_a_projection_keeps_momenta(way: str, material: str) -> None:
     impulse = (moved - here) / weight[:, None]
     assert np.abs(impulse).max() > 1e-4
     np.testing.assert_allclose(impulse.sum(axis=0), 0, atol=1e-12)
-    if way == "together":  # the others move in between
+    if way == "together" and material != "neo-hookean":  # the others move in between
         np.testing.assert_allclose(np.cross(here, impulse).sum(axis=0), 0, atol=1e-12)
 
 
@@ -181,18 +181,32 @@ def test_damped_rows_sag_further() -> None:
     assert sag / expected == pytest.approx(1.2477, rel=1e-3)
 
 
-def test_neo_hookean_rows_drift_without_a_load() -> None:
-    """|F| pulls and det F - alpha pushes at rest, and one after the other they do not balance: without any load a bar of
-    E 1e6 ends with another volume, by some per cent at 16 substeps of 60 frames a second. As one system of two it stays."""
+@pytest.mark.parametrize("way", ("rows", "volume-first"))
+def test_neo_hookean_rows_stay_without_a_load(way: str) -> None:
+    """Shape and volume each rest by themselves, so that in any order a bar of E 1e6 stays where it is, to rounding: one of
+    |F| and one of det F - alpha in turn made it lose a per cent of its volume within a quarter of a second."""
     made = bar(1, 5, length=0.4)
     body = fem.Body.of(made.position, made.tetrahedra, "neo-hookean", 1e6, 0.3)
     still = np.zeros_like(made.position)
-    kept = {}
-    for way in ("rows", "volume-first", "together"):
-        p, _ = rows.simulate(body, made.position, still, inverse_masses(made), made.colours, FRAME, 16, 1, 15, way=way)
-        kept[way] = float(np.linalg.det(body.deformation(p)).mean())
-    assert kept["together"] == pytest.approx(1, abs=1e-9)
-    assert kept["rows"] < 0.99 and kept["volume-first"] < 0.9
+    p, _ = rows.simulate(body, made.position, still, inverse_masses(made), made.colours, FRAME, 1, 1, 15, way=way)
+    np.testing.assert_allclose(p, made.position, rtol=0, atol=1e-14)
+
+
+@pytest.mark.parametrize(("poisson", "rate"), [(0.0, 0.82), (0.3, 0.82), (0.49, 0.88)])
+def test_neo_hookean_sweeps_approach_the_exact_step(poisson: float, rate: float) -> None:
+    """Multipliers kept: where sweeps end is the step of implicit Euler, at strains of 3 %. Each of 60 sweeps leaves `rate` of
+    what is left or less (here 0.81, 0.81 and 0.87 on average; stiff volumes couple more of them)."""
+    made = bar(1, 5, length=0.2)
+    body = fem.Body.of(made.position, made.tetrahedra, "neo-hookean", 1e6, poisson)
+    mass = fem.lumped_mass(made.position, made.tetrahedra, DENSITY)
+    v = np.zeros_like(made.position)
+    v[:, 1] = -100 * made.position[:, 0] ** 2
+    h, gravity = 1 / 240, (0.0, -0.1, 0.0)
+    exact, _ = implicit_euler(body, made.position, v, mass, made.clamped, h, gravity)
+    assert np.linalg.svd(body.deformation(exact), compute_uv=False).max() > 1.025
+    far = np.abs(exact - made.position - h * v).max()
+    p, _ = rows.simulate(body, made.position, v, inverse_masses(made), made.colours, h, 1, 60, 1, gravity)
+    assert np.abs(p - exact).max() < rate**60 * far
 
 
 @pytest.mark.parametrize("iterations", [1, 2])

@@ -36,6 +36,10 @@ PARTS: dict[str, dict[str, Any]] = {
         "method": METHOD | {"rows": "blocks", "iterations": 3},
     },
     "voxels": {"body": BODY | {"volume": "voxels", "damping": 0.01, "poisson_ratio": 0.499}, "gravity": {}},
+    "damped hookean": {"body": BODY | {"material": "neo-hookean", "damping": 0.02}, "gravity": {}},
+    "hookean once": {
+        "body": BODY | {"material": "neo-hookean", "damping": 0.02}, "gravity": {}, "method": METHOD | {"iterations": 1},
+    },
     "hookean voxels": {"body": BODY | {"volume": "voxels", "material": "neo-hookean"}, "gravity": {}},
     "free": {"gravity": {}},  # and a body of no voxels
     "everything": {

@@ -21,7 +21,7 @@ SHEET: dict[str, Any] = {
 ALTERNATING = {"mesh": SHEET["mesh"] | {"diagonals": "alternating"}}
 DIHEDRAL = {"bending": {"stiffness": 0.02, "model": "dihedral"}}
 RIGID = {"structural": {"compliance": 0.0}, "bending": {"compliance": 0.0, "model": "isometric"}}
-BALL = SHEET | {"mesh": {"file": "ball.obj", "density": 0.3, "pinned": [3]}, "volume": {"stiffness": 2e3}}
+BALL = SHEET | DIHEDRAL | {"mesh": {"file": "ball.obj", "density": 0.3, "pinned": [3]}, "volume": {"stiffness": 2e3}}
 PARTS: dict[str, dict[str, Any]] = {
     "isometric": SHEET,
     "dihedral": SHEET | ALTERNATING | DIHEDRAL,

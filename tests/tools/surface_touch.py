@@ -14,19 +14,22 @@ from model.mass_spring.cloth_parameters import B_TREE, COLLIDER_FIELDS, collider
 from model.scene.scene import Scene
 
 
-def touch_by(formulas: ModuleType, kind: str, part: SurfaceCollider, real: Any = np.float64) -> Any:
+def touch_by(
+    formulas: ModuleType, kind: str, part: SurfaceCollider, real: Any = np.float64, in_place: bool = False
+) -> Any:
     """touch(begin, end, before, position, velocity) -> (position, velocity): the formulas on the row and the numbers of a
-    collider of that kind."""
+    collider of that kind; `in_place`: whose friction acts on positions."""
     scene = Scene({"cloth": {"rows": 2, "columns": 2}, kind: part.model_dump()})
     numbers = collider_numbers(scene, real)
     row = numbers[:COLLIDER_FIELDS]
-    made = formulas.make(real)
+    made = formulas.make(real, in_place=in_place)
 
     def touched(begin: float, end: float, before: Any, position: Any, velocity: Any) -> tuple[np.ndarray, np.ndarray]:
         vectors = [real(x) for vector in (before, position, velocity) for x in vector]
+        settling = (real(0), real(end - begin)) if in_place else real(0)
         found = made.touch(
             numbers, int(row[B_TREE]), row[10], row[11], row[12], *row[:3], *row[7:10], *row[3:6], row[13], row[14],
-            real(begin), real(end), *vectors, real(0), real(0),
+            real(begin), real(end), *vectors, real(0), settling,
         )  # fmt: skip
         assert all(type(x) is real for x in found)
         return np.array(found[:3]), np.array(found[3:])
@@ -43,7 +46,9 @@ def fall_by(meet: Any, place: Any, velocity: Any, steps: int, dt: float, gravity
     return p, v
 
 
-def check_formulas(scene: Scene, meet: Any, position: np.ndarray, random: np.random.Generator, most: int) -> None:
+def check_formulas(
+    scene: Scene, meet: Any, position: np.ndarray, random: np.random.Generator, most: int, in_place: bool = False
+) -> None:
     """Of masses at `position` (200, 3), some fast, some in contact, 30 to `most` of which meet the scene's collider:
     positions and velocities of the NumPy reference (bench/reference), within 1000 roundings of what they are made from."""
     step = 3
@@ -51,7 +56,8 @@ def check_formulas(scene: Scene, meet: Any, position: np.ndarray, random: np.ran
     after = position + 0.02 * velocity
     found = [meet(step * 0.02, (step + 1) * 0.02, *each) for each in zip(position, after, velocity, strict=True)]
     arrays = [array.reshape(10, 20, 3) for array in (position, after, velocity)]
-    expected = judge.collide(scene, *arrays, step)
+    expected = judge.collide(scene, *arrays, step, in_place)
+    assert (expected[0] != judge.collide(scene, *arrays, step)[0]).any() == in_place
     assert 30 < (expected[1] != arrays[2]).any(axis=-1).sum() < most
     for own, wanted, size in zip(zip(*found, strict=True), expected, (2, 200), strict=True):
         np.testing.assert_allclose(own, wanted.reshape(-1, 3), rtol=0, atol=1000 * size * 2.0**-53)

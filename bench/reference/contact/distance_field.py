@@ -58,9 +58,10 @@ def entered(field: Field, p: np.ndarray, q: np.ndarray) -> np.ndarray:
 
 def collide(
     body: DistanceField, before: np.ndarray, position: np.ndarray, velocity: np.ndarray, begin: float, end: float,
-    touched: Touched,
+    touched: Touched, in_place: bool = False,
 ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
-    """(position, velocity) (n, 3) of masses that were at `before` at the time `begin` [s] and come to `position` at `end`."""
+    """(position, velocity) (n, 3) of masses that were at `before` at the time `begin` [s] and come to `position` at `end`;
+    `in_place`: friction takes back what a mass slid by whose way did not enter the body."""
     field, drift, spin = body.field, np.array(body.velocity), np.array(body.spin)
     then, now = body.turn_at(begin), body.turn_at(end)
     old = (before - body.origin - drift * begin) @ then
@@ -71,7 +72,7 @@ def collide(
     for k in np.flatnonzero(near):
         back = old[k] - new[k]
         x, v, reach = entered(field, old[k], new[k]), velocity[k] @ now, body.thickness
-        met = False
+        met, cut = False, bool((x != new[k]).any())
         for _ in range(ROUNDS):
             distance, normal = sample(field, x)
             if distance >= reach:
@@ -80,7 +81,10 @@ def collide(
                 normal = back if back.any() else np.array([0.0, 1.0, 0.0])
             normal = normal / np.linalg.norm(normal)
             x = x + (body.thickness - distance) * normal
-            v, met, reach = touched(v, normal, drift @ now + np.cross(spin, x)), True, SETTLED * body.thickness
+            answered = touched(v, normal, drift @ now + np.cross(spin, x))
+            if in_place and not cut:
+                x = x + (end - begin) * (answered - v - ((answered - v) @ normal) * normal)
+            v, met, reach = answered, True, SETTLED * body.thickness
         if met:
             position[k], velocity[k] = now @ x + body.origin + drift * end, now @ v
     return position, velocity

@@ -60,9 +60,10 @@ def nearest_point(corners: np.ndarray, q: np.ndarray) -> np.ndarray:
 
 def collide(
     mesh: MeshCollider, before: np.ndarray, position: np.ndarray, velocity: np.ndarray, begin: float, end: float,
-    touched: Touched,
+    touched: Touched, in_place: bool = False,
 ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
-    """(position, velocity) (n, 3) of masses that were at `before` at the time `begin` [s] and come to `position` at `end`."""
+    """(position, velocity) (n, 3) of masses that were at `before` at the time `begin` [s] and come to `position` at `end`;
+    `in_place`: friction takes back what a mass slid by that the nearest point pushed out."""
     corners, drift, spin = mesh.position[mesh.triangles], np.array(mesh.velocity), np.array(mesh.spin)
     then, now = mesh.turn_at(begin), mesh.turn_at(end)
     old = (before - mesh.origin - drift * begin) @ then
@@ -89,7 +90,10 @@ def collide(
                     break
                 normal = (x - nearest) / distance
                 x = nearest + mesh.thickness * normal
-            v, met = touched(v, normal, drift @ now + np.cross(spin, x)), True
+            answered = touched(v, normal, drift @ now + np.cross(spin, x))
+            if in_place and not crossed:
+                x = x + (end - begin) * (answered - v - ((answered - v) @ normal) * normal)
+            v, met = answered, True
         if met:
             position[k], velocity[k] = now @ x + mesh.origin + drift * end, now @ v
     return position, velocity

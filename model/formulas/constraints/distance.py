@@ -34,8 +34,9 @@ def make(real, compiled=plain, soft=True, damped=False, own_compliance=False):
         inverse = reciprocal(first + second, stiffening, compliance)
         if damped:
             p, q = before
-            along = along_3d(dx, dy, dz, dx - (q[0] - p[0]), dy - (q[1] - p[1]), dz - (q[2] - p[2]))
-            change, scale = damped_change(squared, rest, inverse, compliance, multiplier, damping, along)
+            ex, ey, ez = dx - (q[0] - p[0]), dy - (q[1] - p[1]), dz - (q[2] - p[2])
+            along, passed = along_3d(dx, dy, dz, ex, ey, ez), along_3d(ex, ey, ez, ex, ey, ez)
+            change, scale = damped_change(squared, rest, inverse, compliance, multiplier, damping, along, passed)
         elif soft:
             change, scale = soft_change(squared, rest, inverse, compliance, multiplier)
         else:

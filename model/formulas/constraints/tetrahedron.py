@@ -5,14 +5,13 @@ rest (M. Macklin et al., "XPBD", MIG 2016, eq. 4). R is the rotation nearest to 
 
     fixed corotated   C_D = |F - R|        k_D = 2 mu    C_H = J - 1           k_H = lambda
     corotated         C_D = |F - R|        k_D = 2 mu    C_H = tr(R'F) - 3     k_H = lambda
-    neo-Hookean       C_D = sqrt(tr F'F)   k_D = mu      C_H = J - alpha       k_H = lambda + mu
+    neo-Hookean       tetrahedron_hookean.py             C_H = J - 1           k_H = lambda
 
-with alpha = 1 + mu / (lambda + mu): A. Stomakhin et al., "Energetically Consistent Invertible Elasticity", SCA 2012, eq. 4;
-M. Macklin, M. Mueller, "A Constraint-based Formulation of Stable Neo-Hookean Materials", MIG 2021, eq. 6 to 15, but with
-lambda + mu in place of their lambda, as B. Smith, F. de Goes, T. Kim, "Stable Neo-Hookean Flesh Simulation", TOG 37 (2018),
-section 3.4, ask for in order that E and nu are Young's modulus and Poisson's ratio.
+A. Stomakhin et al., "Energetically Consistent Invertible Elasticity", SCA 2012, eq. 4; B. Smith, F. de Goes, T. Kim, "Stable
+Neo-Hookean Flesh Simulation", TOG 37 (2018), section 3.4. The shape of the neo-Hookean material is no length, but has a term
+of the energy that is least at rest, and nine multipliers.
 
-C_D is the length of G = F - R or F, and G / C_D its derivative by F. With x in place of the multiplier's change C_D x, XPBD's
+C_D is the length of G = F - R, and G / C_D its derivative by F. With x in place of the multiplier's change C_D x, XPBD's
 eq. 18 times C_D^2 has no root but where a multiplier is kept, and nothing that is divided by C_D; where C_D is 0 it does
 nothing:
 
@@ -21,8 +20,7 @@ nothing:
 Scalar rows turn with F, so that multipliers kept through iterations stay along directions that rows have left: they end some
 per cent off the step of implicit Euler that they stand for. `blocks` takes F - R as nine rows instead, R held, which share
 one 3 x 3 system, H + alpha~ with H = sum w g g' over the corners' rows g of B (with - their sum for the first), and ends
-there. |F| holds a force at rest, which only C_H balances: of the
-neo-Hookean material there are no blocks.
+there; the neo-Hookean material ends there without.
 
 A damper's stress is `time` times the rate of the elastic one: alpha beta = time in XPBD's eq. 26, gamma = time / h.
 """
@@ -36,6 +34,8 @@ from typing import Any
 from model.formulas import plain
 from model.formulas.bending import make as make_bending
 from model.formulas.constraints.tetrahedron_block import make_block
+from model.formulas.constraints.tetrahedron_hookean import OPERATIONS as OPERATIONS_HOOKEAN
+from model.formulas.constraints.tetrahedron_hookean import make_hookean
 from model.formulas.distance import make as make_distance
 from model.formulas.elastic.deformation import (
     OPERATIONS_COFACTOR,
@@ -51,21 +51,21 @@ from model.formulas.lengths import make as make_lengths
 
 MATERIALS = ("fixed-corotated", "corotated", "neo-hookean")
 FIXED, COROTATED, HOOKEAN = range(len(MATERIALS))
-BLOCKS = 10  # multipliers of a block: nine of F - R, one of C_H
+BLOCKS = 10  # multipliers of a block, and of a neo-Hookean tetrahedron: nine of the shape, one of C_H
 ROWS = 2
-COUNT = (
-    10  # values: 6 of B (make_framed); at 6, 7 the compliances of C_D, C_H, 1 / (k V) [1/J]; alpha, or 1; `time` [s]
-)
-SOFT_SHAPE, SOFT_VOLUME, ALPHA, TIME = range(6, COUNT)
+COUNT = 10  # values: 6 of B (make_framed); at 6, 7 the compliances of C_D, C_H, 1 / (k V) [1/J]; J at rest; `time` [s]
+SOFT_SHAPE, SOFT_VOLUME, REST, TIME = range(6, COUNT)
 OPERATIONS_ROW = OPERATIONS_FRAMED_CORNERS + 27 + 9 + 28  # ..., the weight, the change, to apply it
 
 
 def operations(material: int, item: int) -> int:
     """Of one projection, counted on numbers of `item` bytes."""
-    rows = 2 * (OPERATIONS_FRAMED + OPERATIONS_ROW) + 9 + 18  # F - R, C_D^2
-    turns = {FIXED: 1, COROTATED: 2, HOOKEAN: 0}[material]
     volume = 0 if material == COROTATED else OPERATIONS_COFACTOR + OPERATIONS_DETERMINANT
-    return rows + turns * OPERATIONS_ROTATION[item] + volume
+    volume += OPERATIONS_FRAMED + OPERATIONS_ROW
+    if material == HOOKEAN:
+        return OPERATIONS_FRAMED + OPERATIONS_HOOKEAN + volume
+    turns = {FIXED: 1, COROTATED: 2}[material]
+    return OPERATIONS_FRAMED + OPERATIONS_ROW + 9 + 18 + volume + turns * OPERATIONS_ROTATION[item]  # F - R, C_D^2
 
 
 def make(real, compiled=plain, material=FIXED, damped=False, blocks=False, kept=True, alone=True):
@@ -76,6 +76,9 @@ def make(real, compiled=plain, material=FIXED, damped=False, blocks=False, kept=
     distortion, dilation, scaled = terms.distortion, terms.dilation, one_row.scaled
     row, row_of_length = one_row.row, one_row.row_of_length
     block: Any = make_block(real, compiled, damped) if blocks else None
+    hookean: Any = make_hookean(real, compiled, damped, kept) if material == HOOKEAN else None
+    descend: Any = hookean.descend if hookean else None
+    combined: Any = hookean.combined if hookean else None
 
     @compiled
     def damper(values, constants):
@@ -86,7 +89,7 @@ def make(real, compiled=plain, material=FIXED, damped=False, blocks=False, kept=
         """The corners after C_H, and its multiplier."""
         if not alone:
             return points, zero
-        violation, g = dilation(gradient(points[0], points[1], points[2], points[3], values), values[ALPHA])
+        violation, g = dilation(gradient(points[0], points[1], points[2], points[3], values), values[REST])
         compliance = softness(constants[0], values[SOFT_VOLUME])
         return row(points, before, weights, values, violation, g, compliance, multiplier, gamma)
 
@@ -105,7 +108,21 @@ def make(real, compiled=plain, material=FIXED, damped=False, blocks=False, kept=
         points, second = with_volume(points, before, weights, values, multipliers[1], gamma, constants)
         return points, (first, second)
 
-    return SimpleNamespace(project=project_block if blocks else project)
+    @compiled
+    def project_hookean(points, before, weights, values, multipliers, constants):
+        gamma, compliance = damper(values, constants), softness(constants[0], values[SOFT_SHAPE])
+        points, first = descend(points, before, weights, values, compliance, multipliers, gamma)
+        if not alone:
+            return points, (*first, zero)
+        violation, g = dilation(gradient(points[0], points[1], points[2], points[3], values), values[REST])
+        compliance = softness(constants[0], values[SOFT_VOLUME])
+        points, second = row(points, before, weights, values, violation, g, compliance, multipliers[9], gamma)
+        if kept:
+            first = combined(first, second - multipliers[9], g)
+        return points, (*first, second)
+
+    of_lengths = project_block if blocks else project
+    return SimpleNamespace(project=project_hookean if hookean else of_lengths)
 
 
 def make_terms(real, compiled, material):
@@ -116,18 +133,16 @@ def make_terms(real, compiled, material):
         make_rotation(real, compiled),
     )
     cofactor, determinant, three = elastic.cofactor, elastic.determinant, real(3)
-    is_hookean, is_corotated = material == HOOKEAN, material == COROTATED
+    is_corotated = material == COROTATED
 
     @compiled
     def distortion(f):
-        """(C_D^2, G)."""
-        g = f
-        if not is_hookean:
-            r = rotation(f)
-            g = (
-                f[0] - r[0], f[1] - r[1], f[2] - r[2], f[3] - r[3], f[4] - r[4], f[5] - r[5],
-                f[6] - r[6], f[7] - r[7], f[8] - r[8],
-            )  # fmt: skip
+        """(C_D^2, G) of a material that has a length C_D."""
+        r = rotation(f)
+        g = (
+            f[0] - r[0], f[1] - r[1], f[2] - r[2], f[3] - r[3], f[4] - r[4], f[5] - r[5],
+            f[6] - r[6], f[7] - r[7], f[8] - r[8],
+        )  # fmt: skip
         squared = (dot(g[0], g[1], g[2], g[0], g[1], g[2]) + dot(g[3], g[4], g[5], g[3], g[4], g[5])) + dot(
             g[6], g[7], g[8], g[6], g[7], g[8]
         )

@@ -1,4 +1,9 @@
-"""The shape of a tetrahedron as a block: F - R as nine rows, R held, that share one 3 x 3 system; see tetrahedron.py."""
+"""The shape of a tetrahedron as a block: F - R as nine rows, R held, that share one 3 x 3 system; see tetrahedron.py.
+
+A damper's rate is that of the stretch S = R'F in the material's own frame: h times it is R (S - S0) = F - R R0' F0, with F0
+at the substep's start and R0 its rotation. A rigid turn, whose S stays, is not damped (objective rates: J. Simo, T. Hughes,
+"Computational Inelasticity", Springer 1998, section 7.2).
+"""
 
 from __future__ import annotations
 
@@ -22,6 +27,21 @@ def make_block(real, compiled, damped):
         return violation + gamma * (now - before)
 
     @compiled
+    def turned(q, a):
+        """Q A, nine numbers."""
+        return (
+            dot(q[0], q[1], q[2], a[0], a[3], a[6]), dot(q[0], q[1], q[2], a[1], a[4], a[7]),
+            dot(q[0], q[1], q[2], a[2], a[5], a[8]), dot(q[3], q[4], q[5], a[0], a[3], a[6]),
+            dot(q[3], q[4], q[5], a[1], a[4], a[7]), dot(q[3], q[4], q[5], a[2], a[5], a[8]),
+            dot(q[6], q[7], q[8], a[0], a[3], a[6]), dot(q[6], q[7], q[8], a[1], a[4], a[7]),
+            dot(q[6], q[7], q[8], a[2], a[5], a[8]),
+        )  # fmt: skip
+
+    @compiled
+    def transposed(a):
+        return a[0], a[3], a[6], a[1], a[4], a[7], a[2], a[5], a[8]
+
+    @compiled
     def moved(point, weight, way):
         return point[0] + weight * way[0], point[1] + weight * way[1], point[2] + weight * way[2]
 
@@ -40,6 +60,7 @@ def make_block(real, compiled, damped):
         )  # fmt: skip
         if damped:
             p = gradient(before[0], before[1], before[2], before[3], values)
+            p = turned(r, turned(transposed(rotation(p)), p))
             c = (
                 drawn(c[0], gamma, f[0], p[0]), drawn(c[1], gamma, f[1], p[1]), drawn(c[2], gamma, f[2], p[2]),
                 drawn(c[3], gamma, f[3], p[3]), drawn(c[4], gamma, f[4], p[4]), drawn(c[5], gamma, f[5], p[5]),

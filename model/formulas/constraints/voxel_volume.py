@@ -3,11 +3,11 @@
 Linear tetrahedra that each keep their volume leave a body fewer ways to move than it has: it locks near a Poisson's ratio of
 1/2. With the mean of J over a patch of them, here a voxel, there is one volume to keep for about one vertex:
 
-    W_H = k_H (J' - alpha)^2 / 2,    J' = V / V_0 of the voxel,    C = J' - alpha, compliance 1 / (k_H V_0)
+    W_H = lambda (J' - 1)^2 / 2,    J' = V / V_0 of the voxel,    C = J' - 1, compliance 1 / (lambda V_0)
 
 J. Nagtegaal, D. Parks, J. Rice, "On Numerically Accurate Finite Element Solutions in the Fully Plastic Range", CMAME 4
 (1974); E. de Souza Neto, F. Andrade Pires, D. Owen, "F-bar-based Linear Triangles and Tetrahedra for Finite Strain Analysis
-of Nearly Incompressible Solids", IJNME 62 (2005). k_H and alpha as in tetrahedron.py, which then keeps the shapes alone.
+of Nearly Incompressible Solids", IJNME 62 (2005). What else hangs on F is tetrahedron.py's, which then keeps shapes alone.
 
 Corners: those that one tetrahedron has alone, a to d, then those of the one between them, e to h, as Projection.around says:
 a with f, g, h; b with g, h, e; c with h, e, f; d with e, f, g. Of positive volume e, f, g, h, the first and the third of the
@@ -26,7 +26,7 @@ from model.formulas.lengths import make as make_lengths
 CORNERS, COUNT = (
     8,
     4,
-)  # values: 1 / (6 V_0) [1/m^3]; the compliance 1 / (k_H V_0) [1/J]; alpha, or 1; a damper's time [s]
+)  # values: 1 / (6 V_0) [1/m^3]; the compliance 1 / (lambda V_0) [1/J]; J' at rest; a damper's time [s]
 OPERATIONS = 5 * (9 + 27 + 6 + 5) + 4 * 9 + 8 * 6 + 8 * 9 + 20
 
 

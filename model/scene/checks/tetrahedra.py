@@ -52,7 +52,9 @@ def check_tetrahedra(scene: SceneParts) -> None:
         for name, part in scene.tetrahedra.items():
             if part.material == "neo-hookean":
                 raise SceneError(
-                    f"{name}.material", part.material, "has no blocks: its rows balance each other at rest"
+                    f"{name}.material",
+                    part.material,
+                    "has no blocks: its scalar rows converge without; --set method.rows=scalar, or leave it out",
                 )
     for name, part in scene.tetrahedra.items():
         if part.volume == "voxels" and scene.method.solver not in ("xpbd", "world"):

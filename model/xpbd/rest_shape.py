@@ -1,0 +1,27 @@
+"""What a model of bending asks of a mesh's rest shape."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from model.core.errors import SceneError
+
+LARGEST_ANGLE = 1.0  # degrees: what a file's digits and its author's hand leave of a flat sheet
+
+
+def check_flat(bending: str, tangents: np.ndarray) -> None:
+    """Raise SceneError for hinges that are bent at rest, `tangents` (hinges,) tan(theta/4), under `isometric` of the part
+    `bending`.
+
+    Its energy (M. Bergou et al., "A Quadratic Bending Model for Inextensible Surfaces", SGP 2006, for surfaces that are
+    flat at rest) knows the size of a hinge's angle and not its sign, and has no slope where the hinge is flat: one bent
+    at rest and let go flat stays so, one folded through rests on the wrong side.
+    """
+    largest = float(np.degrees(4 * np.arctan(np.abs(tangents))).max(initial=0.0))
+    if largest > LARGEST_ANGLE:
+        raise SceneError(
+            f"{bending}.model",
+            "isometric",
+            f"is for meshes that are flat at rest; this one has a hinge bent by {largest:.3g} degrees: "
+            f"--set {bending}.model=dihedral holds rest angles",
+        )
