@@ -12,16 +12,17 @@ import psutil
 
 from app.command.foaming import Foaming, frame_steps, shows_foam
 from app.command.run_length import step_count
-from app.command.run_parts import body_lines, caught_lines, collider_lines, fluid_notes, newton_notes
+from app.command.run_parts import body_lines, collider_lines, fluid_notes, newton_notes
 from app.command.run_report import run_report
 from app.driver import open_simulation
+from app.outcome import INCOMPLETE, fault_lines, fault_words
 from app.output.export import Exporter, Target, check_export
 from app.output.files import check_state_target, read_state, write_state, write_trajectory
 from app.output.offscreen import check_look
 from app.output.video import Picture, check_render, render, true_rate
 from app.shared import USUAL_LINK, check_asked, check_cut, check_shared
 from cpu_backend.core.threads import core_count, wait_policy
-from model.core.errors import Diverged, InputError, SceneError
+from model.core.errors import Diverged, Incomplete, InputError, SceneError
 from model.core.memory import available_bytes, require
 from model.core.simulation import Simulation, State
 from model.core.stability.divergence import MIN_INTERVAL
@@ -60,13 +61,15 @@ class Request:
     exchange_every: int | None = None
     link: str | None = None
     look: tuple[str, ...] = ()
+    allow_incomplete: bool = False
 
 
 @dataclass
 class Result:
     """What a run gave: `report` is what `run --json` prints, `state` the end (the last checked finite one, if it
-    diverged), `written` the files made, `notes` what a person should know, `diverged` the error that ended it, `rank` of the
-    process: number 0 alone writes."""
+    diverged), `written` the files made, `notes` what a person should know, `diverged` the error that ended it,
+    `incomplete` that not all of its physics was computed (None: all was, or it is allowed), `rank` of the process: number 0
+    alone writes."""
 
     report: dict[str, Any]
     state: State
@@ -74,6 +77,7 @@ class Result:
     written: list[Path] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
     diverged: Diverged | None = None
+    incomplete: Incomplete | None = None
     rank: int = 0
 
 
@@ -135,9 +139,11 @@ def run_scene(scene: Scene, request: Request, *, progress: bool = True) -> Resul
             run_report(simulation, state, steps, seconds, compile_seconds, diverged), state, simulation.scene,
             notes=notes, diverged=diverged, rank=simulation.rank,
         )  # fmt: skip
+        if result.report["outcome"] == INCOMPLETE and not request.allow_incomplete:
+            result.incomplete = Incomplete(fault_words(result.report))
         if result.rank != 0:
             return result
-        notes += caught_lines(result.report) + fluid_notes(result.report) + newton_notes(result.report)
+        notes += fault_lines(result.report) + fluid_notes(result.report) + newton_notes(result.report)
         if exporter:
             result.written += exporter.finish(simulation, notes)
         _write_results(result, request, recorder, simulation, start, clip, foaming.points if foaming else None)

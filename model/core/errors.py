@@ -112,3 +112,14 @@ class Diverged(SoftlabError):
         over = limit is not None and 0 < limit < dt
         self.remedy = remedy or (f"use dt <= {limit:.6g} s" if over else "try half the step size")
         super().__init__(f"diverged at step {step}, particle {particle} (dt = {dt:.6g} s): {self.cause}; {self.remedy}")
+
+
+class Incomplete(SoftlabError):
+    """A run ended in a finite state, but not all of its physics was computed: contacts or neighbours were lost, or elements
+    are inverted or caught in others. `faults`: which, in a few words."""
+
+    exit_status = 1
+
+    def __init__(self, faults: str):
+        self.faults = faults
+        super().__init__(f"incomplete: {faults}; see the notes above, or pass --allow-incomplete to accept it")
