@@ -24,8 +24,10 @@ from app.shared import USUAL_LINK, check_asked, check_cut, check_shared
 from cpu_backend.core.threads import core_count, wait_policy
 from model.core.errors import Diverged, Incomplete, InputError, SceneError
 from model.core.memory import available_bytes, require
+from model.core.options import PRECISIONS
 from model.core.simulation import Simulation, State
 from model.core.stability.divergence import MIN_INTERVAL
+from model.core.stability.resolution import resolution_line
 from model.domains.launched import launched_ranks
 from model.fluid.foam import FoamPoints
 from model.geometry.overlaps import overlap_lines
@@ -112,6 +114,10 @@ def run_scene(scene: Scene, request: Request, *, progress: bool = True) -> Resul
     """Run `scene` as asked. Raises SceneError, InputError, BackendUnavailable; a divergence is part of the result."""
     lines = mesh_lines, rest_lines, body_lines, collider_lines, overlap_lines
     notes = [line for told in lines for line in told(scene)]
+    coarse = (
+        resolution_line(scene, request.precision) if request.precision in PRECISIONS else None
+    )  # else refused below
+    notes += [coarse] if coarse else []
     steps = step_count(scene, request.steps, request.time, notes)
     target = check_targets(scene, request, steps, notes)
     initial = read_state(request.initial, scene) if request.initial else None
@@ -136,7 +142,8 @@ def run_scene(scene: Scene, request: Request, *, progress: bool = True) -> Resul
             raise KeyboardInterrupt(*([exporter.stopped] if exporter else [])) from None
         state = simulation.state()
         result = Result(
-            run_report(simulation, state, steps, seconds, compile_seconds, diverged), state, simulation.scene,
+            run_report(simulation, state, steps, seconds, compile_seconds, diverged) | {"resolution": coarse}, state,
+            simulation.scene,
             notes=notes, diverged=diverged, rank=simulation.rank,
         )  # fmt: skip
         if result.report["outcome"] == INCOMPLETE and not request.allow_incomplete:

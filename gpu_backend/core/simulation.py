@@ -171,7 +171,7 @@ class CudaSimulation(Simulation):
     def _first_diverged(self) -> int:
         self._bad.copy_to_device(np.full(1, NOTHING_BAD, np.int32), stream=self.stream)
         state = self.position[self._current], self.velocity[self._current]
-        self._tools.first_diverged[self._flat](*state, self.real(self._bound), self._bad)
+        self._tools.first_diverged[self._flat](*state, self.real(self._bound), *map(self.real, self._centre), self._bad)
         bad = self.fetch(self._bad)
         return -1 if bad == NOTHING_BAD else bad
 

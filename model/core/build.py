@@ -6,13 +6,14 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
+from functools import cached_property
 from weakref import WeakValueDictionary
 
 import numpy as np
 
 from model.core.memory import require_sheet
 from model.core.pins import pin_indices
-from model.fluid.fluid_set import FluidSet
+from model.fluid.fluid_set import PARKED, FluidSet
 from model.geometry.sheets import sheet_positions
 from model.geometry.topology import mesh_of, pinned_vertices, vertex_masses
 from model.scene.cloth import Cloth, Fold
@@ -33,7 +34,7 @@ class Body:
     """The arrays a solver starts from, to be read only: simulations of one scene share them.
 
     float64; `position`, `velocity` (particles, dimensions); `inverse_mass` (particles,), 0 where pinned; `pinned` sorted
-    indices (int64); `size` [m]: the length that divergence is measured against.
+    indices (int64); `size` [m]: the length that divergence is measured against, from the `centre`.
     """
 
     rows: int
@@ -43,6 +44,15 @@ class Body:
     inverse_mass: np.ndarray
     pinned: np.ndarray
     size: float
+
+    @cached_property
+    def centre(self) -> np.ndarray:
+        """(dimensions,) [m]: the middle of the box around all particles at time 0 but those that wait for an emitter."""
+        position = self.position[self.position[:, 0] != PARKED]
+        if not len(position):
+            return np.zeros(self.position.shape[1])
+        low, high = position.min(axis=0), position.max(axis=0)
+        return low + (high - low) / 2
 
 
 def sheet_name(scene: Scene) -> str:

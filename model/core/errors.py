@@ -84,7 +84,8 @@ class BackendUnavailable(SoftlabError):
 
 
 class Diverged(SoftlabError):
-    """The state left the finite world: a non-finite value, or a coordinate beyond 1e6 times the scene's size.
+    """The state left the finite world: a non-finite value, or a particle farther than 1e6 times the scene's size
+    from the centre of its start.
 
     Attributes: `step` (the first bad step, counted from the scene's start), `particle` (the lowest bad index),
     `limit` (the dt [s] that would have held, or None where none is known), `cause` and `remedy` (with its number; given by
