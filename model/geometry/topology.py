@@ -12,6 +12,7 @@ import numpy as np
 
 from model.core.errors import InputError, SceneError
 from model.core.memory import require_sheet
+from model.geometry.arithmetic.ordered import mean
 from model.geometry.measures import edge_lengths, triangle_areas
 from model.geometry.mesh import TriangleMesh, read_mesh, triangle_mesh
 from model.geometry.sheets import sheet_positions, sheet_triangles
@@ -106,12 +107,12 @@ def describe(part: MeshPart) -> dict[str, Any]:
             "mesh.rows x mesh.columns", f"{part.rows} x {part.columns}", "at least 2 x 2: a mesh has triangles"
         )
     if part.density is not None:
-        found["mass"] = float(vertex_masses(part).mean())
+        found["mass"] = mean(vertex_masses(part))
     return found
 
 
 def _mean_edge(mesh: TriangleMesh) -> float:
-    return float(edge_lengths(mesh.position, mesh.edges.edges).mean())
+    return mean(edge_lengths(mesh.position, mesh.edges.edges))
 
 
 def vertex_masses(part: MeshPart) -> np.ndarray:

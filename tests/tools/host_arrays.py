@@ -1,4 +1,4 @@
-"""Prints a hash of every array that an opened simulation of each scene holds, by where it lies: python host_arrays.py [SCENE ...]
+"""Prints a hash of every array that an opened simulation of each scene holds: python host_arrays.py [SCENE ...]
 
 Run under different processors, or what pretends to be one (OPENBLAS_CORETYPE, NPY_DISABLE_CPU_FEATURES, GLIBC_TUNABLES), the
 hashes must be the same: nothing that decides a state hangs on the order in which a library adds."""
@@ -20,7 +20,9 @@ LEFT_OUT = {"soft-rain"}  # ten thousand bodies like those of soft-pile
 DEEPEST = 9
 
 
-def arrays_of(value: Any, path: str = "", seen: set[int] | None = None, depth: int = 0) -> Iterator[tuple[str, np.ndarray]]:
+def arrays_of(
+    value: Any, path: str = "", seen: set[int] | None = None, depth: int = 0
+) -> Iterator[tuple[str, np.ndarray]]:
     """(where, array) of all arrays within an object of the lab: in its attributes, tuples, lists and dictionaries."""
     seen = set() if seen is None else seen
     if isinstance(value, np.ndarray):
