@@ -269,8 +269,7 @@ class Fluid(SubstepSimulation):
     def _first_diverged(self) -> int:
         self._bad.copy_to_device(np.full(1, NOTHING_BAD, np.int32), stream=self.stream)
         state = self.position[self._current], self.velocity[self._current], self.particle[self._current]
-        x, y, z = map(self.real, (*self._centre, 0.0)[:3])  # a plane is at z = 0
-        self._tools.first_diverged[self._flat](*state, self.real(self._bound), x, y, z, self._bad)
+        self._tools.first_diverged[self._flat](*state, self.real(self._bound), *self._middle(), self._bad)
         bad = self.fetch(self._bad)
         return -1 if bad == NOTHING_BAD else bad
 

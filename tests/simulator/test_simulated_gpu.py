@@ -132,10 +132,10 @@ def test_the_first_mass_that_left_the_finite_world_is_found(real: type) -> None:
         state = [np.zeros(10, kind), np.zeros(10, kind)]
         state[which][[4, 7]] = value
         result = np.full(1, 99, np.int64)
-        make_tools(real).first_diverged[2, 8](*state, real(1e3), real(0), real(0), result)
+        make_tools(real).first_diverged[2, 8](*state, real(1e3), real(0), real(0), real(0), result)
         assert result[0] == (4 if bad else 99)
         moved, result[0] = [state[0] + (5e6 - 1e7j), state[1]], 99
-        make_tools(real).first_diverged[2, 8](*moved, real(1e3), real(5e6), real(-1e7), result)
+        make_tools(real).first_diverged[2, 8](*moved, real(1e3), real(5e6), real(-1e7), real(0), result)
         assert result[0] == (4 if bad else 99)
 
 

@@ -137,7 +137,7 @@ def make_tools(real: Any) -> SimpleNamespace:
         if cuda.grid(1) == 0:
             counter[0] += steps
 
-    def first_diverged(position, velocity, bound, x, y, result):
+    def first_diverged(position, velocity, bound, x, y, _, result):
         """The lowest index of a mass that is not finite, or farther than `bound` from (x, y) along an axis, by an atomic
         minimum of integers."""
         k = cuda.grid(1)
