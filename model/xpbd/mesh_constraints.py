@@ -204,8 +204,8 @@ def quarter_tangents(position: np.ndarray, hinges: np.ndarray) -> np.ndarray:
 
 def quarter_tangent(sine: np.ndarray, cosine: np.ndarray) -> np.ndarray:
     """(n,): tan(theta/4) in [-1, 1] of angles with such sines and cosines times a common factor of at least 0; 0 where both
-    are. Up to a right angle by tan(theta/2) = sin / (1 + cos), beyond it by its inverse, both without cancellation; and tan(x/2)
-    = t / (1 + sqrt(1 + t^2)) of t = tan(x)."""
+    are. Up to a right angle by tan(theta/2) = sin / (1 + cos), beyond it by its inverse, both without cancellation; and
+    tan(x/2) = t / (1 + sqrt(1 + t^2)) of t = tan(x)."""
     whole = np.sqrt(sine * sine + cosine * cosine)
     size = np.where(whole > 0, whole + np.abs(cosine), 1.0)
     ratio = np.abs(sine) / size
