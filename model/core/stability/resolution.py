@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from model.core.build import build
@@ -29,7 +31,8 @@ def resolution_line(scene: Scene, precision: str) -> str | None:
         return None
     distance = float(np.abs(position).max())
     with np.errstate(over="ignore"):
-        ulp = float(np.spacing(PRECISIONS[precision](distance)))
+        real: Any = PRECISIONS[precision]
+        ulp = float(np.spacing(real(distance)))
     if not ulp > fall:
         return None
     remedy = "--precision float64, " if precision == "float32" else ""

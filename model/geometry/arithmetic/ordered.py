@@ -12,7 +12,7 @@ SWEEPS = (
 )
 
 
-def dot(a: np.ndarray, b: np.ndarray) -> Any:
+def dot(a: Any, b: Any) -> Any:
     """(...,): the sum over the last, short axis of a b, from the first product to the last."""
     a, b = np.asarray(a), np.asarray(b)
     found = a[..., 0] * b[..., 0]
@@ -21,7 +21,7 @@ def dot(a: np.ndarray, b: np.ndarray) -> Any:
     return found
 
 
-def norm(vectors: np.ndarray) -> Any:
+def norm(vectors: Any) -> Any:
     """(...,): the length of vectors along the last axis: the root of `dot`; neither over- nor underflow is mended."""
     return np.sqrt(dot(vectors, vectors))
 
