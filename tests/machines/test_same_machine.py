@@ -17,7 +17,7 @@ from host_arrays import LEFT_OUT, arrays_of
 from model.scene.reader import catalogue
 
 ROOT = Path(__file__).resolve().parents[2]
-TOOL = ROOT / "tests" / "tools" / "host_arrays.py"
+TOOL = Path(__file__).parent / "host_arrays.py"
 OTHER = {  # an old processor: OpenBLAS's kernels of 2008, NumPy and the C library without wide vectors and fused products
     "OPENBLAS_CORETYPE": "Nehalem",
     "GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX,-AVX2,-FMA,-FMA4,-AVX512F,-AVX2_Usable,-FMA_Usable",
