@@ -119,6 +119,9 @@ def run(
         ),
     ] = None,
     allow_unstable: Annotated[bool, typer.Option("--allow-unstable", help="Run over the stability limit.")] = False,
+    allow_incomplete: Annotated[
+        bool, typer.Option("--allow-incomplete", help="Exit with 0 though contacts were lost or elements are inverted.")
+    ] = False,
     gpus: Annotated[int, typer.Option(help="GPUs that share a sheet by its rows, or bodies, with --backend gpu.")] = 1,
     ranks: Annotated[int, typer.Option(help="Processes of MPI that share it, with --backend cpu.")] = 1,
     exchange_every: Annotated[
@@ -142,7 +145,7 @@ def run(
     request = Request(
         backend, threads, precision, math, kernel, steps, time, initial, out_file,
         parse_record(record[:1]) if record else 0, record[1] if record else None, render, allow_unstable,
-        export_to, export_every, gpus, ranks, exchange_every, link, tuple(look or ()),
+        export_to, export_every, gpus, ranks, exchange_every, link, tuple(look or ()), allow_incomplete,
     )  # fmt: skip
     wanted = scene_of(scene, settings)
     request, processes = among_ranks(wanted, request)
@@ -165,8 +168,8 @@ def run(
         from model.core.energy import keeps
 
         print_report(out, result.report, result.written, keeps(result.scene))
-    if result.diverged:
-        raise result.diverged
+    if ended := result.diverged or result.incomplete:
+        raise ended
 
 
 @app.command(epilog="Example: softlab demo lab-grid   (side by side: softlab demo two-worlds two-worlds-moon)")

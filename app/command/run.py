@@ -12,19 +12,22 @@ import psutil
 
 from app.command.foaming import Foaming, frame_steps, shows_foam
 from app.command.run_length import step_count
-from app.command.run_parts import body_lines, caught_lines, collider_lines, fluid_notes, newton_notes
+from app.command.run_parts import body_lines, collider_lines, fluid_notes, newton_notes
 from app.command.run_report import run_report
 from app.driver import open_simulation
+from app.outcome import INCOMPLETE, fault_lines, fault_words
 from app.output.export import Exporter, Target, check_export
 from app.output.files import check_state_target, read_state, write_state, write_trajectory
 from app.output.offscreen import check_look
 from app.output.video import Picture, check_render, render, true_rate
 from app.shared import USUAL_LINK, check_asked, check_cut, check_shared
 from cpu_backend.core.threads import core_count, wait_policy
-from model.core.errors import Diverged, InputError, SceneError
+from model.core.errors import Diverged, Incomplete, InputError, SceneError
 from model.core.memory import available_bytes, require
+from model.core.options import PRECISIONS
 from model.core.simulation import Simulation, State
 from model.core.stability.divergence import MIN_INTERVAL
+from model.core.stability.resolution import resolution_line
 from model.domains.launched import launched_ranks
 from model.fluid.foam import FoamPoints
 from model.geometry.overlaps import overlap_lines
@@ -60,13 +63,15 @@ class Request:
     exchange_every: int | None = None
     link: str | None = None
     look: tuple[str, ...] = ()
+    allow_incomplete: bool = False
 
 
 @dataclass
 class Result:
     """What a run gave: `report` is what `run --json` prints, `state` the end (the last checked finite one, if it
-    diverged), `written` the files made, `notes` what a person should know, `diverged` the error that ended it, `rank` of the
-    process: number 0 alone writes."""
+    diverged), `written` the files made, `notes` what a person should know, `diverged` the error that ended it,
+    `incomplete` that not all of its physics was computed (None: all was, or it is allowed), `rank` of the process: number 0
+    alone writes."""
 
     report: dict[str, Any]
     state: State
@@ -74,6 +79,7 @@ class Result:
     written: list[Path] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
     diverged: Diverged | None = None
+    incomplete: Incomplete | None = None
     rank: int = 0
 
 
@@ -108,6 +114,10 @@ def run_scene(scene: Scene, request: Request, *, progress: bool = True) -> Resul
     """Run `scene` as asked. Raises SceneError, InputError, BackendUnavailable; a divergence is part of the result."""
     lines = mesh_lines, rest_lines, body_lines, collider_lines, overlap_lines
     notes = [line for told in lines for line in told(scene)]
+    coarse = (
+        resolution_line(scene, request.precision) if request.precision in PRECISIONS else None
+    )  # else refused below
+    notes += [coarse] if coarse else []
     steps = step_count(scene, request.steps, request.time, notes)
     target = check_targets(scene, request, steps, notes)
     initial = read_state(request.initial, scene) if request.initial else None
@@ -132,12 +142,15 @@ def run_scene(scene: Scene, request: Request, *, progress: bool = True) -> Resul
             raise KeyboardInterrupt(*([exporter.stopped] if exporter else [])) from None
         state = simulation.state()
         result = Result(
-            run_report(simulation, state, steps, seconds, compile_seconds, diverged), state, simulation.scene,
+            run_report(simulation, state, steps, seconds, compile_seconds, diverged) | {"resolution": coarse}, state,
+            simulation.scene,
             notes=notes, diverged=diverged, rank=simulation.rank,
         )  # fmt: skip
+        if result.report["outcome"] == INCOMPLETE and not request.allow_incomplete:
+            result.incomplete = Incomplete(fault_words(result.report))
         if result.rank != 0:
             return result
-        notes += caught_lines(result.report) + fluid_notes(result.report) + newton_notes(result.report)
+        notes += fault_lines(result.report) + fluid_notes(result.report) + newton_notes(result.report)
         if exporter:
             result.written += exporter.finish(simulation, notes)
         _write_results(result, request, recorder, simulation, start, clip, foaming.points if foaming else None)

@@ -7,7 +7,9 @@ from typing import Any
 import numpy as np
 
 from app.command.run_parts import bodies_report, contact_report, fluid_report, newton_report
+from app.outcome import outcome_of
 from app.shared import shares
+from model.contact.shortfalls import shortfalls
 from model.core.energy import energies, spring_strain
 from model.core.errors import Diverged
 from model.core.simulation import Simulation, State
@@ -18,13 +20,14 @@ def run_report(
     simulation: Simulation, state: State, steps: int, seconds: float, compile_seconds: float, diverged: Diverged | None
 ) -> dict[str, Any]:
     """Of a run of `steps` steps that took `seconds` [s], and ended in `state`: energies [J], speeds [m/s], strain, what its
-    solver tells of contacts, bodies and fluids."""
+    solver tells of contacts, bodies and fluids, and what of it is incomplete."""
     scene = simulation.scene
     energy = energies(scene, state.position, state.velocity, state.plastic, state.inverse_mass, state.wetness)
     strained = scene.springs or scene.cloth or scene.bodies or scene.tetrahedra or scene.is_world
     strain = spring_strain(scene, state.position, plastic=state.plastic) if strained else np.zeros(0)
     speed = (state.velocity.astype("float64") ** 2).sum(axis=1)
     count = counts(scene, simulation.body.inverse_mass).particles
+    faults = shortfalls(simulation, state.position, state.inverse_mass)
     rate = count * steps / seconds if seconds > 0 and not diverged else None
     return {
         "scene": scene.name,
@@ -54,9 +57,10 @@ def run_report(
         "max_strain": None if scene.fluids else float(np.abs(strain).max()) if len(strain) else 0.0,
         "error": None,
         "error_reason": "not judged",
-        "outcome": "ok" if diverged is None else "diverged",
+        "outcome": outcome_of(faults, diverged),
         **contact_report(simulation, state),
-        **bodies_report(simulation, state),
+        **bodies_report(simulation),
+        **faults,
         **fluid_report(simulation, state),
         **newton_report(simulation),
     }

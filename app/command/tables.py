@@ -55,7 +55,7 @@ def print_report(console: Console, report: dict[str, Any], written: list[Path], 
     table = Table(show_header=False, box=None, pad_edge=False)
     waiting = {"particles": report.get("waiting_particles"), "bodies": report.get("waiting")}
     for key, value in report.items():
-        if key in ("error_reason", "waiting", "waiting_particles") or (key in ABSENT and value is None):
+        if key in ("error_reason", "resolution", "waiting", "waiting_particles") or (key in ABSENT and value is None):
             continue
         label, unit = LABELS.get(key, key.replace("_", " ")), UNITS.get(key, "")
         if key == "max_strain" and "bodies" in report:

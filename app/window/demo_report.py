@@ -41,6 +41,7 @@ def numbers_text(demo: Demo, frame_seconds: float, draw_seconds: float, way: str
     stiffness = "/".join(f"{value:.4g}" for value in stiffness_paths(scene).values())
     springs = f"stiffness {stiffness} N/m   " if stiffness else ""
     state = "   DIVERGED" if demo.frozen else "   paused" if demo.paused else ""
+    state += f"   INCOMPLETE: {demo.statistics.faults}" if demo.statistics.faults else ""
     gravity = "on" if demo.gravity else "off"
     way = f" ({way})" if way else ""
     whose = f"{demo.titles[demo.current]}: " if len(demo.worlds) > 1 else ""
@@ -162,6 +163,7 @@ def demo_state(demo: Demo, camera: Camera, pane: Pane, height: int) -> dict[str,
         "paused": demo.paused,
         "diverged": demo.frozen,
         "failure": demo.failure,
+        "incomplete": demo.statistics.faults,
         "message": demo.message,
         "message_count": demo.message_count,
         "selected": demo.hand.selected,

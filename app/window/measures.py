@@ -7,10 +7,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from app.outcome import fault_words
 from app.render.camera import finite_bounds, joined_bounds
 from app.render.colours import strain_range
 from app.render.drawn_springs import drawn_strain
 from app.render.fluid.framing import main_part, with_fluids
+from model.contact.shortfalls import inverted_elements, lost
 from model.core.build import masses
 from model.core.energy import energies
 from model.core.simulation import Simulation
@@ -27,7 +29,8 @@ class Statistics:
     """What is shown about a world: energy [J], the strain of largest size (relative to the rest length; of fluids the largest
     density over that at rest, less 1, NaN where there are more than ASKED particles), the `momentum` [kg m/s] along each
     axis, where it is asked for; of all worlds the range of colours and the `bounds` [m], as `finite_bounds` gives them;
-    `fastest` [m/s]: of a fluid's particles."""
+    `fastest` [m/s]: of a fluid's particles; `faults`: what is incomplete by now, in a few words, of the tetrahedra and the
+    lists of contacts alone, which are quickly counted."""
 
     energy: float = 0.0
     kinetic: float = 0.0
@@ -36,6 +39,7 @@ class Statistics:
     bounds: tuple[float, ...] = (0.0, 0.0, 1.0, 1.0)
     momentum: tuple[float, ...] = ()
     fastest: float = 0.0
+    faults: str = ""
 
 
 def measure(
@@ -66,7 +70,8 @@ def measure(
     fastest = float(np.sqrt((state.velocity**2).sum(axis=1).max())) if world.scene.fluids else 0.0
     worst = _worst(world.scene, state.position, strain)
     bounds = _bounds(there, before)
-    return Statistics(energy["total"], energy["kinetic"], worst, wanted, bounds, pushed, fastest)
+    faults = fault_words({**lost(world), **inverted_elements(world.scene, state.position)})
+    return Statistics(energy["total"], energy["kinetic"], worst, wanted, bounds, pushed, fastest, faults)
 
 
 def measure_picture(

@@ -260,8 +260,10 @@ class Worlds:
         self._statistics_due = now + max(STATISTICS_INTERVAL, usual / STATISTICS_SHARE)
 
     def _measure(self) -> None:
-        self._at = self.current
+        self._at, before = self.current, self.statistics.faults
         self.statistics = measure(self.worlds, self.current, self.positions, self.statistics, self.wants_momentum)
+        if self.statistics.faults and not before:
+            self.say(f"incomplete: {self.statistics.faults}; R restarts")
 
     def _guard(self, action: Callable[[], object]) -> bool:
         """Do `action`; on one of the lab's errors say so (and freeze, if the state diverged). True if it went well."""

@@ -179,8 +179,8 @@ class FluidPoint(RatePoint):
     shares: dict[str, float]
 
 
-def points(held: Iterable[Measure]) -> list[FluidPoint]:
-    """What the measures tell of the cases, smallest first."""
+def points(held: Iterable[Measure], every: bool = False) -> list[FluidPoint]:
+    """What the measures tell of the cases, smallest first; incomplete ones only if `every` one is asked for."""
     kept = list(held)
     alone: dict[str, dict[str, float]] = {}
     shares: dict[str, dict[str, float]] = {}
@@ -191,7 +191,7 @@ def points(held: Iterable[Measure]) -> list[FluidPoint]:
         if measure.name.startswith((IN_CUP, IN_BASIN, LEVEL)):
             shares.setdefault(_key(measure), {})[measure.name] = measure.value or 0.0
     found = []
-    for told, scene, point in RATES.told(kept):
+    for told, scene, point in RATES.told(kept, every):
         key = _key(told[RATE])
         about: dict[str, Any] = {"particles": count_of(scene), "scheme": scene.method.scheme}
         found.append(FluidPoint(**vars(point), **about, phases=alone.get(key, {}), shares=shares.get(key, {})))
@@ -204,16 +204,19 @@ def _key(measure: Measure) -> str:
 
 def print_fluids(console: Console, store: Store, machine: str) -> None:
     """Tables of what was timed on a machine: frames, and stages alone; and of a cup that poured."""
-    held = points(measures(store, machine=machine))
+    held = points(measures(store, machine=machine), every=True)
     rows = [
         (
-            str(p.particles), p.scheme, f"{p.backend}, {p.kernel}", p.precision, f"{1e3 * p.step:.4g}",
+            str(p.particles), p.scheme, f"{p.backend}, {p.kernel}", p.precision, f"{1e3 * p.step:.4g}{'?' * p.incomplete}",
             f"{p.rate / 1e6:.4g}",
         )
         for p in held
     ]  # fmt: skip
     heads = columns(("particles", "scheme", "kernel", "precision"), ("frame, ms", "million / s"))
-    told = "million / s: particles times substeps times iterations (of divergence-free both solves'), searches included"
+    told = (
+        "million / s: particles times substeps times iterations (of divergence-free both solves'), searches included; "
+        "?: incomplete"
+    )
     print_table(console, heads, rows, told)
     stages: list[tuple[str, ...]] = []
     for p in (p for p in held if p.phases):  # of pools

@@ -127,12 +127,14 @@ RATES = run_throughput = Rates("throughput", STAGE, STEP, RATE, KERNEL, particle
 def print_throughput(console: Console, store: Store, machine: str) -> None:
     """A table of what was timed on a machine."""
     rows = []
-    for p in points(measures(store, machine=machine)):
+    for p in points(measures(store, machine=machine), every=True):
         width = " x ".join([str(2 * p.region + 1)] * (3 if p.kind == "lattice" else 2)) if p.region else ""
         row = p.kind, p.backend, str(p.bodies or ""), str(p.particles), width, p.kernel
-        rows.append((*row, f"{1e6 * p.step:.1f}", f"{p.rate / 1e6:.1f}"))
+        rows.append((*row, f"{1e6 * p.step:.1f}{'?' * p.incomplete}", f"{p.rate / 1e6:.1f}"))
     heads = "kind", "backend", "bodies", "particles", "clusters", "kernel", "step / us", "million / s"
-    print_table(console, heads, rows, "million / s: particles times substeps; softlab figures draws them")
+    print_table(
+        console, heads, rows, "million / s: particles times substeps; ?: incomplete; softlab figures draws them"
+    )
 
 
 @dataclass(frozen=True)
@@ -151,10 +153,10 @@ def region_of(scene: Scene) -> int:
     return max(lattices) if scene.bodies else scene.method.region
 
 
-def points(held: Iterable[Measure]) -> list[ThroughputPoint]:
-    """What the measures tell of the cases, smallest first."""
+def points(held: Iterable[Measure], every: bool = False) -> list[ThroughputPoint]:
+    """What the measures tell of the cases, smallest first; incomplete ones only if `every` one is asked for."""
     found = []
-    for told, scene, point in RATES.told(held):
+    for told, scene, point in RATES.told(held, every):
         method, bodies_ = scene.method, scene.bodies.values()
         particles = round(point.rate * point.step / method.substeps / method.iterations)
         found.append(

@@ -16,6 +16,7 @@ from bench.measure.experiment import Tell, backends_here, host_of, resume, sourc
 from bench.measure.samples import in_turns
 from bench.measure.timing import Subject, prepare
 from bench.store.database import Store
+from bench.store.marks import is_wrong
 from bench.store.results import Measure, by_configuration, configuration
 from model.core.errors import Diverged, SceneError
 from model.core.simulation import PRECISIONS, Simulation
@@ -75,7 +76,7 @@ class Summary(experiment.Summary):
 
 @dataclass(frozen=True)
 class RatePoint:
-    """One timed configuration: `step` [s], `rate` [1/s]."""
+    """One timed configuration: `step` [s], `rate` [1/s]; `incomplete`: its state lacks some of its physics."""
 
     machine: str
     backend: str
@@ -83,6 +84,7 @@ class RatePoint:
     kernel: str
     step: float
     rate: float
+    incomplete: bool = field(default=False, kw_only=True)
 
 
 @dataclass(frozen=True)
@@ -147,7 +149,8 @@ class Rates:
                     summary.skipped.append(f"{case}: {error}")
             for subject, samples in in_turns(store, summary.run, self.stage, subjects, repeats):
                 case, step = subject.name, statistics.median(s.seconds / s.steps for s in samples)
-                numbers = self.besides(subject) | self.numbers(case.scene, step, subject.simulation.kernel)
+                marks = [sample.suspect for sample in samples if is_wrong(sample.suspect)]
+                numbers = self.besides(subject) | self.numbers(case.scene, step, subject.simulation.kernel, *marks[:1])
                 experiment.keep(store, summary.run, case.description, case.sources, numbers)
                 summary.measured += 1
 
@@ -155,24 +158,32 @@ class Rates:
         """Further measures of a case that has just been timed."""
         return {}
 
-    def numbers(self, scene: Scene, step: float, kernel: str) -> Measures:
-        """The measures of a case whose step took so many seconds; the rate last: then all is there."""
+    def numbers(self, scene: Scene, step: float, kernel: str, mark: str | None = None) -> Measures:
+        """The measures of a case whose step took so many seconds, with the `mark` of a wrong or incomplete state; the rate
+        last: then all is there."""
         words = {self.kernel: kernel} | {name: word(scene) for name, word in self.words.items()}
         return {
-            self.step: (step, "s", "the median"),
+            self.step: (step, "s", "; ".join(filter(None, ("the median", mark)))),
             **{name: (None, "", word) for name, word in words.items()},
             self.rate: (self.work(scene) / step, "1/s", None),
         }
 
-    def told(self, held: Iterable[Measure]) -> Iterator[tuple[dict[str, Measure], Scene, RatePoint]]:
-        """Of every case that was timed: its measures, its scene, and what any such experiment tells of it."""
+    def told(
+        self, held: Iterable[Measure], every: bool = False
+    ) -> Iterator[tuple[dict[str, Measure], Scene, RatePoint]]:
+        """Of every case that was timed: its measures, its scene, and what any such experiment tells of it. Those of wrong or
+        incomplete states, whose times win nothing, only if `every` one is asked for."""
         needed = {self.step, self.rate, *self.words}
         for found in by_configuration(measure for measure in held if measure.name in {*needed, self.kernel}):
             if needed <= set(found):
                 step, rate = found[self.step], found[self.rate]
                 kernel = (found[self.kernel].reason if self.kernel in found else None) or ""
                 precision = rate.description["precision"]
-                point = RatePoint(rate.machine, rate.backend, precision, kernel, step.value or 0.0, rate.value or 0.0)
+                values = step.value or 0.0, rate.value or 0.0
+                wrong = is_wrong(step.reason)
+                if wrong and not every:
+                    continue
+                point = RatePoint(rate.machine, rate.backend, precision, kernel, *values, incomplete=wrong)
                 yield found, Scene.stored(rate.description["scene"]), point
 
 

@@ -10,6 +10,7 @@ from typing import Any
 from bench.measure.samples import in_turns
 from bench.measure.timing import Sample, Subject
 from bench.store.database import Store
+from bench.store.marks import is_wrong
 
 STAGE = "costs"  # of the samples in the store
 RATIO, LEAST, MOST = "cost_ratio", "cost_ratio_least", "cost_ratio_most"  # of time a step, over the first way's
@@ -64,7 +65,10 @@ def in_turn(record: Record, subjects: Sequence[Subject], repeats: int) -> list[M
 def _over(base: Sequence[Sample], samples: Sequence[Sample]) -> Measures:
     times = [sample.seconds / sample.steps for sample in samples]
     ratios = [mine / (first.seconds / first.steps) for mine, first in zip(times, base, strict=True)]
-    marks = dict.fromkeys(sample.suspect for sample in (*base, *samples) if sample.suspect)
+    beside = [
+        sample.suspect for sample in base if not is_wrong(sample.suspect)
+    ]  # a wrong first one tells of ratios alone
+    marks = dict.fromkeys(mark for mark in (*beside, *(sample.suspect for sample in samples)) if mark)
     reason = "; ".join([f"of {len(ratios)} pairs", *marks])
     return {
         SECONDS: (statistics.median(times), "s", reason),

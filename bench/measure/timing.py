@@ -5,7 +5,8 @@
 - What is compared is interleaved (A B A B ...), so that a slow minute of the machine hits all alike.
 - A sample is as many steps as fill a given time; raw repeats are kept, never only their mean.
 - What looks wrong is marked with the reason, not dropped: a sample under 1 ms, other programs on the cores it used, a
-  state that is not finite. (A spread over 10 % is seen when the repeats are summed up, in bench/store/results.py.)
+  state that is not finite or incomplete (contacts lost, elements inverted or caught). (A spread over 10 % is seen when the
+  repeats are summed up, in bench/store/results.py.)
 
 With graphics, every DRAW_EVERY steps are followed by one off-screen picture, inside the timed region; what drawing
 costs is the difference to the same configuration without.
@@ -21,8 +22,11 @@ from typing import Any, Protocol
 
 import psutil
 
+from app.outcome import fault_words
+from bench.store.marks import INCOMPLETE
 from cpu_backend.core.threads import allowed_cores, core_count
 from cpu_backend.mass_spring.grid.choice import LEVELS
+from model.contact.shortfalls import can_fall_short, shortfalls
 from model.core.errors import Diverged
 from model.core.simulation import Simulation, State
 
@@ -166,13 +170,22 @@ class Subject:
             if broken or seconds >= self.wanted_seconds / 4 or not retakes_left:
                 break
             self.steps *= min(64, math.ceil(self.wanted_seconds / max(seconds, 1e-6)))
-        reasons = [broken] if broken else []
+        reasons = [broken] if broken else incomplete(self.simulation)
         if seconds < SHORTEST_SAMPLE:
             reasons.append("sample under 1 ms")
         load = neighbours.suspicion(self.host_threads)
         if load:
             reasons.append(load)
         return Sample(seconds, self.steps, "; ".join(reasons) or None)
+
+
+def incomplete(simulation: Any) -> list[str]:
+    """The mark of a sample of the lab's own whose contacts were lost, or whose elements are inverted or caught at its end."""
+    if not isinstance(simulation, Simulation) or not can_fall_short(simulation.scene):
+        return []
+    found = shortfalls(simulation, simulation.read("position"), simulation.body.inverse_mass)
+    faults = fault_words(found)
+    return [f"{INCOMPLETE}: {faults}"] if faults else []
 
 
 def warm_up(subject: Subject) -> tuple[float, float]:

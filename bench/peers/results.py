@@ -17,6 +17,7 @@ from bench.peers.own_xpbd import IMPLICIT
 from bench.peers.registry import OURS, label
 from bench.peers.scenes import SCENES, shape_of, word_of
 from bench.store.database import Store, canonical
+from bench.store.marks import is_wrong
 from bench.store.results import SPREAD_LIMIT
 
 PER_VOXEL, SLENDER = 5, 10  # tetrahedra of a voxel; voxels along a bar of BARS for one across
@@ -95,7 +96,7 @@ def ratios(store: Store, machine: str) -> list[Ratio]:
     newest: dict[tuple[str, ...], Ratio] = {}
     for place, key in others:
         run = place[0]
-        if place not in ours or any(_is_wrong(mark) for _, mark in samples[run, ours[place]]):
+        if place not in ours or any(is_wrong(mark) for _, mark in samples[run, ours[place]]):
             continue
         made = _ratio(descriptions[key], samples[run, key], samples[run, ours[place]])
         differences = [notes.get((run, which, DIFFERENCE), (None, None))[0] for which in (key, ours[place])]
@@ -106,10 +107,6 @@ def ratios(store: Store, machine: str) -> list[Ratio]:
             "scene": word_of(descriptions[key]["scene"]),
         })  # fmt: skip
     return sorted(newest.values(), key=lambda r: (r.particles, r.rows, r.backend, r.precision))
-
-
-def _is_wrong(mark: str | None) -> bool:
-    return any(reason.startswith(("wrong answer", "state not finite")) for reason in (mark or "").split("; "))
 
 
 def _ratio(description: dict, theirs: list[tuple[float, str | None]], ours: list[tuple[float, str | None]]) -> Ratio:
@@ -125,7 +122,7 @@ def _ratio(description: dict, theirs: list[tuple[float, str | None]], ours: list
     return Ratio(
         description["peer"], description["backend"], description["precision"], *shape_of(description["scene"]),
         description["threads"], middle, our_middle, middle / our_middle, float(each.min()), float(each.max()),
-        any(_is_wrong(mark) for _, mark in theirs), tuple(suspect), None, "auto", "auto",
+        any(is_wrong(mark) for _, mark in theirs), tuple(suspect), None, "auto", "auto",
     )  # fmt: skip
 
 

@@ -200,14 +200,16 @@ def _fastest(scene: Scene) -> float:
 
 
 def first_diverged(scene: Scene, steps: int, bound: float) -> tuple[int, int] | None:
-    """(step, particle) where a coordinate first is beyond `bound` [m] or not finite, within `steps`; None if nowhere.
+    """(step, particle) where one first is farther than `bound` [m] from the middle of the start along an axis, or not finite,
+    within `steps`; None if nowhere.
 
     `step` counts the steps done, `particle` is the lowest such index.
     """
     position, velocity = start(scene)
+    middle = (position.min(axis=0) + position.max(axis=0)) / 2
     for step in range(steps):
         position, velocity = simulate(scene, 1, position, velocity, step)
-        bad = ~((np.abs(position) <= bound).all(axis=1) & np.isfinite(velocity).all(axis=1))
+        bad = ~((np.abs(position - middle) <= bound).all(axis=1) & np.isfinite(velocity).all(axis=1))
         if bad.any():
             return step + 1, int(np.argmax(bad))
     return None

@@ -10,6 +10,7 @@ from rich.table import Column, Table
 
 from bench.measure.cases import LADDER, SweepSummary
 from bench.store.database import Store
+from bench.store.marks import is_wrong
 from bench.store.results import timings
 
 
@@ -98,7 +99,7 @@ def print_kernels(console: Console, store: Store, machine: str) -> None:
         table = Table("masses", *names, box=None)
         for shape in dict.fromkeys((t.rows, t.columns) for t in mine):
             here = {t.kernel: t for t in mine if (t.rows, t.columns) == shape}
-            right = [t for t in here.values() if not any("wrong answer" in mark for mark in t.suspect)]
+            right = [t for t in here.values() if not any(map(is_wrong, t.suspect))]
             best = min(right, key=lambda t: t.median, default=None)
             cells = {}
             for name, t in here.items():

@@ -28,17 +28,18 @@ WIDTH = 4  # numbers of a particle in space: x, y, z and, of positions, its weig
 
 @cache
 def make_first_diverged(real: Any, axes: int) -> Any:
-    """first_diverged(state, bound, columns_bad): per row the first bad column, or -1. No fast math: NaN must be seen."""
+    """first_diverged(state, bound, centre, columns_bad): per row the first bad column, one farther than `bound` from `centre`
+    (axes,) along an axis, or -1. No fast math: NaN must be seen."""
     compiler = Compiler(f"{axes}d_{np.dtype(real).name}", "exact")
 
-    def first_diverged(state, bound, bad):
+    def first_diverged(state, bound, centre, bad):
         zero = bound - bound
         for i in prange(state.shape[1]):
             bad[i] = -1
             for j in range(state.shape[2]):
                 good = True
                 for axis in range(axes):
-                    inside = abs(state[axis, i, j]) <= bound  # false for NaN
+                    inside = abs(state[axis, i, j] - centre[axis]) <= bound  # false for NaN
                     still = state[axes + axis, i, j] - state[axes + axis, i, j] == zero
                     good = good and inside and still
                 if not good:
@@ -50,10 +51,11 @@ def make_first_diverged(real: Any, axes: int) -> Any:
 
 @cache
 def make_first_diverged_of(real: Any, axes: int) -> Any:
-    """first_diverged(position, velocity, slots, stride, bound, bands, bad): of each band the first bad particle, or -1, where
+    """first_diverged(position, velocity, slots, stride, bound, centre, bands, bad): of each band the first bad particle, one
+    farther than `bound` from `centre` (axes,) along an axis, or -1, where
     coordinate `axis` of particle k lies at slots[k] + axis * stride of both flat arrays. No fast math: NaN must be seen."""
 
-    def first_diverged(position, velocity, slots, stride, bound, bands, bad):
+    def first_diverged(position, velocity, slots, stride, bound, centre, bands, bad):
         zero, particles = bound - bound, slots.size
         for band in prange(bands):
             bad[band] = -1
@@ -61,7 +63,7 @@ def make_first_diverged_of(real: Any, axes: int) -> Any:
                 good = True
                 for axis in range(axes):
                     place = slots[k] + axis * stride
-                    good = good and abs(position[place]) <= bound  # false for NaN
+                    good = good and abs(position[place] - centre[axis]) <= bound  # false for NaN
                     good = good and velocity[place] - velocity[place] == zero
                 if not good:
                     bad[band] = k
@@ -152,7 +154,7 @@ class ParticlesSimulation(CpuSimulation):
     def _first_diverged(self) -> int:
         numba.set_num_threads(self._bands)
         look = make_first_diverged_of(self.real, self.scene.dimensions)
-        look(*self._places(), self.real(self._bound), self._bands, self._bad)
+        look(*self._places(), self.real(self._bound), self._centre.astype(self.real), self._bands, self._bad)
         bad = self._bad[self._bad >= 0]
         return int(bad[0]) if len(bad) else -1
 
@@ -264,7 +266,7 @@ class RowsSimulation(CpuSimulation):
 
     def _first_diverged(self) -> int:
         numba.set_num_threads(self.threads)
-        self._first_diverged_kernel(self.current, self.real(self._bound), self._bad)
+        self._first_diverged_kernel(self.current, self.real(self._bound), self._centre.astype(self.real), self._bad)
         rows = np.flatnonzero(self._bad >= 0)
         return int(rows[0] * self.body.columns + self._bad[rows[0]]) if len(rows) else -1
 

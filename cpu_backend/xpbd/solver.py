@@ -235,7 +235,7 @@ class PositionBased(RowsSimulation):
         numba.set_num_threads(self.threads)
         worst, classes = -1, self._layout.classes
         for k, part in enumerate(self._layout.by_class(self._flat)):
-            self._first_diverged_kernel(part, self.real(self._bound), self._bad)
+            self._first_diverged_kernel(part, self.real(self._bound), self._centre.astype(self.real), self._bad)
             for row in np.flatnonzero(self._bad >= 0)[:1]:
                 found = int(row * self.body.columns + self._bad[row] * classes + k)
                 worst = found if worst < 0 else min(worst, found)

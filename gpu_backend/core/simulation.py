@@ -171,9 +171,13 @@ class CudaSimulation(Simulation):
     def _first_diverged(self) -> int:
         self._bad.copy_to_device(np.full(1, NOTHING_BAD, np.int32), stream=self.stream)
         state = self.position[self._current], self.velocity[self._current]
-        self._tools.first_diverged[self._flat](*state, self.real(self._bound), self._bad)
+        self._tools.first_diverged[self._flat](*state, self.real(self._bound), *self._middle(), self._bad)
         bad = self.fetch(self._bad)
         return -1 if bad == NOTHING_BAD else bad
+
+    def _middle(self) -> tuple[Any, ...]:
+        """(x, y, z) [m] of the scene's centre, from which divergence is measured; a plane lies at z = 0."""
+        return tuple(map(self.real, (*self._centre, 0.0)[:3]))
 
     def fetch(self, array: Any) -> int:
         """The first number of a device array, once everything asked for has been done."""

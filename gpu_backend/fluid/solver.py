@@ -269,7 +269,7 @@ class Fluid(SubstepSimulation):
     def _first_diverged(self) -> int:
         self._bad.copy_to_device(np.full(1, NOTHING_BAD, np.int32), stream=self.stream)
         state = self.position[self._current], self.velocity[self._current], self.particle[self._current]
-        self._tools.first_diverged[self._flat](*state, self.real(self._bound), self._bad)
+        self._tools.first_diverged[self._flat](*state, self.real(self._bound), *self._middle(), self._bad)
         bad = self.fetch(self._bad)
         return -1 if bad == NOTHING_BAD else bad
 

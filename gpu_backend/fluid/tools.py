@@ -17,20 +17,21 @@ from model.fluid.fluid_set import PARKED
 
 @cache
 def make_fluid_tools(real: Any, axes: int, parts: frozenset[str]) -> SimpleNamespace:
-    """`count(counter, steps)`; `first_diverged(position, velocity, particle, bound, result)`; `write_position(position,
-    particle, out)`, and where particles come and go `park(there, out)` before it. `particle`: the particles' numbers."""
+    """`count(counter, steps)`; `first_diverged(position, velocity, particle, bound, x, y, z, result)`;
+    `write_position(position, particle, out)`, and where particles come and go `park(there, out)` before it. `particle`: the particles' numbers."""
     solid, extent, parked, zero = axes == 3, make_extent(parts), np.float32(PARKED), np.int32(0)
 
     def count(counter, steps):
         if cuda.grid(1) == 0:
             counter[0] += steps
 
-    def first_diverged(position, velocity, particle, bound, result):
-        """The lowest number of a particle that left the finite world, by an atomic minimum of integers."""
+    def first_diverged(position, velocity, particle, bound, x, y, z, result):
+        """The lowest number of a particle that is not finite, or farther than `bound` from (x, y, z) along an axis, by an
+        atomic minimum of integers."""
         k = np.int32(cuda.grid(1))
         if k < extent(particle)[1]:
             p, v = load_quad(position, k), load_quad(velocity, k)
-            inside = abs(p[0]) <= bound and abs(p[1]) <= bound and abs(p[2]) <= bound  # false for NaN
+            inside = abs(p[0] - x) <= bound and abs(p[1] - y) <= bound and abs(p[2] - z) <= bound  # false for NaN
             still = v[0] - v[0] == v[1] - v[1] and v[1] - v[1] == v[2] - v[2]  # false for NaN and infinity
             if not (inside and still):
                 cuda.atomic.min(result, 0, particle[k])

@@ -12,6 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from model.core.errors import InputError, SceneError
+from model.geometry.arithmetic.functions import whole_power
+from model.geometry.arithmetic.ordered import dot, mean, norm, total
 from model.geometry.measures import triangle_areas
 from model.geometry.neighbours import nearest, spread
 from model.geometry.solid import Solid
@@ -70,9 +72,11 @@ def sample(body: Solid, spacing: float, volume_sampling: float, surface_sampling
         )
     volume, covered, runs = _measure(body, position, spacing)
     overlapping = runs.most > 1 or runs.least < 0
-    total = runs.count * runs.pitch**3 if overlapping and runs.count else body.volume
-    share = np.maximum(volume, MIN_SHARE * volume.mean()) if volume.any() else np.ones(len(volume))
-    return Samples(position, len(inner), len(outer), share * (total / share.sum()), total, covered, overlapping, filled)
+    whole = runs.count * whole_power(runs.pitch, 3) if overlapping and runs.count else body.volume
+    share = np.maximum(volume, MIN_SHARE * mean(volume)) if volume.any() else np.ones(len(volume))
+    return Samples(
+        position, len(inner), len(outer), share * (whole / total(share)), whole, covered, overlapping, filled
+    )
 
 
 def _expected(body: Solid, spacing: float, volume_sampling: float, surface_sampling: float) -> float:
@@ -123,12 +127,12 @@ def _interior(body: Solid, spacing: float, sampling: float) -> tuple[np.ndarray,
         return np.concatenate([np.zeros((0, 3)), *(place for _, place in whole)]), 0
     size = np.floor(np.ptp(body.position, axis=0) / spacing).astype(np.int64) + 4
     strides = np.array([size[1] * size[2], size[2], 1])
-    taken = np.concatenate([np.zeros(0, np.int64), *((index + 1) @ strides for index, _ in whole)])
+    taken = np.concatenate([np.zeros(0, np.int64), *(dot(index + 1, strides) for index, _ in whole)])
     tried = []
     for _, place in runs_inside(body.position, body.triangles, spacing / sampling).points():
         # within sqrt(3)/2 spacings of a lattice point that is taken there is no room; most are: sorted out here
         corner = np.rint((place - coarse.origin) / spacing).astype(np.int64)
-        tried.append(place[~np.isin((corner + 1) @ strides, taken)])
+        tried.append(place[~np.isin(dot(corner + 1, strides), taken)])
     found = np.concatenate([np.zeros((0, 3)), *(place for _, place in whole)])
     fine = np.concatenate([np.zeros((0, 3)), *tried])
     more = fine[spread(fine, found, CLOSEST * spacing)]
@@ -138,7 +142,7 @@ def _interior(body: Solid, spacing: float, sampling: float) -> tuple[np.ndarray,
 def _weights(body: Solid, spacing: float) -> np.ndarray:
     """(triangles,): places tried on each, at a surface sampling of 1."""
     corners = body.position[body.triangles]
-    sides = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2)
+    sides = norm(np.roll(corners, -1, axis=1) - corners)
     return np.maximum(triangle_areas(body.position, body.triangles) / spacing**2, sides.max(axis=1) / spacing)
 
 
@@ -169,4 +173,4 @@ def _measure(body: Solid, position: np.ndarray, spacing: float) -> tuple[np.ndar
         owner, distance = nearest(place, position)
         count += np.bincount(owner, minlength=len(position))
         covered += int((distance <= REACH * spacing * (1 + 1e-9)).sum())
-    return count * runs.pitch**3, covered / runs.count if runs.count else 1.0, runs
+    return count * whole_power(runs.pitch, 3), covered / runs.count if runs.count else 1.0, runs

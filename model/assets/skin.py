@@ -101,6 +101,11 @@ def _nearest(points: np.ndarray, centres: np.ndarray, count: int) -> tuple[np.nd
         if found is None:
             found = np.broadcast_to(np.arange(len(centres)), square.shape)
         held = np.take_along_axis(square, found, axis=1)
+        # a partition chooses among equally far ones by the processor's own order: there by their numbers
+        tied = np.flatnonzero((square <= held.max(axis=1, keepdims=True)).sum(axis=1) > count)
+        if len(tied):
+            found[tied] = np.argsort(square[tied], axis=1, kind="stable")[:, :count]
+            held[tied] = np.take_along_axis(square[tied], found[tied], axis=1)
         order = np.lexsort((found, held), axis=1)
         index[some] = np.take_along_axis(found, order, axis=1)
         away[some] = np.sqrt(np.take_along_axis(held, order, axis=1))

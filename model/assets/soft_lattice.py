@@ -15,6 +15,7 @@ from model.assets.skin import make_skin
 from model.assets.soft_body import Meshes, SoftBody, check_masses
 from model.core.errors import InputError, SceneError
 from model.core.memory import available_bytes, require
+from model.geometry.arithmetic.ordered import dot, total
 from model.geometry.solid import as_mesh
 from model.scene.parts import Count
 from model.shape_matching.lattice import Lattice
@@ -78,7 +79,7 @@ def _box(position: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.nd
     sides = high - low
     away = np.minimum(np.abs(position - low), np.abs(position - high)).min(axis=1)
     a, b, c = (position[corner] - low for corner in triangles.T)
-    volume = float(np.abs(np.einsum("ni,ni->n", a, np.cross(b, c)).sum() / 6))
+    volume = abs(total(dot(a, np.cross(b, c)))) / 6
     if away.max() > OFF * sides.max() or not np.isclose(volume, np.prod(sides), rtol=OFF):
         raise InputError(
             f"the mesh is no box along the axes: it holds {volume:.4g} m^3 of the {np.prod(sides):.4g} m^3 around it; a "

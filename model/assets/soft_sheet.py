@@ -10,6 +10,7 @@ from model.assets.baked_body import BakedBody, report_of
 from model.assets.skin import make_skin
 from model.assets.soft_body import Meshes, SoftBody, check_masses
 from model.core.errors import InputError
+from model.geometry.arithmetic.ordered import total as sum_of
 from model.geometry.measures import edge_lengths, triangle_areas
 from model.geometry.solid import as_mesh
 from model.scene.parts import NotNegative, Positive
@@ -36,9 +37,9 @@ class SoftSheet(SoftBody):
             raise InputError("the mesh has no triangles; a sheet needs some")
         area = triangle_areas(position, triangles)
         own = np.bincount(triangles.ravel(), np.repeat(area / 3, 3), len(position))
-        total = self.density * area.sum() if self.mass is None else self.mass
+        total = self.density * sum_of(area) if self.mass is None else self.mass
         with np.errstate(all="ignore"):
-            mass = own * (total / area.sum())
+            mass = own * (total / sum_of(area))
         check_masses(self, mass)
         links = (
             np.ascontiguousarray(made.edges.edges, dtype=np.int32)

@@ -11,6 +11,7 @@ from functools import cache
 
 import numpy as np
 
+from model.geometry.arithmetic.functions import cosine, sine
 from model.geometry.surfaces.surface_nets import Field
 
 
@@ -71,7 +72,11 @@ def extruded(flat: Field, depth: float, edge: float) -> Field:
 
     def field(points: np.ndarray) -> np.ndarray:
         across, away = flat(points) + edge, np.abs(points[:, 2]) - depth / 2 + edge
-        return np.minimum(np.maximum(across, away), 0) + np.hypot(np.maximum(across, 0), np.maximum(away, 0)) - edge
+        return (
+            np.minimum(np.maximum(across, away), 0)
+            + np.sqrt(np.maximum(across, 0) ** 2 + np.maximum(away, 0) ** 2)
+            - edge
+        )
 
     return field
 
@@ -102,7 +107,7 @@ def blended(fields: Sequence[Field], width: float) -> Field:
 def _arc(x: float, y: float, wide: float, high: float, first: float, last: float) -> np.ndarray:
     """(k, 2): of an ellipse with half axes `wide` and `high` about (x, y), from one angle to another [degrees]."""
     angle = np.radians(np.linspace(first, last, max(2, round(abs(last - first) / 12) + 1)))
-    return np.stack([x + wide * np.cos(angle), y + high * np.sin(angle)], axis=1)
+    return np.stack([x + wide * cosine(angle), y + high * sine(angle)], axis=1)
 
 
 @cache

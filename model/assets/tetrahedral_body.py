@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from model.core.errors import InputError
+from model.geometry.arithmetic.ordered import dot, mean, total
 from model.geometry.mesh import TriangleMesh, check_vertices
 from model.geometry.solid import as_mesh, solid
 from model.geometry.tetrahedra.conforming import conforming_mesh
@@ -76,7 +77,7 @@ def body_of_surface(
     try:
         volume = solid(as_mesh((position, triangles)), 0.0).volume
     except InputError as error:
-        volume, told = float(made.volumes.sum()), (f"its surface has no volume of its own: {error}",)
+        volume, told = total(made.volumes), (f"its surface has no volume of its own: {error}",)
     none = np.zeros(0, np.int32)
     report = report_of(made, embedding, volume, DENSITY, told)
     return CookedBody(made, none.reshape(0, 3), none, none, position, triangles, embedding, report)
@@ -91,8 +92,8 @@ def body_of_tetrahedra(mesh: TetrahedralMesh, told: tuple[str, ...]) -> CookedBo
     embedding = Embedding((first // 4).astype(np.int32), weights)
     position, none = mesh.position[number], np.zeros(0, np.int32)
     triangles = triangles.reshape(-1, 3).astype(np.int32)
-    local = position[triangles] - position.mean(axis=0)
-    volume = float(np.einsum("ij,ij->i", local[:, 0], np.cross(local[:, 1], local[:, 2])).sum() / 6)
+    local = position[triangles] - mean(position)
+    volume = total(dot(local[:, 0], np.cross(local[:, 1], local[:, 2]))) / 6
     report = report_of(mesh, embedding, volume, DENSITY, told)
     return CookedBody(mesh, none.reshape(0, 3), none, none, position, triangles, embedding, report)
 

@@ -10,6 +10,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from model.core.errors import SceneError
+from model.geometry.arithmetic.ordered import applied, norm
 from model.geometry.measures import rotation_matrix
 from model.scene.cloth import Collider
 from model.scene.mesh_source import MeshSource
@@ -45,7 +46,7 @@ class SurfaceCollider(MeshSource, Collider):
     @cached_property
     def _mesh(self) -> tuple[np.ndarray, np.ndarray, tuple[str, ...]]:
         position, triangles, told = self._read()
-        return position @ self.turn().T, triangles, told
+        return applied(self.turn(), position), triangles, told
 
     @property
     def position(self) -> np.ndarray:
@@ -64,7 +65,7 @@ class SurfaceCollider(MeshSource, Collider):
 
     def turn(self) -> np.ndarray:
         """(3, 3) float64: the start's rotation, by Rodrigues' formula."""
-        return turn_matrix(np.radians(self.angle) * np.asarray(self.axis) / (float(np.linalg.norm(self.axis)) or 1.0))
+        return turn_matrix(np.radians(self.angle) * np.asarray(self.axis) / (float(norm(self.axis)) or 1.0))
 
     def turn_at(self, time: float) -> np.ndarray:
         """(3, 3) float64: from the start to `time` [s]."""
@@ -87,5 +88,5 @@ def naming(part: str) -> Iterator[None]:
 
 def turn_matrix(turn: np.ndarray) -> np.ndarray:
     """(3, 3) float64: the rotation about `turn` (3,) by its length [rad]."""
-    angle = float(np.linalg.norm(turn))
+    angle = float(norm(turn))
     return rotation_matrix(turn / (angle or 1.0), angle)

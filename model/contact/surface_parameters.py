@@ -29,6 +29,7 @@ from model.formulas.contact import (
     SHEET,
     THIRD,
 )
+from model.geometry.arithmetic.ordered import norm
 from model.geometry.lists import Lists, grouped
 from model.scene.scene import Scene
 from model.tetrahedra.attachments import contact_free
@@ -94,7 +95,7 @@ def surface_of(
     """Of `triangles` (t, 3) int32 of particles at rest at `position` (particles, 3) [m]; `body` (particles,) int32; `sheets`
     (bodies,) bool: which have two sides and no inside; `free` (particles,) bool: those that meet nothing."""
     count = len(sheets)
-    sides = np.stack([np.linalg.norm(position[triangles[:, b]] - position[triangles[:, a]], axis=1) for a, b in _SIDES])
+    sides = np.stack([norm(position[triangles[:, b]] - position[triangles[:, a]]) for a, b in _SIDES])
     of_body = body[triangles[:, 0]]
     many = np.bincount(of_body, minlength=count)
     edge = np.bincount(of_body, sides.mean(axis=0), count) / np.maximum(many, 1)

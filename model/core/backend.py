@@ -36,7 +36,8 @@ class Backend(ABC):
 
     @abstractmethod
     def _first_diverged(self) -> int:
-        """The lowest index of a particle with a non-finite value or a coordinate beyond `self._bound`, or -1."""
+        """The lowest index of a particle with a non-finite value, or farther than `self._bound` from `self._centre`
+        along an axis, or -1."""
 
     @abstractmethod
     def _parameters_changed(self) -> None:

@@ -6,13 +6,15 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
+from functools import cached_property
 from weakref import WeakValueDictionary
 
 import numpy as np
 
 from model.core.memory import require_sheet
 from model.core.pins import pin_indices
-from model.fluid.fluid_set import FluidSet
+from model.fluid.fluid_set import PARKED, FluidSet
+from model.geometry.arithmetic.functions import cosine, sine
 from model.geometry.sheets import sheet_positions
 from model.geometry.topology import mesh_of, pinned_vertices, vertex_masses
 from model.scene.cloth import Cloth, Fold
@@ -33,7 +35,7 @@ class Body:
     """The arrays a solver starts from, to be read only: simulations of one scene share them.
 
     float64; `position`, `velocity` (particles, dimensions); `inverse_mass` (particles,), 0 where pinned; `pinned` sorted
-    indices (int64); `size` [m]: the length that divergence is measured against.
+    indices (int64); `size` [m]: the length that divergence is measured against, from the `centre`.
     """
 
     rows: int
@@ -43,6 +45,15 @@ class Body:
     inverse_mass: np.ndarray
     pinned: np.ndarray
     size: float
+
+    @cached_property
+    def centre(self) -> np.ndarray:
+        """(dimensions,) [m]: the middle of the box around all particles at time 0 but those that wait for an emitter."""
+        position = self.position[self.position[:, 0] != PARKED]
+        if not len(position):
+            return np.zeros(self.position.shape[1])
+        low, high = position.min(axis=0), position.max(axis=0)
+        return low + (high - low) / 2
 
 
 def sheet_name(scene: Scene) -> str:
@@ -94,9 +105,9 @@ def wave(grid: Grid, amplitude: float, time: float = 0.0) -> np.ndarray:
     """(particles, dimensions) [m]: amplitude * [sin(2 t + 1.7 i + 0.9 j), cos(3 t + 0.6 i - 1.3 j)], i = row, j = column;
     of a cloth also amplitude * sin(0.8 i - 0.7 j) along z."""
     i, j = np.divmod(np.arange(grid.particle_count), grid.columns)
-    axes = [np.sin(2 * time + 1.7 * i + 0.9 * j), np.cos(3 * time + 0.6 * i - 1.3 * j)]
+    axes = [sine(2 * time + 1.7 * i + 0.9 * j), cosine(3 * time + 0.6 * i - 1.3 * j)]
     if isinstance(grid, Cloth):
-        axes.append(np.sin(0.8 * i - 0.7 * j))
+        axes.append(sine(0.8 * i - 0.7 * j))
     return amplitude * np.stack(axes, axis=1)
 
 
@@ -166,8 +177,8 @@ def _build(scene: Scene) -> Body:
         amplitude = scene.manufactured.amplitude
         i, j = np.divmod(np.arange(count), grid.columns)
         position += wave(grid, amplitude)
-        velocity[:, 0] = 2 * amplitude * np.cos(1.7 * i + 0.9 * j)
-        velocity[:, 1] = -3 * amplitude * np.sin(0.6 * i - 1.3 * j)
+        velocity[:, 0] = 2 * amplitude * cosine(1.7 * i + 0.9 * j)
+        velocity[:, 1] = -3 * amplitude * sine(0.6 * i - 1.3 * j)
         velocity[pinned] = 0
     rest_length = scene.springs.rest_length if scene.springs else 0.0
     size = max(grid.extent, max(grid.rows, grid.columns) * rest_length)

@@ -84,7 +84,8 @@ class BackendUnavailable(SoftlabError):
 
 
 class Diverged(SoftlabError):
-    """The state left the finite world: a non-finite value, or a coordinate beyond 1e6 times the scene's size.
+    """The state left the finite world: a non-finite value, or a particle farther than 1e6 times the scene's size
+    from the centre of its start.
 
     Attributes: `step` (the first bad step, counted from the scene's start), `particle` (the lowest bad index),
     `limit` (the dt [s] that would have held, or None where none is known), `cause` and `remedy` (with its number; given by
@@ -112,3 +113,14 @@ class Diverged(SoftlabError):
         over = limit is not None and 0 < limit < dt
         self.remedy = remedy or (f"use dt <= {limit:.6g} s" if over else "try half the step size")
         super().__init__(f"diverged at step {step}, particle {particle} (dt = {dt:.6g} s): {self.cause}; {self.remedy}")
+
+
+class Incomplete(SoftlabError):
+    """A run ended in a finite state, but not all of its physics was computed: contacts or neighbours were lost, or elements
+    are inverted or caught in others. `faults`: which, in a few words."""
+
+    exit_status = 1
+
+    def __init__(self, faults: str):
+        self.faults = faults
+        super().__init__(f"incomplete: {faults}; see the notes above, or pass --allow-incomplete to accept it")

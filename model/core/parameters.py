@@ -34,6 +34,7 @@ PARAMETERS = (
     "stiff",  # stiffness of every second spring over mass, 1/s^2
     "stiff_rest",  # times the rest length, m/s^2
 )
+ODD = 20.0  # decades that a mass must be farther from 1 than the field itself, to be to blame
 FIELDS = {  # of the scene, by the value that follows from them
     "dt": "method.dt",
     "half_dt_squared": "method.dt",
@@ -93,15 +94,36 @@ def rounded_record(scene: Scene, values: Mapping[str, float], fields: Mapping[st
             record[name] = exact
             kept = float(record[0][name])
             if name in fields and (not math.isfinite(kept) or (exact != 0 and abs(kept) < float(limits.tiny))):
-                given = scene.as_dict()
-                part, _, key = fields[name].partition(".")
+                field, value = _oddest(scene, fields[name], exact)
+                other = "" if field != fields[name] else " (or the mass)"
                 raise SceneError(
-                    fields[name],
-                    given.get(part, {}).get(key, exact),
+                    field,
+                    value,
                     f"{name} = {exact:.3g} is outside what {np.dtype(real).name} can hold "
-                    f"({float(limits.tiny):.2g} to {float(limits.max):.2g}); change it (or the mass), or use float64",
+                    f"({float(limits.tiny):.2g} to {float(limits.max):.2g}); change it{other}, or use float64",
                 )
     return record
+
+
+def _oddest(scene: Scene, field: str, exact: float) -> tuple[str, object]:
+    """(field, its value) that is to blame for a constant that cannot be held: `field`, from which it follows, or a mass or a
+    density of the scene where one is farther from 1 in its unit, as constants follow from masses, too."""
+    given = scene.as_dict()
+    part, _, key = field.partition(".")
+    value = given.get(part, {}).get(key, exact)
+    found = [(_decades(value), field, value)]
+    for name, table in given.items():
+        for mass in ("mass", "density") if isinstance(table, dict) else ():
+            one = table.get(mass)
+            if isinstance(one, float) and one != 1.0:
+                found.append((_decades(one), f"{name}.{mass}", one))
+    worst = max(found, key=lambda one: one[0])
+    return (field, value) if worst[0] <= found[0][0] + ODD else worst[1:]
+
+
+def _decades(value: object) -> float:
+    """How far a number is from 1, in powers of ten; 0 of 0 and of what is no number."""
+    return abs(math.log10(abs(value))) if isinstance(value, int | float) and value and math.isfinite(value) else 0.0
 
 
 @cache

@@ -58,7 +58,7 @@ class Simulation(Stepping):
         self.limit = stability_limit(scene)
         self.check_interval = check_interval(len(self.body.position), self.backend)
         largest = 1e38 if options.precision == "float32" else 1e307  # what the arithmetic can still tell from infinity
-        self._bound = min(DIVERGED_SIZE * self.body.size, largest)
+        self._bound, self._centre = min(DIVERGED_SIZE * self.body.size, largest), self.body.centre
         self._poke_particle = -1
         self._poke_force = (0.0,) * scene.dimensions
         self._clock = START

@@ -40,7 +40,7 @@ class WindowedSimulation(Simulation):
             for place, (scene, options, body) in enumerate(parts):
                 with self._at(place), given(body):
                     window = self._open(place, scene, options)
-                    window._bound = self._bound
+                    window._bound, window._centre = self._bound, self._centre
                     self.windows.append(window)
             self.kernel, self.threads = self.windows[0].kernel, self.windows[0].threads
             self.device = f"{count} x {self.windows[0].device}"

@@ -8,6 +8,7 @@ import numpy as np
 
 from model.core.errors import SceneError
 from model.fluid.fluid_set import FluidSet
+from model.geometry.arithmetic.ordered import dot, norm
 from model.scene.cloth import COLLIDER_KINDS
 from model.scene.flow import Emitter, spatial
 
@@ -179,18 +180,18 @@ def _check_nozzle(scene: Any, name: str, part: Emitter, rest_distance: float) ->
 def in_wall(kind: str, wall: Any, points: np.ndarray) -> np.ndarray:
     """(n,) bool: which of the points (n, 3) lie in a collider at time 0; none in a mesh, which has no inside."""
     if kind == "plane":
-        normal = np.array(wall.normal) / np.linalg.norm(wall.normal)
-        return np.asarray((points - np.array(wall.point)) @ normal < 0)
+        normal = np.array(wall.normal) / norm(wall.normal)
+        return np.asarray(dot(points - np.array(wall.point), normal) < 0)
     if kind == "sphere":
-        return np.asarray(np.linalg.norm(points - np.array(wall.center), axis=1) < wall.radius)
+        return np.asarray(norm(points - np.array(wall.center)) < wall.radius)
     if kind == "box":
         return np.asarray((np.abs(points - np.array(wall.center)) < np.array(wall.half_size)).all(axis=1))
     if kind == "capsule":
         line = np.subtract(wall.end, wall.start)
-        square = float(line @ line)
+        square = float(dot(line, line))
         away = points - np.array(wall.start)
-        part = np.clip(away @ line / square, 0, 1) if square > 0 else np.zeros(len(points))
-        return np.asarray(np.linalg.norm(away - part[:, None] * line, axis=1) < wall.radius)
+        part = np.clip(dot(away, line) / square, 0, 1) if square > 0 else np.zeros(len(points))
+        return np.asarray(norm(away - part[:, None] * line) < wall.radius)
     found = np.zeros(len(points), bool)
     if kind == "distance_field":
         places, field = points - np.array(wall.origin), wall.field

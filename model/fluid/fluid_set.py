@@ -12,6 +12,7 @@ import numpy as np
 from model.core.errors import SceneError
 from model.core.memory import MAX_PARTICLES, available_bytes, require
 from model.fluid.lattice import Lattice, lattice_of
+from model.geometry.arithmetic.functions import cosine, sine, whole_power
 from model.geometry.particle_row import ParticleRow
 from model.scene.fluid import REPEATED, WIDER, Domain, Fluid
 
@@ -60,7 +61,7 @@ class FluidSet(ParticleRow):
     @cached_property
     def particle_masses(self) -> tuple[float, ...]:
         """Of each fluid's particles [kg], in a plane of a layer one metre thick: of a cell of its lattice."""
-        return tuple(part.density * self.spacing**self.dimensions for part in self.parts)
+        return tuple(part.density * whole_power(self.spacing, self.dimensions) for part in self.parts)
 
     @property
     def mass(self) -> float:
@@ -158,7 +159,7 @@ def vortices(place: np.ndarray, domain: Domain) -> np.ndarray:
     repeats: one wave along x and along y."""
     x, y = (2 * np.pi * (place[:, axis] - domain.origin[axis]) / domain.size[axis] for axis in (0, 1))
     found = np.zeros_like(place)
-    found[:, 0], found[:, 1] = np.sin(x) * np.cos(y), -np.cos(x) * np.sin(y) * domain.size[1] / domain.size[0]
+    found[:, 0], found[:, 1] = sine(x) * cosine(y), -cosine(x) * sine(y) * domain.size[1] / domain.size[0]
     return found
 
 

@@ -13,6 +13,9 @@ from math import ceil, pi
 
 import numpy as np
 
+from model.geometry.arithmetic.functions import whole_power
+from model.geometry.arithmetic.ordered import norm, total
+
 POLY6 = {2: 4 / pi, 3: 315 / (64 * pi)}  # of support 1
 SPIKY = {2: 30 / pi, 3: 45 / pi}  # of its slope
 
@@ -20,13 +23,13 @@ SPIKY = {2: 30 / pi, 3: 45 / pi}  # of its slope
 def poly6(distance: np.ndarray, support: float, axes: int) -> np.ndarray:
     """W [1/m^axes] at a distance [m]."""
     q = np.minimum(np.asarray(distance, np.float64) / support, 1.0)
-    return np.asarray(POLY6[axes] / support**axes * (1 - q * q) ** 3)
+    return np.asarray(POLY6[axes] / whole_power(support, axes) * whole_power(1 - q * q, 3))
 
 
 def spiky_slope(distance: np.ndarray, support: float, axes: int) -> np.ndarray:
     """-dW/dr [1/m^(axes + 1)] at a distance [m]."""
     q = np.minimum(np.asarray(distance, np.float64) / support, 1.0)
-    return np.asarray(SPIKY[axes] / support ** (axes + 1) * (1 - q) ** 2)
+    return np.asarray(SPIKY[axes] / whole_power(support, axes + 1) * (1 - q) ** 2)
 
 
 @dataclass(frozen=True)
@@ -53,20 +56,20 @@ def lattice_of(rest_distance: float, support: float, axes: int) -> Lattice:
     """The sums, in float64."""
     reach = ceil(support / rest_distance)
     places = np.array(list(product(range(-reach, reach + 1), repeat=axes)), np.float64) * rest_distance
-    r = np.sqrt((places**2).sum(axis=1))
+    r = norm(places)
     kernel = poly6(r, support, axes)
-    volume = 1 / float(kernel.sum())
+    volume = 1 / total(kernel)
     slope = spiky_slope(r, support, axes)
-    calibrated = axes / (volume * float((slope * r).sum()))
+    calibrated = axes / (volume * total(slope * r))
     gradient_scale = volume * float(spiky_slope(np.zeros(1), support, axes)[0]) * calibrated
     below = places[:, 1] < 0
-    pushed = volume * calibrated * float((slope[below] * -places[below, 1] / r[below]).sum())
+    pushed = volume * calibrated * total(slope[below] * -places[below, 1] / r[below])
     q = rest_distance / 2 / support
     return Lattice(
         volume=volume,
         density_scale=volume * float(poly6(np.zeros(1), support, axes)[0]),
         gradient_scale=gradient_scale,
-        wall_scale=volume * float(kernel[below].sum()) / (1 - q) ** 5,
-        wall_gradient=pushed / (1 - q) ** 4,
-        spread=volume * float((kernel * places[:, 0] ** 2).sum()) / 2,
+        wall_scale=volume * total(kernel[below]) / whole_power(1 - q, 5),
+        wall_gradient=pushed / whole_power(1 - q, 4),
+        spread=volume * total(kernel * places[:, 0] ** 2) / 2,
     )

@@ -78,8 +78,9 @@ def highest_viscosity(scene: Scene, part: Fluid) -> float:
 def fluid_record(
     scene: Scene, real: type, poke: tuple[float, ...] = (0.0, 0.0, 0.0), clock: Clock = START
 ) -> np.ndarray:
-    """(1,): FLUID_PARAMETERS, then those of own forces, in the arithmetic `real`: computed in float64, rounded once. Raises
-    SceneError."""
+    """(1,): the constants of own forces, then FLUID_PARAMETERS, in the arithmetic `real`: computed in float64, rounded once.
+    In this order the record of a plane is no beginning of that in space, for which numba would take it, with a warning.
+    Raises SceneError."""
     method, found = scene.method, scene.fluid_set
     h, lattice, support = method.dt / method.substeps, found.lattice, found.support
     values = {
@@ -103,12 +104,12 @@ def fluid_record(
     }
     assert tuple(values) == FLUID_PARAMETERS, f"{set(values) ^ set(FLUID_PARAMETERS)} or their order differ"
     axes = scene.dimensions
-    return rounded_record(scene, values | own_values(scene, poke[:axes], axes), FIELDS, real)
+    return rounded_record(scene, own_values(scene, poke[:axes], axes) | values, FIELDS, real)
 
 
 def record_names(axes: int) -> tuple[str, ...]:
     """What the constants of a record are called, in their order."""
-    return (*FLUID_PARAMETERS, *own_names(axes))
+    return (*own_names(axes), *FLUID_PARAMETERS)
 
 
 def _box(scene: Scene) -> dict[str, float]:

@@ -14,6 +14,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from model.fluid.lattice import Lattice, poly6
+from model.geometry.arithmetic.ordered import norm
 from model.geometry.lists import grouped, offsets_of
 
 CORNERS = 3  # particles that carry a sample, at most
@@ -76,7 +77,7 @@ def triangle_samples(position: np.ndarray, triangles: np.ndarray, apart: float) 
     """(corners, shares) of samples of triangles (n, 3) int: their vertices, and points along their sides and inside, no
     farther than `apart` [m] from each other along a side. What triangles share, they have once."""
     found: dict[tuple[tuple[int, ...], tuple[int, ...]], tuple[tuple[int, ...], tuple[float, ...]]] = {}
-    sides = np.linalg.norm(position[triangles] - position[np.roll(triangles, 1, axis=1)], axis=2).max(axis=1)
+    sides = norm(position[triangles] - position[np.roll(triangles, 1, axis=1)]).max(axis=1)
     for corners, longest in zip(np.sort(triangles, axis=1), sides, strict=True):
         steps = max(1, int(np.ceil(longest / apart)))
         for i in range(steps + 1):
@@ -110,7 +111,7 @@ def sample_volumes(points: np.ndarray, lattice: Lattice, support: float, solid: 
     (samples, 3) [m]. Of a `solid` body, filled with samples, that of its surface is what its inside has: the least among
     those within the support."""
     pairs = cKDTree(points).query_pairs(support, output_type="ndarray")
-    kernel = poly6(np.linalg.norm(points[pairs[:, 0]] - points[pairs[:, 1]], axis=1), support, points.shape[1])
+    kernel = poly6(norm(points[pairs[:, 0]] - points[pairs[:, 1]]), support, points.shape[1])
     total = np.full(len(points), float(poly6(np.zeros(1), support, points.shape[1])[0]))
     for end in (0, 1):
         total += np.bincount(pairs[:, end], kernel, len(points))

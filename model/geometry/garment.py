@@ -11,6 +11,7 @@ from math import pi
 
 import numpy as np
 
+from model.geometry.arithmetic.functions import sine
 from model.geometry.sheets import split_cells
 
 DECIMALS = 4  # of the file: a tenth of a millimetre
@@ -67,7 +68,7 @@ def make_tunic(tunic: Tunic | None = None) -> tuple[np.ndarray, np.ndarray]:
     y = -row * tunic.cell - tunic.slope * np.maximum(np.abs(x) - tunic.neck / 2 * tunic.cell, 0) * (1 - below)
     # halfway round a sleeve, so that its section is one arch of a sine to either side
     depth = tunic.cuff / 2
-    z = depth * tunic.cell * np.sin(pi / 2 * np.minimum(_distance_to(seam) / depth, 1)) * (1 + tunic.flare * below)
+    z = depth * tunic.cell * sine(pi / 2 * np.minimum(_distance_to(seam) / depth, 1)) * (1 + tunic.flare * below)
     x = x * (1 + tunic.flare * below)
     front = np.full(seam.shape, -1)
     front[used] = np.arange(used.sum())

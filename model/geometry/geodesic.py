@@ -11,6 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from model.core.errors import SceneError
+from model.geometry.arithmetic.ordered import mean, norm
 from model.geometry.edges import MeshEdges
 from model.geometry.lists import Lists, ranges
 from model.geometry.measures import edge_lengths
@@ -39,7 +40,7 @@ def sheet_attachments(rest_position: np.ndarray, pinned: np.ndarray, count: int)
         return anchor, distance
     held = position[pinned]
     tree = cKDTree(held)
-    largest = float(np.linalg.norm(np.ptp(position, axis=0))) or 1.0
+    largest = float(norm(np.ptp(position, axis=0))) or 1.0
     for begin in range(0, len(position), BLOCK):
         left, asked = np.arange(begin, min(begin + BLOCK, len(position))), taken
         while len(left):
@@ -71,7 +72,7 @@ def mesh_attachments(position: np.ndarray, edges: MeshEdges, anchors: np.ndarray
     neighbours = edges.neighbours
     owner = np.repeat(np.arange(len(position)), neighbours.lengths)
     length = edge_lengths(position, np.stack([neighbours.indices, owner], axis=1))
-    depth = float(length.mean()) if len(length) else 0.0
+    depth = mean(length) if len(length) else 0.0
     anchor[anchors, 0], distance[anchors, 0] = anchors, 0.0
     vertex, source, far = anchors, anchors, np.zeros(len(anchors))
     while len(vertex):

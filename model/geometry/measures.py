@@ -6,21 +6,24 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from model.geometry.arithmetic.functions import sine_and_cosine
+from model.geometry.arithmetic.ordered import combined, dot, norm, product
+
 
 def edge_lengths(position: np.ndarray, ends: np.ndarray) -> np.ndarray:
     """(edges,) float64 [m]: between the two points of `position` (points, 3) [m] that each row of `ends` (edges, 2) names."""
-    return np.linalg.norm(position[ends[:, 1]] - position[ends[:, 0]], axis=1)
+    return norm(position[ends[:, 1]] - position[ends[:, 0]])
 
 
 def triangle_areas(position: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     """(triangles,) float64 [m^2]: of `triangles` (n, 3) between points of `position` (points, 3) [m]."""
     a, b, c = (position[corner] for corner in triangles.T)
-    return np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
+    return norm(np.cross(b - a, c - a)) / 2
 
 
 def unit(vectors: np.ndarray) -> np.ndarray:
     """`vectors` (..., 3) made 1 long; 0 where they are 0."""
-    length = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    length = norm(vectors)[..., None]
     return np.divide(vectors, length, out=np.zeros_like(vectors), where=length > 0)
 
 
@@ -28,18 +31,19 @@ def rotation_matrix(axis: np.ndarray, angle: float) -> np.ndarray:
     """(3, 3) float64: the rotation about `axis` (3,), 1 long, by `angle` [rad], by Rodrigues' formula."""
     x, y, z = axis
     cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    matrix: np.ndarray = np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
+    s, c = sine_and_cosine(float(angle))
+    matrix: np.ndarray = np.eye(3) + s * cross + (1 - c) * product(cross, cross)
     return matrix
 
 
 def turned_about(axis: Sequence[float], degrees: float) -> np.ndarray:
     """(3, 3) float64: the rotation about an `axis` of any length; by 0 degrees where it has none."""
     along = np.asarray(axis, dtype=np.float64)
-    return rotation_matrix(along / (float(np.linalg.norm(along)) or 1.0), np.radians(degrees))
+    return rotation_matrix(along / (float(norm(along)) or 1.0), np.radians(degrees))
 
 
 def _dots(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    return np.einsum("nk,nk->n", a, b)
+    return dot(a, b)
 
 
 def nearest_weights(p: np.ndarray, q: np.ndarray) -> np.ndarray:
@@ -69,7 +73,7 @@ def nearest_of(points: np.ndarray, corners: np.ndarray) -> tuple[np.ndarray, np.
     number, weights, away = np.zeros(len(points), np.int64), np.zeros((len(points), 3)), np.zeros(len(points))
     for place, point in enumerate(points):
         own = nearest_weights(np.broadcast_to(point, (len(corners), 3)), corners)
-        off = np.linalg.norm(np.einsum("nk,nkd->nd", own, corners) - point, axis=1)
+        off = norm(combined(own, corners) - point)
         number[place] = off.argmin()
         weights[place], away[place] = own[number[place]], off[number[place]]
     return number, weights, away

@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from model.core.errors import InputError, SceneError
+from model.geometry.arithmetic.ordered import dot
 from model.geometry.edges import MeshEdges, components, mesh_edges
 from model.geometry.mesh_files import read_arrays
 
@@ -165,7 +166,7 @@ def without_flat(position: np.ndarray, triangles: np.ndarray, told: list[str]) -
 
 def _squares(vectors: np.ndarray) -> np.ndarray:
     """(n,): squared lengths of `vectors` (n, 3)."""
-    return np.einsum("ij,ij->i", vectors, vectors)
+    return dot(vectors, vectors)
 
 
 def _without_copies(vertex_count: int, triangles: np.ndarray, told: list[str]) -> np.ndarray:

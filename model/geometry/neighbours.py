@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from model.core.errors import InputError
+from model.geometry.arithmetic.ordered import norm
 
 MAX_PAIRS = 2**26  # kept together: 2 GiB
 SLACK = 1 + 2.0**-20  # of the radius that the tree is asked for: more than its rounding can differ from ours
@@ -30,7 +31,7 @@ def pairs_within(queries: np.ndarray, points: np.ndarray, radius: float) -> tupl
         raise TooMany(f"more than {MAX_PAIRS} pairs of particles lie within {radius:g} m; use a smaller radius")
     found = asked.sparse_distance_matrix(tree, radius * SLACK, output_type="ndarray")
     query, point = found["i"].astype(np.int64), found["j"].astype(np.int64)
-    distance = np.linalg.norm(queries[query] - points[point], axis=1)
+    distance = norm(queries[query] - points[point])
     near = distance <= radius
     query, point, distance = query[near], point[near], distance[near]
     order = np.lexsort((point, query))
@@ -60,8 +61,8 @@ def nearest(queries: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.nda
     index = place[:, 0].astype(np.int64)
     for query in np.flatnonzero(found[:, 1] <= found[:, 0] * SLACK):  # two or more that may be equally near
         near = np.sort(np.array(tree.query_ball_point(queries[query], found[query, 0] * SLACK), dtype=np.int64))
-        index[query] = near[np.argmin(np.linalg.norm(queries[query] - points[near], axis=1))]
-    return index, np.linalg.norm(queries - points[index], axis=1)
+        index[query] = near[np.argmin(norm(queries[query] - points[near]))]
+    return index, norm(queries - points[index])
 
 
 def spread(candidates: np.ndarray, taken: np.ndarray, distance: float, urgency: np.ndarray | None = None) -> np.ndarray:

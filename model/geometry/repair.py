@@ -12,6 +12,7 @@ import importlib.util
 import numpy as np
 
 from model.core.errors import BackendUnavailable, InputError, SceneError
+from model.geometry.arithmetic.ordered import dot, mean
 from model.geometry.edges import components
 from model.geometry.mesh import TriangleMesh, triangle_mesh
 
@@ -38,8 +39,8 @@ def united(position: np.ndarray, triangles: np.ndarray) -> TriangleMesh:
                 f"piece {k} has {_holes(piece)}, and pieces are united only where each is closed; close it "
                 "in another program, or take --tetrahedra conforming without --unite, which closes holes"
             )
-        corners = (piece.position - piece.position.mean(axis=0))[piece.triangles]
-        outward = np.einsum("ij,ij->i", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])).sum() > 0
+        corners = (piece.position - mean(piece.position))[piece.triangles]
+        outward = dot(corners[:, 0], np.cross(corners[:, 1], corners[:, 2])).sum() > 0
         faces = piece.triangles if outward else piece.triangles[:, [0, 2, 1]]
         made = manifold3d.Manifold(manifold3d.Mesh64(piece.position, np.ascontiguousarray(faces, np.uint64)))
         if made.status() != manifold3d.Error.NoError:

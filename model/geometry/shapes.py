@@ -4,13 +4,14 @@ and a terrain, 8 m across, are open, with their upper side outwards."""
 from __future__ import annotations
 
 from collections.abc import Callable
-from math import cos, pi, sin
+from math import pi
 from typing import Literal
 
 import numpy as np
 from pydantic import model_validator
 
 from model.assets.strokes import blended, extruded, letters, outline, polygon, tube, union
+from model.geometry.arithmetic.functions import cosine, power, sine
 from model.geometry.mesh import TriangleMesh, triangle_mesh
 from model.geometry.sheets import cell_corners, sheet_triangles
 from model.geometry.surfaces.cup import cup
@@ -100,7 +101,7 @@ def _star(shape: Shape) -> tuple[np.ndarray, np.ndarray]:
     """A pen with a round tip along the outline of a sharp star, filled: its points are round, too."""
     angles = [pi / 2 + k * pi / 5 for k in range(10)]
     radii = [STAR_TIP - EDGE, STAR_NOTCH - EDGE] * 5
-    corners = np.array([(r * cos(a), r * sin(a)) for r, a in zip(radii, angles, strict=True)])
+    corners = np.array([(r * cosine(a), r * sine(a)) for r, a in zip(radii, angles, strict=True)])
     field = extruded(polygon(corners, EDGE), STAR_DEPTH, EDGE)
     return _net(field, (-STAR_TIP, -STAR_TIP, -STAR_DEPTH / 2), (STAR_TIP, STAR_TIP, STAR_DEPTH / 2), shape.resolution)
 
@@ -122,7 +123,7 @@ def _pipe(shape: Shape) -> tuple[np.ndarray, np.ndarray]:
     around = max(3, round(2 * pi * outer * shape.resolution))
     u = (2 * pi / around * np.arange(around))[:, None]
     far, height = profile[:, 0][None], profile[:, 1][None]
-    position = np.stack([far * np.cos(u), height + 0 * u, far * np.sin(u)], axis=-1)
+    position = np.stack([far * cosine(u), height + 0 * u, far * sine(u)], axis=-1)
     a = np.arange(around * len(profile)).reshape(around, len(profile))
     b, d = np.roll(a, -1, axis=0), np.roll(a, -1, axis=1)
     return position.reshape(-1, 3), _halves(a, d, np.roll(b, -1, axis=1), b).astype(np.int32)
@@ -134,8 +135,8 @@ def _torus(shape: Shape) -> tuple[np.ndarray, np.ndarray]:
     around, across = (max(3, round(2 * pi * radius * shape.resolution)) for radius in TORUS)
     u = (2 * pi / around * np.arange(around))[:, None]
     v = (2 * pi / across * np.arange(across))[None]
-    far = ring + tube_radius * np.cos(v)
-    position = np.stack([far * np.cos(u), tube_radius * np.sin(v) + 0 * u, far * np.sin(u)], axis=-1)
+    far = ring + tube_radius * cosine(v)
+    position = np.stack([far * cosine(u), tube_radius * sine(v) + 0 * u, far * sine(u)], axis=-1)
     a = np.arange(around * across).reshape(around, across)
     b, d = np.roll(a, -1, axis=0), np.roll(a, -1, axis=1)
     return position.reshape(-1, 3), _halves(a, d, np.roll(b, -1, axis=1), b).astype(np.int32)
@@ -194,9 +195,9 @@ def _octopus(shape: Shape) -> tuple[np.ndarray, np.ndarray]:
     for k in range(8):
         angle = (k + 0.5) * pi / 4
         away = 0.1 + 0.38 * along
-        height = -0.06 - 0.62 * along + 0.66 * along**2.6
-        sway = 0.05 * np.sin(2 * pi * along + k)
-        x, z = away * np.sin(angle) + sway * np.cos(angle), away * np.cos(angle) - sway * np.sin(angle)
+        height = -0.06 - 0.62 * along + 0.66 * power(along, 2.6)
+        sway = 0.05 * sine(2 * pi * along + k)
+        x, z = away * sine(angle) + sway * cosine(angle), away * cosine(angle) - sway * sine(angle)
         parts.append(tube(np.stack([x, height, z], axis=1), 0.075 - 0.045 * along))
     return _net(blended(parts, 0.03), (-0.6, -0.5, -0.6), (0.6, 0.4, 0.6), shape.resolution)
 
@@ -246,9 +247,9 @@ def _terrain(shape: Shape) -> tuple[np.ndarray, np.ndarray]:
     count = round(TERRAIN * shape.resolution) + 1
     along = TERRAIN * (np.arange(count) / (count - 1) - 0.5)
     x, z = along[None], along[:, None]
-    height = 0.3 * np.sin(1.1 * x + 0.4) * np.cos(0.8 * z)
-    height += 0.15 * np.sin(1.6 * x - 1.3 * z) + 0.1 * np.cos(2.3 * z + x)
-    height += TERRAIN_RIM * ((2 * x / TERRAIN) ** 4 + (2 * z / TERRAIN) ** 4)
+    height = 0.3 * sine(1.1 * x + 0.4) * cosine(0.8 * z)
+    height += 0.15 * sine(1.6 * x - 1.3 * z) + 0.1 * cosine(2.3 * z + x)
+    height += TERRAIN_RIM * (((2 * x / TERRAIN) ** 2) ** 2 + ((2 * z / TERRAIN) ** 2) ** 2)
     position = np.stack([x + 0 * z, height, z + 0 * x], axis=-1)
     a, d, b, c = cell_corners(np.arange(count * count).reshape(count, count))
     return position.reshape(-1, 3), _halves(a, b, c, d).astype(np.int32)

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from model.core.errors import InputError
+from model.geometry.arithmetic.ordered import dot, mean, norm, total
 from model.geometry.edges import MeshEdges, components, mesh_edges
 from model.geometry.measures import triangle_areas
 from model.geometry.mesh import TriangleMesh, triangle_mesh
@@ -49,14 +50,14 @@ def solid(mesh: TriangleMesh, widest: float, instead: str = CLOTH) -> Solid:
         triangles = _filled(mesh, widest, instead, told)
         edges = mesh_edges(len(mesh.position), triangles)
     triangles, pieces = _outwards(mesh.position, triangles, edges, told)
-    volume = float(_volumes(mesh.position, triangles).sum())
+    volume = total(_volumes(mesh.position, triangles))
     box = float(np.prod(np.ptp(mesh.position, axis=0)))
     if volume <= EMPTY * box:
         raise InputError(
             f"the mesh holds no volume ({volume:.3g} m^3): a flat sheet, or folded flat; give it a "
             f"thickness, or make it {instead}"
         )
-    area = float(triangle_areas(mesh.position, triangles).sum())
+    area = total(triangle_areas(mesh.position, triangles))
     return Solid(mesh.position, np.ascontiguousarray(triangles, dtype=np.int32), volume, area, pieces, tuple(told))
 
 
@@ -67,8 +68,8 @@ def as_mesh(mesh: TriangleMesh | tuple[np.ndarray, np.ndarray]) -> TriangleMesh:
 
 def _volumes(position: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     """(triangles,) [m^3]: of the tetrahedra over each triangle, whose sum over a closed mesh is its volume."""
-    a, b, c = (position[corner] - position.mean(axis=0) for corner in triangles.T)
-    return np.einsum("ij,ij->i", a, np.cross(b, c)) / 6
+    a, b, c = (position[corner] - mean(position) for corner in triangles.T)
+    return dot(a, np.cross(b, c)) / 6
 
 
 def _filled(mesh: TriangleMesh, widest: float, instead: str, told: list[str]) -> np.ndarray:
@@ -83,7 +84,7 @@ def _filled(mesh: TriangleMesh, widest: float, instead: str, told: list[str]) ->
     rims, first, count = np.unique(label, return_index=True, return_counts=True)
     low = np.minimum.reduceat(mesh.position[start], first)
     high = np.maximum.reduceat(mesh.position[start], first)
-    across = np.linalg.norm(high - low, axis=1)
+    across = norm(high - low)
     worst = int(np.argmax(across))
     if across[worst] > widest:
         others = f"{len(rims)} holes, the widest" if len(rims) > 1 else "a hole,"
@@ -116,9 +117,9 @@ def _outwards(position: np.ndarray, triangles: np.ndarray, edges: MeshEdges, tol
     pieces, piece = np.unique(label, return_inverse=True)
     # about each piece's own corner, so that the sum is exact to its own size
     local = position[triangles] - position[pieces[piece]][:, None]
-    each = np.einsum("ij,ij->i", local[:, 0], np.cross(local[:, 1], local[:, 2]))
+    each = dot(local[:, 0], np.cross(local[:, 1], local[:, 2]))
     volume = np.bincount(piece, each)
-    if volume.sum() < 0:  # the whole of it, with its cavities
+    if total(volume) < 0:  # the whole of it, with its cavities
         triangles, volume = triangles[:, [0, 2, 1]], -volume
         told.append("the mesh was inside out, and turned over")
     inwards = volume < 0

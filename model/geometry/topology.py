@@ -12,11 +12,13 @@ import numpy as np
 
 from model.core.errors import InputError, SceneError
 from model.core.memory import require_sheet
+from model.geometry.arithmetic.ordered import mean
 from model.geometry.measures import edge_lengths, triangle_areas
 from model.geometry.mesh import TriangleMesh, read_mesh, triangle_mesh
 from model.geometry.sheets import sheet_positions, sheet_triangles
 
 SHEET_BYTES = 600  # of a vertex while a sheet's triangles and edges are made
+FINEST, WIDEST = 1e-150, 1e150  # m: spacings of a sheet whose squares float64 can hold
 TOP = 0.1  # of the mean edge: what lies so near to the highest vertex counts as high
 
 
@@ -74,7 +76,11 @@ def mesh_of(part: MeshPart) -> TriangleMesh:
         return _sheet(part.rows, part.columns, part.spacing, part.diagonals, part.placement)
     path = mesh_path(part.file)
     stamp = path.stat()
-    return _read(path, part.scale, stamp.st_mtime_ns, stamp.st_size)[0]
+    try:
+        return _read(path, part.scale, stamp.st_mtime_ns, stamp.st_size)[0]
+    except InputError as error:
+        at = "" if part.scale == 1 else f" (at scale = {part.scale:g})"
+        raise InputError(f"{error}{at}") from None
 
 
 @lru_cache(maxsize=8)
@@ -105,13 +111,16 @@ def describe(part: MeshPart) -> dict[str, Any]:
         raise SceneError(
             "mesh.rows x mesh.columns", f"{part.rows} x {part.columns}", "at least 2 x 2: a mesh has triangles"
         )
+    elif not FINEST <= part.spacing <= WIDEST:
+        allowed = f"gives triangles whose area float64 cannot hold; use a spacing of {FINEST:g} to {WIDEST:g} m"
+        raise SceneError("mesh.spacing", part.spacing, allowed)
     if part.density is not None:
-        found["mass"] = float(vertex_masses(part).mean())
+        found["mass"] = mean(vertex_masses(part))
     return found
 
 
 def _mean_edge(mesh: TriangleMesh) -> float:
-    return float(edge_lengths(mesh.position, mesh.edges.edges).mean())
+    return mean(edge_lengths(mesh.position, mesh.edges.edges))
 
 
 def vertex_masses(part: MeshPart) -> np.ndarray:

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from model.geometry.arithmetic.ordered import dot, norm
 from model.geometry.lists import ranges
 
 BATCH = 1 << 20  # points at once
@@ -150,9 +151,9 @@ def winding_numbers(points: np.ndarray, position: np.ndarray, triangles: np.ndar
     for begin in range(0, len(points), step):
         some = points[begin : begin + step, None]
         a, b, c = (position[corner] - some for corner in triangles.T)
-        la, lb, lc = (np.linalg.norm(side, axis=2) for side in (a, b, c))
-        volume = np.einsum("pti,pti->pt", a, np.cross(b, c))
-        ab, bc, ca = (np.einsum("pti,pti->pt", one, two) for one, two in ((a, b), (b, c), (c, a)))
+        la, lb, lc = (norm(side) for side in (a, b, c))
+        volume = dot(a, np.cross(b, c))
+        ab, bc, ca = (dot(one, two) for one, two in ((a, b), (b, c), (c, a)))
         angle = np.arctan2(volume, la * lb * lc + ab * lc + bc * la + ca * lb)
         total[begin : begin + step] = angle.sum(axis=1) / (2 * np.pi)
     return total

@@ -19,6 +19,7 @@ from model.core.own_forces import own_fields, own_names, own_values
 from model.core.parameters import PARAMETERS as GRID_PARAMETERS
 from model.core.parameters import rounded_record
 from model.formulas import cloth, motion
+from model.geometry.arithmetic.ordered import norm
 from model.scene.cloth import SURFACE_KINDS
 from model.scene.motion import motions_of_pins
 from model.scene.scene import Scene
@@ -166,7 +167,7 @@ def collider_rows(scene: Scene, real: type) -> np.ndarray:
         part = collider.model_dump()
         row[B_X : B_Z + 1] = part.get("center") or part.get("point") or part.get("origin") or part["start"]
         if kind == "plane":
-            row[B_U : B_W + 1] = np.array(part["normal"]) / np.linalg.norm(part["normal"])
+            row[B_U : B_W + 1] = np.array(part["normal"]) / norm(part["normal"])
         elif kind == "capsule":
             row[B_U : B_W + 1] = np.subtract(part["end"], part["start"])
         elif kind == "box":

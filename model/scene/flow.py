@@ -8,6 +8,7 @@ from typing import Any, Literal
 import numpy as np
 from pydantic import model_validator
 
+from model.geometry.arithmetic.ordered import dot, norm
 from model.scene.fluid import Flat
 from model.scene.parts import ZERO, NotNegative, Part, Positive, Vector
 
@@ -52,7 +53,7 @@ class Emitter(Part):
             raise ValueError("radius: give either a radius, of a disc, or a size, of a rectangle")
         if self.stop is not None and self.stop <= self.start:
             raise ValueError(f"stop: must come after the start, {self.start:g} s")
-        if self.size is not None and len(self.size) == 2 and not np.linalg.norm(self.axes[0]) > SMALL:
+        if self.size is not None and len(self.size) == 2 and not norm(self.axes[0]) > SMALL:
             raise ValueError("across: must not point along the direction")
         return self
 
@@ -63,16 +64,16 @@ class Emitter(Part):
     def way(self) -> np.ndarray:
         """(3,): the unit direction."""
         found = spatial(self.direction)
-        return found / np.linalg.norm(found)
+        return found / norm(found)
 
     @property
     def axes(self) -> tuple[np.ndarray, np.ndarray]:
         """Two unit vectors across the direction, (3,) each; 0 where `across` points along it."""
         way, across = self.way, spatial(self.across)
-        first = across - (across @ way) * way
-        if self.size is None and not np.linalg.norm(first) > SMALL:  # of a disc any will do
+        first = across - dot(across, way) * way
+        if self.size is None and not norm(first) > SMALL:  # of a disc any will do
             first = np.cross(way, np.eye(3)[np.argmin(np.abs(way))])
-        length = np.linalg.norm(first)
+        length = norm(first)
         first = first / length if length > SMALL else np.zeros(3)
         return first, np.cross(way, first)
 
@@ -97,7 +98,7 @@ class Emitter(Part):
             steps[1] = np.zeros(1)
         v, u = (grid.ravel() for grid in np.meshgrid(steps[1], steps[0], indexing="ij"))
         if self.radius is not None:
-            inside = np.hypot(u, v) <= (self.radius - rest_distance / 2) * (1 + SMALL)
+            inside = np.sqrt(u * u + v * v) <= (self.radius - rest_distance / 2) * (1 + SMALL)
             u, v = u[inside], v[inside]
         return spatial(self.center) + u[:, None] * first + v[:, None] * second
 
@@ -125,7 +126,7 @@ class Sink(Part):
     def holds(self, place: np.ndarray) -> np.ndarray:
         """(n,) bool: which of the places (n, 3) [m] lie in it."""
         if self.shape == "half-space":
-            return np.asarray((place - spatial(self.point)) @ spatial(self.normal) <= 0)
+            return np.asarray(dot(place - spatial(self.point), spatial(self.normal)) <= 0)
         away = place - spatial(self.center)
         if self.shape == "sphere":
             return np.asarray((away**2).sum(axis=1) <= self.radius**2)

@@ -10,6 +10,7 @@ import numpy as np
 from pydantic import model_validator
 
 from model.core.errors import InputError
+from model.geometry.arithmetic.ordered import applied, dot, norm
 from model.geometry.measures import turned_about
 from model.geometry.mesh import TriangleMesh, read_mesh
 from model.geometry.shapes import Shape
@@ -86,14 +87,14 @@ class Region(Part):
         Raises InputError for a mesh without an inside."""
         if self.point is not None and self.normal is not None:
             normal = np.asarray(self.normal) / hypot(*self.normal)
-            return np.asarray((position - self.point) @ normal >= -near)
+            return np.asarray(dot(position - self.point, normal) >= -near)
         if self.radius is not None:
             start = np.asarray(self.start or self.center)
             way = np.asarray(self.end or start) - start
-            squared = float(way @ way)
-            share = np.clip((position - start) @ way / squared, 0, 1) if squared else np.zeros(len(position))
+            squared = float(dot(way, way))
+            share = np.clip(dot(position - start, way) / squared, 0, 1) if squared else np.zeros(len(position))
             apart = position - start - share[:, None] * way
-            return np.asarray(np.linalg.norm(apart, axis=1) <= self.radius + near)
+            return np.asarray(norm(apart) <= self.radius + near)
         if self.shape is not None or self.file is not None:
             return np.asarray(winding_numbers(position, *self._surface) > 0.5)
         low = -np.inf if self.low is None else np.asarray(self.low) - near
@@ -108,4 +109,4 @@ class Region(Part):
             found = solid(mesh, 0.0, "a box, a ball or a capsule")
         except InputError as error:
             raise InputError(f"{self.file or 'shape'}: {error}") from None
-        return found.position @ turned_about(self.axis, self.angle).T + self.origin, found.triangles
+        return applied(turned_about(self.axis, self.angle), found.position) + self.origin, found.triangles

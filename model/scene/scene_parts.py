@@ -6,13 +6,14 @@ Top-level tables are named parts; `kind` defaults to the table's name, so `[grid
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Collection, Mapping
 from functools import cached_property
 from typing import Any
 
 from pydantic import ValidationError
 
-from model.core.errors import SceneError
+from model.core.errors import InputError, SceneError
 from model.fluid.fluid_set import FluidSet, make_fluid_set
 from model.scene.attachment import Attachment, motion_with, pins
 from model.scene.bodies import BODY_KINDS, Placed
@@ -93,6 +94,11 @@ class SceneParts:
                 self.parts[part_name] = KINDS[kind](**fields)
             except ValidationError as error:
                 raise scene_error(part_name, error, KINDS[kind]) from None
+            except SceneError as error:  # of a mesh, which does not know its name
+                field = re.sub(rf"\b{kind}\.", f"{part_name}.", error.field)
+                raise SceneError(field, error.value, error.allowed) from None
+            except InputError as error:
+                raise InputError(f"{part_name}: {error}") from None
             except TypeError:  # a key that is not even a name
                 raise SceneError(part_name, sorted(map(str, fields)), "its keys must be names") from None
             self.kinds[part_name] = kind

@@ -13,6 +13,7 @@ from model.assets.baked_body import BakedBody
 from model.assets.material import joined
 from model.core.errors import InputError, SceneError
 from model.core.memory import MAX_PARTICLES, available_bytes, require
+from model.geometry.arithmetic.ordered import applied, mean, total
 from model.geometry.lists import offsets_of
 from model.geometry.particle_row import ParticleRow
 from model.scene.bodies import Placed
@@ -103,19 +104,19 @@ def make_body_set(parts: Mapping[str, Placed]) -> BodySet:
             raise SceneError(f"{name}.{error.field}", error.value, error.allowed) from None
         except InputError as error:
             raise InputError(f"{name}: {error}") from None
-    total = sum(len(part.baked.position) * (part.count + part.spare) for part in parts.values())
-    if total > MAX_PARTICLES:
-        raise SceneError("copies", total, f"at most {MAX_PARTICLES} particles (32-bit indices)")
+    particles = sum(len(part.baked.position) * (part.count + part.spare) for part in parts.values())
+    if particles > MAX_PARTICLES:
+        raise SceneError("copies", particles, f"at most {MAX_PARTICLES} particles (32-bit indices)")
     needed = sum((part.count + part.spare) * _bytes_of(part.baked) for part in parts.values())
-    require(needed, available_bytes(), "copies", total, "main memory")
+    require(needed, available_bytes(), "copies", particles, "main memory")
     copies: list[Copy] = []
     positions, velocities = [], []
     lattices, particle = [], 0
     first_clusters = _first_clusters(parts)
     for name, part in parts.items():
         made, turn, cluster = part.baked, part.turn(), first_clusters[name]
-        here = made.position @ turn.T
-        centre = (made.mass[:, None] * here).sum(axis=0) / made.mass.sum()
+        here = applied(turn, made.position)
+        centre = total(made.mass[:, None] * here) / total(made.mass)
         moving = np.asarray(part.velocity) + np.cross(np.asarray(part.spin), here - centre)
         places = part.places()
         if made.lattice and is_summed(made):
@@ -139,7 +140,7 @@ def make_body_set(parts: Mapping[str, Placed]) -> BodySet:
         position,
         joined([one.material for one in made_of], [one.count for one in made_of]),
     )
-    spacing = float(np.mean([copy.baked.spacing for copy in copies]))
+    spacing = mean(np.array([copy.baked.spacing for copy in copies]))
     return BodySet(
         position,
         np.concatenate(velocities),
@@ -148,7 +149,7 @@ def make_body_set(parts: Mapping[str, Placed]) -> BodySet:
         make_links(_linked(copies)),
         tuple(copies),
         spacing,
-        float(mass.mean()),
+        mean(mass),
         tuple(lattices),
     )
 

@@ -8,6 +8,8 @@ import numpy as np
 
 from model.core.errors import InputError
 from model.formulas.shape_matching.deformation import S_CREEP, S_INVERSE, S_LIMIT, S_LINEAR, S_THRESHOLD, SHAPE
+from model.geometry.arithmetic.functions import expm1
+from model.geometry.arithmetic.ordered import determinant, dot
 from model.shape_matching.clusters import Clusters, binned, matching_share
 from model.shape_matching.rigid_rebound import whole_clusters
 
@@ -41,7 +43,7 @@ def shape_table(clusters: Clusters, substep: float, iterations: int) -> np.ndarr
             material.threshold,
             material.limit,
         )
-        table[:, S_CREEP] = -np.expm1(-material.creep * substep / iterations)
+        table[:, S_CREEP] = -expm1(-material.creep * substep / iterations)
     table[clusters.flat] = 0
     return table
 
@@ -52,7 +54,7 @@ def damping_factors(clusters: Clusters, substep: float, rebounds: bool = False) 
     rate = np.zeros(clusters.count) if clusters.material is None else clusters.material.damping
     if rebounds:
         rate = np.where(whole_clusters(clusters), np.inf, rate)
-    factors: np.ndarray = clusters.shares * -np.expm1(-rate * substep)[clusters.owner]
+    factors: np.ndarray = clusters.shares * -expm1(-rate * substep)[clusters.owner]
     return factors
 
 
@@ -107,11 +109,11 @@ def checked_clusters(
 
 
 def _lengths(quaternions: np.ndarray) -> np.ndarray:
-    return np.sqrt(np.einsum("nk,nk->n", quaternions, quaternions, dtype=np.float64))
+    return np.sqrt(dot(quaternions.astype(np.float64), quaternions.astype(np.float64)))
 
 
 def _volumes(matrices: np.ndarray) -> np.ndarray:
-    return np.linalg.det(matrices.astype(np.float64))
+    return determinant(matrices.astype(np.float64))
 
 
 def every_plastic(loose: np.ndarray | None, count: int) -> np.ndarray | None:

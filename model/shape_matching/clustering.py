@@ -12,6 +12,7 @@ from math import ceil, log10
 import numpy as np
 
 from model.core.errors import SceneError
+from model.geometry.arithmetic.ordered import eigenvalues, mean, norm
 from model.geometry.edges import components
 from model.geometry.lists import offsets_of
 from model.geometry.neighbours import SLACK, TooMany, pairs_within
@@ -32,14 +33,14 @@ def centres(position: np.ndarray, spacing: float) -> np.ndarray:
     from scipy.spatial import cKDTree
 
     tree = cKDTree(position)
-    first = int(np.argmin(np.linalg.norm(position - position.mean(axis=0), axis=1)))
-    chosen, distance = [first], np.linalg.norm(position - position[first], axis=1)
+    first = int(np.argmin(norm(position - mean(position))))
+    chosen, distance = [first], norm(position - position[first])
     while (farthest := float(distance.max())) >= spacing:
         new = int(np.argmax(distance))
         chosen.append(new)
         # a new centre is nearest to nobody who lies farther from it than all lie from theirs
         near = np.array(tree.query_ball_point(position[new], farthest * SLACK), dtype=np.int64)
-        distance[near] = np.minimum(distance[near], np.linalg.norm(position[near] - position[new], axis=1))
+        distance[near] = np.minimum(distance[near], norm(position[near] - position[new]))
     return np.array(chosen)
 
 
@@ -132,6 +133,6 @@ def ceiled(value: float) -> float:
 
 def undetermined(clusters: Clusters) -> int:
     """How many clusters have fewer than FEWEST particles, or all on one line: their rotation is partly left open."""
-    values = np.linalg.eigvalsh(clusters.rest_moments)
+    values = eigenvalues(clusters.rest_moments)
     line = values[:, 1] <= COLLINEAR**2 * values[:, 2]
     return int(((np.diff(clusters.offsets) < FEWEST) | line).sum())

@@ -18,6 +18,8 @@ import numpy as np
 from model.assets.material import Material
 from model.core.errors import InputError
 from model.formulas.shape_matching.deformation import MIN_VOLUME
+from model.geometry.arithmetic.functions import expm1, log1p
+from model.geometry.arithmetic.ordered import eigenvalues, inverse
 from model.geometry.lists import grouped
 
 FLAT = 1e-4  # of the moments of rest offsets, least over largest: a hundredth as thick as it is long
@@ -103,10 +105,10 @@ class Clusters:
         """(clusters, d, d) float64 [1/(kg m^2)]: the inverse of sum m rest rest', which takes moments to the linear map that
         is nearest; 0 where the cluster is `flat`, along a line or at a point, and tells of no such map."""
         moments = self.rest_moments
-        values = np.linalg.eigvalsh(moments)
+        values = eigenvalues(moments)
         solid = values[:, 0] > FLAT * values[:, -1]
         found = np.zeros_like(moments)
-        found[solid] = np.linalg.inv(moments[solid])
+        found[solid] = inverse(moments[solid])
         return found
 
     @property
@@ -214,7 +216,7 @@ def matching_share(stiffness: Any, substep: float, iterations: int) -> Any:
     """
     with np.errstate(over="ignore"):
         square = substep**2 if substep < MAX_SUBSTEP else np.inf
-        return -np.expm1(-np.log1p(stiffness * square) / iterations)
+        return -expm1(-log1p(stiffness * square) / iterations)
 
 
 def _check(clusters: Clusters) -> None:

@@ -12,6 +12,7 @@ from model.assets.cooked import cooked, is_settled
 from model.assets.tetrahedral_body import CookedBody
 from model.core.errors import InputError, SceneError
 from model.core.memory import MAX_PARTICLES, available_bytes, require
+from model.geometry.arithmetic.ordered import applied, mean, total
 from model.geometry.lists import Lists, grouped
 from model.geometry.measures import edge_lengths, turned_about
 from model.geometry.particle_row import ParticleRow
@@ -92,7 +93,7 @@ class TetrahedraSet(ParticleRow):
     @cached_property
     def mass(self) -> float:
         """The mean one [kg]."""
-        return float(self.masses.mean())
+        return mean(self.masses)
 
     @cached_property
     def edges(self) -> tuple[np.ndarray, np.ndarray]:
@@ -106,7 +107,7 @@ class TetrahedraSet(ParticleRow):
     @cached_property
     def spacing(self) -> float:
         """The mean edge [m]."""
-        return float(self.edges[1].mean())
+        return mean(self.edges[1])
 
     @cached_property
     def vertex_triangles(self) -> Lists:
@@ -283,13 +284,13 @@ def cut(part: TetrahedralBody) -> CookedBody:
 
 def _placed(part: TetrahedralBody, mesh: TetrahedralMesh) -> TetrahedralMesh:
     """The mesh where the scene has it."""
-    return TetrahedralMesh(mesh.position @ turned_about(part.axis, part.angle).T + part.origin, mesh.tetrahedra)
+    return TetrahedralMesh(applied(turned_about(part.axis, part.angle), mesh.position) + part.origin, mesh.tetrahedra)
 
 
 def _moving(part: TetrahedralBody, here: np.ndarray, masses: np.ndarray, pinned: np.ndarray) -> np.ndarray:
     """(particles, 3) [m/s]: how fast those `here` (particles, 3) [m] are at the start, where they are not `pinned`."""
     mass = masses[:, None]
-    centre = (mass * here).sum(axis=0) / mass.sum()
+    centre = total(mass * here) / total(masses)
     moving = np.asarray(part.velocity) + np.cross(np.asarray(part.spin), here - centre)
     moving[pinned] = 0.0
     return moving

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from model.geometry.arithmetic.ordered import total
 from model.geometry.lists import Lists
 
 
@@ -15,10 +16,10 @@ def limited(masses: np.ndarray, near: Lists, ratio: float) -> np.ndarray:
     ratio^d with d the edges on the way from i to j, keep it mixed, too: a U + (1 - a) L, with a such that the sum is right.
     """
     over, under = _spread(masses, near, ratio), 1 / _spread(1 / masses, near, ratio)
-    room = float((over - under).sum())
-    share = float((masses - under).sum()) / room if room > 0 else 0.0
+    room = total(over - under)
+    share = total(masses - under) / room if room > 0 else 0.0
     mixed: np.ndarray = share * over + (1 - share) * under
-    return mixed * (masses.sum() / mixed.sum())  # of what rounding left
+    return mixed * (total(masses) / total(mixed))  # of what rounding left
 
 
 def _spread(values: np.ndarray, near: Lists, ratio: float) -> np.ndarray:

@@ -16,6 +16,7 @@ import numpy as np
 
 from model.formulas.constraints.tetrahedron import COUNT, MATERIALS
 from model.formulas.constraints.voxel_volume import COUNT as VOXEL_COUNT
+from model.geometry.arithmetic.ordered import norm
 from model.tetrahedra.body_set import TetrahedraSet
 
 LEAST_RATIO = 0.05  # of volumes, under which a stress is not divided by less: at 0 it has no end
@@ -146,11 +147,11 @@ def framed_rest(corners: np.ndarray) -> np.ndarray:
     """(n, 6) float64 [1/m]: the rows of B of tetrahedra with such corners (n, 4, 3) [m] at rest, in the frame of each one's
     first edge and first two edges (model/formulas/elastic/deformation.py)."""
     e, f, g = (corners[:, k] - corners[:, 0] for k in (1, 2, 3))
-    xx = np.linalg.norm(e, axis=1)
+    xx = norm(e)
     x = e / xx[:, None]
     xy, xz = (x * f).sum(axis=1), (x * g).sum(axis=1)
     across = f - xy[:, None] * x
-    yy = np.linalg.norm(across, axis=1)
+    yy = norm(across)
     y = across / yy[:, None]
     yz, zz = (y * g).sum(axis=1), (np.cross(x, y) * g).sum(axis=1)
     return np.column_stack(

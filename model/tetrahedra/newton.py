@@ -25,6 +25,7 @@ from model.core.plan import Node, Plan, Stage
 from model.formulas import colliders, distance
 from model.formulas.constraints.tetrahedron import MATERIALS
 from model.formulas.elastic import deformation, stages, tangent
+from model.geometry.arithmetic.ordered import total
 from model.scene.checks.tetrahedra import NOT_SMOOTH
 from model.scene.scene import Scene
 from model.tetrahedra.apart import none_apart
@@ -65,7 +66,7 @@ def rounding_floor(found: TetrahedraSet, real: Any) -> float:
     """[J]: of residuals, in the norm of the inverse diagonal blocks, that are left alone: those of strains of a tenth of what
     rounding makes."""
     mu, lame = found.lame()
-    return float((0.1 * np.finfo(real).eps) ** 2 * ((2 * mu + lame) * found.volume).sum())
+    return float((0.1 * np.finfo(real).eps) ** 2 * total((2 * mu + lame) * found.volume))
 
 
 def newton_parts(scene: Scene, live: frozenset[str] = frozenset()) -> frozenset[str]:

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from model.formulas.elastic.spring import AT_POINT, AT_STIFFNESS, CORNERS, COUNT
+from model.geometry.arithmetic.ordered import total
 from model.geometry.lists import grouped
 from model.tetrahedra.attachments import attachment_sets, part_of
 from model.tetrahedra.body_set import TetrahedraSet
@@ -101,7 +102,7 @@ def _entries(found: TetrahedraSet, corners: np.ndarray, bodies: np.ndarray) -> t
 
 def rounding_of(one: Springs, extent: float, real: type) -> float:
     """[J]: of residuals of springs that rounding of places makes, as model/tetrahedra/newton.py has it of tetrahedra."""
-    return float((0.1 * np.finfo(real).eps * extent) ** 2 * one.values[:, AT_STIFFNESS].sum())
+    return float((0.1 * np.finfo(real).eps * extent) ** 2 * total(one.values[:, AT_STIFFNESS]))
 
 
 def held_bodies(found: TetrahedraSet) -> np.ndarray:

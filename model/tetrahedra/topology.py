@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from model.geometry.arithmetic.ordered import dot
 from model.geometry.lists import Lists, grouped
 
 PAIRS = ((0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3))  # corners that an edge joins
@@ -12,7 +13,7 @@ PAIRS = ((0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3))  # corners that an edge
 def neighbours(tetrahedra: np.ndarray, count: int) -> Lists:
     """Of each of `count` vertices those that it shares one of `tetrahedra` (n, 4) with, ascending."""
     ends = np.concatenate([tetrahedra[:, pair] for pair in PAIRS]).astype(np.int64)
-    both = np.unique(np.concatenate([ends, ends[:, ::-1]]) @ [count, 1])
+    both = np.unique(dot(np.concatenate([ends, ends[:, ::-1]]), np.array([count, 1])))
     return grouped(both // count, both % count, count)
 
 

@@ -21,6 +21,7 @@ from model.fluid.samples import (
     thinned,
     triangle_samples,
 )
+from model.geometry.arithmetic.ordered import applied, combined, inverse, norm
 from model.geometry.topology import mesh_of
 from model.scene.scene import Scene
 from model.world.world_set import WorldSet
@@ -140,8 +141,8 @@ def _check_start(scene: Scene, parts: list[_Sampled]) -> None:
     if "tetrahedra" in scene.members:
         found = scene.members["tetrahedra"].tetrahedra_set
         corners = found.position[found.tetrahedra]
-        centre = corners.mean(axis=1)
-        near = tree.query_ball_point(centre, np.linalg.norm(corners - centre[:, None], axis=2).max(axis=1))
+        centre = combined(np.full((1, 4), 0.25), corners)
+        near = tree.query_ball_point(centre, norm(corners - centre[:, None]).max(axis=1))
         inside = [
             _within(corner, fluid.position, np.array(some, int)) for corner, some in zip(corners, near, strict=True)
         ]
@@ -151,7 +152,7 @@ def _check_start(scene: Scene, parts: list[_Sampled]) -> None:
 def _within(corners: np.ndarray, position: np.ndarray, some: np.ndarray) -> np.ndarray:
     """Of the particles `some` those inside the tetrahedron of `corners` (4, 3)."""
     edges = (corners[1:] - corners[0]).T
-    shares = np.linalg.solve(edges, (position[some] - corners[0]).T) if len(some) else np.zeros((3, 0))
+    shares = applied(inverse(edges), position[some] - corners[0]).T if len(some) else np.zeros((3, 0))
     return some[(shares >= 0).all(axis=0) & (shares.sum(axis=0) <= 1)]
 
 

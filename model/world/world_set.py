@@ -11,6 +11,7 @@ import numpy as np
 from model.core.errors import SceneError
 from model.core.memory import MAX_PARTICLES
 from model.core.pins import pin_indices
+from model.geometry.arithmetic.ordered import mean
 from model.geometry.particle_row import ParticleRow
 from model.geometry.topology import mesh_of, pinned_vertices, vertex_masses
 from model.scene.mesh import Mesh
@@ -42,7 +43,7 @@ class WorldSet(ParticleRow):
     @property
     def mass(self) -> float:
         """The mean one [kg]."""
-        return float(self.masses.mean())
+        return mean(self.masses)
 
     @property
     def extent(self) -> float:

@@ -19,6 +19,7 @@ from model.core.errors import InputError
 from model.formulas import bending as bending_formulas
 from model.formulas import distance as distance_formulas
 from model.formulas.constraints import dihedral, distance, isometric, tether, volume
+from model.geometry.arithmetic.ordered import combined, dot, mean, norm
 from model.geometry.measures import edge_lengths, triangle_areas
 from model.geometry.mesh import TriangleMesh
 from model.geometry.tables import UNREACHED, vertex_attachments
@@ -171,7 +172,7 @@ def _thirds(mesh: TriangleMesh) -> np.ndarray:
 def _cotangents(apex: np.ndarray, one: np.ndarray, other: np.ndarray) -> np.ndarray:
     """(n,): of the angle at `apex` between the ways to `one` and `other` (n, 3)."""
     u, v = one - apex, other - apex
-    return np.einsum("nk,nk->n", u, v) / np.linalg.norm(np.cross(u, v), axis=1)
+    return dot(u, v) / norm(np.cross(u, v))
 
 
 def isometric_values(mesh: TriangleMesh) -> np.ndarray:
@@ -180,8 +181,8 @@ def isometric_values(mesh: TriangleMesh) -> np.ndarray:
     at_a = _cotangents(a, b, c), _cotangents(a, b, d)
     at_b = _cotangents(b, a, c), _cotangents(b, a, d)
     parts = np.stack([at_b[0] + at_b[1], at_a[0] + at_a[1], -at_a[0] - at_b[0], -at_a[1] - at_b[1]], axis=1)
-    k = np.einsum("nc,cnk->nk", parts, np.stack([a - a, b - a, c - a, d - a]))
-    length, edge = np.linalg.norm(k, axis=1), np.linalg.norm(b - a, axis=1)
+    k = combined(parts, np.stack([a - a, b - a, c - a, d - a], axis=1))
+    length, edge = norm(k), norm(b - a)
     length[length < FLAT * edge] = 0.0
     return np.column_stack([parts, length, _thirds(mesh)])
 
@@ -199,14 +200,25 @@ def quarter_tangents(position: np.ndarray, hinges: np.ndarray) -> np.ndarray:
     a, b, c, d = (np.asarray(position, np.float64)[corner] for corner in hinges.T)
     e, f, g = b - a, c - a, d - a
     n, m = np.cross(e, f), np.cross(g, e)
-    size = np.linalg.norm(n, axis=1) * np.linalg.norm(m, axis=1)
-    sine = np.linalg.norm(e, axis=1) * np.einsum("nk,nk->n", g, n)
-    return np.tan(np.arctan2(sine, np.einsum("nk,nk->n", n, m)) / 4) * (size > 0)
+    size = norm(n) * norm(m)
+    sine = norm(e) * dot(g, n)
+    return quarter_tangent(sine, dot(n, m)) * (size > 0)
+
+
+def quarter_tangent(sine: np.ndarray, cosine: np.ndarray) -> np.ndarray:
+    """(n,): tan(theta/4) in [-1, 1] of angles with such sines and cosines times a common factor of at least 0; 0 where both
+    are. Up to a right angle by tan(theta/2) = sin / (1 + cos), beyond it by its inverse, both without cancellation; and
+    tan(x/2) = t / (1 + sqrt(1 + t^2)) of t = tan(x)."""
+    whole = np.sqrt(sine * sine + cosine * cosine)
+    size = np.where(whole > 0, whole + np.abs(cosine), 1.0)
+    ratio = np.abs(sine) / size
+    root = np.sqrt(1 + ratio * ratio)
+    return np.copysign(np.where(cosine >= 0, ratio / (1 + root), 1 / (ratio + root)), sine)
 
 
 def _curvature(position: np.ndarray, corners: np.ndarray, values: np.ndarray) -> Arrays:
-    k = np.einsum("nc,nck->nk", values[:, :4], position[corners] - position[corners[:, :1]])
-    return np.linalg.norm(k, axis=1) - values[:, 4], values[:, 5]
+    k = combined(values[:, :4], position[corners] - position[corners[:, :1]])
+    return norm(k) - values[:, 4], values[:, 5]
 
 
 def _angle(position: np.ndarray, corners: np.ndarray, values: np.ndarray) -> Arrays:
@@ -224,7 +236,7 @@ def tetrahedra_within(mesh: TriangleMesh) -> np.ndarray:
     """
     from scipy.spatial import Delaunay, QhullError
 
-    p, edge = mesh.position, float(edge_lengths(mesh.position, mesh.edges.edges).mean())
+    p, edge = mesh.position, mean(edge_lengths(mesh.position, mesh.edges.edges))
     if mesh.boundary_loops:
         raise InputError(
             f"volume: needs a closed mesh; this one has {mesh.boundary_loops} rims: close them, or leave it out"
@@ -246,7 +258,7 @@ def tetrahedra_within(mesh: TriangleMesh) -> np.ndarray:
 def sixfold_volumes(position: np.ndarray, corners: np.ndarray) -> np.ndarray:
     """(n,) float64 [m^3]: six times the signed volumes of tetrahedra."""
     a, b, c, d = (position[corner] for corner in corners.T)
-    return np.einsum("nk,nk->n", b - a, np.cross(c - a, d - a))
+    return dot(b - a, np.cross(c - a, d - a))
 
 
 def _volumes(mesh: TriangleMesh, kind: str) -> Arrays:

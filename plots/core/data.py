@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from bench.peers.results import Ratio
+from bench.store import marks
 from bench.store.database import Store
 from bench.store.results import Machine, Measure, Timing
 from bench.store.versions import Version
@@ -23,7 +24,6 @@ NO_GPU = "no GPU"  # in a machine's label
 FULL = (
     0.9  # of the largest set of an experiment's configurations: so many count as all, whatever the version of the lab
 )
-WRONG = ("wrong answer", "state not finite")  # suspect marks that say more than "noisy"
 
 
 @dataclass(frozen=True)
@@ -237,7 +237,7 @@ def provenance(sources: Sequence[Source]) -> str:
 def is_wrong(timing: Timing) -> bool:
     """Whether the answer of a timed configuration failed its check: such a time wins nothing."""
     infinite = timing.error is not None and timing.error == float("inf")
-    return infinite or any(reason.startswith(WRONG) for mark in timing.suspect for reason in mark.split("; "))
+    return infinite or any(map(marks.is_wrong, timing.suspect))
 
 
 def sound(timings: Iterable[Timing]) -> list[Timing]:

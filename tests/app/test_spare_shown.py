@@ -64,7 +64,7 @@ def test_what_waits_has_no_energy_and_is_in_no_count() -> None:
     ring = ALONE.bodies["torus"].baked
     more = f"{COUNT + len(ring.position)} particles in {ALONE.body_set.clusters.count + ring.clusters.count} clusters"
     assert masses_text(SPARE, weights) == f"{more} of 4 bodies + 1 waiting"
-    report = bodies_report(simulation, state)
+    report = bodies_report(simulation)
     assert (report["bodies"], report["waiting"], report["waiting_particles"]) == (4, 1, len(ring.position))
     assert counts(SPARE) == replace(counts(ALONE), waiting=2, waiting_particles=2 * len(ring.position))
     assert (

@@ -1,5 +1,5 @@
-"""What a command's exit status tells a script: 0 done, 1 diverged or failed, 2 bad input or no answer, 3 a backend that is
-not there, 130 stopped by Ctrl-C. One table: the command, how its work (which is faked) ends, the status."""
+"""What a command's exit status tells a script: 0 done, 1 diverged, incomplete or failed, 2 bad input or no answer, 3 a
+backend that is not there, 130 stopped by Ctrl-C. One table: the command, how its work (which is faked) ends, the status."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ import pytest
 import softlab
 from bench.experiments.advise.advice import Advice
 from bench.stress.results import HardRow, HardSummary
-from model.core.errors import BackendUnavailable, Diverged, InputError, SceneError
+from model.core.errors import BackendUnavailable, Diverged, Incomplete, InputError, SceneError
 from model.scene.scene import load_scene
 
 SCENE = load_scene("lab-grid")
@@ -40,9 +40,16 @@ def hard(*verdicts: str, interrupted: bool = False) -> HardSummary:
     return HardSummary("m", rows=rows, interrupted=interrupted)
 
 
-def ran(diverged: Diverged | None = None) -> Any:
+def ran(diverged: Diverged | None = None, incomplete: Incomplete | None = None) -> Any:
     return SimpleNamespace(
-        notes=[], report=dict(REPORT), scene=SCENE, state=None, diverged=diverged, written=[], rank=0
+        notes=[],
+        report=dict(REPORT),
+        scene=SCENE,
+        state=None,
+        diverged=diverged,
+        incomplete=incomplete,
+        written=[],
+        rank=0,
     )
 
 
@@ -96,6 +103,7 @@ ENDS: list[tuple[str, str, Any, int]] = [  # command, what does its work, what t
     ("advise lab-grid --error 1e-3 --write fast.toml", EVERY["advise lab-grid --error 1e-3"], advice(why="none"), 2),
     ("run lab-grid --no-judge --json", EVERY["run lab-grid --no-judge"], ran(), 0),
     ("run lab-grid --no-judge --json", EVERY["run lab-grid --no-judge"], ran(Diverged(3, 1, 0.1, 0.03)), 1),
+    ("run lab-grid --no-judge --json", EVERY["run lab-grid --no-judge"], ran(None, Incomplete("13 inverted")), 1),
 ]
 
 

@@ -129,7 +129,7 @@ def test_the_stages_and_tools_compile(real: Any) -> None:
     own = forces.make_force_stages(real, "fast", EVERYTHING)
     for kernel, arguments in (
         (tools.count, (types.int64[::1], types.int64)),
-        (tools.first_diverged, (quads, quads, kind, types.int32[::1])),
+        (tools.first_diverged, (quads, quads, kind, kind, kind, kind, types.int32[::1])),
         (tools.write_position, (quads, kind[:, ::1])),
         (tools.write_normal, (quads, kind[:, ::1], *shape)),
         (force.spring_forces, (quads, quads, record, quads, *shape)),

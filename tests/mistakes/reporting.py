@@ -140,7 +140,7 @@ RESULTS: tuple[Mistake, ...] = (
     ),
     *in_file(
         "bench/measure/costs_timing.py", "test_marks.py",
-        {"marks of ratios are dropped": ("for sample in (*base, *samples) if sample.suspect)", "for sample in () if sample.suspect)")},
+        {"marks of ratios are dropped": ("for mark in (*beside, *(sample.suspect for sample in samples)) if mark)", "for mark in () if mark)")},
     ),
     *in_file(
         "bench/experiments/accuracy/experiment.py", "test_marks.py",
@@ -172,7 +172,8 @@ RESULTS: tuple[Mistake, ...] = (
 EXITS: tuple[Mistake, ...] = (
     *in_file(
         "softlab.py", "test_exits.py",
-        {"a diverged run is done": ("if result.diverged:\n        raise result.diverged", "if False:\n        raise result.diverged")},
+        {"a diverged run is done": ("if ended := result.diverged or result.incomplete:", "if ended := result.incomplete:"),
+         "an incomplete run is done": ("if ended := result.diverged or result.incomplete:", "if ended := result.diverged:")},
     ),
     *in_file(
         "app/command/command_line.py", "test_exits.py",

@@ -125,14 +125,17 @@ def test_the_reference_is_met_over_the_edges_of_blocks(integrator: str) -> None:
 
 @pytest.mark.parametrize("real", [np.float32, np.float64])
 def test_the_first_mass_that_left_the_finite_world_is_found(real: type) -> None:
-    """By its place beyond the bound, on either side, or by a place or a velocity that is no number."""
+    """By its place beyond the bound, on either side of a centre, or by a place or a velocity that is no number."""
     kind = np.complex64 if real is np.float32 else np.complex128
     wrong = [(0, 1e3 + 1), (0, -1001j), (0, complex(np.nan, 0)), (1, complex(0, np.nan)), (1, complex(np.inf, 0))]
     for which, value, bad in [*((*one, True) for one in wrong), (0, 999 + 999j, False), (1, 1e30, False)]:
         state = [np.zeros(10, kind), np.zeros(10, kind)]
         state[which][[4, 7]] = value
         result = np.full(1, 99, np.int64)
-        make_tools(real).first_diverged[2, 8](*state, real(1e3), result)
+        make_tools(real).first_diverged[2, 8](*state, real(1e3), real(0), real(0), real(0), result)
+        assert result[0] == (4 if bad else 99)
+        moved, result[0] = [state[0] + (5e6 - 1e7j), state[1]], 99
+        make_tools(real).first_diverged[2, 8](*moved, real(1e3), real(5e6), real(-1e7), real(0), result)
         assert result[0] == (4 if bad else 99)
 
 

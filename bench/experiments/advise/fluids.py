@@ -27,7 +27,7 @@ from bench.measure.experiment import backends_here, described, keep
 from bench.measure.items import cost_sources
 from bench.measure.machine import enter_machine
 from bench.measure.progress import progress_bar
-from bench.measure.timing import Subject, prepare
+from bench.measure.timing import Subject, incomplete, prepare
 from bench.store.database import Store
 from bench.store.results import measures
 from bench.store.versions import code_version
@@ -81,6 +81,8 @@ class _Search:
                     simulation.advance(1)
                     found.append(compression(scene, simulation.read("position"))[0])
             except Diverged:
+                return budget.with_(inf, inf)
+            if incomplete(simulation):
                 return budget.with_(inf, inf)
         return budget.with_(float(np.mean(found)), seconds)
 

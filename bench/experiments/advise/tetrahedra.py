@@ -41,6 +41,7 @@ from bench.measure.machine import enter_machine
 from bench.measure.timing import Subject, prepare
 from bench.reference.finite_elements import mode_shapes
 from bench.store.database import Store
+from bench.store.marks import is_wrong
 from bench.store.results import measures
 from bench.store.versions import code_version
 from model.core.errors import SceneError, SoftlabError
@@ -240,7 +241,14 @@ def _timed(
             return [], failed
         record = Record(store, run, cost_sources(ready[0][0].backend, __file__, str(Path(__file__).parent)))
         numbers = in_turn(record, [subject for _, subject in ready], QUICK.repeats)
-    return [one.taking(found[SECONDS][0] or inf) for (one, _), found in zip(ready, numbers, strict=True)], failed
+    able = []
+    for (one, _), found in zip(ready, numbers, strict=True):
+        seconds, _, marks = found[SECONDS]
+        if is_wrong(marks):
+            failed.append((str(one), marks or ""))
+        else:
+            able.append(one.taking(seconds or inf))
+    return able, failed
 
 
 def _law_of(bar: Bar) -> float:

@@ -9,6 +9,7 @@ from math import nan
 from bench.experiments.tetrahedra import ELEMENTS, MESH_ERROR, MOTION_ERROR, SOLVER_ERROR, TETRAHEDRA
 from bench.experiments.tetrahedral.cantilever import setting_of
 from bench.measure.costs_timing import SECONDS
+from bench.store.marks import is_wrong
 from bench.store.results import Measure, by_configuration
 from bench.store.schema import tables_by_kind
 
@@ -16,7 +17,8 @@ from bench.store.schema import tables_by_kind
 @dataclass(frozen=True)
 class Bar:
     """One setting of one bar: `elements` tetrahedra of `young` [Pa]; a frame takes `seconds`; errors are relative, that of
-    the solver at rest (not a number where that would have taken too long) and in motion."""
+    the solver at rest (not a number where that would have taken too long) and in motion. `suspect`: the time has a mark;
+    `wrong`: one that says that the state was wrong or incomplete, so that the time wins nothing."""
 
     elements: int
     young: float
@@ -30,6 +32,7 @@ class Bar:
     motion_error: float
     mesh_error: float
     suspect: bool
+    wrong: bool = False
 
 
 def bars(held: Sequence[Measure]) -> list[Bar]:
@@ -48,6 +51,7 @@ def bars(held: Sequence[Measure]) -> list[Bar]:
                 setting_of(method), method["substeps"], method["iterations"], description["backend"],
                 description["precision"], value[SECONDS], value.get(SOLVER_ERROR, nan), value[MOTION_ERROR],
                 value[MESH_ERROR], "; " in (numbers[SECONDS].reason or ""),
+                is_wrong(numbers[SECONDS].reason),
             )
         )  # fmt: skip
     return sorted(

@@ -61,7 +61,7 @@ def decisions(found: Sequence[Bar]) -> list[Decision]:
     for backend, elements, young in sorted({(b.backend, b.elements, b.young) for b in found}):
         mine = [b for b in found if (b.backend, b.elements, b.young) == (backend, elements, young)]
         for where in (AT_REST, IN_MOTION):
-            able = [b for b in mine if within(b, where)]
+            able = [b for b in mine if within(b, where) and not b.wrong]
             able = sorted([b for b in able if not b.suspect] or able, key=lambda b: b.seconds)
             rows = next((b for b in able if positional(b)), None)
             result.append(Decision(elements, young, backend, where, able[0] if able else None, rows))

@@ -146,12 +146,13 @@ def make_cloth_tools(real: Any) -> SimpleNamespace:
         if cuda.grid(1) == 0:
             counter[0] += steps
 
-    def first_diverged(position, velocity, bound, result):
-        """The lowest index of a mass that left the finite world, by an atomic minimum of integers."""
+    def first_diverged(position, velocity, bound, x, y, z, result):
+        """The lowest index of a mass that is not finite, or farther than `bound` from (x, y, z) along an axis, by an atomic
+        minimum of integers."""
         k = np.int32(cuda.grid(1))
         if k < position.size // SIZE:
             p, v = load_quad(position, k), load_quad(velocity, k)
-            inside = abs(p[0]) <= bound and abs(p[1]) <= bound and abs(p[2]) <= bound  # false for NaN
+            inside = abs(p[0] - x) <= bound and abs(p[1] - y) <= bound and abs(p[2] - z) <= bound  # false for NaN
             still = v[0] - v[0] == v[1] - v[1] and v[1] - v[1] == v[2] - v[2]  # false for NaN and infinity
             if not (inside and still):
                 cuda.atomic.min(result, 0, k)

@@ -137,12 +137,13 @@ def make_tools(real: Any) -> SimpleNamespace:
         if cuda.grid(1) == 0:
             counter[0] += steps
 
-    def first_diverged(position, velocity, bound, result):
-        """The lowest index of a mass that left the finite world, by an atomic minimum of integers."""
+    def first_diverged(position, velocity, bound, x, y, _, result):
+        """The lowest index of a mass that is not finite, or farther than `bound` from (x, y) along an axis, by an atomic
+        minimum of integers."""
         k = cuda.grid(1)
         if k < position.shape[0]:
             p, v = load_pair(position, k), load_pair(velocity, k)
-            inside = abs(p.real) <= bound and abs(p.imag) <= bound  # false for NaN
+            inside = abs(p.real - x) <= bound and abs(p.imag - y) <= bound  # false for NaN
             still = v.real - v.real == v.imag - v.imag  # false for NaN and infinity
             if not (inside and still):
                 cuda.atomic.min(result, 0, k)

@@ -9,7 +9,7 @@ from __future__ import annotations
 MIN_INTERVAL = 1024
 MAX_INTERVAL = {"cpu": 2**15, "gpu": 2**19}
 INTERVAL_WORK = {"cpu": 2**28, "gpu": 2**35}  # mass-steps
-DIVERGED_SIZE = 1e6  # times the scene's size: a coordinate beyond it counts as diverged
+DIVERGED_SIZE = 1e6  # times the scene's size, along an axis from the centre of its start: beyond it counts as diverged
 
 
 def check_interval(particle_count: int, backend: str) -> int:

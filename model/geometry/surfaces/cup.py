@@ -6,6 +6,8 @@ from math import pi
 
 import numpy as np
 
+from model.geometry.arithmetic.functions import cosine, sine
+
 RADIUS, HEIGHT, WALL = 0.4, 1.0, 0.05  # m: of its outer side; how thick walls and bottom are
 
 
@@ -25,7 +27,7 @@ def cup(resolution: int) -> tuple[np.ndarray, np.ndarray]:
     around = max(6, round(2 * pi * RADIUS * resolution))
     angle = (2 * pi / around * np.arange(around))[:, None]
     far, height = line[:, 0][None], line[:, 1][None]
-    position = np.stack([far * np.cos(angle), height + 0 * angle, far * np.sin(angle)], -1).reshape(-1, 3)
+    position = np.stack([far * cosine(angle), height + 0 * angle, far * sine(angle)], -1).reshape(-1, 3)
     middles = np.array([[0.0, -HEIGHT / 2, 0.0], [0.0, -HEIGHT / 2 + WALL, 0.0]])
     first = np.arange(around * len(line)).reshape(around, len(line))
     second = np.roll(first, -1, axis=0)

@@ -13,6 +13,8 @@ from collections.abc import Callable, Iterable
 
 import numpy as np
 
+from model.geometry.arithmetic.ordered import dot, norm
+
 # points (n, 3) [m] -> (n,), under 0 inside, about a distance [m] near the surface
 Field = Callable[[np.ndarray], np.ndarray]
 
@@ -107,7 +109,7 @@ def _quads(inside: np.ndarray, number: np.ndarray, axis: int) -> np.ndarray:
 def _split(position: np.ndarray, quads: np.ndarray) -> np.ndarray:
     """(2 n, 3) int32: each quadrilateral along its shorter diagonal."""
     a, b, c, d = quads.T
-    first = np.linalg.norm(position[a] - position[c], axis=1) <= np.linalg.norm(position[b] - position[d], axis=1)
+    first = norm(position[a] - position[c]) <= norm(position[b] - position[d])
     one = np.where(first[:, None], np.stack([a, b, c], 1), np.stack([b, c, d], 1))
     two = np.where(first[:, None], np.stack([a, c, d], 1), np.stack([b, d, a], 1))
     return np.stack([one, two], axis=1).reshape(-1, 3).astype(np.int32)
@@ -119,7 +121,7 @@ def _onto(field: Field, start: np.ndarray, corner: np.ndarray, cell: float) -> n
     for _ in range(NEWTON):
         value = field(position)
         slope = np.stack([(field(position + d) - field(position - d)) / (2 * step) for d in step * np.eye(3)], axis=1)
-        square = np.einsum("ij,ij->i", slope, slope)
+        square = dot(slope, slope)
         # of a blend's ridge the slope may vanish; a field about as steep as a distance has a square of about 1
         position -= np.where(square > 0.01, value / np.maximum(square, 0.01), 0.0)[:, None] * slope
         position = corner + np.clip(position - corner, MARGIN * cell, (1 - MARGIN) * cell)

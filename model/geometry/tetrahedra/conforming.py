@@ -18,6 +18,7 @@ import numpy as np
 
 from model.core.disk_cache import read_arrays
 from model.core.errors import BackendUnavailable, InputError, SceneError
+from model.geometry.arithmetic.ordered import norm
 from model.geometry.mesh import check_vertices, without_flat
 from model.geometry.tetrahedra.embedding import Embedding, carriers
 from model.geometry.tetrahedra.mesh import TetrahedralMesh, signed_volumes
@@ -47,7 +48,7 @@ def conforming_mesh(position: np.ndarray, triangles: np.ndarray, edge: float) ->
         raise BackendUnavailable("wildmeshing is not installed", 'pip install -e ".[tets]", or take voxels')
     check_vertices(position)
     triangles = without_flat(position, np.asarray(triangles, dtype=np.int64), [])
-    diagonal = float(np.linalg.norm(np.ptp(position[triangles].reshape(-1, 3), axis=0)))
+    diagonal = float(norm(np.ptp(position[triangles].reshape(-1, 3), axis=0)))
     part = edge / diagonal
     if not DENSEST <= part <= COARSEST:
         low, high = (f"{limit * diagonal:.3g}" for limit in (DENSEST, COARSEST))

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from model.geometry.arithmetic.ordered import applied, combined, dot, norm
 from model.geometry.tetrahedra.mesh import FACES, TetrahedralMesh, rest_inverse
 
 OUTSIDE = 1e-9  # of a weight below 0: less is rounding
@@ -22,7 +23,7 @@ class Embedding:
 
     def points(self, position: np.ndarray, tetrahedra: np.ndarray) -> np.ndarray:
         """(points, 3) float64 [m]: where the points are while the vertices are at `position` (vertices, 3) [m]."""
-        found: np.ndarray = np.einsum("pk,pkj->pj", self.weights, position[tetrahedra[self.tetrahedron]])
+        found: np.ndarray = combined(self.weights, position[tetrahedra[self.tetrahedron]])
         return found
 
     def beyond(self, position: np.ndarray, tetrahedra: np.ndarray) -> np.ndarray:
@@ -30,9 +31,9 @@ class Embedding:
         beyond; 0 inside. A weight is the height above the face opposite in heights of the corner."""
         corners = position[tetrahedra[self.tetrahedron]]
         a, b, c = (np.take(corners, FACES[:, k], axis=1) for k in range(3))  # (points, 4 faces, 3)
-        area = np.linalg.norm(np.cross(b - a, c - a), axis=2)  # twice
+        area = norm(np.cross(b - a, c - a))  # twice
         edges = corners[:, 1:] - corners[:, :1]
-        volume = np.abs(np.einsum("ij,ij->i", edges[:, 0], np.cross(edges[:, 1], edges[:, 2])))  # six times
+        volume = np.abs(dot(edges[:, 0], np.cross(edges[:, 1], edges[:, 2])))  # six times
         away = np.where(self.weights < -OUTSIDE, -self.weights, 0.0) * volume[:, None]
         found: np.ndarray = np.divide(away, area, out=np.zeros_like(away), where=area > 0).max(axis=1)
         return found
@@ -41,7 +42,7 @@ class Embedding:
 def weights_of(points: np.ndarray, position: np.ndarray, tetrahedra: np.ndarray) -> np.ndarray:
     """(points, 4) float64: of each of `points` (n, 3) [m] in the tetrahedron of `tetrahedra` (n, 4) in the same row."""
     start = position[tetrahedra[:, 0]]
-    rest = np.einsum("pij,pj->pi", rest_inverse(position, tetrahedra), points - start)
+    rest = applied(rest_inverse(position, tetrahedra), points - start)
     return np.column_stack([1 - rest.sum(axis=1), rest])
 
 

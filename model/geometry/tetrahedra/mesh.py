@@ -9,6 +9,7 @@ from math import isfinite
 import numpy as np
 
 from model.core.errors import InputError, SceneError
+from model.geometry.arithmetic.ordered import dot
 from model.geometry.edges import components
 from model.geometry.mesh import LARGEST
 
@@ -92,7 +93,7 @@ class TetrahedralMesh:
 def signed_volumes(position: np.ndarray, tetrahedra: np.ndarray) -> np.ndarray:
     """(n,) float64 [m^3]: of `tetrahedra` (n, 4) between `position` (vertices, 3) [m]; negative of those inside out."""
     a, b, c, d = (position[corner] for corner in np.asarray(tetrahedra).T)
-    return np.einsum("ij,ij->i", np.cross(b - a, c - a), d - a) / 6
+    return dot(np.cross(b - a, c - a), d - a) / 6
 
 
 def rest_inverse(position: np.ndarray, tetrahedra: np.ndarray) -> np.ndarray:
@@ -102,7 +103,7 @@ def rest_inverse(position: np.ndarray, tetrahedra: np.ndarray) -> np.ndarray:
     a, b, c, d = (position[corner] for corner in np.asarray(tetrahedra).T)
     one, two, three = b - a, c - a, d - a
     rows = np.stack([np.cross(two, three), np.cross(three, one), np.cross(one, two)], axis=1)
-    determinant: np.ndarray = np.einsum("ij,ij->i", one, rows[:, 0])[:, None, None]
+    determinant: np.ndarray = dot(one, rows[:, 0])[:, None, None]
     inverse: np.ndarray = rows / determinant
     return inverse
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from model.geometry.arithmetic.ordered import dot
 from model.geometry.lists import ranges
 
 NEAREST = 8  # of what lies in the voxel, that a part looks at
@@ -48,12 +49,12 @@ def in_sight(
     source, entry = ranges(begin, end - begin)
     target = order[entry]
     way = point[target] - start[source]
-    ahead = np.einsum("ij,ij->i", way, inwards[source]) > 0
-    back = np.einsum("ij,ij->i", way, facing[target])
+    ahead = dot(way, inwards[source]) > 0
+    back = dot(way, facing[target])
     other = np.concatenate([np.full(len(seen[0]), -1), part])[target]
     keep = ahead & ((other < 0) | ((back < 0) & (other != part[source])))
     source, target, way = source[keep], target[keep], way[keep]
-    order = np.lexsort((np.einsum("ij,ij->i", way, way), source))
+    order = np.lexsort((dot(way, way), source))
     source, target, way = source[order], target[order], way[order]
     rank = np.arange(len(source)) - np.searchsorted(source, source)
     source, target, way = (array[rank < NEAREST] for array in (source, target, way))
@@ -82,9 +83,9 @@ def _crossed(start: np.ndarray, way: np.ndarray, corners: np.ndarray) -> np.ndar
     Trumbore, "Fast, Minimum Storage Ray/Triangle Intersection", Journal of Graphics Tools 2 (1997)."""
     one, two, away = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0], start - corners[:, 0]
     normal, turned = np.cross(way, two), np.cross(away, one)
-    size = np.einsum("ij,ij->i", one, normal)
+    size = dot(one, normal)
     with np.errstate(all="ignore"):
-        u, v, t = (np.einsum("ij,ij->i", *both) / size for both in ((away, normal), (way, turned), (two, turned)))
+        u, v, t = (dot(*both) / size for both in ((away, normal), (way, turned), (two, turned)))
         crossed: np.ndarray = (u >= -TOUCHING) & (v >= -TOUCHING) & (u + v <= 1 + TOUCHING) & (t > 0) & (t < 1)
     return crossed
 

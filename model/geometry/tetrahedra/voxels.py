@@ -18,6 +18,7 @@ import numpy as np
 
 from model.core.errors import InputError, SceneError
 from model.core.memory import available_bytes, readable
+from model.geometry.arithmetic.ordered import applied, determinant, dot
 from model.geometry.edges import components
 from model.geometry.mesh import LARGEST, TriangleMesh
 from model.geometry.normals import mesh_normals
@@ -45,7 +46,7 @@ def _oriented(tetrahedra: Sequence[tuple[int, ...]]) -> np.ndarray:
     """(n, 4): of corners by their numbers, x y z in binary, with two of them swapped where the volume was negative."""
     corners = np.array(tetrahedra)
     place = EIGHT[corners].astype(np.float64)
-    wrong = np.linalg.det(place[:, 1:] - place[:, :1]) < 0
+    wrong = determinant(place[:, 1:] - place[:, :1]) < 0
     corners[wrong] = corners[wrong][:, [0, 1, 3, 2]]
     return corners
 
@@ -189,7 +190,7 @@ def _cut(
     kept = np.flatnonzero(same == np.arange(len(same)))
     piece = np.searchsorted(kept, same[piece])
     numbers, vertex, index = pieces.voxel[kept], vertex[kept], every[kept]
-    colour = index % 2 @ np.array([4, 2, 1])
+    colour = dot(index % 2, np.array([4, 2, 1]))
     order = np.lexsort((numbers, colour))
     parity = index.sum(axis=1) % 2
     corners = np.take_along_axis(vertex[:, None], CUTS[per_voxel][parity], axis=2)[order]
@@ -242,7 +243,7 @@ def _weights(local: np.ndarray, parity: np.ndarray, per_voxel: int) -> tuple[np.
     inverse = np.linalg.inv(np.swapaxes(corners, -1, -2))  # (parity, tetrahedron, 4, 4): takes (1, x, y, z) to weights
     inverse = np.round(2 * inverse) / 2  # which are whole numbers and halves
     point = np.column_stack([np.ones(len(local)), local])
-    weights = np.einsum("ptij,pj->pti", inverse[parity], point)
+    weights = applied(inverse[parity], point[:, None])
     best = weights.min(axis=2).argmax(axis=1)
     return best, np.take_along_axis(weights, best[:, None, None], axis=1)[:, 0]
 
@@ -267,7 +268,7 @@ def _piece_of_vertices(
     at = snapped[left, None]
     around = np.floor(np.where(at == np.round(at), at + 0.25 * ways, at)).astype(np.int64)
     number = cells.number(around.reshape(-1, 3)).reshape(-1, 8)
-    best = np.where(number >= 0, inwards @ ways.T, -np.inf).argmax(axis=1)
+    best = np.where(number >= 0, dot(inwards[:, None], ways), -np.inf).argmax(axis=1)
     found = number[np.arange(len(left)), best]
     lost = np.flatnonzero(found < 0)
     if len(lost):

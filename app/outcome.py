@@ -1,0 +1,57 @@
+"""How a run ended, in a word and in sentences: ok, incomplete, diverged; what was incomplete, and what helps."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from model.contact.shortfalls import CAUGHT, FAULTS
+from model.core.errors import Diverged
+
+OK, INCOMPLETE, DIVERGED = "ok", "incomplete", "diverged"
+
+
+def outcome_of(report: Mapping[str, Any], diverged: Diverged | None = None) -> str:
+    """The outcome of a run whose `report` holds counts of FAULTS, those that its scene can have."""
+    if diverged is not None:
+        return DIVERGED
+    return INCOMPLETE if any(report.get(name) for name in FAULTS) else OK
+
+
+def fault_lines(report: Mapping[str, Any]) -> list[str]:
+    """A sentence for each fault of a run: what is wrong, how much, and what helps."""
+    lines = []
+    if lost := report.get("contacts_lost"):
+        lines.append(
+            f"{lost} contacts did not fit into the lists of their particles and had no effect: the bodies are pressed too "
+            "much; more substeps, a smaller contact distance or radius, or a larger separation_speed help"
+        )
+    if lost := report.get("neighbours_lost"):
+        lines.append(
+            f"{lost} neighbours did not fit into the lists of their particles: the fluid is pressed too much; more substeps "
+            "or iterations, or a smaller support, help"
+        )
+    if inverted := report.get("inverted"):
+        lines.append(
+            f"{inverted} tetrahedra are inside out at the end; more substeps or iterations, the solver newton, or a stiffer "
+            "material help"
+        )
+    if caught := report.get("caught"):
+        nearest = report.get("least_distance")
+        where = (
+            f"particles are nearer than {CAUGHT:g} of what contacts keep, the nearest at {nearest:.2f}"
+            if nearest is not None
+            else "vertices lie inside another body"
+        )
+        lines.append(
+            f"bodies lie in each other: {caught} {where}; more substeps, stiffer bodies, a larger "
+            "contact.separation_speed or contact.sweeps, or a contact.maximum_speed of an eighth of the distance a substep "
+            "help"
+        )
+    return lines
+
+
+def fault_words(report: Mapping[str, Any]) -> str:
+    """The faults of a run in a few words: `3 contacts lost, 13 inverted`."""
+    counts = {name: report.get(name) or 0 for name in FAULTS}
+    return ", ".join(f"{count} {name.replace('_', ' ')}" for name, count in counts.items() if count)

@@ -1,0 +1,201 @@
+"""What makes a run incomplete though its state is finite: contacts and neighbours that did not fit into lists of fixed
+length, tetrahedra that are inside out, particles and vertices that are caught in another body. float64 on the host."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from model.contact.particle_parameters import G_DISTANCE, kinds_of_particles, pair_rows
+from model.contact.surface_parameters import APART, contact_surface
+from model.core.simulation import Simulation
+from model.geometry.neighbours import TooMany, close_pairs
+from model.scene.scene import Scene
+
+CAUGHT = 0.7  # of the distance that contacts keep: nearer is no rest in a heap
+MAX_PARTICLES = 200_000  # beyond so many the search for what is caught takes too long, and is left out
+FAULTS = ("contacts_lost", "neighbours_lost", "inverted", "caught")  # each a count in a report: over 0 is incomplete
+INSIDE = 1e-6  # barycentric coordinate: a vertex nearer than that to a side lies on the surface
+BATCH = 1 << 12  # tetrahedra that are looked at together
+
+
+def can_fall_short(scene: Scene) -> bool:
+    """Whether a run of the scene can be incomplete at all: it has contacts, fluids or tetrahedra."""
+    meets = scene.contact is not None or scene.self_collision is not None
+    return bool(meets or scene.fluids or scene.tetrahedra or scene.is_world)
+
+
+def lost(simulation: Any) -> dict[str, int]:
+    """`contacts_lost`, and `neighbours_lost` of fluids, since the simulation was opened: what found no place in lists of
+    fixed length, of a world all members' together. Only what the scene has: {} where nothing meets."""
+    scene, contacts = simulation.scene, getattr(simulation, "contacts", None)
+    if scene.is_world:
+        found = {"contacts_lost": _beyond(contacts)} if scene.contact is not None else {}
+        for member in getattr(simulation, "members", {}).values():
+            for name, count in lost(member).items():
+                found[name] = found.get(name, 0) + count
+        return found
+    if scene.fluids:
+        return {"neighbours_lost": int(simulation.contacts_lost)}
+    if scene.bodies:
+        return {"contacts_lost": int(simulation.contacts_lost)} if scene.contact is not None else {}
+    if scene.self_collision is not None or (scene.tetrahedra and scene.contact is not None):
+        return {"contacts_lost": _beyond(contacts)}
+    return {}
+
+
+def _beyond(contacts: Any) -> int:
+    """Contacts, and vertices in reach, that a search had no place for."""
+    return int(getattr(contacts, "lost", 0)) + int(getattr(contacts, "neighbours_lost", 0))
+
+
+def inverted_elements(scene: Scene, position: np.ndarray) -> dict[str, int]:
+    """`inverted`: how many tetrahedra, alone or in a world, have no positive volume at `position`. {}: there are none."""
+    own, place = _tetrahedra_of(scene)
+    if own is None or not np.isfinite(position).all():
+        return {}
+    return {"inverted": inverted(position[place].astype(np.float64)[own.tetrahedra_set.tetrahedra])}
+
+
+def _tetrahedra_of(scene: Scene) -> tuple[Scene | None, slice]:
+    """(the scene of tetrahedral bodies, itself or a member of it, or None; where its particles are)."""
+    if scene.is_world:
+        own = scene.members.get("tetrahedra")
+        return own, scene.world_set.slices()["tetrahedra"] if own else slice(None)
+    return (scene if scene.tetrahedra else None), slice(None)
+
+
+def element_faults(scene: Scene, position: np.ndarray, inverse_mass: np.ndarray) -> dict[str, int]:
+    """`inverted`, see above; `caught`: how many vertices lie in a tetrahedron of another body (of the same one, where it
+    meets itself), a cloth's and, in a world, particles of bodies among them. {}: there are no tetrahedra."""
+    own, place = _tetrahedra_of(scene)
+    found = inverted_elements(scene, position)
+    if own is None or not found or scene.contact is None:
+        return found
+    members, places = {"tetrahedra": own}, {"tetrahedra": place}
+    if scene.is_world:
+        members, places = dict(scene.members), scene.world_set.slices()
+    elements, everywhere = own.tetrahedra_set, position.astype(np.float64)
+    points, body = _meeting(members, places, everywhere, inverse_mass)
+    corners = everywhere[place][elements.tetrahedra]
+    meets_itself = np.array([part.self_collision for part in own.tetrahedra.values()])
+    apart = np.where(meets_itself, APART * contact_surface(elements).edge[: len(meets_itself)], np.inf)
+    alike = Elements(elements.tetrahedra, elements.body, elements.position, apart)
+    return found | {"caught": caught_in(points, body, corners, alike)}
+
+
+def inverted(corners: np.ndarray) -> int:
+    """How many tetrahedra with such `corners` (n, 4, 3) have no positive volume."""
+    a, b, c = (corners[:, k] - corners[:, 0] for k in (1, 2, 3))
+    return int(((a * np.cross(b, c)).sum(axis=1) <= 0).sum())
+
+
+def _meeting(
+    members: dict[str, Scene], places: dict[str, slice], position: np.ndarray, inverse_mass: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Of particles that meet surfaces of tetrahedral bodies: ((n, 3) [m], (n,) of which tetrahedral body each is, -1 of
+    others). Those of the tetrahedral bodies come first, in their own order, inner ones as NaN."""
+    own = members["tetrahedra"]
+    surface, found = contact_surface(own.tetrahedra_set), position[places["tetrahedra"]]
+    points = np.full(found.shape, np.nan)
+    points[surface.vertices] = found[surface.vertices]
+    body = np.where(surface.body < len(own.tetrahedra_set.parts), surface.body, -1)
+    each, bodies = [points], [body]
+    for name in members.keys() & {"bodies", "cloth"}:
+        there = position[places[name]]
+        each.append(there[inverse_mass[places[name]] > 0] if name == "bodies" else there)
+        bodies.append(np.full(len(each[-1]), -1))
+    return np.concatenate(each), np.concatenate(bodies)
+
+
+@dataclass(frozen=True)
+class Elements:
+    """`tetrahedra` (t, 4): numbers of particles, which lie at `rest` (particles, 3) [m]; `body` (t,) of each; `apart`
+    (bodies,) [m]: how far parts of one body that meet lie from each other at rest, infinite where it does not meet itself."""
+
+    tetrahedra: np.ndarray
+    body: np.ndarray
+    rest: np.ndarray
+    apart: np.ndarray
+
+    def meet(self, point: np.ndarray, body: np.ndarray, element: np.ndarray) -> np.ndarray:
+        """(n,) bool: whether particles `point` (n,), of tetrahedral bodies `body` (n,) (-1: of none), meet `element` (n,)."""
+        other = body != self.body[element]
+        some = np.flatnonzero(~other & np.isfinite(self.apart[self.body[element]]))
+        way = self.rest[self.tetrahedra[element[some]]] - self.rest[point[some], None]
+        nearest = np.sqrt((way**2).sum(axis=2).min(axis=1))
+        other[some] = nearest > self.apart[self.body[element[some]]]
+        return other
+
+
+def caught_in(points: np.ndarray, body: np.ndarray, corners: np.ndarray, elements: Elements) -> int:
+    """How many of `points` (n, 3) [m], those of `elements` first, lie within a tetrahedron (`corners` (t, 4, 3) [m] now) that
+    they meet; `body` (n,): of which tetrahedral body each is, -1 of others."""
+    from scipy.spatial import cKDTree
+
+    known = np.flatnonzero(np.isfinite(points).all(axis=1))
+    if not len(known) or len(points) > MAX_PARTICLES:
+        return 0
+    middle = corners.mean(axis=1)
+    radius = np.sqrt(((corners - middle[:, None]) ** 2).sum(axis=2).max(axis=1))
+    tree, hit = cKDTree(points[known]), np.zeros(len(points), bool)
+    for begin in range(0, len(corners), BATCH):
+        near = tree.query_ball_point(middle[begin : begin + BATCH], radius[begin : begin + BATCH])
+        counts = [len(one) for one in near]
+        if not sum(counts):
+            continue
+        point = known[np.concatenate([np.asarray(one, np.int64) for one in near])]
+        element = begin + np.repeat(np.arange(len(near)), counts)
+        asked = elements.meet(point, body[point], element)
+        point, element = point[asked], element[asked]
+        hit[point[_within(points[point], corners[element])]] = True
+    return int(hit.sum())
+
+
+def _within(points: np.ndarray, corners: np.ndarray) -> np.ndarray:
+    """(n,) bool: whether each of `points` (n, 3) lies inside its tetrahedron `corners` (n, 4, 3), by barycentric
+    coordinates: ratios of volumes (C. Ericson, "Real-Time Collision Detection", 2005, section 3.4)."""
+    a, b, c, p = (corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 0],
+                  points - corners[:, 0])  # fmt: skip
+    volume = (a * np.cross(b, c)).sum(axis=1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        u = (p * np.cross(b, c)).sum(axis=1) / volume
+        v = (a * np.cross(p, c)).sum(axis=1) / volume
+        w = (a * np.cross(b, p)).sum(axis=1) / volume
+        return (u > INSIDE) & (v > INSIDE) & (w > INSIDE) & (u + v + w < 1 - INSIDE)
+
+
+def caught_particles(scene: Scene, position: np.ndarray, inverse_mass: np.ndarray) -> tuple[int, float | None]:
+    """Of particles that are there and meet: how many are nearer to one of another body than CAUGHT of what contacts keep; the
+    least distance over that (None: nobody is near, or there are too many to look)."""
+    body_set, there = scene.body_set, np.flatnonzero(inverse_mass > 0)
+    if len(there) > MAX_PARTICLES or not np.isfinite(position).all():
+        return 0, None
+    rows, kind = pair_rows(scene)[:, :, G_DISTANCE], kinds_of_particles(scene)[there]
+    try:
+        one, other, distance = close_pairs(position[there].astype(np.float64), float(rows.max()))
+    except TooMany:
+        return 0, None
+    least = np.where(body_set.body[there][one] != body_set.body[there][other], rows[kind[one], kind[other]], 0.0)
+    meets = least > distance
+    part = distance[meets] / least[meets]
+    deep = part < CAUGHT
+    count = len(np.unique(np.concatenate([one[meets][deep], other[meets][deep]])))
+    return count, float(part.min()) if len(part) else None
+
+
+def shortfalls(simulation: Simulation, position: np.ndarray, inverse_mass: np.ndarray) -> dict[str, Any]:
+    """What is incomplete in a run that ended at `position` (particles, dimensions) [m], weights as in State: FAULTS, those
+    that the scene can have, 0 where all is well; of particles of bodies also `least_distance`, over what contacts keep (see
+    `caught_particles`)."""
+    scene = simulation.scene
+    found: dict[str, Any] = {**lost(simulation), **element_faults(scene, position, inverse_mass)}
+    bodies, place = scene, slice(None)
+    if scene.is_world and "bodies" in scene.members:
+        bodies, place = scene.members["bodies"], scene.world_set.slices()["bodies"]
+    if bodies.bodies and bodies.contact is not None:
+        caught, found["least_distance"] = caught_particles(bodies, position[place], inverse_mass[place])
+        found["caught"] = found.get("caught", 0) + caught
+    return found

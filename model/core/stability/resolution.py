@@ -1,0 +1,44 @@
+"""Where a precision is too coarse for the place of a scene: far from the origin a substep's fall is lost in rounding."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from model.core.build import build
+from model.core.options import PRECISIONS
+from model.fluid.fluid_set import PARKED
+from model.scene.scene import Scene
+
+FRAME = 1 / 60  # s: a velocity that is kept beside the position grows for so long before its displacement must be seen
+
+
+def resolution_line(scene: Scene, precision: str) -> str | None:
+    """A sentence where gravity is lost in the rounding of positions, None where it is not or nothing falls.
+
+    Position-based solvers take velocities from displacements: a particle at rest moves by g h^2 in a substep h, and hangs in
+    the air where numbers at its coordinate lie farther apart (an ulp). A velocity that is kept for itself grows meanwhile:
+    there the displacement after a FRAME, g h FRAME, counts.
+    """
+    gravity = scene.gravity.acceleration if scene.gravity is not None and scene.gravity.enabled else 0.0
+    method = scene.method
+    h = method.dt / method.substeps
+    fall = abs(gravity) * h * (h if method.position_based else max(h, FRAME))
+    position = build(scene).position
+    position = position[position[:, 0] != PARKED]
+    if not fall or not len(position):
+        return None
+    distance = float(np.abs(position).max())
+    with np.errstate(over="ignore"):
+        real: Any = PRECISIONS[precision]
+        ulp = float(np.spacing(real(distance)))
+    if not ulp > fall:
+        return None
+    remedy = "--precision float64, " if precision == "float32" else ""
+    fewer = "fewer substeps" if method.position_based and method.substeps > 1 else "a larger method.dt"
+    return (
+        f"{precision} is too coarse for this place: {distance:.4g} m from the origin neighbouring numbers are {ulp:.2g} m "
+        f"apart, and gravity moves what rests by {abs(gravity) * h * h:.2g} m in {h:.2g} s: it hangs in the air or falls in "
+        f"jumps; use {remedy}a place nearer to the origin, or {fewer}"
+    )
