@@ -79,6 +79,12 @@ def stages_of(scene: Scene) -> int:
     return scene.method.order
 
 
+def stage_vectors(parts: frozenset[str]) -> int:
+    """How many vectors the second stage of order 2 needs: the velocities at the first one's start; where dampers are, the
+    positions at its start and end, too."""
+    return (1 + 2 * (DAMPED in parts)) if STAGED in parts else 0
+
+
 def solved(scene: Scene) -> Scene:
     """The scene of which each solve is one substep: of another step size if a substep is several. Nothing timed may hang on
     it, since stages do not end where substeps would."""
