@@ -23,7 +23,7 @@ from math import sqrt
 from types import SimpleNamespace
 
 from model.formulas import plain
-from model.formulas.elastic.descent import make_matrices
+from model.formulas.elastic.deformation import make_gradient
 from model.formulas.elastic.tangent import make_moduli
 from model.formulas.lengths import make as make_lengths
 
@@ -33,9 +33,14 @@ OPERATIONS_BLOCK = 18 + 30 + 6 * 12  # of one of six: F times two rows of B is c
 
 def make(real, compiled=plain):
     """See the functions; matrices by rows, nine numbers; symmetric ones xx, yy, zz, xy, xz, yz."""
-    dot, matrices = make_lengths(real, compiled).dot, make_matrices(real, compiled)
-    times, symmetric, raised = matrices.times, matrices.symmetric, make_moduli(real, compiled).raised
-    half, two, ahead = real(0.5), real(2), real(sqrt(2))
+    dot, times = make_lengths(real, compiled).dot, make_gradient(real, compiled).corner
+    raised = make_moduli(real, compiled).raised
+    half, one, two, ahead = real(0.5), real(1), real(2), real(sqrt(2))
+
+    @compiled
+    def symmetric(t, x, y, z):
+        """Six numbers as a matrix, times a vector."""
+        return dot(t[0], t[3], t[4], x, y, z), dot(t[3], t[1], t[5], x, y, z), dot(t[4], t[5], t[2], x, y, z)
 
     @compiled
     def increment(f, d):
@@ -51,6 +56,11 @@ def make(real, compiled=plain):
             half * (dot(m[0], m[3], m[6], d[2], d[5], d[8]) + dot(m[2], m[5], m[8], d[0], d[3], d[6])),
             half * (dot(m[1], m[4], m[7], d[2], d[5], d[8]) + dot(m[2], m[5], m[8], d[1], d[4], d[7])),
         )  # fmt: skip
+
+    @compiled
+    def strain(f):
+        """E, exact for F near the identity."""
+        return increment(f, (f[0] - one, f[1], f[2], f[3], f[4] - one, f[5], f[6], f[7], f[8] - one))
 
     @compiled
     def beyond(e, first):
@@ -120,6 +130,6 @@ def make(real, compiled=plain):
         )  # fmt: skip
 
     return SimpleNamespace(
-        increment=increment, beyond=beyond, scaled=scaled, resisted=resisted, stressed=stressed, squared=squared, block=block,
-        positive=positive,
+        increment=increment, strain=strain, beyond=beyond, scaled=scaled, resisted=resisted, stressed=stressed,
+        squared=squared, block=block, positive=positive,
     )  # fmt: skip
