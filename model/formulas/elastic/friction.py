@@ -50,10 +50,17 @@ def make(real, compiled=plain):
 
     @compiled
     def heading(n, u):
-        """The unit direction of u; where that is nothing, any one across the normal: colliders rub alike in all."""
+        """The unit direction of u; where that is nothing, or what rounding leaves along the normal, any one across it:
+        colliders rub alike in all."""
         if u[0] > least:
             s = one / u[0]
-            return s * u[1], s * u[2], s * u[3]
+            x, y, z = s * u[1], s * u[2], s * u[3]
+            along = (x * n[1] + y * n[2]) + z * n[3]
+            x, y, z = x - along * n[1], y - along * n[2], z - along * n[3]
+            squared = (x * x + y * y) + z * z
+            if squared >= half:
+                s = one / sqrt(squared)
+                return s * x, s * y, s * z
         if abs(n[1]) <= half:  # across n and x, or else n and y, of which n is at least 30 degrees off
             s = one / sqrt(n[2] * n[2] + n[3] * n[3])
             return zero, s * n[3], -(s * n[2])
