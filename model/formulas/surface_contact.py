@@ -12,7 +12,8 @@ from __future__ import annotations
 from math import sqrt
 from types import SimpleNamespace
 
-from model.formulas import contact, plain
+from model.formulas import plain
+from model.formulas.contact import make as make_contact
 from model.formulas.lengths import make as make_lengths
 
 UPRIGHT = 0.99999  # cosine of n with the normal of the triangle, from which n holds wherever the vertex slides
@@ -54,7 +55,7 @@ def make(real, compiled=plain):
 def make_current(real, compiled=plain):
     """`still_deep`, `levers`: of a contact where its four particles are now. Vectors are tuples of three numbers."""
     zero, one, upright, past = real(0), real(1), real(UPRIGHT), real(PAST)
-    lengths, search = make_lengths(real, compiled), contact.make(real, compiled)
+    lengths, search = make_lengths(real, compiled), make_contact(real, compiled)
     dot, cross, length = lengths.dot, lengths.cross, lengths.length
     nearest, away = search.nearest, search.away
 

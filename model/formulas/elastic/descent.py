@@ -33,6 +33,7 @@ from model.formulas import plain
 from model.formulas.constraints.tetrahedron import FIXED, HOOKEAN
 from model.formulas.elastic import damper, deformation
 from model.formulas.elastic import energy as energies
+from model.formulas.elastic.damper import make as make_damper
 from model.formulas.elastic.deformation import make_gradient
 from model.formulas.elastic.energy import make as make_energy
 from model.formulas.lengths import make as make_lengths
@@ -58,7 +59,7 @@ def make(real, compiled=plain, material=FIXED, damped=False):
     formulas/elastic/deformation.py."""
     dot = make_lengths(real, compiled).dot
     gradient = make_gradient(real, compiled).gradient
-    resisting = damper.make(real, compiled)
+    resisting = make_damper(real, compiled)
     strain, scaled, resisted, stressed = resisting.strain, resisting.scaled, resisting.resisted, resisting.stressed
     squared, resisting_block = resisting.squared, resisting.block
     stress = make_energy(real, compiled, material).stress
