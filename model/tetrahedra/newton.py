@@ -4,10 +4,11 @@ At order 2 a substep is two such solves, each of a part of it (model/formulas/el
 
 A substep of h minimises the incremental potential (S. Martin et al., "Example-Based Elastic Materials", ACM TOG 2011, eq. 3)
 
-    sum m / (2 h^2) |x - y|^2 + sum V W(F(x)) + 1 / (2 h) (x - x_0)' tau K_0 (x - x_0),    y = x_0 + h v_0 + h^2 a,
+    sum m / (2 h^2) |x - y|^2 + sum V (W(F(x)) + tau / (2 h) (E - E_0) : C : (E - E_0)),    y = x_0 + h v_0 + h^2 a,
 
-with K_0 the stiffness at the substep's start x_0, less its tetrahedra's negative eigenvalues, and tau the body's damping
-[s]. `iterations` Newton steps at most, each by conjugate gradients (cpu_backend/tetrahedra/newton.py, gpu_backend too).
+with E Green's strain, E_0 that of the substep's start, C the moduli at rest, and tau the body's damping [s]
+(model/formulas/elastic/damper.py). `iterations` Newton steps at most, each by conjugate gradients
+(cpu_backend/tetrahedra/newton.py, gpu_backend too).
 """
 
 from __future__ import annotations
@@ -152,7 +153,10 @@ def newton_note(scene: Scene) -> str:
     """A line on what the method does to a motion, and whether the step size has a limit."""
     text = "implicit Euler by Newton's method, at any step size: first order, and damped by it"
     if scene.method.order > 1:
-        text = "two stages by Newton's method, at any step size: second order, and hardly damped; dampers are of first order"
+        text = (
+            "two stages by Newton's method, at any step size: second order, and hardly damped; dampers of masses are of"
+            " first order"
+        )
     return with_limit(scene, text) + through_note(scene)
 
 
