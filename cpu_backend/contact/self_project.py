@@ -26,7 +26,7 @@ def _make_now(compiler: Compiler, real: Any) -> SimpleNamespace:
     still_deep, levers = formulas.still_deep, formulas.levers
 
     @compiler.compiled
-    def way(points, a, b):
+    def difference(points, a, b):
         return points[b, 0] - points[a, 0], points[b, 1] - points[a, 1], points[b, 2] - points[a, 2]
 
     @compiler.compiled
@@ -34,15 +34,15 @@ def _make_now(compiler: Compiler, real: Any) -> SimpleNamespace:
         a, b, c = corners[slot, 0], corners[slot, 1], corners[slot, 2]
         n = values[slot, V_NX], values[slot, V_NY], values[slot, V_NZ]
         return still_deep(
-            n, r, values[slot, V_B], values[slot, V_C], way(begin, a, b), way(begin, a, c), way(points, a, k),
-            way(points, a, b), way(points, a, c), depth, values[slot, V_HELD],
+            n, r, values[slot, V_B], values[slot, V_C], difference(begin, a, b), difference(begin, a, c),
+            difference(points, a, k), difference(points, a, b), difference(points, a, c), depth, values[slot, V_HELD],
         )  # fmt: skip
 
     @compiler.compiled
     def turn(slot, points, corners, r, forces):
         a, b, c = corners[slot, 0], corners[slot, 1], corners[slot, 2]
         j = forces[slot, F_X], forces[slot, F_Y], forces[slot, F_Z]
-        second, third = levers(r, j, way(points, a, b), way(points, a, c))
+        second, third = levers(r, j, difference(points, a, b), difference(points, a, c))
         for axis in range(3):
             forces[slot, FORCES + axis], forces[slot, FORCES + 3 + axis] = second[axis], third[axis]
 

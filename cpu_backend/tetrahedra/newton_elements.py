@@ -133,7 +133,7 @@ def make_damper(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
     increment, beyond, resisted, staged = formulas.increment, formulas.beyond, formulas.resisted, STAGED in parts
 
     @compiled
-    def way(points, other, k):
+    def difference(points, other, k):
         p, q = row(points, k), row(other, k)
         return p[0] - q[0], p[1] - q[1], p[2] - q[2]
 
@@ -143,7 +143,11 @@ def make_damper(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
         strains that are none."""
         a, b, c, d = corners[n, 0], corners[n, 1], corners[n, 2], corners[n, 3]
         return gradient(
-            way(points, other, a), way(points, other, b), way(points, other, c), way(points, other, d), rest
+            difference(points, other, a),
+            difference(points, other, b),
+            difference(points, other, c),
+            difference(points, other, d),
+            rest,
         )
 
     @compiled

@@ -94,20 +94,20 @@ def _make_now(real: Any, math: str) -> SimpleNamespace:
     still_deep, levers = f.still_deep, f.levers
 
     @device
-    def way(points, a, b):
+    def difference(points, a, b):
         p, q = load_quad(points, a), load_quad(points, b)
         return q[0] - p[0], q[1] - p[1], q[2] - p[2]
 
     @device
     def shallower(k, a, b, c, position, before, n, w, r, depth):
         return still_deep(
-            (n[0], n[1], n[2]), r, w[0], w[1], way(before, a, b), way(before, a, c), way(position, a, k),
-            way(position, a, b), way(position, a, c), depth, n[3],
+            (n[0], n[1], n[2]), r, w[0], w[1], difference(before, a, b), difference(before, a, c), difference(position, a, k),
+            difference(position, a, b), difference(position, a, c), depth, n[3],
         )  # fmt: skip
 
     @device
     def turned(a, b, c, position, r, j):
-        return levers(r, j, way(position, a, b), way(position, a, c))
+        return levers(r, j, difference(position, a, b), difference(position, a, c))
 
     @device
     def lever(turns, place):

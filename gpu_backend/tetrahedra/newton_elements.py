@@ -81,7 +81,7 @@ def make_reading(real: Any, math: str) -> SimpleNamespace:
         )  # fmt: skip
 
     @inline
-    def way(position, other, k):
+    def difference(position, other, k):
         p, q = load_quad(position, k), load_quad(other, k)
         return p[0] - q[0], p[1] - q[1], p[2] - q[2]
 
@@ -89,8 +89,8 @@ def make_reading(real: Any, math: str) -> SimpleNamespace:
     def changed(n, position, other, corners, rest):
         first = np.int32(four * n)
         return gradient(
-            way(position, other, corners[first]), way(position, other, corners[first + 1]),
-            way(position, other, corners[first + 2]), way(position, other, corners[first + 3]), rest,
+            difference(position, other, corners[first]), difference(position, other, corners[first + 1]),
+            difference(position, other, corners[first + 2]), difference(position, other, corners[first + 3]), rest,
         )  # fmt: skip
 
     return SimpleNamespace(rest_of=rest_of, deformed=deformed, changed=changed)

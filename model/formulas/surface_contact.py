@@ -83,8 +83,8 @@ def make_current(real, compiled=plain):
         return b >= -past and c >= -past and b + c <= one + past
 
     @compiled
-    def still_deep(n, r, s, t, u, v, p, q, w, depth, kept):
-        """The `depth` [m] of a contact, no more than the vertex lacks of the distance `kept` from where the triangle is now.
+    def still_deep(n, r, s, t, u, v, p, q, w, depth, distance):
+        """The `depth` [m] of a contact, no more than the vertex lacks of the `distance` from where the triangle is now.
 
         n is held for the substep and leans, beyond an edge, over what the vertex passes by: its plane then calls deep what is
         apart. r: from the triangle's point, of the weights s and t, to the vertex as the substep began, u, v: its edges then;
@@ -99,7 +99,7 @@ def make_current(real, compiled=plain):
             return depth
         _, b, c = nearest(q[0], q[1], q[2], w[0], w[1], w[2], p[0], p[1], p[2])
         x, y, z = away(p[0], q[0], w[0], b, c), away(p[1], q[1], w[1], b, c), away(p[2], q[2], w[2], b, c)
-        return min(depth, kept - length(x, y, z))
+        return min(depth, distance - length(x, y, z))
 
     @compiled
     def levers(r, j, q, w):

@@ -30,9 +30,8 @@ def _heights(p: np.ndarray, q: np.ndarray) -> np.ndarray:
     normal = np.cross(u, v)
     normal = normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
     height = (normal * r).sum(axis=1)
-    found = np.stack(
-        [np.linalg.lstsq(np.column_stack([a, b]), c, rcond=None)[0] for a, b, c in zip(u, v, r, strict=True)]
-    )
+    edges = np.stack([u, v], axis=2)
+    found = np.einsum("nij,nj->ni", np.linalg.pinv(edges), r) if len(r) else np.zeros((0, 2))
     return np.column_stack([1 - found.sum(axis=1), found, height])
 
 
