@@ -4,10 +4,10 @@ The exact answers on the same mesh (bench/reference/finite_elements.py tells mes
 is what position-based solvers, vertex block descent and Newton's method in the backends all tend to with more iterations: it
 minimises (S. Martin et al., "Example-Based Elastic Materials", ACM TOG 2011, eq. 3)
 
-    sum of m |x - (x_0 + h v_0 + h^2 (g + f/m))|^2 / (2 h^2)  +  energy(x)  +  (x - x_0)' tau K_0 (x - x_0) / (2 h),
+    sum of m |x - (x_0 + h v_0 + h^2 (g + f/m))|^2 / (2 h^2)  +  energy(x)  +  sum of V tau / (2 h) (E - E_0) : C : (E - E_0),
 
-the last for damping in proportion to stiffness, a force -tau K_0 v with the stiffness K_0 of the step's start, less its
-tetrahedra's negative eigenvalues: a small vibration of angular frequency w is damped at the ratio tau w / 2.
+the last for damping in proportion to the rate of Green's strain E = (F'F - I) / 2, C the moduli of Hooke's law: what turns is
+not damped, a small vibration of angular frequency w is at the ratio tau w / 2.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ import numpy as np
 from scipy import sparse
 from scipy.sparse.linalg import splu
 
+from bench.reference import elastic_materials
 from bench.reference.finite_elements import Body, Values, free_coordinates, lumped_mass
 
 ENOUGH = 1e-10  # of the load
@@ -119,6 +120,47 @@ def nonlinear_static(
     return x
 
 
+class Damper:
+    """Of a step from `before` (n, 3): what each tetrahedron loses to the rate of its strain, times `gamma` = tau / h."""
+
+    def __init__(self, body: Body, before: np.ndarray, gamma: float) -> None:
+        self.body, self.start = body, self._strain(body.deformation(before))
+        self.moduli = gamma * elastic_materials.linear_tangent(body.mu, body.lam)  # (m, 9, 9), of symmetric matrices
+
+    @staticmethod
+    def _strain(gradient: np.ndarray) -> np.ndarray:
+        return (np.einsum("mki,mkj->mij", gradient, gradient) - np.eye(3)) / 2
+
+    def _change(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """(F, E - E_0, the second Piola-Kirchhoff stress [Pa]), (m, 3, 3) each."""
+        gradient = self.body.deformation(x)
+        change = self._strain(gradient) - self.start
+        return gradient, change, (self.moduli @ change.reshape(-1, 9, 1)).reshape(-1, 3, 3)
+
+    def energy(self, x: np.ndarray) -> float:
+        _, change, pull = self._change(x)
+        return float(self.body.volume @ (change * pull).sum(axis=(1, 2))) / 2
+
+    def force(self, x: np.ndarray) -> np.ndarray:
+        """(n, 3) [N]: the negative gradient of the energy."""
+        gradient, _, pull = self._change(x)
+        each = -np.einsum("m,mij,maj->mai", self.body.volume, gradient @ pull, self.body.gradient)
+        force = np.zeros_like(x)
+        np.add.at(force, self.body.tetrahedra, each)
+        return force
+
+    def stiffness(self, x: np.ndarray, positive: bool) -> sparse.csc_matrix:
+        """(3 n, 3 n) [N/m]; `positive`: what stress does to it only where that pulls."""
+        gradient, _, pull = self._change(x)
+        if positive:
+            values, vectors = np.linalg.eigh(pull)
+            pull = np.einsum("mij,mj,mkj->mik", vectors, np.maximum(values, 0), vectors)
+        moduli = self.moduli.reshape(-1, 3, 3, 3, 3)
+        tangent = np.einsum("mia,majbl,mkb->mijkl", gradient, moduli, gradient, optimize=True)
+        tangent = tangent + np.einsum("ik,mjl->mijkl", np.eye(3), pull)
+        return self.body.assembled(tangent.reshape(-1, 9, 9))
+
+
 def implicit_euler(
     body: Body,
     position: np.ndarray,
@@ -134,27 +176,27 @@ def implicit_euler(
     """(position [m], velocity [m/s]), (n, 3), after one step `h` [s] of backward Euler, solved to the end: forces left are at
     most `enough` of the inertia's h^2 (or of what float64 rounds). `damping_time`: tau [s] above. What is `fixed` stays."""
     before = np.array(position, dtype=np.float64)
+    damper = Damper(body, before, damping_time / h) if damping_time > 0 else None
     push = np.zeros_like(before) if force is None else np.asarray(force, dtype=np.float64)
     aim = before + h * velocity + h**2 * (np.asarray(gravity) + push / mass[:, None])
     weight = np.repeat(mass / h**2, 3)
     inertia = sparse.diags(weight).tocsc()
-    if damping_time > 0:
-        damper = (damping_time / h) * body.stiffness(before, True)
-    else:
-        damper = sparse.csc_matrix(inertia.shape)
 
     def energy(x: np.ndarray) -> float:
-        away, moved = (x - aim).ravel(), (x - before).ravel()
-        return float(weight @ away**2 + moved @ (damper @ moved)) / 2 + body.energy(x)
+        lost = damper.energy(x) if damper else 0.0
+        return float(weight @ (x - aim).ravel() ** 2) / 2 + body.energy(x) + lost
 
     def total(x: np.ndarray) -> np.ndarray:
-        away, moved = (x - aim).ravel(), (x - before).ravel()
-        return body.force(x) - (weight * away + damper @ moved).reshape(-1, 3)
+        pull = body.force(x) - weight.reshape(-1, 3) * (x - aim)
+        return pull + damper.force(x) if damper else pull
+
+    def stiffness(x: np.ndarray, positive: bool) -> sparse.csc_matrix:
+        matrix = inertia + body.stiffness(x, positive)
+        return matrix + damper.stiffness(x, positive) if damper else matrix
 
     free = free_coordinates(fixed)
     size = max(np.linalg.norm(total(before).ravel()[free]), np.linalg.norm((weight * (aim - before).ravel())[free]))
     x = minimise(
-        energy, total, lambda x, positive: inertia + damper + body.stiffness(x, positive), before, fixed,
-        max(enough * float(size), rounding(body)),
+        energy, total, stiffness, before, fixed, max(enough * float(size), rounding(body)),
     )  # fmt: skip
     return x, (x - before) / h

@@ -3,16 +3,18 @@
 From the principal stretches, without model/formulas or a backend; of the model it takes the mesh. A substep of h minimises
 (S. Martin et al., "Example-Based Elastic Materials", ACM TOG 2011, eq. 3, and damping in proportion to stiffness)
 
-    sum m / (2 h^2) |x - y|^2 + sum V W(F(x)) + 1 / (2 h) (x - x_0)' tau K_0 (x - x_0),    y = x_0 + h v_0 + h^2 a,
+    sum m / (2 h^2) |x - y|^2 + sum V (W(F(x)) + tau / h (mu |E - E_0|^2 + lambda / 2 tr(E - E_0)^2)),
 
-K_0 a sum over tetrahedra of their stiffness at x_0, each without its negative eigenvalues. Stiffness by central differences
-of the stress: the tangent's own formulas are not asked.
+y = x_0 + h v_0 + h^2 a, E = (F'F - I) / 2 Green's strain, E_0 as the substep begins. Stiffness by central differences of the
+stress: the tangent's own formulas are not asked.
 
 At order 2 a substep has the two stages of R. Alexander, SIAM J. Numer. Anal. 14 (1977), table 1, s = 2, as they are written
-there.
+there, and the strain is a quantity of its own, whose rate in a stage is what it changes by over the stage's own part of h.
 """
 
 from __future__ import annotations
+
+from collections.abc import Callable
 
 import numpy as np
 
@@ -23,6 +25,8 @@ IMPLICIT = 1 - 2**-0.5  # what each stage has of itself
 STEP = 1e-6  # of F's entries: differences are right to about its square
 ENOUGH = 1e-9  # of the first residual, or of what float64 makes of forces
 MOST = 200
+
+Stress = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]  # of F (tetrahedra, 3, 3): (W, P)
 
 
 def stress(found: TetrahedraSet, gradient: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -57,25 +61,34 @@ def rows_of_corners(found: TetrahedraSet) -> np.ndarray:
     return np.concatenate([-others.sum(axis=1, keepdims=True), others], axis=1)
 
 
-def energy_and_force(found: TetrahedraSet, position: np.ndarray) -> tuple[float, np.ndarray]:
+def gradient_of(found: TetrahedraSet, position: np.ndarray) -> np.ndarray:
+    """(tetrahedra, 3, 3): F."""
+    return np.einsum("tai,taj->tij", position[found.tetrahedra], rows_of_corners(found))
+
+
+def energy_and_force(found: TetrahedraSet, position: np.ndarray, stress: Stress) -> tuple[float, np.ndarray]:
     """(energy [J], gradient of it (particles, 3) [N])."""
     rows = rows_of_corners(found)
-    gradient = np.einsum("tai,taj->tij", position[found.tetrahedra], rows)
-    energy, p = stress(found, gradient)
+    energy, p = stress(gradient_of(found, position))
     pull = np.zeros_like(position)
     np.add.at(pull, found.tetrahedra, found.volume[:, None, None] * np.einsum("tij,taj->tai", p, rows))
     return float((energy * found.volume).sum()), pull
 
 
-def element_stiffness(found: TetrahedraSet, position: np.ndarray, positive: bool) -> np.ndarray:
+def strain_of(gradient: np.ndarray) -> np.ndarray:
+    """(tetrahedra, 3, 3): Green's."""
+    return (np.swapaxes(gradient, 1, 2) @ gradient - np.eye(3)) / 2
+
+
+def element_stiffness(found: TetrahedraSet, position: np.ndarray, positive: bool, stress: Stress) -> np.ndarray:
     """(tetrahedra, 12, 12) [N/m]; without negative eigenvalues if `positive`."""
     rows, count = rows_of_corners(found), len(found.tetrahedra)
-    gradient = np.einsum("tai,taj->tij", position[found.tetrahedra], rows)
+    gradient = gradient_of(found, position)
     tangent = np.zeros((count, 9, 9))
     for entry in range(9):
         shift = np.zeros((3, 3))
         shift.flat[entry] = STEP
-        change = (stress(found, gradient + shift)[1] - stress(found, gradient - shift)[1]) / (2 * STEP)
+        change = (stress(gradient + shift)[1] - stress(gradient - shift)[1]) / (2 * STEP)
         tangent[:, :, entry] = change.reshape(-1, 9)
     tangent = (tangent + np.swapaxes(tangent, 1, 2)) / 2
     if positive:
@@ -86,29 +99,42 @@ def element_stiffness(found: TetrahedraSet, position: np.ndarray, positive: bool
     return found.volume[:, None, None] * (spread @ tangent @ np.swapaxes(spread, 1, 2))
 
 
-def assembled(found: TetrahedraSet, elements: np.ndarray, weight: np.ndarray) -> np.ndarray:
-    """(3 particles, 3 particles), each tetrahedron times its `weight`."""
+def assembled(found: TetrahedraSet, elements: np.ndarray) -> np.ndarray:
+    """(3 particles, 3 particles)"""
     size = 3 * found.particle_count
     whole = np.zeros((size, size))
     place = (3 * found.tetrahedra[:, :, None] + np.arange(3)).reshape(-1, 12)
-    np.add.at(whole, (place[:, :, None], place[:, None, :]), weight[:, None, None] * elements)
+    np.add.at(whole, (place[:, :, None], place[:, None, :]), elements)
     return whole
 
 
+def damped_stress(found: TetrahedraSet, strain: np.ndarray, h: float) -> Stress:
+    """`stress` with what dampers add where the `strain` (tetrahedra, 3, 3) was as a stage of h began."""
+    mu, lame = (one * found.matter.damping / h for one in found.lame())
+
+    def total(gradient: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        energy, p = stress(found, gradient)
+        change = strain_of(gradient) - strain
+        trace = np.trace(change, axis1=1, axis2=2)
+        lost = mu * (change**2).sum(axis=(1, 2)) + lame / 2 * trace**2
+        pull = 2 * mu[:, None, None] * change + (lame * trace)[:, None, None] * np.eye(3)
+        return energy + lost, p + gradient @ pull
+
+    return total
+
+
 def substep(
-    found: TetrahedraSet, before: np.ndarray, target: np.ndarray, mass: np.ndarray, free: np.ndarray, h: float
-) -> np.ndarray:
-    """Positions (particles, 3) [m] at the end. `target`: y; `free` (particles,) bool."""
-    inertia, ones = np.repeat(mass / h**2, 3), np.ones(len(found.tetrahedra))
-    damping = found.matter.damping
-    damper = assembled(found, element_stiffness(found, before, True), damping) / h
-    unknown = np.repeat(free, 3)
+    found: TetrahedraSet, before: np.ndarray, target: np.ndarray, mass: np.ndarray, free: np.ndarray, h: float,
+    strain: np.ndarray,
+) -> np.ndarray:  # fmt: skip
+    """Positions (particles, 3) [m] at the end. `target`: y; `free` (particles,) bool; `strain`: E_0."""
+    inertia = np.repeat(mass / h**2, 3)
+    resisting, unknown = damped_stress(found, strain, h), np.repeat(free, 3)
 
     def potential(x: np.ndarray) -> tuple[float, np.ndarray]:
-        energy, pull = energy_and_force(found, x)
-        away, moved = (x - target).ravel(), (x - before).ravel()
-        total = pull.ravel() + inertia * away + damper @ moved
-        return energy + float(inertia @ away**2 + moved @ damper @ moved) / 2, np.where(unknown, total, 0.0)
+        energy, pull = energy_and_force(found, x, resisting)
+        away = (x - target).ravel()
+        return energy + float(inertia @ away**2) / 2, np.where(unknown, pull.ravel() + inertia * away, 0.0)
 
     x = before.copy()
     here, slope = potential(x)
@@ -117,7 +143,7 @@ def substep(
         if np.linalg.norm(slope) <= ENOUGH * first:
             return x
         for positive in (False, True):
-            whole = assembled(found, element_stiffness(found, x, positive), ones) + np.diag(inertia) + damper
+            whole = assembled(found, element_stiffness(found, x, positive, resisting)) + np.diag(inertia)
             try:
                 np.linalg.cholesky(whole[np.ix_(unknown, unknown)])
                 break
@@ -147,18 +173,20 @@ def simulate(scene: Scene, steps: int, position: np.ndarray, velocity: np.ndarra
     fall = np.array([0.0, -gravity.acceleration if gravity and gravity.enabled else 0.0, 0.0])
     drag = (scene.damping.coefficient if scene.damping else 0.0) * inverse[:, None]
 
-    def euler(x: np.ndarray, v: np.ndarray, h: float) -> tuple[np.ndarray, np.ndarray]:
+    def euler(x: np.ndarray, v: np.ndarray, h: float, strain: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         target = np.where(free[:, None], x + h * (v * (1 - h * drag) + h * fall), x)
-        after = substep(found, x, target, mass, free, h)
+        after = substep(found, x, target, mass, free, h, strain)
         return after, (after - x) / h
 
     x, v = np.array(position, dtype=np.float64), np.array(velocity, dtype=np.float64)
     for _ in range(steps * method.substeps):
+        strain = strain_of(gradient_of(found, x))
         if method.order == 1:
-            x, v = euler(x, v, h)
+            x, v = euler(x, v, h, strain)
             continue
-        _, speed = euler(x, v, IMPLICIT * h)
+        first, speed = euler(x, v, IMPLICIT * h, strain)
         slope = speed, (speed - v) / (IMPLICIT * h)
         rest = (1 - IMPLICIT) * h
-        x, v = euler(x + rest * slope[0], v + rest * slope[1], IMPLICIT * h)
+        strain = strain + rest * (strain_of(gradient_of(found, first)) - strain) / (IMPLICIT * h)
+        x, v = euler(x + rest * slope[0], v + rest * slope[1], IMPLICIT * h, strain)
     return x, v

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from cpu_backend.contact.self_find import VALUES, make_find
-from cpu_backend.contact.self_project import FORCES, make_project
+from cpu_backend.contact.self_project import FORCES, LEVERS, make_project
 from model.contact.self_contact_parameters import MAX_CONTACTS, contact_record, table_size
 from model.core.build import Body
 from model.scene.scene import Scene
@@ -22,7 +22,16 @@ class HeldContacts:
 
     record: np.ndarray
 
-    def __init__(self, part: Any, real: Any, math: str, threads: int, weights: np.ndarray, values: int = VALUES):
+    def __init__(
+        self,
+        part: Any,
+        real: Any,
+        math: str,
+        threads: int,
+        weights: np.ndarray,
+        values: int = VALUES,
+        surfaces: bool = False,
+    ):
         self.real, self.sweeps, self._bands = real, part.sweeps, threads
         self.weights = np.ascontiguousarray(weights, real)
         masses = len(weights)
@@ -30,8 +39,10 @@ class HeldContacts:
         self.triangles, self.corners = np.zeros(most, np.int32), np.zeros((most, 3), np.int32)
         self.values, self.found = np.zeros((most, values), real), np.zeros(masses, np.int32)
         self._links = (np.zeros(masses + 1, np.int32), np.zeros(threads, np.int64), np.zeros(3 * most, np.int32))
-        self._scratch = (np.zeros((masses, 3), real), np.zeros(masses, real), np.zeros((most, FORCES), real))
-        self._project = make_project(real, math, part.static_friction > 0)
+        rubs = part.static_friction > 0
+        forces = LEVERS if rubs and surfaces else FORCES
+        self._scratch = (np.zeros((masses, 3), real), np.zeros(masses, real), np.zeros((most, forces), real))
+        self._project = make_project(real, math, rubs, surfaces)
         self.lost = 0
         self._empty = True
 

@@ -13,14 +13,48 @@ from cpu_backend.contact.self_find import V_B, V_C, V_HELD, V_NX, V_NY, V_NZ
 from cpu_backend.core.compile import Compiler
 from cpu_backend.core.progress import shares
 from model.contact.self_contact_parameters import MAX_CONTACTS
-from model.formulas import contact
+from model.formulas import contact, surface_contact
 
 FORCES = 4  # of a contact in a sweep: how deep, how it moves its mass (of weight 1)
 F_DEPTH, F_X, F_Y, F_Z = range(FORCES)
+LEVERS = FORCES + 6  # and of surfaces that rub how it moves its triangle's second and third corner beside that
 
 
-def _make_contact(compiler: Compiler, real: Any, formulas: SimpleNamespace, friction: bool) -> tuple[Any, Any]:
+def _make_now(compiler: Compiler, real: Any) -> SimpleNamespace:
+    """`shallower`, `turn`: what contacts of surfaces ask of where their triangle is now (surface_contact.py)."""
+    formulas = surface_contact.make(real, compiler.compiled)
+    still_deep, levers = formulas.still_deep, formulas.levers
+
+    @compiler.compiled
+    def difference(points, a, b):
+        return points[b, 0] - points[a, 0], points[b, 1] - points[a, 1], points[b, 2] - points[a, 2]
+
+    @compiler.compiled
+    def shallower(slot, k, points, begin, corners, values, r, depth):
+        a, b, c = corners[slot, 0], corners[slot, 1], corners[slot, 2]
+        n = values[slot, V_NX], values[slot, V_NY], values[slot, V_NZ]
+        return still_deep(
+            n, r, values[slot, V_B], values[slot, V_C], difference(begin, a, b), difference(begin, a, c),
+            difference(points, a, k), difference(points, a, b), difference(points, a, c), depth, values[slot, V_HELD],
+        )  # fmt: skip
+
+    @compiler.compiled
+    def turn(slot, points, corners, r, forces):
+        a, b, c = corners[slot, 0], corners[slot, 1], corners[slot, 2]
+        j = forces[slot, F_X], forces[slot, F_Y], forces[slot, F_Z]
+        second, third = levers(r, j, difference(points, a, b), difference(points, a, c))
+        for axis in range(3):
+            forces[slot, FORCES + axis], forces[slot, FORCES + 3 + axis] = second[axis], third[axis]
+
+    return SimpleNamespace(shallower=shallower, turn=turn)
+
+
+def _make_contact(
+    compiler: Compiler, real: Any, formulas: SimpleNamespace, friction: bool, surfaces: bool
+) -> tuple[Any, Any]:
     """(depth_of, push), of one contact."""
+    current, zero = _make_now(compiler, real), real(0)
+    shallower, turn = current.shallower, current.turn
     dot, length, mixed, along = formulas.dot, formulas.length, formulas.mixed, formulas.along
     stiffness, inverse, slip = formulas.stiffness, formulas.inverse, formulas.slip
     correction, rubbed = formulas.correction, formulas.rubbed
@@ -35,11 +69,15 @@ def _make_contact(compiler: Compiler, real: Any, formulas: SimpleNamespace, fric
         )
 
     @compiler.compiled
-    def depth_of(slot, k, points, corners, values):
+    def depth_of(slot, k, points, begin, corners, values):
         """How much nearer than held [m]; not above 0 where the contact does nothing."""
         a, b, c = corners[slot, 0], corners[slot, 1], corners[slot, 2]
         x, y, z = offset(points, k, a, b, c, values[slot, V_B], values[slot, V_C])
-        return values[slot, V_HELD] - dot(values[slot, V_NX], values[slot, V_NY], values[slot, V_NZ], x, y, z)
+        depth = values[slot, V_HELD] - dot(values[slot, V_NX], values[slot, V_NY], values[slot, V_NZ], x, y, z)
+        if surfaces and depth > zero:
+            r = offset(begin, k, a, b, c, values[slot, V_B], values[slot, V_C])
+            depth = shallower(slot, k, points, begin, corners, values, r, depth)
+        return depth
 
     @compiler.compiled
     def push(slot, k, points, begin, corners, values, weights, loads, parameters, forces):
@@ -51,6 +89,7 @@ def _make_contact(compiler: Compiler, real: Any, formulas: SimpleNamespace, fric
         )
         if friction:
             x, y, z = offset(points, k, a, b, c, s, t)
+            r = x, y, z
             ox, oy, oz = offset(begin, k, a, b, c, s, t)
             x, y, z = x - ox, y - oy, z - oz  # how it slid in this substep, and along the normal
             toward = dot(nx, ny, nz, x, y, z)
@@ -59,6 +98,8 @@ def _make_contact(compiler: Compiler, real: Any, formulas: SimpleNamespace, fric
             forces[slot, F_X] = rubbed(depth, nx, part, x, scale)
             forces[slot, F_Y] = rubbed(depth, ny, part, y, scale)
             forces[slot, F_Z] = rubbed(depth, nz, part, z, scale)
+            if surfaces:
+                turn(slot, points, corners, r, forces)
         else:
             forces[slot, F_X] = correction(depth, nx, scale)
             forces[slot, F_Y] = correction(depth, ny, scale)
@@ -111,7 +152,7 @@ def _make_link(compiler: Compiler) -> Any:
     return compiler.team(link_contacts)
 
 
-def _make_gather(compiler: Compiler, real: Any, formulas: SimpleNamespace) -> tuple[Any, Any]:
+def _make_gather(compiler: Compiler, real: Any, formulas: SimpleNamespace, levered: bool) -> tuple[Any, Any]:
     """(gather, load_of), of one mass."""
     first_weight, taken, zero, one = formulas.first_weight, formulas.taken, real(0), real(1)
 
@@ -122,6 +163,14 @@ def _make_gather(compiler: Compiler, real: Any, formulas: SimpleNamespace) -> tu
         if corner == 0:
             return first_weight(values[slot, V_B], values[slot, V_C])
         return values[slot, V_B + corner - 1]
+
+    @compiler.compiled
+    def lever(forces, place, axis):
+        """Of a triangle's corner: see `share`."""
+        slot, corner = place // 3, place % 3
+        if corner == 0:
+            return -(forces[slot, FORCES + axis] + forces[slot, FORCES + 3 + axis])
+        return forces[slot, FORCES + 3 * (corner - 1) + axis]
 
     @compiler.compiled
     def gather(k, found, values, starts, links, forces):
@@ -137,6 +186,9 @@ def _make_gather(compiler: Compiler, real: Any, formulas: SimpleNamespace) -> tu
                 x = taken(x, part, forces[slot, F_X])
                 y = taken(y, part, forces[slot, F_Y])
                 z = taken(z, part, forces[slot, F_Z])
+                if levered:
+                    x, y = x - lever(forces, links[place], 0), y - lever(forces, links[place], 1)
+                    z = z - lever(forces, links[place], 2)
         return x, y, z
 
     @compiler.compiled
@@ -155,12 +207,15 @@ def _make_gather(compiler: Compiler, real: Any, formulas: SimpleNamespace) -> tu
 
 
 @cache
-def make_project(real: Any, math: str, friction: bool) -> SimpleNamespace:
-    """`link_contacts` and `project_contacts`; arrays as cpu_backend/contact/self_contact.py makes them."""
-    compiler = Compiler(f"{np.dtype(real).name}_{math}_{'friction' if friction else 'smooth'}", math)
+def make_project(real: Any, math: str, friction: bool, surfaces: bool = False) -> SimpleNamespace:
+    """`link_contacts` and `project_contacts`; arrays as cpu_backend/contact/self_contact.py makes them. `surfaces`: contacts
+    look at where their triangle is now, and rub without a moment."""
+    variant = f"{np.dtype(real).name}_{math}_{'friction' if friction else 'smooth'}{'_surfaces' * surfaces}"
+    compiler = Compiler(variant, math)
     formulas, zero = contact.make(real, compiler.compiled), real(0)
-    (depth_of, push), shifted = _make_contact(compiler, real, formulas, friction), formulas.shifted
-    gather, load_of = _make_gather(compiler, real, formulas)
+    (depth_of, push), shifted = _make_contact(compiler, real, formulas, friction, surfaces), formulas.shifted
+    levered = friction and surfaces
+    gather, load_of = _make_gather(compiler, real, formulas, levered)
 
     def project_contacts(
         team, member, bands, sweeps, position, begin, found, corners, values, starts, links, weights, parameters, points,
@@ -177,7 +232,7 @@ def make_project(real: Any, math: str, friction: bool) -> SimpleNamespace:
             for band in shares(team, member, bands):
                 for k in range(masses * band // bands, masses * (band + 1) // bands):
                     for slot in range(k * MAX_CONTACTS, k * MAX_CONTACTS + min(found[k], MAX_CONTACTS)):
-                        forces[slot, F_DEPTH] = depth_of(slot, k, points, corners, values)
+                        forces[slot, F_DEPTH] = depth_of(slot, k, points, begin, corners, values)
             for band in shares(team, member, bands):
                 for k in range(masses * band // bands, masses * (band + 1) // bands):
                     loads[k] = load_of(k, found, values, starts, links, forces)
@@ -188,7 +243,7 @@ def make_project(real: Any, math: str, friction: bool) -> SimpleNamespace:
                             push(slot, k, points, begin, corners, values, weights, loads, parameters, forces)
             for band in shares(team, member, bands):
                 for k in range(masses * band // bands, masses * (band + 1) // bands):
-                    if loads[k] > zero and weights[k] > zero:
+                    if (levered or loads[k] > zero) and weights[k] > zero:  # levers also move corners of no weight
                         i, j = k // columns, k % columns
                         x, y, z = gather(k, found, values, starts, links, forces)
                         position[0, i, j] = shifted(points[k, 0], weights[k], x)

@@ -27,7 +27,7 @@ class SurfaceContacts(HeldContacts):
     def __init__(
         self, scene: Scene, real: Any, math: str, threads: int, weights: np.ndarray, meeting: Meeting = TETRAHEDRA_MEET
     ):
-        super().__init__(scene.contact, real, math, threads, weights, VALUES)
+        super().__init__(scene.contact, real, math, threads, weights, VALUES, surfaces=True)
         self._meeting, surface = meeting, meeting.surface(scene)
         self._vertices, self._body, count = surface.vertices, surface.body, len(surface.vertices)
         self._rest = np.ascontiguousarray(surface.rest, real)

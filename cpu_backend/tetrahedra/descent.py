@@ -123,7 +123,7 @@ class VertexBlockDescent(Tetrahedra):
         found: dict[str, StageRun] = {stage_name("start", one.material): start}
         if self._damped:
             many = len(one.corners)
-            found[stage_name("stress", one.material)] = lambda moment: stage.remember(bands, 0, many, before, arrays)
+            found[stage_name("strain", one.material)] = lambda moment: stage.remember(bands, 0, many, before, arrays)
         bounds = one.starts.tolist()
         for colour in range(one.colours):
             found[stage_name("descend", one.material, colour)] = descend(*bounds[colour : colour + 2])

@@ -17,7 +17,9 @@ def make_meeting(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simple
     compiled, contact = compiler.compiled, make_contact(compiler, real, parts)
     within, outer = contact.within, newton.make(real, compiled).outer
     rub = friction.make(real, compiled)
-    unit, straight, slid, sliding, rubbed = rub.unit, rub.straight, rub.slid, rub.sliding, rub.rubbed
+    unit, straight, slid, heading, sliding, rubbed = (
+        rub.unit, rub.straight, rub.slid, rub.heading, rub.sliding, rub.rubbed,
+    )  # fmt: skip
     added, touch = descent.make_vertex(real, compiled).added, make_collide_mass(compiler, real, parts)
     zero, has_friction = real(0), "friction" in parts
 
@@ -42,10 +44,10 @@ def make_meeting(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simple
             n = unit(x, y, z)
             c = answer(b, p, straight(n), number, parameters, bodies, kinds)
             u = slid(p, b, c, parameters.dt, n)
-            if u[0] > zero:
-                v = sliding(c, n, u)
-                w = answer(b, p, v, number, parameters, bodies, kinds)
-                sums = added(sums, rubbed(v, w, n, u, hard, parameters.dt))
+            t = heading(n, u)
+            v = sliding(c, n, t)
+            w = answer(b, p, v, number, parameters, bodies, kinds)
+            sums = added(sums, rubbed(v, w, n, u, t, hard, parameters.dt))
         return sums
 
     return SimpleNamespace(has_bodies=contact.has_bodies, met=met)

@@ -31,20 +31,20 @@ DescentArrays = tuple[np.ndarray, ...]
 
 
 def descent_arrays(found: Descent, real: Any, damped: bool, held: Springs) -> DescentArrays:
-    """(order, starts, offsets, entries, falls, corners, values, stresses, and those of springs) of a material, as kernels
+    """(order, starts, offsets, entries, falls, corners, values, strains, and those of springs) of a material, as kernels
     take them."""
     count = len(found.corners) if damped else 0
-    stresses = np.zeros((count, descent.STRESSES), real)
+    strains = np.zeros((count, descent.STRAINS), real)
     values = np.ascontiguousarray(found.values, real)
     return (
-        found.order, found.starts, found.offsets, found.entries, found.falls, found.corners, values, stresses,
+        found.order, found.starts, found.offsets, found.entries, found.falls, found.corners, values, strains,
         *held.arrays(real),
     )  # fmt: skip
 
 
 @cache
 def make_visits(real: Any, math: str, material: int, damped: bool, parts: frozenset[str] = NOTHING) -> SimpleNamespace:
-    """Loops over a material, from the first of a range to before its last: `remember(first, last, before, arrays)`, stresses
+    """Loops over a material, from the first of a range to before its last: `remember(first, last, before, arrays)`, strains
     of tetrahedra where a substep begins; of vertices of the order `start(first, last, before, velocity, inertial, position,
     arrays, parameters)` and `descend(first, last, position, inertial, arrays, parameters)`. `given`: substep, before, what
     holds particles, bodies, kinds."""
@@ -69,17 +69,17 @@ def make_visits(real: Any, math: str, material: int, damped: bool, parts: frozen
 
     points_of = tuple_of(CORNERS, point_at, compiled)
     values_of = tuple_of(descent.COUNT, value_at, compiled)
-    stresses_of = tuple_of(descent.STRESSES, value_at, compiled)
-    nothing = (zero,) * descent.STRESSES
+    strains_of = tuple_of(descent.STRAINS, value_at, compiled)
+    nothing = (zero,) * descent.STRAINS
     no_sums = (zero,) * descent.SUMS
 
     @compiled
     def remember(first, last, before, arrays):
-        corners, values, stresses = arrays[5], arrays[6], arrays[7]
+        corners, values, strains = arrays[5], arrays[6], arrays[7]
         for t in range(first, last):
             found = held(points_of(before, corners, t, t), values_of(values, t, t, t))
-            for n in range(stresses.shape[1]):
-                stresses[t, n] = found[n]
+            for n in range(strains.shape[1]):
+                strains[t, n] = found[n]
 
     @compiled
     def start(first, last, before, velocity, inertial, position, arrays, parameters):
@@ -95,14 +95,14 @@ def make_visits(real: Any, math: str, material: int, damped: bool, parts: frozen
 
     @compiled
     def descend(first, last, position, inertial, arrays, parameters, given):
-        order, _, offsets, entries, _, corners, values, stresses, meets, sprung_entries, ends, numbers = arrays
+        order, _, offsets, entries, _, corners, values, strains, meets, sprung_entries, ends, numbers = arrays
         rate = parameters[RATE]
         for k in range(first, last):
             vertex = order[k]
             sums = no_sums
             for n in range(offsets[k], offsets[k + 1]):
                 t = entries[n] >> 2
-                old = stresses_of(stresses, t, t, t) if damped else nothing
+                old = strains_of(strains, t, t, t) if damped else nothing
                 sums = added(
                     sums,
                     element(points_of(position, corners, t, t), values_of(values, t, t, t), old, entries[n] & 3, rate),

@@ -19,19 +19,18 @@ from model.tetrahedra.aggregates import MODES, aggregates
 from model.tetrahedra.block_rows import BLOCKS, block_rows
 from model.tetrahedra.material import material_of
 from model.tetrahedra.newton import (
-    DAMPED,
-    STAGED,
     SUMMED,
     element_values,
     holding,
     newton_plan,
     rounding_floor,
+    stage_vectors,
     stages_of,
 )
 from model.tetrahedra.springs import rounding_of, springs
 from model.tetrahedra.tables import surface_lists
 
-VECTORS = 8  # see newton_rows.py; of order 2 one more
+VECTORS = 8  # see newton_rows.py; of order 2 one more, and where dampers are three
 
 
 class TetrahedraNewton(QuadsSimulation):
@@ -47,13 +46,12 @@ class TetrahedraNewton(QuadsSimulation):
         count, tetrahedra = found.particle_count, len(found.tetrahedra)
         held = springs(found, "newton")
         rows = block_rows(found.tetrahedra, count, held.pairs)
-        blocks, dampers = len(rows.columns), len(rows.columns) if DAMPED in self.plan.parts else 0
-        matrix = ((tetrahedra * BLOCKS + len(held.blocks), 9), (blocks, 9), (dampers, 9), (count, 6), (tetrahedra, 12))
+        matrix = ((tetrahedra * BLOCKS + len(held.blocks), 9), (len(rows.columns), 9), (count, 6), (tetrahedra, 12))
         rigid = aggregates(found, rows, self.body.inverse_mass > 0)
         size = MODES * rigid.count
         coarse = ((rigid.count, 4), (size, rigid.width), (1, size), (1, size))
         hard = holding(found).astype(real)[:, None]
-        groups, vectors = -(-max(count, tetrahedra) // SUMMED), VECTORS + (STAGED in self.plan.parts)
+        groups, vectors = -(-max(count, tetrahedra) // SUMMED), VECTORS + stage_vectors(self.plan.parts)
         self._solver = (
             (np.ascontiguousarray(found.tetrahedra, np.int32), material_of(found), element_values(found).astype(real)),
             (*rows.arrays, *held.arrays(real)), tuple(np.zeros((count, 3), real) for _ in range(vectors)),

@@ -7,24 +7,26 @@ from typing import Any
 
 from cpu_backend.core.compile import Compiler
 from model.formulas.constraints.tetrahedron import HOOKEAN
-from model.formulas.elastic import deformation, newton, tangent
+from model.formulas.elastic import damper, deformation, newton, tangent
 from model.tetrahedra.block_rows import BLOCKS
-from model.tetrahedra.newton import AT_ALPHA, AT_DAMPING, AT_LAME, AT_MU, AT_VOLUME, SUMMED
+from model.tetrahedra.newton import AT_ALPHA, AT_DAMPING, AT_LAME, AT_MU, AT_VOLUME, DAMPED, STAGED, SUMMED
 
 
-def make_elements(compiler: Compiler, real: Any) -> SimpleNamespace:
-    """`look(first, last, points, elements, forces, sums)`: energies, and forces on the four corners, of the tetrahedra of
-    the groups `first` to before `last` of SUMMED; `blocks(first, last, points, elements, damped, safe, found)`: their
-    tangents, in rows of BLOCKS blocks, times the damping time where `damped`. `elements`: (corners, materials, values)."""
+def make_elements(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
+    """`look(first, last, points, since, elements, forces, sums)`: energies, and forces on the four corners, of the tetrahedra
+    of the groups `first` to before `last` of SUMMED; `blocks(first, last, points, since, elements, safe, found)`: their
+    tangents, in rows of BLOCKS blocks; both with what dampers add. `elements`: (corners, materials, values); `since`: see
+    `make_damper`."""
     compiled = compiler.compiled
     elastic, shape = deformation.make_gradient(real, compiled), tangent.make(real, compiled)
     gradient, at_corners, rotation = elastic.gradient, elastic.corners, deformation.make_rotation(real, compiled)
     stress, frame, moduli, block, seen_in = shape.stress, shape.frame, shape.moduli, shape.block, shape.seen_in
-    doubt, zero, one = newton.make(real, compiled).doubt, real(0), real(1)
-
-    @compiled
-    def row(points, k):
-        return points[k, 0], points[k, 1], points[k, 2]
+    doubt, zero = newton.make(real, compiled).doubt, real(0)
+    viscous, damped, of_damper = make_damper(compiler, real, parts), DAMPED in parts, damper.make(real, compiled)
+    stressed, scaled, positive, squared, added = (
+        of_damper.stressed, of_damper.scaled, of_damper.positive, of_damper.squared, of_damper.block,
+    )  # fmt: skip
+    row = make_row(compiler)
 
     @compiled
     def rest_of(values, n):
@@ -45,7 +47,7 @@ def make_elements(compiler: Compiler, real: Any) -> SimpleNamespace:
         forces[n, 3 * corner + 2] = volume * g[2]
 
     @compiled
-    def look(first, last, points, elements, forces, sums):
+    def look(first, last, points, since, elements, forces, sums):
         corners, materials, values = elements
         for group in range(first, last):
             total, unsure = zero, zero
@@ -54,13 +56,19 @@ def make_elements(compiler: Compiler, real: Any) -> SimpleNamespace:
                 f = deformed(points, corners, rest, n)
                 r = f if material == HOOKEAN else rotation(f)
                 held, p = stress(material, f, r, values[n, AT_MU], values[n, AT_LAME], values[n, AT_ALPHA])
+                energy = volume * held
+                off = doubt(held, volume, values[n, AT_MU], values[n, AT_LAME], material == HOOKEAN)
+                if damped:
+                    mu, lame = scaled(values[n, AT_DAMPING], since[0], values[n, AT_MU], values[n, AT_LAME])
+                    lost, pull = viscous(n, points, f, rest, since, corners, mu, lame)
+                    p = stressed(p, f, pull)
+                    energy, off = energy + volume * lost, off + doubt(lost, volume, mu, lame, False)
                 a, b, c, d = at_corners(p, rest)
                 put(forces, n, 0, volume, a)
                 put(forces, n, 1, volume, b)
                 put(forces, n, 2, volume, c)
                 put(forces, n, 3, volume, d)
-                total = total + volume * held
-                unsure = unsure + doubt(held, volume, values[n, AT_MU], values[n, AT_LAME], material == HOOKEAN)
+                total, unsure = total + energy, unsure + off
             sums[0, group], sums[1, group] = total, unsure
 
     @compiled
@@ -76,24 +84,82 @@ def make_elements(compiler: Compiler, real: Any) -> SimpleNamespace:
                 found[first + 2, m], found[first + 3, m] = c, d
 
     @compiled
-    def blocks(first, last, points, elements, damped, safe, found):
+    def blocks(first, last, points, since, elements, safe, found):
         corners, materials, values = elements
         for n in range(first * SUMMED, min(last * SUMMED, len(corners))):
             rest = rest_of(values, n)
             f = deformed(points, corners, rest, n)
             s, u, v = frame(f, rotation(f))
             axial, sums, offs = moduli(materials[n], s, values[n, AT_MU], values[n, AT_LAME], values[n, AT_ALPHA], safe)
-            weight = values[n, AT_VOLUME] * (values[n, AT_DAMPING] if damped else one)
-            b = seen_in(v, rest[0], rest[1], rest[2])
-            c = seen_in(v, rest[3], rest[4], rest[5])
-            d = seen_in(v, rest[6], rest[7], rest[8])
-            seen, place = (b, c, d), n * BLOCKS + 4
+            weight = values[n, AT_VOLUME]
+            b, c, d = (rest[0], rest[1], rest[2]), (rest[3], rest[4], rest[5]), (rest[6], rest[7], rest[8])
+            if damped:
+                mu, lame = scaled(values[n, AT_DAMPING], since[0], values[n, AT_MU], values[n, AT_LAME])
+                _, pull = viscous(n, points, f, rest, since, corners, mu, lame)
+                if safe:
+                    pull = positive(pull)
+                ff, rows = squared(f), (b, c, d)
+            seen = seen_in(v, b[0], b[1], b[2]), seen_in(v, c[0], c[1], c[2]), seen_in(v, d[0], d[1], d[2])
+            place = n * BLOCKS + 4
             for p in range(3):  # a loop, so that a block is compiled once
                 for q in range(p, 3):
                     h = block(u, axial, sums, offs, seen[p], seen[q])
+                    if damped:
+                        h = added(h, f, ff, pull, mu, lame, rows[p], rows[q])
                     for m in range(9):
                         found[place, m] = weight * h[m]
                     place += 1
             complete(n * BLOCKS, found)
 
-    return SimpleNamespace(look=look, blocks=blocks, row=row)
+    return SimpleNamespace(look=look, blocks=blocks)
+
+
+def make_row(compiler: Compiler) -> Any:
+    """row(points, k): a point, three numbers."""
+
+    @compiler.compiled
+    def row(points, k):
+        return points[k, 0], points[k, 1], points[k, 2]
+
+    return row
+
+
+def make_damper(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
+    """viscous(n, points, f, rest, since, corners, mu, lame): (D, N) of tetrahedron n (model/formulas/elastic/damper.py).
+    `since`: (1 / h, where particles were as the stage began, where they were at the first stage's start and end, whether this
+    is the second one)."""
+    compiled, formulas = compiler.compiled, damper.make(real, compiler.compiled)
+    gradient, row = deformation.make_gradient(real, compiled).gradient, make_row(compiler)
+    increment, beyond, resisted, staged = formulas.increment, formulas.beyond, formulas.resisted, STAGED in parts
+
+    @compiled
+    def difference(points, other, k):
+        p, q = row(points, k), row(other, k)
+        return p[0] - q[0], p[1] - q[1], p[2] - q[2]
+
+    @compiled
+    def change(n, points, other, corners, rest):
+        """F of `points` less that of `other` ones: by differences, since where a body flies as a whole float32 would make
+        strains that are none."""
+        a, b, c, d = corners[n, 0], corners[n, 1], corners[n, 2], corners[n, 3]
+        return gradient(
+            difference(points, other, a),
+            difference(points, other, b),
+            difference(points, other, c),
+            difference(points, other, d),
+            rest,
+        )
+
+    @compiled
+    def viscous(n, points, f, rest, since, corners, mu, lame):
+        _, before, origin, middle, second = since
+        if staged and second:
+            e = increment(f, change(n, points, middle, corners, rest))
+            a, b, c, d = corners[n, 0], corners[n, 1], corners[n, 2], corners[n, 3]
+            f = gradient(row(middle, a), row(middle, b), row(middle, c), row(middle, d), rest)
+            e = beyond(e, increment(f, change(n, middle, origin, corners, rest)))
+        else:
+            e = increment(f, change(n, points, before, corners, rest))
+        return resisted(e, mu, lame)
+
+    return viscous

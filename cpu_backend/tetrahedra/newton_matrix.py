@@ -9,48 +9,37 @@ from typing import Any
 
 from cpu_backend.core.compile import Compiler
 from model.formulas.elastic import newton
-from model.tetrahedra.block_rows import BLOCKS
 from model.tetrahedra.newton import SUMMED
-from model.tetrahedra.springs import PARTS
 
 AXES = 3
 
 
 def make_matrix_rows(compiler: Compiler, real: Any, parts: frozenset[str], contact: SimpleNamespace) -> SimpleNamespace:
-    """`apply(k, rows, blocks, vector)`, `resist`: a row's product, three numbers; `assemble(...)`, `gather_damper(...)` of
-    groups."""
-    compiled, formulas, gathered = (
-        compiler.compiled,
-        newton.make(real, compiler.compiled),
-        make_gather(compiler, real, parts),
-    )
+    """`apply(k, rows, blocks, vector)`: a row's product, three numbers; `assemble(...)` of groups."""
+    compiled, formulas = compiler.compiled, newton.make(real, compiler.compiled)
     inertia_of, inverse, outer = formulas.inertia_of, formulas.inverse, formulas.outer
-    has_bodies, nearly_within, gather = contact.has_bodies, contact.nearly_within, gathered.gather
+    has_bodies, nearly_within, gather = contact.has_bodies, contact.nearly_within, make_gather(compiler)
     zero, one = real(0), real(1)
 
     @compiled
-    def assemble(first, last, number, position, target, before, rows, matrix, given, damped, sums):
+    def assemble(first, last, number, position, target, before, rows, matrix, given, sums):
         """The rows of the matrix and the inverse of their diagonals; sums[0]: how many of these are not positive."""
         starts, diagonal = rows[0], rows[2]
-        blocks, damper, inverses = matrix[1], matrix[2], matrix[3]
+        blocks, inverses = matrix[1], matrix[2]
         parameters = given[0]
-        rate = parameters.newton_rate
         for group in range(first, last):
             bad = zero
             for k in range(group * SUMMED, min((group + 1) * SUMMED, len(diagonal))):
                 if before[k, 3] == zero:
                     continue
                 for n in range(starts[k], starts[k + 1]):
-                    gather(n, rows, matrix[0], len(matrix[0]), blocks)
-                    if damped:
-                        for m in range(9):
-                            blocks[n, m] = blocks[n, m] + rate * damper[n, m]
+                    gather(n, rows, matrix[0], blocks)
                 n, inertia = diagonal[k], inertia_of(parameters.newton_inertia, before[k, 3])
                 for axis in range(AXES):
                     blocks[n, 4 * axis] = blocks[n, 4 * axis] + inertia
                 if has_bodies:
                     x, y, z, hard = nearly_within(
-                        k, number, position, target, before, matrix[5], (given[0], given[3], given[4])
+                        k, number, position, target, before, matrix[4], (given[0], given[3], given[4])
                     )
                     a, b, c, d, e, f = outer(x, y, z, hard)
                     blocks[n, 0], blocks[n, 4], blocks[n, 8] = blocks[n, 0] + a, blocks[n, 4] + d, blocks[n, 8] + f
@@ -66,13 +55,11 @@ def make_matrix_rows(compiler: Compiler, real: Any, parts: frozenset[str], conta
                     bad = bad + one
             sums[0, group] = bad
 
-    return SimpleNamespace(
-        assemble=assemble, gather_damper=gathered.gather_damper, **vars(make_products(compiler, real))
-    )
+    return SimpleNamespace(assemble=assemble, apply=make_product(compiler, real))
 
 
-def make_products(compiler: Compiler, real: Any) -> SimpleNamespace:
-    """`apply`, `resist`: of one row of the matrix, its product with a vector."""
+def make_product(compiler: Compiler, real: Any) -> Any:
+    """apply(k, rows, blocks, vector): of one row of the matrix, its product with a vector."""
     compiled, zero = compiler.compiled, real(0)
 
     @compiled
@@ -87,39 +74,20 @@ def make_products(compiler: Compiler, real: Any) -> SimpleNamespace:
             z = z + ((blocks[n, 6] * p + blocks[n, 7] * q) + blocks[n, 8] * r)
         return x, y, z
 
-    @compiled
-    def resist(k, rows, blocks, vector):
-        """As `apply`, of a matrix whose rows add up to nothing: by differences, since of a body that flies as a whole float32
-        would make forces that are none."""
-        starts, columns = rows[0], rows[1]
-        ox, oy, oz = vector[k, 0], vector[k, 1], vector[k, 2]
-        x, y, z = zero, zero, zero
-        for n in range(starts[k], starts[k + 1]):
-            c = columns[n]
-            p, q, r = vector[c, 0] - ox, vector[c, 1] - oy, vector[c, 2] - oz
-            x = x + ((blocks[n, 0] * p + blocks[n, 1] * q) + blocks[n, 2] * r)
-            y = y + ((blocks[n, 3] * p + blocks[n, 4] * q) + blocks[n, 5] * r)
-            z = z + ((blocks[n, 6] * p + blocks[n, 7] * q) + blocks[n, 8] * r)
-        return x, y, z
-
-    return SimpleNamespace(apply=apply, resist=resist)
+    return apply
 
 
-def make_gather(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
-    """`gather`, of a block; `gather_damper`, of those of groups of rows."""
-    compiled, zero, sprung = compiler.compiled, real(0), bool(parts & PARTS)
+def make_gather(compiler: Compiler) -> Any:
+    """gather(n, rows, found, into): block `n` of the rows, of all tetrahedra that have a part in it, and of springs."""
 
-    @compiled
-    def gather(n, rows, found, limit, into):
-        """Block `n` of the rows, of all tetrahedra that have a part in it, and of what else lies before `limit`."""
+    @compiler.compiled
+    def gather(n, rows, found, into):
         sources, items = rows[3], rows[4]
         for m in range(9):
-            into[n, m] = zero
+            into[n, m] = 0
         for one_of in range(sources[n], sources[n + 1]):
             item = items[one_of]
             place = item >> 1
-            if sprung and place >= limit:
-                continue
             if item & 1:
                 for i in range(AXES):
                     for j in range(AXES):
@@ -128,10 +96,4 @@ def make_gather(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleN
                 for m in range(9):
                     into[n, m] = into[n, m] + found[place, m]
 
-    @compiled
-    def gather_damper(first, last, rows, matrix):
-        starts, particles = rows[0], len(rows[2])
-        for n in range(starts[first * SUMMED], starts[min(last * SUMMED, particles)]):
-            gather(n, rows, matrix[0], BLOCKS * len(matrix[4]), matrix[2])
-
-    return SimpleNamespace(gather=gather, gather_damper=gather_damper)
+    return gather

@@ -1,9 +1,9 @@
 """What Newton's method does with particles, group by group, on CPU threads: each sums up its own row, in one order.
 
 `vectors`: (target, current, gradient of the potential, that at a trial, solution, residual, direction, product of the matrix
-or what is preconditioned or the way since the substep's start; at order 2 also velocities at its first stage's start), each
-(particles, 3); `rows`: model/tetrahedra/block_rows.py's arrays, then those of springs; `matrix`: (blocks of tetrahedra and
-of springs, of rows, of the damper's rows, inverse of the diagonal as six numbers, forces at corners, what holds each particle
+or what is preconditioned; at order 2 also velocities at its first stage's start, and where dampers are, positions at its
+start and end), each (particles, 3); `rows`: model/tetrahedra/block_rows.py's arrays, then those of springs; `matrix`: (blocks
+of tetrahedra and of springs, of rows, inverse of the diagonal as six numbers, forces at corners, what holds each particle
 [N/m]).
 """
 
@@ -75,12 +75,10 @@ def make_solving(compiler: Compiler, real: Any, apply: Any, corrected: Any) -> S
             total = zero
             for k in range(group * SUMMED, min((group + 1) * SUMMED, len(before))):
                 if before[k, 3] > zero:
-                    precondition(k, matrix[3], residual, into)
+                    precondition(k, matrix[2], residual, into)
                     x, y, z = corrected(k, position, groups, coarse)
                     into[k, 0], into[k, 1], into[k, 2] = into[k, 0] + x, into[k, 1] + y, into[k, 2] + z
                     total = total + dot(residual, into, k)
-                else:  # its way in this substep lies there
-                    into[k, 0], into[k, 1], into[k, 2] = zero, zero, zero
             sums[0, group] = total
 
     @compiled
@@ -94,41 +92,28 @@ def make_solving(compiler: Compiler, real: Any, apply: Any, corrected: Any) -> S
 
 
 def make_moving(
-    compiler: Compiler, real: Any, parts: frozenset[str], resist: Any, dot: Any, contact: SimpleNamespace
+    compiler: Compiler, real: Any, parts: frozenset[str], dot: Any, contact: SimpleNamespace
 ) -> SimpleNamespace:
     """`weigh`: the potential's gradient at the positions, the rest of its energy; `move`, `accept`, `put`, over groups."""
     compiled, formulas = compiler.compiled, newton.make(real, compiler.compiled)
     inertia_of, kept, moved = formulas.inertia_of, formulas.kept, formulas.moved
     has_bodies, within = contact.has_bodies, contact.within
-    zero, half = real(0), real(0.5)
+    zero = real(0)
     pulled, sprung = make_springs(compiler, real).pulled, bool(parts & PARTS)
 
     @compiled
-    def still(away, k):
-        return (away[k, 0] == zero) & (away[k, 1] == zero) & (away[k, 2] == zero)
-
-    @compiled
-    def weigh(first, last, number, position, before, rows, vectors, matrix, given, damped, sums):
-        target, gradient, away, parameters = vectors[0], vectors[3], vectors[7], given[0]
-        meets, corners, forces = rows[5], rows[6], matrix[4]
+    def weigh(first, last, number, position, before, rows, vectors, matrix, given, sums):
+        target, gradient, parameters = vectors[0], vectors[3], given[0]
+        meets, corners, forces = rows[5], rows[6], matrix[3]
         for group in range(first, last):
             total = zero
             for k in range(group * SUMMED, min((group + 1) * SUMMED, len(position))):
                 if before[k, 3] == zero:
-                    if damped and not still(away, k):  # one that is moved works against dampers, too
-                        p, q, r = resist(k, rows, matrix[2], away)
-                        p, q, r = parameters.newton_rate * p, parameters.newton_rate * q, parameters.newton_rate * r
-                        total = total + half * ((p * away[k, 0] + q * away[k, 1]) + r * away[k, 2])
                     continue
                 inertia = inertia_of(parameters.newton_inertia, before[k, 3])
                 x, y, z = position[k, 0] - target[k, 0], position[k, 1] - target[k, 1], position[k, 2] - target[k, 2]
                 own = kept(inertia, x, y, z)
                 x, y, z = inertia * x, inertia * y, inertia * z
-                if damped:
-                    p, q, r = resist(k, rows, matrix[2], away)
-                    p, q, r = parameters.newton_rate * p, parameters.newton_rate * q, parameters.newton_rate * r
-                    own = own + half * ((p * away[k, 0] + q * away[k, 1]) + r * away[k, 2])
-                    x, y, z = x + p, y + q, z + r
                 for n in range(meets[k], meets[k + 1]):
                     tetrahedron, corner = corners[n] >> 2, AXES * (corners[n] & 3)
                     x = x + forces[tetrahedron, corner]
@@ -138,7 +123,7 @@ def make_moving(
                     p, q, r, _, held = pulled(k, position, (rows[7], rows[8], rows[9], rows[10]))
                     own, x, y, z = own + held, x + p, y + q, z + r
                 if has_bodies:
-                    p, q, r, hard = within(k, number, position, before, matrix[5], (given[0], given[3], given[4]))
+                    p, q, r, hard = within(k, number, position, before, matrix[4], (given[0], given[3], given[4]))
                     own = own + kept(hard, p, q, r)
                     x, y, z = x + hard * p, y + hard * q, z + hard * r
                 gradient[k, 0], gradient[k, 1], gradient[k, 2] = x, y, z
@@ -147,7 +132,7 @@ def make_moving(
 
     @compiled
     def move(first, last, share, position, before, vectors, sums):
-        current, gradient, solution, away = vectors[1], vectors[2], vectors[4], vectors[7]
+        current, gradient, solution = vectors[1], vectors[2], vectors[4]
         for group in range(first, last):
             total = zero
             for k in range(group * SUMMED, min((group + 1) * SUMMED, len(position))):
@@ -155,8 +140,6 @@ def make_moving(
                     for axis in range(AXES):
                         position[k, axis] = moved(current[k, axis], share, solution[k, axis])
                     total = total + dot(gradient, solution, k)
-                for axis in range(AXES):
-                    away[k, axis] = position[k, axis] - before[k, axis]
             sums[0, group] = total
 
     @compiled
@@ -168,14 +151,11 @@ def make_moving(
                 gradient[k, axis] = trial[k, axis]
 
     @compiled
-    def put(first, last, position, before, source, vectors):
-        """The places in `source` are the positions, but of pins, and how far they are from those at the substep's start is
-        kept."""
-        away = vectors[7]
+    def put(first, last, position, before, source):
+        """The places in `source` are the positions, but of pins."""
         for k in range(first * SUMMED, min(last * SUMMED, len(position))):
             for axis in range(AXES):
                 if before[k, 3] > zero:
                     position[k, axis] = source[k, axis]
-                away[k, axis] = position[k, axis] - before[k, axis]
 
     return SimpleNamespace(weigh=weigh, move=move, accept=accept, put=put)

@@ -27,6 +27,7 @@ from model.formulas.elastic import stages
 from model.tetrahedra.newton import DAMPED, STAGED, SUMMED
 
 SUMS = 2
+START, ORIGIN = 8, 9  # of the vectors: see newton_rows.py
 DONE = ("solves", "looks", "matrices", "products", "steps")  # that a simulation has done
 
 
@@ -39,15 +40,19 @@ def make_substep_ends(
     update_velocity, collide = ends.update, ends.collide
     has_bodies, pressed = contact.has_bodies, contact.pressed
     drive, has_motion = make_drive(compiler, real), "motion" in parts
-    ahead, staged = stages.make(real, compiler.compiled), STAGED in parts
+    ahead, staged, damped = stages.make(real, compiler.compiled), STAGED in parts, DAMPED in parts
 
     @compiler.compiled
-    def begin_stage(low, high, number, state, given, start):
-        """The first stage of a substep keeps velocities in `start`; the second one begins ahead of the first one's end."""
+    def begin_stage(low, high, number, state, given, vectors):
+        """The first stage of a substep keeps its velocities, and for dampers its positions, at its start and end; the second
+        one begins ahead of the first one's end."""
         position, velocity, before = state
+        start = vectors[START]
         h = given[0].dt
         for k in range(low, high):
             for axis in range(3):
+                if damped:
+                    vectors[ORIGIN + number % 2][k, axis] = position[k, axis]
                 if number % 2 == 0:
                     start[k, axis] = velocity[k, axis]
                 elif before[k, 3] != 0:
@@ -70,7 +75,7 @@ def make_substep_ends(
         parameters, integers, wind_lists, _, _, _ = given
         low, high = first * SUMMED, min(last * SUMMED, len(position))
         if staged:
-            begin_stage(low, high, number, state, given, vectors[len(vectors) - 1])
+            begin_stage(low, high, number, state, given, vectors)
         for k in range(low, high):
             for axis in range(position.shape[1]):
                 before[k, axis] = position[k, axis]
@@ -81,7 +86,7 @@ def make_substep_ends(
         for k in range(low, high):
             for axis in range(3):
                 target[k, axis] = position[k, axis]
-        put(first, last, position, before, before, vectors)
+        put(first, last, position, before, before)
 
     @compiler.compiled
     def finish_groups(first, last, number, state, given, matrix):
@@ -92,7 +97,7 @@ def make_substep_ends(
         if has_motion:
             drive_between(low, high, number, state, given)
         if has_bodies:
-            pressed(low, high, number, position, velocity, before, matrix[5], (parameters, bodies, kinds))
+            pressed(low, high, number, position, velocity, before, matrix[4], (parameters, bodies, kinds))
             collide(low, high, number, before, position, velocity, parameters, bodies, kinds)
 
     return SimpleNamespace(begin_groups=begin_groups, finish_groups=finish_groups)
@@ -105,26 +110,24 @@ def make_pass(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
     (elements, rows, vectors, matrix, sums, groups, coarse), see newton_elements.py, newton_rows.py and newton_coarse.py.
     """
     contact = make_contact(compiler, real, parts)
-    elements, of_rows = make_elements(compiler, real), make_matrix_rows(compiler, real, parts, contact)
+    elements, of_rows = make_elements(compiler, real, parts), make_matrix_rows(compiler, real, parts, contact)
     level = make_coarse(compiler, real)
     solving = make_solving(compiler, real, of_rows.apply, level.corrected)
-    moving = make_moving(compiler, real, parts, of_rows.resist, solving.dot, contact)
-    look, blocks, gather_damper, assemble = elements.look, elements.blocks, of_rows.gather_damper, of_rows.assemble
+    moving = make_moving(compiler, real, parts, solving.dot, contact)
+    look, blocks, assemble = elements.look, elements.blocks, of_rows.assemble
     start, product, update, direct = solving.start, solving.product, solving.update, solving.direct
     correct, centre, gather, restrict = solving.correct, level.centre, level.gather, level.restrict
     weigh, move, accept, put = moving.weigh, moving.move, moving.accept, moving.put
     ends = make_substep_ends(compiler, real, parts, put, contact)
     begin_groups, finish_groups = ends.begin_groups, ends.finish_groups
-    damped = DAMPED in parts
+    two_stages = DAMPED in parts and STAGED in parts
 
     @compiler.compiled
     def matrix_pass(kind, first, last, number, alpha, beta, state, given, solver):
         _, rows, vectors, matrix, sums, groups, coarse = solver
         position, _, before = state
-        if kind == passes.DAMPER_ROWS:
-            gather_damper(first, last, rows, matrix)
-        elif kind == passes.ROWS:
-            assemble(first, last, number, position, vectors[0], before, rows, matrix, given, damped, sums)
+        if kind == passes.ROWS:
+            assemble(first, last, number, position, vectors[0], before, rows, matrix, given, sums)
         elif kind == passes.SOLVE:
             start(first, last, before, vectors)
         elif kind == passes.PRODUCT:
@@ -147,8 +150,16 @@ def make_pass(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
         """Of how many things a band gets its part: groups, or SUMMED tetrahedra or particles each."""
         if kind in (passes.CENTRES, passes.COARSE, passes.RESTRICT):
             return np.int64(groups)
-        of_elements = kind in (passes.LOOK, passes.BLOCKS, passes.DAMPER_BLOCKS)
+        of_elements = kind in (passes.LOOK, passes.BLOCKS)
         return ((tetrahedra if of_elements else particles) + SUMMED - 1) // SUMMED
+
+    @compiler.compiled
+    def since_of(number, before, given, vectors):
+        """See make_damper in newton_elements.py."""
+        rate = given[0].newton_rate
+        if two_stages:
+            return rate, before, vectors[ORIGIN], vectors[ORIGIN + 1], number % 2 == 1
+        return rate, before, before, before, False
 
     @compiler.compiled
     def one_pass(kind, band, bands, frame, number, safe, alpha, beta, share, state, given, solver):
@@ -159,21 +170,19 @@ def make_pass(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
         if kind == passes.BEGIN:
             begin_groups(first, last, frame, number, state, given, vectors)
         elif kind == passes.LOOK:
-            look(first, last, position, elements, matrix[4], sums)
+            look(first, last, position, since_of(number, before, given, vectors), elements, matrix[3], sums)
         elif kind == passes.BLOCKS:
-            blocks(first, last, position, elements, False, safe != 0, matrix[0])
-        elif kind == passes.DAMPER_BLOCKS:
-            blocks(first, last, before, elements, True, True, matrix[0])
+            blocks(first, last, position, since_of(number, before, given, vectors), elements, safe != 0, matrix[0])
         elif kind == passes.WEIGH:
-            weigh(first, last, number, position, before, rows, vectors, matrix, given, damped, sums)
+            weigh(first, last, number, position, before, rows, vectors, matrix, given, sums)
         elif kind == passes.MOVE:
             move(first, last, share, position, before, vectors, sums)
         elif kind == passes.ACCEPT:
             accept(first, last, position, vectors)
         elif kind == passes.RETURN:
-            put(first, last, position, before, vectors[1], vectors)
+            put(first, last, position, before, vectors[1])
         elif kind == passes.AHEAD:
-            put(first, last, position, before, vectors[0], vectors)
+            put(first, last, position, before, vectors[0])
         elif kind == passes.FINISH:
             finish_groups(first, last, number, state, given, matrix)
         else:
@@ -189,7 +198,7 @@ def make_newton_advance(real: Any, math: str, parts: frozenset[str]) -> Any:
     added to."""
     compiler = Compiler(cloth_variant("newton", real, math, parts), math)
     one_pass = make_pass(compiler, real, parts)
-    after, damped, zero = passes.make_control(real, compiler.compiled).after, DAMPED in parts, real(0)
+    after, zero = passes.make_control(real, compiler.compiled).after, real(0)
 
     @compiler.compiled
     def total(sums, place, groups):
@@ -222,7 +231,7 @@ def make_newton_advance(real: Any, math: str, parts: frozenset[str]) -> Any:
             values[0], values[1], values[2], values[3], values[4], values[5], values[6], values[7], values[8],
             values[9],
         )  # fmt: skip
-        later, counts, kept = after(kind, counts, kept, first, second, iterations, damped, floor)
+        later, counts, kept = after(kind, counts, kept, first, second, iterations, floor)
         control[2], control[3], control[4], control[5], control[6] = counts
         values[0], values[1], values[2], values[3], values[4], values[5], values[6], values[7], values[8], values[9] = (
             kept

@@ -30,7 +30,7 @@ class HeldContacts:
 
     record: Any
 
-    def __init__(self, part: Any, real: Any, math: str, weights: np.ndarray, stream: Any):
+    def __init__(self, part: Any, real: Any, math: str, weights: np.ndarray, stream: Any, surfaces: bool = False):
         self._real, self._stream, self._sweeps = real, stream, part.sweeps
         masses = len(weights)
         most = masses * MAX_CONTACTS
@@ -41,7 +41,9 @@ class HeldContacts:
         self._link_counts, self._link_starts, self._link_cursors = (self._integers(masses) for _ in range(3))
         self._links, self._lost = self._integers(3 * most), self._new(np.zeros(1, np.int64))
         self._link_scan = Scan(masses, stream)
-        self._project, self._of_masses = make_project(real, math, part.static_friction > 0), self._launch(masses)
+        rubs = part.static_friction > 0
+        self._turns = self._new(np.zeros(2 * SIZE * most if rubs and surfaces else 0, real))
+        self._project, self._of_masses = make_project(real, math, rubs, surfaces), self._launch(masses)
 
     def _new(self, array: np.ndarray) -> Any:
         return cuda.to_device(array, stream=self._stream)
@@ -73,14 +75,14 @@ class HeldContacts:
         kernels, flat = self._project, self._of_masses
         links = self._link_starts, self._link_counts, self._links
         for _ in range(self._sweeps):
-            kernels.deepen[flat](position, self.found, self.corners, self._normals, self.shares, self._forces)
+            kernels.deepen[flat](position, before, self.found, self.corners, self._normals, self.shares, self._forces)
             kernels.load_up[flat](self.found, self.shares, *links, self._forces, self._loads)
             kernels.push[flat](
                 position, before, self.found, self.corners, self._normals, self.shares, self._weights, self._loads,
-                self.record, self._forces,
+                self.record, self._forces, self._turns,
             )  # fmt: skip
             kernels.gather[flat](
-                position, self.found, self.shares, *links, self._weights, self._loads, self._forces
+                position, self.found, self.shares, *links, self._weights, self._loads, self._forces, self._turns
             )  # fmt: skip
 
 

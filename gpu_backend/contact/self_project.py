@@ -14,7 +14,7 @@ from gpu_backend.core.compile import kernel_options, make_kernels, variant_name
 from gpu_backend.core.formulas import device_formulas
 from gpu_backend.core.quads import load_quad, store_quad
 from model.contact.self_contact_parameters import MAX_CONTACTS
-from model.formulas import contact
+from model.formulas import contact, surface_contact
 
 
 @cache
@@ -87,13 +87,51 @@ def _link(real: Any, math: str) -> tuple[Any, ...]:
     return fill_links, sort_links, load_up
 
 
-def _move(real: Any, math: str, friction: bool) -> tuple[Any, ...]:
+@cache
+def _make_now(real: Any, math: str) -> SimpleNamespace:
+    """As on the CPU."""
+    device, f = cuda.jit(device=True, **kernel_options(math)), device_formulas(surface_contact.make, real, math)
+    still_deep, levers = f.still_deep, f.levers
+
+    @device
+    def difference(points, a, b):
+        p, q = load_quad(points, a), load_quad(points, b)
+        return q[0] - p[0], q[1] - p[1], q[2] - p[2]
+
+    @device
+    def shallower(k, a, b, c, position, before, n, w, r, depth):
+        return still_deep(
+            (n[0], n[1], n[2]), r, w[0], w[1], difference(before, a, b), difference(before, a, c), difference(position, a, k),
+            difference(position, a, b), difference(position, a, c), depth, n[3],
+        )  # fmt: skip
+
+    @device
+    def turned(a, b, c, position, r, j):
+        return levers(r, j, difference(position, a, b), difference(position, a, c))
+
+    @device
+    def lever(turns, place):
+        """Of a triangle's corner: of contact place // 3 the corner place % 3."""
+        slot, corner = place // 3, place % 3
+        if corner == 0:
+            s, t = load_quad(turns, 2 * slot), load_quad(turns, 2 * slot + 1)
+            return -(s[0] + t[0]), -(s[1] + t[1]), -(s[2] + t[2])
+        s = load_quad(turns, 2 * slot + corner - 1)
+        return s[0], s[1], s[2]
+
+    return SimpleNamespace(shallower=shallower, turned=turned, lever=lever)
+
+
+def _move(real: Any, math: str, friction: bool, surfaces: bool) -> tuple[Any, ...]:
+    current = _make_now(real, math)
+    shallower, turned, lever = current.shallower, current.turned, current.lever
+    levered = friction and surfaces
     corners_of, f, zero = _make_corners(real, math), device_formulas(contact.make, real, math), real(0)
     held, offset, share = corners_of.held, corners_of.offset, corners_of.share
     dot, length, along, stiffness, inverse, slip = f.dot, f.length, f.along, f.stiffness, f.inverse, f.slip
     correction, rubbed, taken, shifted = f.correction, f.rubbed, f.taken, f.shifted
 
-    def deepen(position, found, corners, normals, weights, forces):
+    def deepen(position, before, found, corners, normals, weights, forces):
         """forces (quads): how deep a contact is."""
         k = np.int64(cuda.grid(1))
         if k < found.size:
@@ -102,9 +140,14 @@ def _move(real: Any, math: str, friction: bool) -> tuple[Any, ...]:
                 n, w = load_quad(normals, slot), load_quad(weights, slot)
                 a, b, c = corners[3 * slot], corners[3 * slot + 1], corners[3 * slot + 2]
                 x, y, z = offset(position, k, a, b, c, w[0], w[1])
-                store_quad(forces, slot, zero, zero, zero, n[3] - dot(n[0], n[1], n[2], x, y, z))
+                depth = n[3] - dot(n[0], n[1], n[2], x, y, z)
+                if surfaces:
+                    if depth > zero:
+                        r = offset(before, k, a, b, c, w[0], w[1])
+                        depth = shallower(k, a, b, c, position, before, n, w, r, depth)
+                store_quad(forces, slot, zero, zero, zero, depth)
 
-    def push(position, before, found, corners, normals, weights, mass_weights, loads, record, forces):
+    def push(position, before, found, corners, normals, weights, mass_weights, loads, record, forces, turns):
         """How a contact moves its mass, for a weight of 1."""
         parameters = record[0]
         k = np.int64(cuda.grid(1))
@@ -121,6 +164,7 @@ def _move(real: Any, math: str, friction: bool) -> tuple[Any, ...]:
                     ))  # fmt: skip
                     if friction:
                         x, y, z = offset(position, k, a, b, c, w[0], w[1])
+                        r = x, y, z
                         ox, oy, oz = offset(before, k, a, b, c, w[0], w[1])
                         x, y, z = x - ox, y - oy, z - oz
                         toward = dot(n[0], n[1], n[2], x, y, z)
@@ -129,15 +173,19 @@ def _move(real: Any, math: str, friction: bool) -> tuple[Any, ...]:
                         x = rubbed(depth, n[0], part, x, scale)
                         y = rubbed(depth, n[1], part, y, scale)
                         z = rubbed(depth, n[2], part, z, scale)
+                        if surfaces:
+                            d, e = turned(a, b, c, position, r, (x, y, z))
+                            store_quad(turns, 2 * slot, d[0], d[1], d[2], zero)
+                            store_quad(turns, 2 * slot + 1, e[0], e[1], e[2], zero)
                     else:
                         x, y, z = (
                             correction(depth, n[0], scale), correction(depth, n[1], scale), correction(depth, n[2], scale)
                         )  # fmt: skip
                     store_quad(forces, slot, x, y, z, depth)
 
-    def gather(position, found, weights, starts, counts, links, mass_weights, loads, forces):
+    def gather(position, found, weights, starts, counts, links, mass_weights, loads, forces, turns):
         k = np.int64(cuda.grid(1))
-        if k < found.size and loads[k] > zero and mass_weights[k] > zero:
+        if k < found.size and (levered or loads[k] > zero) and mass_weights[k] > zero:
             x, y, z = zero, zero, zero
             first, last = held(found, k)
             for slot in range(first, last):
@@ -149,6 +197,9 @@ def _move(real: Any, math: str, friction: bool) -> tuple[Any, ...]:
                 if force[3] > zero:
                     part = share(weights, links[entry])
                     x, y, z = taken(x, part, force[0]), taken(y, part, force[1]), taken(z, part, force[2])
+                    if levered:
+                        d = lever(turns, links[entry])
+                        x, y, z = x - d[0], y - d[1], z - d[2]
             p, w = load_quad(position, k), mass_weights[k]
             store_quad(position, k, shifted(p[0], w, x), shifted(p[1], w, y), shifted(p[2], w, z), p[3])
 
@@ -156,7 +207,8 @@ def _move(real: Any, math: str, friction: bool) -> tuple[Any, ...]:
 
 
 @cache
-def make_project(real: Any, math: str, friction: bool) -> SimpleNamespace:
-    """The kernels `fill_links` and `sort_links` (once a substep), `deepen`, `load_up`, `push` and `gather` (each sweep)."""
-    variant = f"contacts_{variant_name(real, math, f'friction_{int(friction)}')}"
-    return make_kernels((*_link(real, math), *_move(real, math, friction)), variant, **kernel_options(math))
+def make_project(real: Any, math: str, friction: bool, surfaces: bool = False) -> SimpleNamespace:
+    """The kernels `fill_links` and `sort_links` (once a substep), `deepen`, `load_up`, `push` and `gather` (each sweep).
+    `surfaces`: as on the CPU; `turns`: where they rub, two quads a contact, else nothing."""
+    variant = f"contacts_{variant_name(real, math, f'friction_{int(friction)}')}{'_surfaces' * surfaces}"
+    return make_kernels((*_link(real, math), *_move(real, math, friction, surfaces)), variant, **kernel_options(math))

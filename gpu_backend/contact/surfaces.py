@@ -31,7 +31,7 @@ class SurfaceContacts(HeldContacts):
     def __init__(
         self, scene: Scene, real: Any, math: str, weights: np.ndarray, stream: Any, meeting: Meeting = TETRAHEDRA_MEET
     ):
-        super().__init__(scene.contact, real, math, weights, stream)
+        super().__init__(scene.contact, real, math, weights, stream, surfaces=True)
         self._meeting, surface = meeting, meeting.surface(scene)
         vertices, bodies = surface.vertices, len(surface.edge)
         self._vertices, self._body = self._new(vertices), self._new(surface.body)

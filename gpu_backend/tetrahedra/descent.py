@@ -20,7 +20,7 @@ from gpu_backend.xpbd.mesh import THREADS
 from model.core.constraints import ConstraintSet, Projection
 from model.core.plan import Moment, Plan, StageRun
 from model.formulas.elastic.chebyshev import weights
-from model.formulas.elastic.descent import STRESSES
+from model.formulas.elastic.descent import STRAINS
 from model.scene.scene import Scene
 from model.tetrahedra.constraints import DAMPED
 from model.tetrahedra.descent import ACCELERATE, CHEBYSHEV, Descent, descents, stage_name, vbd_plan, visited
@@ -47,7 +47,7 @@ class VertexBlockDescent(Tetrahedra):
         needed = 9 * SIZE * self.particle_count * item
         for found in descents(self.scene):
             needed += found.corners.nbytes + found.entries.nbytes + found.offsets.nbytes + 2 * found.order.nbytes
-            needed += (found.values.size + STRESSES * len(found.corners)) * item
+            needed += (found.values.size + STRAINS * len(found.corners)) * item
         self._require_memory(needed, self.named, f"{self.particle_count} vertices")
 
     def _allocate(self) -> None:
@@ -76,12 +76,12 @@ class VertexBlockDescent(Tetrahedra):
         kernels = make_visits(real, self.options.math, found.number, damped, visited(self.plan.parts))
         corners, values = self.on_device(pack(found.corners)), self.on_device(pack(found.values.astype(real)))
         lists = tuple(self.on_device(one) for one in (found.order, found.offsets, found.entries))
-        stresses = self.on_device(np.zeros(STRESSES * len(found.corners) if damped else 1, real))
+        strains = self.on_device(np.zeros(STRAINS * len(found.corners) if damped else 1, real))
         all_of, every = self._over(len(found.corners), THREADS), np.int32(len(found.order))
         each, falls = self._over(len(found.order), THREADS), self.on_device(found.falls)
 
         def remember(before: Any, velocity: Any, position: Any, time: Any) -> None:
-            kernels.remember[all_of](before, corners, values, stresses, count)
+            kernels.remember[all_of](before, corners, values, strains, count)
 
         def start(before: Any, velocity: Any, position: Any, time: Any) -> None:
             kernels.start[each](before, velocity, self._inertial, position, lists[0], falls, every, self.record)
@@ -94,7 +94,7 @@ class VertexBlockDescent(Tetrahedra):
                 *lists,
                 corners,
                 values,
-                stresses,
+                strains,
                 *self._springs,
                 before,
                 self._holds,
@@ -106,7 +106,7 @@ class VertexBlockDescent(Tetrahedra):
             )
 
         if damped:
-            self._first.append((stage_name("stress", found.material), remember))
+            self._first.append((stage_name("strain", found.material), remember))
         self._first.append((stage_name("start", found.material), start))
         bounds = found.starts.tolist()
         for colour in range(found.colours):

@@ -20,7 +20,9 @@ def make_meeting(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace
     inline, contact = inlined(math), make_contact(real, math, parts)
     within, outer = contact.within, device_formulas(newton.make, real, math).outer
     rub = device_formulas(friction.make, real, math)
-    unit, straight, slid, sliding, rubbed = rub.unit, rub.straight, rub.slid, rub.sliding, rub.rubbed
+    unit, straight, slid, heading, sliding, rubbed = (
+        rub.unit, rub.straight, rub.slid, rub.heading, rub.sliding, rub.rubbed,
+    )  # fmt: skip
     added, touch = device_formulas(descent.make_vertex, real, math).added, make_collide(real, math, parts)
     scaled = device_formulas(solving.make, real, math).scaled
     zero, has_friction = real(0), "friction" in parts
@@ -38,10 +40,10 @@ def make_meeting(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace
                 _, _, _, cx, cy, cz = touch(b, p[0], p[1], p[2], v[0], v[1], v[2], world, number)
                 c = cx, cy, cz
                 u = slid(p, b, c, h, n)
-                if u[0] > zero:
-                    v = sliding(c, n, u)
-                    _, _, _, wx, wy, wz = touch(b, p[0], p[1], p[2], v[0], v[1], v[2], world, number)
-                    sums = added(sums, rubbed(v, (wx, wy, wz), n, u, hard, h))
+                t = heading(n, u)
+                v = sliding(c, n, t)
+                _, _, _, wx, wy, wz = touch(b, p[0], p[1], p[2], v[0], v[1], v[2], world, number)
+                sums = added(sums, rubbed(v, (wx, wy, wz), n, u, t, hard, h))
         return sums
 
     return SimpleNamespace(has_bodies=contact.has_bodies, met=met)

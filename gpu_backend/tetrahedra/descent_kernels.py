@@ -1,6 +1,6 @@
 """CUDA kernels that visit vertices of tetrahedral bodies: a thread for each of a colour, no two of which share a tetrahedron.
 
-Corners, values and stresses are flat and lie column by column; what a visit computes is in model/formulas/elastic/descent.py.
+Corners, values and strains are flat and lie column by column; what a visit computes is in model/formulas/elastic/descent.py.
 """
 
 from __future__ import annotations
@@ -50,9 +50,9 @@ def make_accelerate(real: Any, math: str) -> Any:
 
 @cache
 def make_visits(real: Any, math: str, material: int, damped: bool, parts: frozenset[str] = NOTHING) -> SimpleNamespace:
-    """`remember(before, corners, values, stresses, count)`: of every tetrahedron of a material, where a substep begins;
+    """`remember(before, corners, values, strains, count)`: of every tetrahedron of a material, where a substep begins;
     `start(before, velocity, inertial, position, order, falls, stop, record)`: of the vertices before `stop` of the order,
-    pinned ones too; `descend(position, inertial, order, offsets, entries, corners, values, stresses, meets,
+    pinned ones too; `descend(position, inertial, order, offsets, entries, corners, values, strains, meets,
     sprung_entries, ends, numbers, before, holds, first, stop, count, record, bodies, integers, counter, place, substeps,
     substep)`: of a colour; `meets` to `numbers`: of springs; `holds` (particles,) [N/m]; which are looked at where `parts`
     has such. `count`: tetrahedra of the material."""
@@ -63,7 +63,7 @@ def make_visits(real: Any, math: str, material: int, damped: bool, parts: frozen
     meeting, clock = make_meeting(real, math, parts), make_clock(math, parts)
     has_bodies, met = meeting.has_bodies, meeting.met
     nobody, one, two, three = np.int32(0), np.int32(1), np.int32(2), np.int32(3)
-    nothing, no_sums = (zero,) * descent.STRESSES, (zero,) * descent.SUMS
+    nothing, no_sums = (zero,) * descent.STRAINS, (zero,) * descent.SUMS
 
     @inline
     def xyz(quad):
@@ -72,30 +72,30 @@ def make_visits(real: Any, math: str, material: int, damped: bool, parts: frozen
     def point_at(n: int) -> Any:
         return inline(lambda position, corners, count, t: xyz(load_quad(position, corners[n])))
 
-    def stress_at(n: int) -> Any:
-        return inline(lambda stresses, unused, count, t: stresses[np.uint32(np.int32(n * count) + t)])
+    def strain_at(n: int) -> Any:
+        return inline(lambda strains, unused, count, t: strains[np.uint32(np.int32(n * count) + t)])
 
     def keep_at(n: int) -> Any:
         @inline
-        def keep(stresses, unused, count, t, stress):
-            stresses[np.uint32(np.int32(n * count) + t)] = stress
+        def keep(strains, unused, count, t, strain):
+            strains[np.uint32(np.int32(n * count) + t)] = strain
 
         return keep
 
     corners_of, values_of = make_row(CORNERS, inline), make_row(descent.COUNT, inline)
-    points_at, stresses_of = tuple_of(CORNERS, point_at, inline), tuple_of(descent.STRESSES, stress_at, inline)
-    keep_all = each_of(descent.STRESSES, keep_at, inline)
+    points_at, strains_of = tuple_of(CORNERS, point_at, inline), tuple_of(descent.STRAINS, strain_at, inline)
+    keep_all = each_of(descent.STRAINS, keep_at, inline)
 
     @inline
     def points_of(position, corners, count, t):
         return points_at(position, corners_of(corners, count, t), count, t)
 
-    def remember(before, corners, values, stresses, size):
+    def remember(before, corners, values, strains, size):
         t = np.int32(cuda.grid(1))  # type: ignore[call-arg]
         count = np.int32(size)
         if t < count:
             found = held(points_of(before, corners, count, t), values_of(values, count, t))
-            keep_all(stresses, t, count, t, found)
+            keep_all(strains, t, count, t, found)
 
     def start(before, velocity, inertial, position, order, falls, stop, record):
         k = np.int32(cuda.grid(1))  # type: ignore[call-arg]
@@ -108,7 +108,7 @@ def make_visits(real: Any, math: str, material: int, damped: bool, parts: frozen
             store_quad(position, vertex, x, y, z, b[3])
 
     def descend(
-        position, inertial, order, offsets, entries, corners, values, stresses, meets, sprung_entries, ends, numbers, before,
+        position, inertial, order, offsets, entries, corners, values, strains, meets, sprung_entries, ends, numbers, before,
         holds, first, stop, size, record, bodies, integers, counter, place, substeps, substep,
     ):  # fmt: skip
         parameters = record[0]
@@ -120,7 +120,7 @@ def make_visits(real: Any, math: str, material: int, damped: bool, parts: frozen
                 t, corner = entries[n] >> two, entries[n] & three
                 old = nothing
                 if damped:
-                    old = stresses_of(stresses, t, count, t)
+                    old = strains_of(strains, t, count, t)
                 points = points_of(position, corners, count, t)
                 sums = added(sums, element(points, values_of(values, count, t), old, corner, rate))
             if sprung:

@@ -27,13 +27,12 @@ from model.tetrahedra.block_rows import BLOCKS, block_rows
 from model.tetrahedra.constraints import ITERATED
 from model.tetrahedra.material import material_of
 from model.tetrahedra.newton import (
-    DAMPED,
-    STAGED,
     SUMMED,
     element_values,
     holding,
     newton_plan,
     rounding_floor,
+    stage_vectors,
     stages_of,
 )
 from model.tetrahedra.springs import rounding_of, springs
@@ -50,7 +49,7 @@ class TetrahedraNewton(DrivenSimulation):
         if options.kernel not in (None, "cooperative"):
             raise unknown_kernel(options.kernel, ("cooperative",), "for implicit tetrahedral bodies on the gpu")
         self.plan, self.kernel, self.threads = newton_plan(scene, options.live), "cooperative", THREADS
-        self._working = WORKING + (STAGED in self.plan.parts)
+        self._working = WORKING + stage_vectors(self.plan.parts)
         self._make_tables()
         self._require_space()
         self._start()
@@ -73,10 +72,9 @@ class TetrahedraNewton(DrivenSimulation):
             )
         )
         tetrahedra, blocks, size = len(found.tetrahedra), len(rows.columns), len(groups.reach)
-        dampers = blocks if DAMPED in self.plan.parts else 0
         parts = max(-(-max(count, tetrahedra) // SUMMED), groups.count)
         self._sizes = (  # of the arrays that are only worked in, as the kernel takes them
-            9 * (BLOCKS * tetrahedra + len(self._springs.blocks)), 9 * blocks, 9 * dampers, 6 * count, 4 * SIZE * tetrahedra,
+            9 * (BLOCKS * tetrahedra + len(self._springs.blocks)), 9 * blocks, 6 * count, 4 * SIZE * tetrahedra,
         )  # fmt: skip
         inverse = int(pairs.places[-1]) if self.options.math != "exact" else 0
         self._coarse_sizes = SIZE * groups.count, size * groups.width, 3 * size, inverse

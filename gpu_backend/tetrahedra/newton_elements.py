@@ -17,9 +17,9 @@ from gpu_backend.core.formulas import device_formulas
 from gpu_backend.core.quads import load_quad, store_quad
 from model.core.tuples import tuple_of
 from model.formulas.constraints.tetrahedron import HOOKEAN
-from model.formulas.elastic import deformation, newton, solving, tangent
+from model.formulas.elastic import damper, deformation, newton, solving, tangent
 from model.tetrahedra.block_rows import BLOCKS
-from model.tetrahedra.newton import AT_ALPHA, AT_DAMPING, AT_LAME, AT_MU, AT_VOLUME
+from model.tetrahedra.newton import AT_ALPHA, AT_DAMPING, AT_LAME, AT_MU, AT_VOLUME, DAMPED, STAGED
 
 
 @cache
@@ -58,7 +58,8 @@ def make_block_access(math: str) -> SimpleNamespace:
 
 @cache
 def make_reading(real: Any, math: str) -> SimpleNamespace:
-    """`rest_of(values, n, count, n)`: B of tetrahedron n of `count`; `deformed(n, position, corners, rest)`: F."""
+    """`rest_of(values, n, count, n)`: B of tetrahedron n of `count`; `deformed(n, position, corners, rest)`: F; `changed(n,
+    position, other, corners, rest)`: F less that of the `other` positions, by differences."""
     inline, four = inlined(math), np.int32(4)
     gradient = device_formulas(deformation.make_gradient, real, math).gradient
 
@@ -79,13 +80,50 @@ def make_reading(real: Any, math: str) -> SimpleNamespace:
             xyz(load_quad(position, corners[first + 2])), xyz(load_quad(position, corners[first + 3])), rest,
         )  # fmt: skip
 
-    return SimpleNamespace(rest_of=rest_of, deformed=deformed)
+    @inline
+    def difference(position, other, k):
+        p, q = load_quad(position, k), load_quad(other, k)
+        return p[0] - q[0], p[1] - q[1], p[2] - q[2]
+
+    @inline
+    def changed(n, position, other, corners, rest):
+        first = np.int32(four * n)
+        return gradient(
+            difference(position, other, corners[first]), difference(position, other, corners[first + 1]),
+            difference(position, other, corners[first + 2]), difference(position, other, corners[first + 3]), rest,
+        )  # fmt: skip
+
+    return SimpleNamespace(rest_of=rest_of, deformed=deformed, changed=changed)
 
 
 @cache
-def make_look(real: Any, math: str) -> Any:
-    """look(n, count, position, corners, materials, values, forces) -> (energy, its doubt) [J], with the forces at the four
-    corners of tetrahedron n of `count`."""
+def make_damper(real: Any, math: str, parts: frozenset[str]) -> Any:
+    """viscous(n, v, f, rest, number, corners, mu, lame): (D, N) of tetrahedron n, as on the CPU."""
+    inline, reading, formulas = inlined(math), make_reading(real, math), device_formulas(damper.make, real, math)
+    deformed, changed = reading.deformed, reading.changed
+    increment, beyond, resisted = formulas.increment, formulas.beyond, formulas.resisted
+    staged, two = STAGED in parts, np.int64(2)
+
+    @inline
+    def viscous(n, v, f, rest, number, corners, mu, lame):
+        if staged:
+            if number % two == 1:
+                e = increment(f, changed(n, v.position, v.middle, corners, rest))
+                f = deformed(n, v.middle, corners, rest)
+                e = beyond(e, increment(f, changed(n, v.middle, v.origin, corners, rest)))
+            else:
+                e = increment(f, changed(n, v.position, v.before, corners, rest))
+        else:
+            e = increment(f, changed(n, v.position, v.before, corners, rest))
+        return resisted(e, mu, lame)
+
+    return viscous
+
+
+@cache
+def make_look(real: Any, math: str, parts: frozenset[str]) -> Any:
+    """look(n, count, v, corners, materials, values, rate, number, forces) -> (energy, its doubt) [J], with the forces at the
+    four corners of tetrahedron n of `count`, and what dampers add to all three; `rate`: 1 / h, of the solve `number`."""
     inline, four, zero = inlined(math), np.int32(4), real(0)
     at_corners = device_formulas(deformation.make_gradient, real, math).corners
     rotation, products = (
@@ -95,6 +133,10 @@ def make_look(real: Any, math: str) -> Any:
     stress, doubt = device_formulas(tangent.make, real, math).stress, device_formulas(newton.make, real, math).doubt
     times, scaled, reading = products.times, products.scaled, make_reading(real, math)
     rest_of, deformed = reading.rest_of, reading.deformed
+    viscous, damped, of_damper = (
+        make_damper(real, math, parts), DAMPED in parts, device_formulas(damper.make, real, math),
+    )  # fmt: skip
+    stressed, moduli = of_damper.stressed, of_damper.scaled
 
     @inline
     def put(forces, place, volume, g):
@@ -102,30 +144,36 @@ def make_look(real: Any, math: str) -> Any:
         store_quad(forces, place, x, y, z, zero)
 
     @inline
-    def look(n, count, position, corners, materials, values, forces):
+    def look(n, count, v, corners, materials, values, rate, number, forces):
         material, rest, volume = materials[n], rest_of(values, n, count, n), values[AT_VOLUME * count + n]
         mu, lame = values[AT_MU * count + n], values[AT_LAME * count + n]
-        f = deformed(n, position, corners, rest)
+        f = deformed(n, v.position, corners, rest)
         r = f
         if material != HOOKEAN:
             r = rotation(f)
         held, p = stress(material, f, r, mu, lame, values[AT_ALPHA * count + n])
+        energy, unsure = times(volume, held), doubt(held, volume, mu, lame, material == HOOKEAN)
+        if damped:
+            mu, lame = moduli(values[AT_DAMPING * count + n], rate, mu, lame)
+            lost, pull = viscous(n, v, f, rest, number, corners, mu, lame)
+            p = stressed(p, f, pull)
+            energy, unsure = energy + times(volume, lost), unsure + doubt(lost, volume, mu, lame, False)
         a, b, c, d = at_corners(p, rest)
         first = np.int32(four * n)
         put(forces, first, volume, a)
         put(forces, np.int32(first + 1), volume, b)
         put(forces, np.int32(first + 2), volume, c)
         put(forces, np.int32(first + 3), volume, d)
-        return times(volume, held), doubt(held, volume, mu, lame, material == HOOKEAN)
+        return energy, unsure
 
     return look
 
 
 @cache
-def make_blocks(real: Any, math: str) -> Any:
-    """blocks(n, count, position, corners, materials, values, damped, safe, found): the tangent of tetrahedron n of `count`,
-    BLOCKS blocks, times the damping time where `damped`."""
-    inline, one, every = inlined(math), real(1), np.int32(BLOCKS)
+def make_blocks(real: Any, math: str, parts: frozenset[str]) -> Any:
+    """blocks(n, count, v, corners, materials, values, rate, number, safe, found): the tangent of tetrahedron n of `count`,
+    BLOCKS blocks, with what dampers add."""
+    inline, every = inlined(math), np.int32(BLOCKS)
     rotation, shape = device_formulas(deformation.make_rotation, real, math), device_formulas(tangent.make, real, math)
     frame, moduli, block, seen_in = shape.frame, shape.moduli, shape.block, shape.seen_in
     products, access, reading = (
@@ -133,8 +181,12 @@ def make_blocks(real: Any, math: str) -> Any:
         make_block_access(math),
         make_reading(real, math),
     )
-    times, weighted, rest_of, deformed = products.times, products.weighted, reading.rest_of, reading.deformed
+    weighted, rest_of, deformed = products.weighted, reading.rest_of, reading.deformed
     store_block, transposed, added = access.store_block, access.transposed, access.added
+    viscous, damped, of_damper = (
+        make_damper(real, math, parts), DAMPED in parts, device_formulas(damper.make, real, math),
+    )  # fmt: skip
+    scaled, positive, squared, resisting = of_damper.scaled, of_damper.positive, of_damper.squared, of_damper.block
 
     @inline
     def negative(a):
@@ -146,32 +198,28 @@ def make_blocks(real: Any, math: str) -> Any:
         return negative(added(added(a, b), c))
 
     @inline
-    def blocks(n, count, position, corners, materials, values, damped, safe, found):
+    def blocks(n, count, v, corners, materials, values, rate, number, safe, found):
         rest, weight = rest_of(values, n, count, n), values[AT_VOLUME * count + n]
+        mu, lame = values[AT_MU * count + n], values[AT_LAME * count + n]
+        f = deformed(n, v.position, corners, rest)
+        s, u, w = frame(f, rotation(f))
+        axial, sums, offs = moduli(materials[n], s, mu, lame, values[AT_ALPHA * count + n], safe)
+        b, c, d = (rest[0], rest[1], rest[2]), (rest[3], rest[4], rest[5]), (rest[6], rest[7], rest[8])
+        p, q, r = seen_in(w, b[0], b[1], b[2]), seen_in(w, c[0], c[1], c[2]), seen_in(w, d[0], d[1], d[2])
+        bb, bc = block(u, axial, sums, offs, p, p), block(u, axial, sums, offs, p, q)
+        bd, cc = block(u, axial, sums, offs, p, r), block(u, axial, sums, offs, q, q)
+        cd, dd = block(u, axial, sums, offs, q, r), block(u, axial, sums, offs, r, r)
         if damped:
-            weight = times(weight, values[AT_DAMPING * count + n])
-        else:
-            weight = times(weight, one)
-        f = deformed(n, position, corners, rest)
-        s, u, v = frame(f, rotation(f))
-        axial, sums, offs = moduli(
-            materials[n], s, values[AT_MU * count + n], values[AT_LAME * count + n], values[AT_ALPHA * count + n], safe
-        )  # fmt: skip
-        b = seen_in(v, rest[0], rest[1], rest[2])
-        c = seen_in(v, rest[3], rest[4], rest[5])
-        d = seen_in(v, rest[6], rest[7], rest[8])
-        bb, bc = (
-            weighted(weight, block(u, axial, sums, offs, b, b)),
-            weighted(weight, block(u, axial, sums, offs, b, c)),
-        )
-        bd, cc = (
-            weighted(weight, block(u, axial, sums, offs, b, d)),
-            weighted(weight, block(u, axial, sums, offs, c, c)),
-        )
-        cd, dd = (
-            weighted(weight, block(u, axial, sums, offs, c, d)),
-            weighted(weight, block(u, axial, sums, offs, d, d)),
-        )
+            mu, lame = scaled(values[AT_DAMPING * count + n], rate, mu, lame)
+            _, pull = viscous(n, v, f, rest, number, corners, mu, lame)
+            if safe:
+                pull = positive(pull)
+            ff = squared(f)
+            bb, bc = resisting(bb, f, ff, pull, mu, lame, b, b), resisting(bc, f, ff, pull, mu, lame, b, c)
+            bd, cc = resisting(bd, f, ff, pull, mu, lame, b, d), resisting(cc, f, ff, pull, mu, lame, c, c)
+            cd, dd = resisting(cd, f, ff, pull, mu, lame, c, d), resisting(dd, f, ff, pull, mu, lame, d, d)
+        bb, bc, bd = weighted(weight, bb), weighted(weight, bc), weighted(weight, bd)
+        cc, cd, dd = weighted(weight, cc), weighted(weight, cd), weighted(weight, dd)
         first = np.int32(every * n)
         store_block(found, np.int32(first + 4), bb)
         store_block(found, np.int32(first + 5), bc)

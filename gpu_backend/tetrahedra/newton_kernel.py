@@ -39,7 +39,6 @@ from model.formulas.elastic.newton import (
     CENTRES,
     COARSE,
     CORRECT,
-    DAMPER_BLOCKS,
     DIRECTION,
     FINISH,
     LOOK,
@@ -51,10 +50,10 @@ from model.formulas.elastic.newton import (
     UPDATE,
     WEIGH,
 )
-from model.tetrahedra.newton import DAMPED, SUMMED
+from model.tetrahedra.newton import SUMMED
 
 DONE = ("solves", "looks", "matrices", "products", "steps")  # that a simulation has done
-WORKING = len(Vectors._fields) - 2  # vectors beside the state: directions are two, and few scenes have `start`
+WORKING = len(Vectors._fields) - 4  # vectors beside the state: directions are two, and few scenes have the last three
 
 
 class Lists(NamedTuple):
@@ -104,7 +103,8 @@ def _views(math: str) -> SimpleNamespace:
         n, w = position.size, working
         return Vectors(
             position, velocity, w[:n], w[n : 2 * n], w[2 * n : 3 * n], w[3 * n : 4 * n], w[4 * n : 5 * n], w[5 * n : 6 * n],
-            w[6 * n : 7 * n], w[7 * n : 8 * n], w[8 * n : 9 * n], w[9 * n : 10 * n], w[10 * n : 12 * n], w[12 * n :],
+            w[6 * n : 7 * n], w[7 * n : 8 * n], w[8 * n : 9 * n], w[9 * n : 11 * n], w[11 * n : 12 * n],
+            w[12 * n : 13 * n], w[13 * n :],
         )  # fmt: skip
 
     @inline
@@ -130,25 +130,25 @@ def _views(math: str) -> SimpleNamespace:
 
 @cache
 def make_newton(real: Any, math: str, parts: frozenset[str]) -> Any:
-    """kernel(position, velocity, working, values, found, blocks, damper, inverses, forces, holding, springs, centres, band,
+    """kernel(position, velocity, working, values, found, blocks, inverses, forces, holding, springs, centres, band,
     unknowns, inverse, tables, sums, flags, done, record, bodies, integers, counter, steps, solves, iterations, floor):
     `steps` steps, of so many `solves` each, of the state in `position` and `velocity`. `working`: WORKING vectors of quads,
-    of order 2 one more; `values`: of tetrahedra, column by column; then those of Matrix and Coarse, of which `unknowns` has
+    of order 2 some more; `values`: of tetrahedra, column by column; then those of Matrix and Coarse, of which `unknowns` has
     three; `tables`: `packed`; `sums`: twice what groups sum up; `flags` (1,) int32, 0 before the launch; `done` (DONE,) int64
     is added to; `floor`: of residuals that are left alone."""
     views, dispatch, sum_up = _views(math), _make_dispatch(real, math, parts), _make_sum_up(real, math)
     vectors_of, lists_of, coarse_of = views.vectors, views.lists, views.coarse
     # decided in exact math always: a trial may be so far off that its energy is no number, which fast math takes for one
     after, meet = device_formulas(newton.make_control, real, "exact").after, make_meet(math)
-    damped, has_time, zero, quick = DAMPED in parts, knows_time(parts), real(0), math != "exact"
+    has_time, zero, quick = knows_time(parts), real(0), math != "exact"
 
     def newton_steps(
-        position, velocity, working, values, found, blocks, damper, inverses, forces, holding, springs, centres, band,
+        position, velocity, working, values, found, blocks, inverses, forces, holding, springs, centres, band,
         unknowns, inverse, tables, sums, flags, done, record, bodies, integers, counter, steps, solves, iterations, floor,
     ):  # fmt: skip
         shared = cuda.shared.array(ROOM, real)
         world = World(record[0], bodies, integers)
-        matrix = Matrix(found, blocks, damper, inverses, forces, holding, springs)
+        matrix = Matrix(found, blocks, inverses, forces, holding, springs)
         v, lists = vectors_of(position, velocity, working), lists_of(tables)
         coarse = coarse_of(lists, centres, band, unknowns, inverse)
         wanted, turn, flip, half = np.int32(cuda.gridDim.x), 0, 0, sums.size // 2
@@ -184,10 +184,10 @@ def make_newton(real: Any, math: str, parts: frozenset[str]) -> Any:
                     kind = RESTRICT
                 elif kind == PRODUCT:
                     flip = 1 - flip
-                kind, counts, kept = after(kind, counts, kept, first, second, iterations, damped, floor)
+                kind, counts, kept = after(kind, counts, kept, first, second, iterations, floor)
                 if quick:
                     if kind in (RESTRICT, DIRECTION):  # has been done, or is done with the next pass
-                        kind, counts, kept = after(kind, counts, kept, zero, zero, iterations, damped, floor)
+                        kind, counts, kept = after(kind, counts, kept, zero, zero, iterations, floor)
                 turn = 1 - turn
             if first_thread:
                 done[0] += 1
@@ -207,9 +207,9 @@ def _make_dispatch(real: Any, math: str, parts: frozenset[str]) -> Any:
     def dispatch(kind, v, matrix, lists, coarse, values, world, time, safe, flip, shares, shared, sums):
         block, blocks = np.int32(cuda.blockIdx.x), np.int32(cuda.gridDim.x)
         particles, tetrahedra = np.int32(v.position.size // quad), np.int32(len(lists.materials))
-        if kind in (LOOK, BLOCKS, DAMPER_BLOCKS):
+        if kind in (LOOK, BLOCKS):
             for unit in range(block, (tetrahedra + unit_size - 1) // unit_size, blocks):
-                of_elements(kind, unit, tetrahedra, v, matrix, lists, values, safe, shared, sums)
+                of_elements(kind, unit, tetrahedra, v, matrix, lists, values, world, time[1], safe, shared, sums)
         elif kind in (CENTRES, COARSE, FACTOR, INVERT, RESTRICT, BACK):
             coarse_pass(kind, v, matrix, lists, coarse, shared, sums)
         elif quick and kind in (SOLVE, UPDATE, PRODUCT, CORRECT):

@@ -16,22 +16,19 @@ from gpu_backend.core.quads import load_quad, store_quad
 from gpu_backend.tetrahedra.newton_coarse import make_band, make_coarse, make_couple
 from gpu_backend.tetrahedra.newton_contact import make_contact
 from gpu_backend.tetrahedra.newton_elements import make_block_access, make_blocks, make_look
-from gpu_backend.tetrahedra.newton_pins import MOTION, make_driven
+from gpu_backend.tetrahedra.newton_pins import make_driven
 from gpu_backend.tetrahedra.newton_quick import make_invert, make_quick_groups, make_quick_product
 from gpu_backend.tetrahedra.newton_rows import make_moving, make_rows, make_solving
 from gpu_backend.tetrahedra.newton_sums import TEAM, UNIT, make_sums
 from gpu_backend.xpbd.mesh_kernels import AXES
 from gpu_backend.xpbd.point import make_motion
 from model.formulas import distance
-from model.formulas.elastic import newton as passes
 from model.formulas.elastic import stages
 from model.formulas.elastic.newton import (
     BEGIN,
     CENTRES,
     COARSE,
     CORRECT,
-    DAMPER_BLOCKS,
-    DAMPER_ROWS,
     DIRECTION,
     FINISH,
     KINDS,
@@ -43,7 +40,6 @@ from model.formulas.elastic.newton import (
     UPDATE,
     WEIGH,
 )
-from model.tetrahedra.block_rows import BLOCKS as BLOCKS_EACH
 from model.tetrahedra.newton import DAMPED, STAGED, SUMMED
 from model.xpbd.mesh_plan import BODY_DAMPING
 
@@ -64,10 +60,13 @@ def make_substep_ends(real: Any, math: str, parts: frozenset[str]) -> SimpleName
     )  # fmt: skip
     moves, driven = pins.moves, pins.driven
     ahead, staged, two = device_formulas(stages.make, real, math), STAGED in parts, np.int64(2)
+    damped = DAMPED in parts
 
     @inline
     def begin_stage(k, p, w, v, h, number):
         """As on the CPU (cpu_backend/tetrahedra/newton_steps.py)."""
+        if damped:
+            store_quad(v.origin if number % two == 0 else v.middle, k, p[0], p[1], p[2], zero)
         if number % two == 0:
             store_quad(v.start, k, w[0], w[1], w[2], zero)
         elif p[3] != zero:
@@ -93,14 +92,11 @@ def make_substep_ends(real: Any, math: str, parts: frozenset[str]) -> SimpleName
             w = slowed(w[0], w[3], h), slowed(w[1], w[3], h), slowed(w[2], w[3], h), w[3]
         x, y, z = predict(p, w, ax, ay, az, world.parameters)
         store_quad(v.before, k, p[0], p[1], p[2], p[3])
-        dx, dy, dz = zero, zero, zero
         if moves:
             if p[3] == zero:
                 x, y, z, _, _, _ = driven(k, p, lists, world, time[1])
                 store_quad(v.position, k, x, y, z, p[3])
-                dx, dy, dz = x - p[0], y - p[1], z - p[2]
         store_quad(v.target, k, x, y, z, p[3])
-        store_quad(v.away, k, dx, dy, dz, zero)
 
     @inline
     def finish(k, v, matrix, lists, world, number):
@@ -125,34 +121,18 @@ def make_substep_ends(real: Any, math: str, parts: frozenset[str]) -> SimpleName
 
 @cache
 def make_assembly(real: Any, math: str, parts: frozenset[str]) -> Any:
-    """assemble(kind, group, particles, matrix, lists, world): of a block, the rows of SUMMED particles put together from
-    blocks of their tetrahedra; the damper's too, and where they are damped, what dampers add."""
+    """assemble(group, particles, matrix, lists): of a block, the rows of SUMMED particles put together from blocks of their
+    tetrahedra."""
     gather, inline = make_rows(real, math, parts).gather, inlined(math)
-    access, moved = make_block_access(math), device_formulas(passes.make, real, math).moved
-    load_block, store_block = access.load_block, access.store_block
-    summed, kept, damped = np.int32(SUMMED), np.int32(BLOCKS_EACH), DAMPED in parts
+    store_block, summed = make_block_access(math).store_block, np.int32(SUMMED)
 
     @inline
-    def assemble(kind, group, particles, matrix, lists, world):
+    def assemble(group, particles, matrix, lists):
         t, threads = np.int32(cuda.threadIdx.x), np.int32(cuda.blockDim.x)
-        first, rate = np.int32(group * summed), world.parameters.newton_rate
+        first = np.int32(group * summed)
         last = np.int32(min(np.int32(first + summed), particles))
         for n in range(lists.starts[first] + t, lists.starts[last], threads):
-            limit = np.int32(matrix.found.size // 9)
-            if kind == DAMPER_ROWS:
-                limit = np.int32(len(lists.materials) * kept)
-            m = gather(n, lists, matrix.found, limit)
-            if kind == DAMPER_ROWS:
-                store_block(matrix.damper, n, m)
-            else:
-                if damped:
-                    d = load_block(matrix.damper, n)
-                    m = (
-                        moved(m[0], rate, d[0]), moved(m[1], rate, d[1]), moved(m[2], rate, d[2]),
-                        moved(m[3], rate, d[3]), moved(m[4], rate, d[4]), moved(m[5], rate, d[5]),
-                        moved(m[6], rate, d[6]), moved(m[7], rate, d[7]), moved(m[8], rate, d[8]),
-                    )  # fmt: skip
-                store_block(matrix.blocks, n, m)
+            store_block(matrix.blocks, n, gather(n, lists, matrix.found))
         cuda.syncthreads()
 
     return assemble
@@ -162,32 +142,31 @@ def make_assembly(real: Any, math: str, parts: frozenset[str]) -> Any:
 def make_unit_passes(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
     """`of_elements(kind, unit, count, ...)`: of a block, the passes over UNIT tetrahedra; `of_particles(kind, group, ...)`:
     those over SUMMED particles; both leave sums of groups in `sums`."""
-    inline, look, blocks = inlined(math), make_look(real, math), make_blocks(real, math)
+    inline, look, blocks = inlined(math), make_look(real, math, parts), make_blocks(real, math, parts)
     rows, assemble = make_rows(real, math, parts), make_assembly(real, math, parts)
     settle_row = rows.settle_row
-    solve, moving = make_solving(real, math, rows.apply), make_moving(real, math, parts, rows.resist)
-    weigh, move, dragged, drags = moving.weigh, moving.move, moving.dragged, moving.drags
+    solve, moving = make_solving(real, math, rows.apply), make_moving(real, math, parts)
+    weigh, move = moving.weigh, moving.move
     ends, add_groups = make_substep_ends(real, math, parts), make_sums(real, math).add_groups
     begin, finish, corrected = ends.begin, ends.finish, make_coarse(real, math).corrected
     zero, summed, unit_size, both = real(0), np.int32(SUMMED), np.int32(UNIT), np.int32(2)
-    moves, ordered, next_one = MOTION in parts, math == "exact", np.int32(1)
+    ordered, next_one = math == "exact", np.int32(1)
 
     @inline
-    def of_elements(kind, unit, count, v, matrix, lists, values, safe, shared, sums):
+    def of_elements(kind, unit, count, v, matrix, lists, values, world, number, safe, shared, sums):
         t, threads = np.int32(cuda.threadIdx.x), np.int32(cuda.blockDim.x)
+        rate = world.parameters.newton_rate
         for one in range(t, unit_size, threads):
             n = np.int32(unit * unit_size + one)
             held, unsure = zero, zero
             if n < count:
                 if kind == LOOK:
-                    held, unsure = look(n, count, v.position, lists.tetrahedra, lists.materials, values, matrix.forces)
+                    held, unsure = look(
+                        n, count, v, lists.tetrahedra, lists.materials, values, rate, number, matrix.forces
+                    )  # fmt: skip
                 else:
-                    places = v.position
-                    if moves:  # pins have moved already
-                        places = v.before if kind == DAMPER_BLOCKS else v.position
                     blocks(
-                        n, count, places, lists.tetrahedra, lists.materials, values, kind == DAMPER_BLOCKS,
-                        kind == DAMPER_BLOCKS or safe != 0, matrix.found,
+                        n, count, v, lists.tetrahedra, lists.materials, values, rate, number, safe != 0, matrix.found
                     )  # fmt: skip
             shared[one], shared[unit_size + one] = held, unsure
         if kind == LOOK:
@@ -199,8 +178,8 @@ def make_unit_passes(real: Any, math: str, parts: frozenset[str]) -> SimpleNames
     def of_particles(kind, group, particles, v, matrix, lists, coarse, world, time, shares, shared, sums):
         t, threads, number = np.int32(cuda.threadIdx.x), np.int32(cuda.blockDim.x), time[1]
         alpha, beta, share = shares
-        if kind in (ROWS, DAMPER_ROWS):
-            assemble(kind, group, particles, matrix, lists, world)
+        if kind == ROWS:
+            assemble(group, particles, matrix, lists)
         for one in range(t, summed, threads):
             k, total = np.int32(group * summed + one), zero
             if k < particles:
@@ -218,10 +197,8 @@ def make_unit_passes(real: Any, math: str, parts: frozenset[str]) -> SimpleNames
                         if kind == CORRECT:
                             more = corrected(k, v, lists, coarse)
                         total = solve(kind, k, particles, v, matrix, lists, more, alpha, beta)
-                    elif kind != DAMPER_ROWS:
+                    else:
                         total = move(kind, k, v, share)
-                elif drags and kind == WEIGH:
-                    total = dragged(k, v, matrix, lists, world)
             shared[one] = total
         if kind in (WEIGH, ROWS, PRODUCT, CORRECT, MOVE):
             groups = np.int32((particles + summed - 1) // summed)

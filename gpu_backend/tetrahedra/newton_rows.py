@@ -16,19 +16,17 @@ from gpu_backend.core.formulas import device_formulas
 from gpu_backend.core.quads import load_quad, store_quad
 from gpu_backend.tetrahedra.newton_contact import make_contact
 from gpu_backend.tetrahedra.newton_elements import make_block_access
-from gpu_backend.tetrahedra.newton_pins import MOTION
 from gpu_backend.tetrahedra.springs import make_pulled
 from model.formulas.elastic import newton, solving
 from model.formulas.elastic.newton import AHEAD, CORRECT, DIRECTION, MOVE, PRODUCT, RETURN, SOLVE, UPDATE
-from model.tetrahedra.newton import DAMPED
 from model.tetrahedra.springs import PARTS
 
 
 class Vectors(NamedTuple):
     """Quads of every particle: the state; where it was, with its weight; where inertia leads; where the last step led; the
     potential's gradient there, and at a trial; a step; what of it is left to solve; the matrix times the direction; what is
-    preconditioned; the way since the substep's start; the direction, of which `fast` math has two in turn; velocities at a
-    substep's start, where it has stages."""
+    preconditioned; the direction, of which `fast` math has two in turn; where a substep has stages, velocities at its start,
+    and for dampers positions at the first stage's start and end."""
 
     position: Any
     velocity: Any
@@ -41,18 +39,18 @@ class Vectors(NamedTuple):
     residual: Any
     product: Any
     better: Any
-    away: Any
     direction: Any
     start: Any
+    origin: Any
+    middle: Any
 
 
 class Matrix(NamedTuple):
-    """Blocks of tetrahedra, of the matrix's rows, of the damper's; inverses of the diagonal (6 numbers a particle, column by
+    """Blocks of tetrahedra, of the matrix's rows; inverses of the diagonal (6 numbers a particle, column by
     column); forces at corners (quads); what holds each particle [N/m]; values of springs."""
 
     found: Any
     blocks: Any
-    damper: Any
     inverses: Any
     forces: Any
     holding: Any
@@ -61,26 +59,22 @@ class Matrix(NamedTuple):
 
 @cache
 def make_rows(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
-    """`gather(n, lists, found, limit)`: block n of the rows, of all tetrahedra that have a part in it, and of what else lies
-    before `limit`; `apply(k, lists, blocks,
-    vector)`, `resist`: a row's product, of a matrix whose rows add up to nothing by differences; `settle_row(k, particles, v,
-    matrix, lists, world, number)`: the row's diagonal and its inverse: 1 if that is not positive, else 0."""
+    """`gather(n, lists, found)`: block n of the rows, of all tetrahedra that have a part in it, and of springs; `apply(k,
+    lists, blocks, vector)`: a row's product; `settle_row(k, particles, v, matrix, lists, world, number)`: the row's diagonal
+    and its inverse: 1 if that is not positive, else 0."""
     inline, formulas = inlined(math), device_formulas(newton.make, real, math)
     products = device_formulas(solving.make, real, math)
     inertia_of, inverse, outer, applied = formulas.inertia_of, formulas.inverse, formulas.outer, products.applied
     access, contact = make_block_access(math), make_contact(real, math, parts)
     load_block, store_block, transposed, added = access.load_block, access.store_block, access.transposed, access.added
     has_bodies, nearly_within = contact.has_bodies, contact.nearly_within
-    zero, one, next_one, sprung = real(0), real(1), np.int32(1), bool(parts & PARTS)
+    zero, one, next_one = real(0), real(1), np.int32(1)
 
     @inline
-    def gather(n, lists, found, limit):
+    def gather(n, lists, found):
         s = zero, zero, zero, zero, zero, zero, zero, zero, zero
         for place in range(lists.sources[n], lists.sources[n + next_one]):
             item = lists.items[place]
-            if sprung:
-                if item >> 1 >= limit:  # of symmetric ones, which come last
-                    break
             m = load_block(found, np.int32(item >> 1))
             if item & 1:
                 m = transposed(m)
@@ -93,16 +87,6 @@ def make_rows(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
         for n in range(lists.starts[k], lists.starts[k + next_one]):
             d = load_quad(vector, lists.columns[n])
             p, q, r = applied(load_block(blocks, n), d[0], d[1], d[2])
-            x, y, z = x + p, y + q, z + r
-        return x, y, z
-
-    @inline
-    def resist(k, lists, blocks, vector):
-        x, y, z = zero, zero, zero
-        own = load_quad(vector, k)
-        for n in range(lists.starts[k], lists.starts[k + next_one]):
-            d = load_quad(vector, lists.columns[n])
-            p, q, r = applied(load_block(blocks, n), d[0] - own[0], d[1] - own[1], d[2] - own[2])
             x, y, z = x + p, y + q, z + r
         return x, y, z
 
@@ -134,7 +118,7 @@ def make_rows(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
         array[k], array[count + k], array[2 * count + k] = a, b, c
         array[3 * count + k], array[4 * count + k], array[5 * count + k] = d, e, f
 
-    return SimpleNamespace(gather=gather, apply=apply, resist=resist, settle_row=settle_row)
+    return SimpleNamespace(gather=gather, apply=apply, settle_row=settle_row)
 
 
 @cache
@@ -182,15 +166,13 @@ def make_solving(real: Any, math: str, apply: Any) -> Any:
 
 
 @cache
-def make_moving(real: Any, math: str, parts: frozenset[str], resist: Any) -> SimpleNamespace:
+def make_moving(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
     """`weigh(k, v, matrix, lists, world, number)`: the potential's gradient at particle k, and its energy but for that of
-    tetrahedra; `move(kind, k, v, share)`: the passes that only move it; what it adds to the sum of MOVE; `dragged(k, v,
-    matrix, lists, world)`: what one that is pinned works against dampers, where any `drags`."""
+    tetrahedra; `move(kind, k, v, share)`: the passes that only move it; what it adds to the sum of MOVE."""
     inline, formulas = inlined(math), device_formulas(newton.make, real, math)
     products = device_formulas(solving.make, real, math)
     inertia_of, kept, moved = formulas.inertia_of, formulas.kept, formulas.moved
-    scaled, half_of, dot = products.scaled, products.half_of, products.dot
-    contact, damped = make_contact(real, math, parts), DAMPED in parts
+    scaled, dot, contact = products.scaled, products.dot, make_contact(real, math, parts)
     has_bodies, within, zero, next_one = contact.has_bodies, contact.within, real(0), np.int32(1)
     pulled, sprung = make_pulled(real, math), bool(parts & PARTS)
 
@@ -202,12 +184,6 @@ def make_moving(real: Any, math: str, parts: frozenset[str], resist: Any) -> Sim
         x, y, z = at[0] - target[0], at[1] - target[1], at[2] - target[2]
         total = kept(inertia, x, y, z)
         x, y, z = scaled(inertia, x, y, z)
-        if damped:
-            p, q, r = resist(k, lists, matrix.damper, v.away)
-            p, q, r = scaled(parameters.newton_rate, p, q, r)
-            away = load_quad(v.away, k)
-            total = total + half_of(p, q, r, away[0], away[1], away[2])
-            x, y, z = x + p, y + q, z + r
         for n in range(lists.meets[k], lists.meets[k + next_one]):
             f = load_quad(matrix.forces, lists.corners[n])
             x, y, z = x + f[0], y + f[1], z + f[2]
@@ -224,18 +200,8 @@ def make_moving(real: Any, math: str, parts: frozenset[str], resist: Any) -> Sim
         return total
 
     @inline
-    def dragged(k, v, matrix, lists, world):
-        away, total = load_quad(v.away, k), zero
-        if not ((away[0] == zero) & (away[1] == zero) & (away[2] == zero)):
-            p, q, r = resist(k, lists, matrix.damper, v.away)
-            p, q, r = scaled(world.parameters.newton_rate, p, q, r)
-            total = half_of(p, q, r, away[0], away[1], away[2])
-        return total
-
-    @inline
     def put(k, v, b, x, y, z):
         store_quad(v.position, k, x, y, z, b[3])
-        store_quad(v.away, k, x - b[0], y - b[1], z - b[2], zero)
 
     @inline
     def move(kind, k, v, share):
@@ -261,4 +227,4 @@ def make_moving(real: Any, math: str, parts: frozenset[str], resist: Any) -> Sim
             store_quad(v.gradient, k, g[0], g[1], g[2], zero)
         return total
 
-    return SimpleNamespace(weigh=weigh, move=move, dragged=dragged, drags=damped and MOTION in parts)
+    return SimpleNamespace(weigh=weigh, move=move)

@@ -152,12 +152,12 @@ def visited(parts: frozenset[str]) -> frozenset[str]:
 
 
 def stage_name(work: str, material: str, colour: int | None = None) -> str:
-    """Of the plan: `stress`, `start` or `descend` of a material."""
+    """Of the plan: `strain`, `start` or `descend` of a material."""
     return f"{work} {material}" + ("" if colour is None else f" {colour}")
 
 
 def vbd_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
-    """Substeps and iterations as in model/xpbd/plan.py. Of a substep the prediction, the stresses that dampers remember,
+    """Substeps and iterations as in model/xpbd/plan.py. Of a substep the prediction, the strains that dampers remember,
     where vertices start; of an iteration the vertices of each material, colour by colour."""
     accelerated = {CHEBYSHEV} if scene.method.chebyshev > 0 else set()
     parts = tetrahedra_parts(scene, live) | accelerated
@@ -170,7 +170,7 @@ def vbd_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
         each += descent.OPERATIONS_TURNING * (found.material == "corotated")
         if damped:
             begin.append(
-                Stage(stage_name("stress", found.material), 1, 2, round(each * len(found.corners) / particles))
+                Stage(stage_name("strain", found.material), 1, 2, round(each * len(found.corners) / particles))
             )
         begin.append(Stage(stage_name("start", found.material), 3, 1, descent.OPERATIONS_START))
         for colour in range(found.colours):

@@ -4,10 +4,11 @@ At order 2 a substep is two such solves, each of a part of it (model/formulas/el
 
 A substep of h minimises the incremental potential (S. Martin et al., "Example-Based Elastic Materials", ACM TOG 2011, eq. 3)
 
-    sum m / (2 h^2) |x - y|^2 + sum V W(F(x)) + 1 / (2 h) (x - x_0)' tau K_0 (x - x_0),    y = x_0 + h v_0 + h^2 a,
+    sum m / (2 h^2) |x - y|^2 + sum V (W(F(x)) + tau / (2 h) (E - E_0) : C : (E - E_0)),    y = x_0 + h v_0 + h^2 a,
 
-with K_0 the stiffness at the substep's start x_0, less its tetrahedra's negative eigenvalues, and tau the body's damping
-[s]. `iterations` Newton steps at most, each by conjugate gradients (cpu_backend/tetrahedra/newton.py, gpu_backend too).
+with E Green's strain, E_0 that of the substep's start, C the moduli at rest, and tau the body's damping [s]
+(model/formulas/elastic/damper.py). `iterations` Newton steps at most, each by conjugate gradients
+(cpu_backend/tetrahedra/newton.py, gpu_backend too).
 """
 
 from __future__ import annotations
@@ -80,6 +81,12 @@ def stages_of(scene: Scene) -> int:
     return scene.method.order
 
 
+def stage_vectors(parts: frozenset[str]) -> int:
+    """How many vectors the second stage of order 2 needs: the velocities at the first one's start; where dampers are, the
+    positions at its start and end, too."""
+    return (1 + 2 * (DAMPED in parts)) if STAGED in parts else 0
+
+
 def solved(scene: Scene) -> Scene:
     """The scene of which each solve is one substep: of another step size if a substep is several. Nothing timed may hang on
     it, since stages do not end where substeps would."""
@@ -147,7 +154,10 @@ def newton_note(scene: Scene) -> str:
     """A line on what the method does to a motion, and whether the step size has a limit."""
     text = "implicit Euler by Newton's method, at any step size: first order, and damped by it"
     if scene.method.order > 1:
-        text = "two stages by Newton's method, at any step size: second order, and hardly damped; dampers are of first order"
+        text = (
+            "two stages by Newton's method, at any step size: second order, and hardly damped; dampers of masses are of"
+            " first order"
+        )
     return with_limit(scene, text) + through_note(scene)
 
 

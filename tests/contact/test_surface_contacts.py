@@ -58,7 +58,7 @@ def test_contacts_are_the_references(seed: int) -> None:
     np.testing.assert_allclose(values[:, 5], expected.held, atol=1e-15)
     weights = build(scene).inverse_mass * scene.grid.mass
     assert scene.contact is not None
-    after = projected.project(scene.contact, expected, before, predicted, weights)  # type: ignore[arg-type]
+    after = projected.project(scene.contact, expected, before, predicted, weights, reference)  # type: ignore[arg-type]
     assert np.abs(after - predicted).max() > 1e-4
     np.testing.assert_allclose(position, after, atol=1e-14)
 

@@ -33,7 +33,7 @@ def text(real: Any, math: str, parts: frozenset[str]) -> str:
     reals, whole, wide = one[::1], types.int32[::1], types.int64[::1]
     record = typeof(np.zeros(1, record_type((*CONSTANTS, *XPBD_PARAMETERS), real)))
     arguments = (
-        *(reals,) * 15, whole, reals, whole, wide, record, reals, types.uint64[::1], wide, types.int64, types.int64,
+        *(reals,) * 14, whole, reals, whole, wide, record, reals, types.uint64[::1], wide, types.int64, types.int64,
         types.int64, one,
     )  # fmt: skip
     return entry_of(make_newton(real, math, parts).py_func, arguments, math)

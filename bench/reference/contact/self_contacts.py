@@ -11,6 +11,7 @@ et al., "Unified Particle Physics for Real-Time Applications", SIGGRAPH 2014, eq
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -138,15 +139,23 @@ def _normals(
 
 
 def project(
-    part: SelfCollision, found: Found, before: np.ndarray, position: np.ndarray, weight: np.ndarray
+    part: SelfCollision,
+    found: Found,
+    before: np.ndarray,
+    position: np.ndarray,
+    weight: np.ndarray,
+    surfaces: Any = None,
 ) -> np.ndarray:
-    """(particles, 3) [m]: `position` after one sweep; `weight` (particles,): inverse masses, 0 where pinned."""
+    """(particles, 3) [m]: `position` after one sweep; `weight` (particles,): inverse masses, 0 where pinned; `surfaces`: the
+    module surface_contacts where contacts are those of surfaces."""
 
     def offset(p: np.ndarray) -> np.ndarray:
         return p[found.mass] - np.einsum("nk,nkd->nd", found.weights, p[found.corners])
 
     now = offset(position)
     depth = found.held - np.einsum("nk,nk->n", found.normal, now)
+    if surfaces is not None:
+        depth = surfaces.depth(found, offset(before), before, position, depth)
     on = depth > 0
     load = np.zeros(len(position))
     np.add.at(load, found.mass[on], 1.0)
@@ -163,6 +172,8 @@ def project(
     moved = np.zeros_like(position)
     np.add.at(moved, found.mass[on], push[on])
     np.subtract.at(moved, found.corners[on], found.weights[on][:, :, None] * push[on][:, None])
+    if surfaces is not None and part.static_friction > 0:
+        np.subtract.at(moved, found.corners[on], surfaces.levers(position[found.corners[on]], now[on], push[on]))
     return position + weight[:, None] * moved
 
 

@@ -19,6 +19,61 @@ from model.tetrahedra.attachments import attachment_sets
 BEHIND = 0.25
 
 
+UPRIGHT = 0.99999  # cosine of a contact's normal with the triangle's, from which it holds wherever the vertex slides
+PAST = 1 / 16  # of a triangle beyond its edges, where what comes through its plane is held to come through it
+
+
+def _heights(p: np.ndarray, q: np.ndarray) -> np.ndarray:
+    """(n, 4): the weights of the three corners of triangles (n, 3, 3) at the foot of p (n, 3) in their planes, and the height
+    over it [m]."""
+    u, v, r = q[:, 1] - q[:, 0], q[:, 2] - q[:, 0], p - q[:, 0]
+    normal = np.cross(u, v)
+    normal = normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
+    height = (normal * r).sum(axis=1)
+    edges = np.stack([u, v], axis=2)
+    found = np.einsum("nij,nj->ni", np.linalg.pinv(edges), r) if len(r) else np.zeros((0, 2))
+    return np.column_stack([1 - found.sum(axis=1), found, height])
+
+
+def depth(found: Found, r: np.ndarray, before: np.ndarray, now: np.ndarray, deep: np.ndarray) -> np.ndarray:
+    """(n,) [m]: what of the depth `deep` that planes tell is left where the triangle is `now`: of a plane that leans, no more
+    than the vertex lacks of the distance, unless it began inside (`r`, of the substep's start, against the normal), or has
+    come through the triangle."""
+    old, new = before[found.corners], now[found.corners]
+    normal, p = np.cross(old[:, 1] - old[:, 0], old[:, 2] - old[:, 0]), now[found.mass]
+    lean = np.abs((found.normal * normal).sum(axis=1)) / np.maximum(np.linalg.norm(normal, axis=1), 1e-300)
+    inside = (found.normal * r).sum(axis=1) <= 0
+    early, late = _heights(before[found.mass], old), _heights(p, new)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        part = early[:, 3:] / (early[:, 3:] - late[:, 3:])
+        at = early[:, :3] + part * (late[:, :3] - early[:, :3])
+    crossed = (early[:, 3] >= 0) != (late[:, 3] >= 0)
+    through = crossed & (at[:, 1] >= -PAST) & (at[:, 2] >= -PAST) & (at[:, 0] >= -PAST)
+    weights = nearest_weights(p, new)
+    apart = np.linalg.norm(p - np.einsum("nk,nkd->nd", weights, new), axis=1)
+    asked = (deep > 0) & (lean < UPRIGHT) & ~inside & ~through
+    return np.where(asked, np.minimum(deep, found.held - apart), deep)
+
+
+def levers(corners: np.ndarray, r: np.ndarray, push: np.ndarray) -> np.ndarray:
+    """(n, 3, 3): what the `corners` (n, 3, 3) get beside their weights of a `push` (n, 3) at `r` (n, 3) from their triangle,
+    so that nothing has a moment: it adds up to nothing and turns back r x push."""
+    result = np.zeros_like(corners)
+    for n, (q, way, whole) in enumerate(zip(corners, r, push, strict=True)):
+        normal = np.cross(q[1] - q[0], q[2] - q[0])
+        size, far = np.linalg.norm(normal), float(way @ way)
+        if size == 0 or far == 0:
+            continue
+        normal = normal / size
+        gradients = np.linalg.pinv(np.column_stack([q[1] - q[0], q[2] - q[0]]))  # of the second and third weight
+        across = whole - (whole @ way) / far * way
+        limit = max(1.0, float(np.sqrt(far) * np.linalg.norm(gradients, axis=1).max()))
+        each = np.outer(gradients @ way, across) - (normal @ way) * np.outer(gradients @ across, normal)
+        result[n, 1:] = each / limit
+        result[n, 0] = -result[n, 1:].sum(axis=0)
+    return result
+
+
 def _answers(every: np.ndarray, corners: np.ndarray, weights: np.ndarray) -> np.ndarray:
     """(n,) bool: whether a triangle is the first of all that have its corners of non-zero weight."""
     holders: dict[int, set[int]] = {}

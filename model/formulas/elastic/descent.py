@@ -19,10 +19,10 @@ load bears it already, and a body at rest stays at rest whatever the number of i
 h^2 a in each substep anew, and leave a bar of 1 MPa 20 times too soft at 10 of them. (The paper's adaptive start is
 between the two by the acceleration of the last step, which no state of the lab tells.)
 
-A damper's stress is `time` times the rate at which the elastic one changes, seen from the material: P + (time / h) (P - R T),
-T = R'P at the substep's begin. The paper's damper (section 3.5) takes K (x - x0) of one vertex alone, which brakes what
-falls, and what turns; this one does nothing to a rigid motion, and is the same for small strains. All over m / h^2: equations
-have no unit but m.
+A damper resists the rate of Green's strain, as in Newton's method (damper.py). The paper's damper (section 3.5) takes
+K (x - x0) of one vertex alone, which brakes what falls, and what turns; this one does nothing to a rigid motion, has no
+moment, and is the same for small strains. Its second derivative is taken whole, but for what its stress adds where that
+presses. All over m / h^2: equations have no unit but m.
 """
 
 from __future__ import annotations
@@ -31,17 +31,18 @@ from types import SimpleNamespace
 
 from model.formulas import plain
 from model.formulas.constraints.tetrahedron import FIXED, HOOKEAN
-from model.formulas.elastic import deformation
+from model.formulas.elastic import damper, deformation
 from model.formulas.elastic import energy as energies
-from model.formulas.elastic.deformation import make_gradient, make_rotation
+from model.formulas.elastic.damper import make as make_damper
+from model.formulas.elastic.deformation import make_gradient
 from model.formulas.elastic.energy import make as make_energy
 from model.formulas.lengths import make as make_lengths
 
 COUNT = 13  # values of a tetrahedron: 9 of B; at 9, 10 V k_D, V k_H [J]; at 11 alpha, or 1; at 12 `time` [s]
-STRESSES = 6  # of T, which is symmetric: xx, yy, zz, xy, xz, yz
+STRAINS = 6  # of E_0, which is symmetric: xx, yy, zz, xy, xz, yz
 SUMS = 9  # of a vertex: three of the derivative; xx, yy, zz, xy, xz, yz of the block
 OPERATIONS_ELEMENT = 2 + 15 + 15 + 5 + 4 + 15 + 9  # the row, P b, G b, |b|^2, k_D |b|^2, the block, the sums
-OPERATIONS_DAMPER = 1 + 30 + 10
+OPERATIONS_DAMPER = damper.OPERATIONS + damper.OPERATIONS_BLOCK
 OPERATIONS_TURNING = 30 + 15 + 5 + 14 + 30  # F R', its product with b, the determinant, the matrix
 OPERATIONS_MOVE = 3 + 12 + 9 + 35  # x - y, the scales, to add the mass, to solve
 OPERATIONS_START = 6
@@ -50,8 +51,7 @@ OPERATIONS_START = 6
 def operations(material: int, item: int, damped: bool) -> int:
     """Of one tetrahedron at one of its vertices, counted on numbers of `item` bytes."""
     stress = deformation.OPERATIONS_GRADIENT + energies.operations(material, item)
-    turn = deformation.OPERATIONS_ROTATION[item] if material == HOOKEAN else 0
-    return stress + OPERATIONS_ELEMENT + damped * (OPERATIONS_DAMPER + turn)
+    return stress + OPERATIONS_ELEMENT + damped * OPERATIONS_DAMPER
 
 
 def make(real, compiled=plain, material=FIXED, damped=False):
@@ -59,44 +59,47 @@ def make(real, compiled=plain, material=FIXED, damped=False):
     formulas/elastic/deformation.py."""
     dot = make_lengths(real, compiled).dot
     gradient = make_gradient(real, compiled).gradient
-    rotation = make_rotation(real, compiled)
+    resisting = make_damper(real, compiled)
+    strain, scaled, resisted, stressed = resisting.strain, resisting.scaled, resisting.resisted, resisting.stressed
+    squared, resisting_block = resisting.squared, resisting.block
     stress = make_energy(real, compiled, material).stress
     matrices, vertex = make_matrices(real, compiled), make_vertex(real, compiled)
     row, times, symmetric, turning = matrices.row, matrices.times, matrices.symmetric, matrices.turning
-    turns_anew, stretches = material == HOOKEAN, material == energies.COROTATED
-    one = real(1)
+    is_hookean, stretches = material == HOOKEAN, material == energies.COROTATED
+    zero, half, nothing = real(0), real(0.5), (real(0),) * STRAINS
 
     @compiled
     def held(points, values):
-        """V T, six numbers, of the four corners where a substep begins."""
-        f = gradient(points[0], points[1], points[2], points[3], values)
-        p, _, r, _ = stress(f, values[9], values[10], values[11])
-        if turns_anew:
-            r = rotation(f)
-        return (
-            dot(r[0], r[3], r[6], p[0], p[3], p[6]), dot(r[1], r[4], r[7], p[1], p[4], p[7]),
-            dot(r[2], r[5], r[8], p[2], p[5], p[8]), dot(r[0], r[3], r[6], p[1], p[4], p[7]),
-            dot(r[0], r[3], r[6], p[2], p[5], p[8]), dot(r[1], r[4], r[7], p[2], p[5], p[8]),
+        """E, six numbers, of the four corners where a substep begins."""
+        return strain(gradient(points[0], points[1], points[2], points[3], values))
+
+    @compiled
+    def damping(f, before, values, rate):
+        """(N, the moduli mu and lambda of Hooke's law at rest), V tau / h times."""
+        mu, lame = half * values[9], values[10]
+        if is_hookean:
+            mu, lame = values[9], values[10] - values[9]
+        mu, lame = scaled(values[12], rate, mu, lame)
+        e = strain(f)
+        _, n = resisted(
+            (e[0] - before[0], e[1] - before[1], e[2] - before[2], e[3] - before[3], e[4] - before[4], e[5] - before[5]),
+            mu, lame,
         )  # fmt: skip
+        return n, mu, lame
 
     @compiled
     def element(points, values, before, corner, rate):
-        """What a tetrahedron adds to the nine sums of its corner. `before`: T, read where a damper counts; `rate`: 1 / h."""
+        """What a tetrahedron adds to the nine sums of its corner. `before`: E where the substep begins, read where a damper
+        counts; `rate`: 1 / h."""
         f = gradient(points[0], points[1], points[2], points[3], values)
         p, g, r, pull = stress(f, values[9], values[10], values[11])
         x, y, z = row(values, corner)
+        if damped:
+            n, mu, lame = damping(f, before, values, rate)
+            p = stressed(p, f, n)
         fx, fy, fz = times(p, x, y, z)
         gx, gy, gz = times(g, x, y, z)
         shape, pressure, excess = values[9], values[10], pull - values[9]
-        if damped:
-            gamma = rate * values[12]
-            if turns_anew:
-                r = rotation(f)
-            tx, ty, tz = symmetric(before, x, y, z)
-            tx, ty, tz = times(r, tx, ty, tz)
-            more = one + gamma
-            fx, fy, fz = more * fx - gamma * tx, more * fy - gamma * ty, more * fz - gamma * tz
-            shape, pressure, excess = more * shape, more * pressure, more * excess
         own = shape * dot(x, y, z, x, y, z)
         px, py, pz = pressure * gx, pressure * gy, pressure * gz
         xx, yy, zz, xy, xz, yz = own + px * gx, own + py * gy, own + pz * gz, px * gy, px * gz, py * gz
@@ -104,6 +107,21 @@ def make(real, compiled=plain, material=FIXED, damped=False):
             turn = turning(f, r, x, y, z, excess)
             xx, yy, zz = xx + turn[0], yy + turn[1], zz + turn[2]
             xy, xz, yz = xy + turn[3], xz + turn[4], yz + turn[5]
+        if damped:
+            nx, ny, nz = symmetric(n, x, y, z)
+            own = max(dot(x, y, z, nx, ny, nz), zero)
+            h = resisting_block(
+                (own, zero, zero, zero, own, zero, zero, zero, own),
+                f,
+                squared(f),
+                nothing,
+                mu,
+                lame,
+                (x, y, z),
+                (x, y, z),
+            )
+            xx, yy, zz = xx + h[0], yy + h[4], zz + h[8]
+            xy, xz, yz = xy + h[1], xz + h[2], yz + h[5]
         return fx, fy, fz, xx, yy, zz, xy, xz, yz
 
     return SimpleNamespace(held=held, element=element, **vars(vertex))

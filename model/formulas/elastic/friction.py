@@ -12,17 +12,21 @@ from __future__ import annotations
 from math import sqrt
 from types import SimpleNamespace
 
+import numpy as np
+
 from model.formulas import plain
 
 SLIP = 0.01  # m/s: below it friction is a dashpot; what it holds on a slope creeps at less than that
 FAST = 1e4  # m/s: of who asks for the collider's velocity
+SMALLEST = 1e3  # of the root of the least normal number: shorter ways have no direction that squares would tell
 ASIDE = 16.0  # of the speed of who asks for mu, over how fast it comes in: more than any coefficient
 OPERATIONS = 110  # but for what the colliders take
 
 
 def make(real, compiled=plain):
     """See the functions; n is the way into the collider, a unit vector."""
-    zero, one, fast, aside, slip = real(0), real(1), real(FAST), real(ASIDE), real(SLIP)
+    zero, half, one, fast, aside, slip = real(0), real(0.5), real(1), real(FAST), real(ASIDE), real(SLIP)
+    least = real(SMALLEST * np.sqrt(np.finfo(real).tiny))
 
     @compiled
     def unit(x, y, z):
@@ -45,19 +49,38 @@ def make(real, compiled=plain):
         return sqrt((x * x + y * y) + z * z), x, y, z
 
     @compiled
-    def sliding(c, n, u):
-        """The velocity of one that comes in at 1 m/s and slides much faster."""
-        s = aside / u[0]
-        return c[0] + (n[1] + s * u[1]), c[1] + (n[2] + s * u[2]), c[2] + (n[3] + s * u[3])
+    def heading(n, u):
+        """The unit direction of u; where that is nothing, or what rounding leaves along the normal, any one across it:
+        colliders rub alike in all."""
+        if u[0] > least:
+            s = one / u[0]
+            x, y, z = s * u[1], s * u[2], s * u[3]
+            along = (x * n[1] + y * n[2]) + z * n[3]
+            x, y, z = x - along * n[1], y - along * n[2], z - along * n[3]
+            squared = (x * x + y * y) + z * z
+            if squared >= half:
+                s = one / sqrt(squared)
+                return s * x, s * y, s * z
+        if abs(n[1]) <= half:  # across n and x, or else n and y, of which n is at least 30 degrees off
+            s = one / sqrt(n[2] * n[2] + n[3] * n[3])
+            return zero, s * n[3], -(s * n[2])
+        s = one / sqrt(n[1] * n[1] + n[3] * n[3])
+        return -(s * n[3]), zero, s * n[1]
 
     @compiled
-    def rubbed(v, w, n, u, hard, h):
-        """(the derivative, three numbers; the block, six) where that velocity v became w."""
-        lost = max((((v[0] - w[0]) * u[1] + (v[1] - w[1]) * u[2]) + (v[2] - w[2]) * u[3]) / u[0], zero)
+    def sliding(c, n, t):
+        """The velocity of one that comes in at 1 m/s and slides much faster, along t."""
+        return c[0] + (n[1] + aside * t[0]), c[1] + (n[2] + aside * t[1]), c[2] + (n[3] + aside * t[2])
+
+    @compiled
+    def rubbed(v, w, n, u, t, hard, h):
+        """(the derivative, three numbers; the block, six) where that velocity v became w. Both are continuous where nothing
+        slides: there the derivative is 0, and the block its limit, mu lambda / e (I - nn')."""
+        lost = max(((v[0] - w[0]) * t[0] + (v[1] - w[1]) * t[1]) + (v[2] - w[2]) * t[2], zero)
         s = (hard * n[0]) * lost / max(u[0], slip * h)
         return (
             s * u[1], s * u[2], s * u[3], s * (one - n[1] * n[1]), s * (one - n[2] * n[2]), s * (one - n[3] * n[3]),
             -(s * (n[1] * n[2])), -(s * (n[1] * n[3])), -(s * (n[2] * n[3])),
         )  # fmt: skip
 
-    return SimpleNamespace(unit=unit, straight=straight, slid=slid, sliding=sliding, rubbed=rubbed)
+    return SimpleNamespace(unit=unit, straight=straight, slid=slid, heading=heading, sliding=sliding, rubbed=rubbed)

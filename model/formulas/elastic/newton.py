@@ -17,11 +17,11 @@ import numpy as np
 from model.formulas import plain
 
 KINDS = (
-    "begin", "damper blocks", "damper rows", "look", "weigh", "accept", "return", "ahead", "blocks", "rows",
+    "begin", "look", "weigh", "accept", "return", "ahead", "blocks", "rows",
     "centres", "coarse rows", "solve", "product", "update", "restrict", "correct", "direction", "move", "finish",
 )  # fmt: skip
 (
-    BEGIN, DAMPER_BLOCKS, DAMPER_ROWS, LOOK, WEIGH, ACCEPT, RETURN, AHEAD, BLOCKS, ROWS, CENTRES, COARSE,
+    BEGIN, LOOK, WEIGH, ACCEPT, RETURN, AHEAD, BLOCKS, ROWS, CENTRES, COARSE,
     SOLVE, PRODUCT, UPDATE, RESTRICT, CORRECT, DIRECTION, MOVE, FINISH,
 ) = range(len(KINDS))  # fmt: skip
 BEHIND, BEFORE, SEARCH = range(
@@ -77,7 +77,7 @@ def make_search(real, compiled=plain):
 
 
 def make_control(real, compiled=plain):
-    """`after(kind, counts, values, first, second, iterations, damped, floor)`: (the next pass, counts, values) after the
+    """`after(kind, counts, values, first, second, iterations, floor)`: (the next pass, counts, values) after the
     pass `kind`, which left the sums `first` and `second`."""
     zero, one, near = real(0), real(1), real(NEAR**2)
     search = make_search(real, compiled)
@@ -102,13 +102,12 @@ def make_control(real, compiled=plain):
         return MOVE, safe, products, found, enough, zero, zero
 
     @compiled
-    def after(kind, counts, values, first, second, iterations, damped, floor):
+    def after(kind, counts, values, first, second, iterations, floor):
         phase, safe, products, steps, halvings = counts
         energy, trial, noise, squared, enough, alpha, beta, share, slope, unsure = values
         later = kind + 1
         if kind == BEGIN:
             phase, safe, steps = BEHIND, 0, 0
-            later = DAMPER_BLOCKS if damped else LOOK
         elif kind == LOOK:
             trial, noise = first, second
         elif kind == WEIGH:

@@ -11,7 +11,7 @@ from model.formulas.lengths import make as make_lengths
 
 def make(real, compiled=plain):
     """Of one particle, row or tetrahedron, in the arithmetic `real`."""
-    dot, half = make_lengths(real, compiled).dot, real(0.5)
+    dot = make_lengths(real, compiled).dot
     applied = make_matrices(real, compiled).times  # a 3 x 3 block, by rows, times a vector
 
     @compiled
@@ -32,12 +32,7 @@ def make(real, compiled=plain):
         """A symmetric block (xx, xy, xz, yy, yz, zz) times a vector."""
         return dot(m[0], m[1], m[2], x, y, z), dot(m[1], m[3], m[4], x, y, z), dot(m[2], m[4], m[5], x, y, z)
 
-    @compiled
-    def half_of(x, y, z, p, q, r):
-        """[J] of a force (x, y, z) that grew with the way (p, q, r)."""
-        return half * dot(x, y, z, p, q, r)
-
     return SimpleNamespace(
-        times=times, scaled=scaled, weighted=weighted, applied=applied, preconditioned=preconditioned, half_of=half_of,
+        times=times, scaled=scaled, weighted=weighted, applied=applied, preconditioned=preconditioned,
         dot=dot,
     )  # fmt: skip

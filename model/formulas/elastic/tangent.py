@@ -142,7 +142,7 @@ def make_moduli(real, compiled=plain):
         sum_z, off_z = pair(m, b, c, z, x + y, safe)
         return a, (sum_x, sum_y, sum_z), (off_x, off_y, off_z)
 
-    return SimpleNamespace(moduli=moduli)
+    return SimpleNamespace(moduli=moduli, raised=raised)
 
 
 def make_blocks(real, compiled, turned):

@@ -60,9 +60,9 @@ def test_a_scene_of_it_is_its_familys_and_told() -> None:
     scene = vbd_scene(BODY | {"damping": 0.01}, substeps=3)
     assert family_of(scene) is TETRAHEDRA_VBD
     names = [stage.name for stage in scene_plan(scene).root.stages()]
-    first = ["predict", "stress fixed-corotated", "start fixed-corotated", "descend fixed-corotated 0"]
+    first = ["predict", "strain fixed-corotated", "start fixed-corotated", "descend fixed-corotated 0"]
     assert names[:4] == first and names.count("predict") == 3 and names.count(first[3]) == 6
-    assert "stress fixed-corotated" not in [stage.name for stage in scene_plan(vbd_scene()).root.stages()]
+    assert "strain fixed-corotated" not in [stage.name for stage in scene_plan(vbd_scene()).root.stages()]
     assert scene.method.label == "vbd"
     with pytest.raises(SceneError, match="tetrahedral bodies"):
         Scene({"cloth": {"rows": 3, "columns": 3}, "method": {"solver": "vbd"}})

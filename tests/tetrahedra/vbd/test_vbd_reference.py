@@ -14,11 +14,10 @@ elements = pytest.importorskip("bench.reference.finite_elements", reason="the ju
 newton = pytest.importorskip("bench.reference.finite_elements_newton", reason="the judge of tetrahedra is not there")
 
 
-@pytest.mark.parametrize("apart,damping", [(1e-2, 0.0), (1e-4, 0.02)])
+@pytest.mark.parametrize("apart,damping", [(1e-2, 0.0), (1e-2, 0.02)])
 @pytest.mark.parametrize("material", MATERIALS)
 def test_a_step_is_the_judges(material: str, apart: float, damping: float) -> None:
-    """Undamped to what Newton's method leaves. The judge's damper takes the stiffness of where the step begins, ours the
-    stress seen from the material: they differ by what strains do to stiffness, of strains of 1e-3 a thousandth of the way."""
+    """To what Newton's method leaves, and 150 sweeps: dampers are three times as stiff as the body."""
     scene = vbd_scene(BODY | {"material": material, "damping": damping}, gravity=0.0, iterations=150)
     found, part, begin = scene.tetrahedra_set, scene.tetrahedra["body"], moving(scene, apart)
     begin = replace(begin, velocity=begin.velocity * (apart / 0.01))
@@ -34,4 +33,4 @@ def test_a_step_is_the_judges(material: str, apart: float, damping: float) -> No
     )
     way = np.abs(expected - begin.position).max()
     state = end_state(scene, start=begin)
-    np.testing.assert_allclose(state.position, expected, atol=(1e-3 if damping else 1e-7) * way)
+    np.testing.assert_allclose(state.position, expected, atol=(1e-6 if damping else 1e-7) * way)
