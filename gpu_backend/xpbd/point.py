@@ -46,7 +46,8 @@ def make_accelerations(real: Any, math: str, parts: frozenset[str]) -> SimpleNam
 
 @cache
 def make_motion(real: Any, math: str, parts: frozenset[str], axes: int) -> SimpleNamespace:
-    """`predict(p, v, ax, ay, az, parameters)` -> (x, y, z): where a mass would be without constraints; `rate_of(p, b,
+    """`predict(p, v, ax, ay, az, parameters)` -> (x, y, z): where a mass would be without constraints; `kick(p, v, ax, ay, az,
+    parameters)` -> the velocity with which; `rate_of(p, b,
     parameters)` -> its velocity on the way from b to p (quads); `collide(b, p, vx, vy, vz, world,
     number)` -> (x, y, z, vx, vy, vz): after the colliders, in substep `number`; `settle`: both, from the substep's two
     ends."""
@@ -73,6 +74,18 @@ def make_motion(real: Any, math: str, parts: frozenset[str], axes: int) -> Simpl
         return x, y, z
 
     @inline
+    def kick(p, v, ax, ay, az, parameters):
+        """The velocity of a prediction in space; 0 of what is pinned."""
+        h, keep = parameters.dt, one
+        if has_damping:
+            keep = kept(parameters.braking, p[3]) if has_load else parameters.keep
+        vx, vy, vz = kicked(v[0], keep, h, ax), kicked(v[1], keep, h, ay), kicked(v[2], keep, h, az)
+        if has_pins:
+            if p[3] == zero:
+                vx, vy, vz = zero, zero, zero
+        return vx, vy, vz
+
+    @inline
     def rate_of(p, b, parameters):
         inverse = parameters.inverse_substep
         vx, vy, vz = rate(p[0], b[0], inverse), rate(p[1], b[1], inverse), zero
@@ -96,7 +109,7 @@ def make_motion(real: Any, math: str, parts: frozenset[str], axes: int) -> Simpl
         vx, vy, vz = rate_of(p, b, parameters)
         return collide(b, p, vx, vy, vz, world, number)
 
-    return SimpleNamespace(predict=predict, rate_of=rate_of, collide=collide, settle=settle)
+    return SimpleNamespace(predict=predict, kick=kick, rate_of=rate_of, collide=collide, settle=settle)
 
 
 @cache
