@@ -60,7 +60,7 @@ def law_scene(law: str, substeps: int) -> Scene:
 
 
 def spin_left(substeps: int) -> float:
-    """The part of the spin that the law leaves after SECONDS; a body that turned by D in a substep h has a spin of sin D / h."""
+    """The part of the spin that the law leaves after SECONDS; one that turns by D in a substep h has sin D / h."""
     h = FRAME / substeps
     angle = atan(SPEED * h)
     for _ in range(substeps * round(SECONDS[SPIN] / FRAME) - 1):

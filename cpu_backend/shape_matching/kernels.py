@@ -247,4 +247,6 @@ def make_matching(
     """What hangs on no other parts of a scene than `shaping` and rigid bodies, compiled once for all of them:
     `make_clusters` and `make_goals`."""
     compiler = Compiler("_".join(["bodies", np.dtype(real).name, math, *sorted(shaping), "rigid" * has_rigid]), math)
-    return SimpleNamespace(**vars(make_clusters(compiler, real, shaping)), **vars(make_goals(compiler, real, has_rigid)))
+    return SimpleNamespace(
+        **vars(make_clusters(compiler, real, shaping)), **vars(make_goals(compiler, real, has_rigid))
+    )

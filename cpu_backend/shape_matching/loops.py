@@ -127,7 +127,17 @@ def make_substep_end(compiler: Compiler, real: Any, parts: frozenset[str]) -> An
         first, last, low, high, number, before, after, velocity, weights, arrays, room, parameters, bodies, kinds
     ):  # fmt: skip
         count = weights.size
-        rate(first, last, count, before, after, velocity, weights, parameters, arrays[at_travel] if has_rigid else weights)
+        rate(
+            first,
+            last,
+            count,
+            before,
+            after,
+            velocity,
+            weights,
+            parameters,
+            arrays[at_travel] if has_rigid else weights,
+        )
         if has_rigid:
             for c in range(low, high):
                 gather_rigid(c, after, velocity, count, arrays, room)

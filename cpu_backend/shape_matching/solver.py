@@ -200,7 +200,9 @@ class Bodies(ParticlesSimulation):
             "collide": collide,
             "rebound": rebound,
             "find neighbours": lambda moment: contacts.find(position, self._weights),
-            "project contacts": lambda moment: contacts.project(before, position, self._weights, travel if keeps else None),
+            "project contacts": lambda moment: contacts.project(
+                before, position, self._weights, travel if keeps else None
+            ),
             "bounce": bounce,
         }
 
@@ -220,8 +222,6 @@ class Bodies(ParticlesSimulation):
         if self._lattices.copies:
             given = self._lattices.arrays, of_lattices, self._lattices.frames, look
             make_lattice_stages(self.real, self.options.math).match(self._bands, self._even, self.layout.count, *given)
-
-    # ------------------------------------------------------------------ the contract
 
     def _state(self) -> tuple[np.ndarray, ...]:
         return self._even, self._velocity, self._rotation, self._lattices.rotation, self._material.plastic

@@ -131,7 +131,12 @@ def make_bodies_together(real: Any, math: str, parts: frozenset[str]) -> Any:
     windows, has_lattices = make_lattice_matching(real, math), "lattices" in parts
     match_windows, move_windows = windows.match, windows.move
     end = make_substep_end(compiler, real, math, parts)
-    at_once = not parts & {"contacts", "cluster_damping", "lattices", "rigid-motion"}  # particles end with the last way to their goals
+    at_once = not parts & {
+        "contacts",
+        "cluster_damping",
+        "lattices",
+        "rigid-motion",
+    }  # particles end with the last way to their goals
 
     def advance(
         team, member, bands, steps, step, substeps, iterations, even, odd, velocity, weights, arrays, links, own,
@@ -186,7 +191,9 @@ def make_bodies_together(real: Any, math: str, parts: frozenset[str]) -> Any:
                                     kinds,
                                 )
                             if goes_on:
-                                begin(first, last, count, after, before, velocity, weights, parameters, integers, travel)
+                                begin(
+                                    first, last, count, after, before, velocity, weights, parameters, integers, travel
+                                )
                 if has_lattices:
                     move_windows(team, member, bands, after, count, lattices)
                 if has_contacts:

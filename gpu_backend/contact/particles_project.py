@@ -43,8 +43,9 @@ def make_project(
 ) -> SimpleNamespace:
     """`count(position, found, neighbours, record, body, kind, kinds, touching)`: of each particle that has neighbours a quad
     of its position and of its weight times the contacts it has now; `project(before, position, found, neighbours, record,
-    body, kind, kinds, touching, travel)`: particles, in place, and, `has_rigid`, their travels (shape_matching/rigid.py). `friction`, `adhesion`: whether code for friction, adhesion is there;
-    `own`, `many`: as in `make_pairs`."""
+    body, kind, kinds, touching, travel)`: particles, in place, and where there is code for rigid bodies, `has_rigid`, their
+    travels (shape_matching/rigid.py). `has_friction`, `has_adhesion`: whether code for those is there; `own`, `many`: as in
+    `make_pairs`."""
     formulas = device_formulas(particle_contact.make, real, math)
     squared, within, split, held = formulas.squared, formulas.within, formulas.split, formulas.held
     direction, depth_of, slip, grip = formulas.direction, formulas.depth, formulas.slip, formulas.grip

@@ -46,11 +46,10 @@ def make_accelerations(real: Any, math: str, parts: frozenset[str]) -> SimpleNam
 
 @cache
 def make_motion(real: Any, math: str, parts: frozenset[str], axes: int) -> SimpleNamespace:
-    """`predict(p, v, ax, ay, az, parameters)` -> (x, y, z): where a mass would be without constraints; `kick(p, v, ax, ay, az,
-    parameters)` -> the velocity with which; `rate_of(p, b,
-    parameters)` -> its velocity on the way from b to p (quads); `collide(b, p, vx, vy, vz, world,
-    number)` -> (x, y, z, vx, vy, vz): after the colliders, in substep `number`; `settle`: both, from the substep's two
-    ends."""
+    """`predict(p, v, ax, ay, az, parameters)` -> (x, y, z): where a mass would be without constraints; `kick(p, v, ax, ay,
+    az, parameters)` -> the velocity with which; `rate_of(p, b, parameters)` -> its velocity on the way from b to p (quads);
+    `collide(b, p, vx, vy, vz, world, number)` -> (x, y, z, vx, vy, vz): after the colliders, in substep `number`; `settle`:
+    both, from the substep's two ends."""
     formulas = device_formulas(distance.make, real, math)
     kicked, kept, predicted, rate = formulas.kicked, formulas.kept, formulas.predicted, formulas.rate
     touch = make_collide(real, math, parts)

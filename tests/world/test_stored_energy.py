@@ -78,7 +78,13 @@ def test_a_stretched_triangle_stores_what_its_edges_do(tmp_path: Any) -> None:
     """k (l' - l)^2 / 2 of three edges, stretched by 1.2 along x, and nothing of its cluster's, which is switched off."""
     path = tmp_path / "triangle.obj"
     path.write_text("v 0 0 0\nv 1 0 0\nv 0.2 0.7 0\nf 1 2 3\n")
-    sheet = {"kind": "soft_sheet", "file": str(path), "particle_spacing": 1.0, "link_stiffness": 30.0, "cluster_stiffness": 1e-30}
+    sheet = {
+        "kind": "soft_sheet",
+        "file": str(path),
+        "particle_spacing": 1.0,
+        "link_stiffness": 30.0,
+        "cluster_stiffness": 1e-30,
+    }
     scene = Scene({"title": "T", "sheet": sheet, "method": {"solver": "shape-matching", "dt": 0.01}})
     at = scene.body_set.position * np.array([1.2, 1.0, 1.0])
     pairs = [(0, 1), (1, 2), (0, 2)]
