@@ -55,7 +55,7 @@ class ParticleContacts:
         self.variant = own, many
         self.bounces, self._bounce = "contact-restitution" in parts, make_bounce(real, math, own, many)
         variant = "contact-friction" in parts, "contact-adhesion" in parts, own, many, "rigid-motion" in parts
-        self._project, self._no_travel = make_project(real, math, *variant), self._new(np.zeros(SIZE, real))
+        self._project = make_project(real, math, *variant)
 
     def _new(self, array: np.ndarray) -> Any:
         return cuda.to_device(array, stream=self._stream)
@@ -100,11 +100,10 @@ class ParticleContacts:
     def project(self, before: Any, position: Any, travel: Any = None) -> None:
         """All sweeps over the contacts of the substep that began at `before`; `travel`: where bodies are rigid."""
         arguments = self.neighbours.found, self.neighbours.table, self.record, *self._pairs, self._touching
+        travels = () if travel is None else (travel,)
         for _ in range(self._sweeps):
             self._project.count[self._flat](position, *arguments)
-            self._project.project[self._flat](
-                before, position, *arguments, self._no_travel if travel is None else travel
-            )
+            self._project.project[self._flat](before, position, *arguments, *travels)
 
     def count_impacts(self, position: Any, old: Any, velocity: Any) -> tuple[Any, ...]:
         """What `bounce` begins with, for those that go on in another way: what their kernels take of contacts."""

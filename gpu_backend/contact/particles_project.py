@@ -82,8 +82,8 @@ def make_project(
                         contacts = np.int32(contacts + 1)
                 store_quad(touching, i, p[0], p[1], p[2], p[3] * real(contacts))
 
-    def project(before, position, found, neighbours, record, body, kind, kinds, touching, travel):
-        i = np.int32(cuda.grid(1))
+    @inlined(math)
+    def project_one(i, before, position, found, neighbours, record, body, kind, kinds, touching, travel):
         if i < found.size:
             kept, particles = np.int32(min(found[i], most)), np.int64(found.size)
             if kept > 0:
@@ -117,6 +117,16 @@ def make_project(
                         )
                     store_quad(position, i, x, y, z, weight)
 
+    def project_soft(before, position, found, neighbours, record, body, kind, kinds, touching):
+        i = np.int32(cuda.grid(1))
+        project_one(i, before, position, found, neighbours, record, body, kind, kinds, touching, touching)
+
+    def project_rigid(before, position, found, neighbours, record, body, kind, kinds, touching, travel):
+        i = np.int32(cuda.grid(1))
+        project_one(i, before, position, found, neighbours, record, body, kind, kinds, touching, travel)
+
+    project = project_rigid if has_rigid else project_soft
+    project.__name__ = "project"
     words = ("friction" * has_friction, "adhesion" * has_adhesion, f"own{own:d}", f"many{many:d}", "rigid" * has_rigid)
     variant = f"particle_contacts_{variant_name(real, math, *words)}"
     return make_kernels((count, project), variant, **kernel_options(math))
