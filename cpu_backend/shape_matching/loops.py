@@ -110,9 +110,9 @@ def make_bodies_stages(real: Any, math: str, parts: frozenset[str]) -> SimpleNam
 
 
 def make_substep_end(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
-    """end(first, last, low, high, number, before, after, velocity, weights, arrays, room, parameters, bodies, kinds): what
-    becomes of particles `first` to before `last`, of the clusters `low` to before `high`, when they have come to their
-    goals."""
+    """end(first, last, low, high, lone, number, before, after, velocity, weights, arrays, room, parameters, bodies, kinds):
+    what becomes of particles `first` to before `last`, of the clusters `low` to before `high`, which may be a `lone` one,
+    when they have come to their goals."""
     of_one, has_damping = make_particles(compiler, real, parts), "cluster_damping" in parts
     rate, collide, has_bodies = of_one.rate, of_one.collide, bool(parts & set(COLLIDER_KINDS))
     damping, rebounds = make_damping(compiler, real, has_damping, at_damping(parts)), "rigid-rebound" in parts
@@ -120,11 +120,11 @@ def make_substep_end(compiler: Compiler, real: Any, parts: frozenset[str]) -> An
     note, strike, answer, go = whole.note, whole.strike, whole.answer, whole.go
     has_rigid, at_travel = "rigid-motion" in parts, at_rigid(parts) + 5
     steadying = make_steadying(compiler, real, has_rigid, at_rigid(parts))
-    gather_rigid, steady = steadying.gather, steadying.steady
+    gather_rigid, steady, steady_lone = steadying.gather, steadying.steady, steadying.steady_lone
 
     @compiler.compiled
     def end(
-        first, last, low, high, number, before, after, velocity, weights, arrays, room, parameters, bodies, kinds
+        first, last, low, high, lone, number, before, after, velocity, weights, arrays, room, parameters, bodies, kinds
     ):  # fmt: skip
         count = weights.size
         rate(
@@ -141,7 +141,10 @@ def make_substep_end(compiler: Compiler, real: Any, parts: frozenset[str]) -> An
         if has_rigid:
             for c in range(low, high):
                 gather_rigid(c, after, velocity, count, arrays, room)
-            steady(first, last, after, velocity, count, arrays)
+                if lone:
+                    steady_lone(c, after, velocity, count, arrays)
+            if not lone:
+                steady(first, last, after, velocity, count, arrays)
         if has_damping:
             for c in range(low, high):
                 gather(c, after, velocity, count, arrays, room)
@@ -199,6 +202,7 @@ def make_bodies_apart(real: Any, math: str, parts: frozenset[str]) -> Any:
                         last,
                         c,
                         c + 1,
+                        True,
                         number,
                         before,
                         after,
@@ -223,7 +227,23 @@ def make_bodies_apart(real: Any, math: str, parts: frozenset[str]) -> Any:
             for c in range(low, high, LANES):
                 match(c, min(c + LANES, high), after, count, arrays, rotation, rotation, frames, room)
             move(first, last, after, count, own, own_factors, frames, travel)
-        end(first, last, low, high, number, before, after, velocity, weights, arrays, room, parameters, bodies, kinds)
+        end(
+            first,
+            last,
+            low,
+            high,
+            False,
+            number,
+            before,
+            after,
+            velocity,
+            weights,
+            arrays,
+            room,
+            parameters,
+            bodies,
+            kinds,
+        )
 
     def advance(
         band, bands, bounds, groups, steps, step, substeps, iterations, even, odd, velocity, weights, arrays, factors, own,

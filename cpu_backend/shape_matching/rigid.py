@@ -14,6 +14,7 @@ from cpu_backend.core.progress import shares
 from cpu_backend.shape_matching.damping import make_damping
 from cpu_backend.shape_matching.rebound import at_rebound
 from model.formulas.shape_matching import rebound
+from model.formulas.shape_matching.cluster import LANES
 from model.formulas.shape_matching.pace import MOTION
 
 REBOUND = 7  # arrays of clusters that rebounds take, after whose come those of here
@@ -26,9 +27,9 @@ def at_rigid(parts: frozenset[str]) -> int:
 
 def make_steadying(compiler: Compiler, real: Any, has_rigid: bool, place: int) -> SimpleNamespace:
     """`gather(c, position, velocity, count, arrays, scratch)`: the rigid motion of cluster c that has the momenta of its
-    particles; `steady(first, last, position, velocity, count, arrays)`: velocities, of those motions. Arrays from `place` on:
-    as of damping, factors 1 of rigid bodies; which clusters those are; travels and slacks, four planes. Nothing is done
-    unless `has_rigid`."""
+    particles; `steady(first, last, position, velocity, count, arrays)`: velocities, of those motions; `steady_lone(c,
+    position, velocity, count, arrays)`: the same of a lone cluster. Arrays from `place` on: as of damping, factors 1 of rigid
+    bodies; which clusters those are; travels and slacks, four planes. Nothing is done unless `has_rigid`."""
     if not has_rigid:
         return _without(compiler)
     rigid, zero = rebound.make(real, compiler.compiled).rigid, real(0)
@@ -39,6 +40,27 @@ def make_steadying(compiler: Compiler, real: Any, has_rigid: bool, place: int) -
     def gather(c, position, velocity, count, arrays, scratch):
         if arrays[at_wholes][c]:
             gather_motion(c, position, velocity, count, arrays, scratch)
+
+    @compiler.row
+    def steady_rows(blocks, motion, x, y, z, vx, vy, vz):
+        for block in range(blocks):
+            for lane in range(LANES):
+                k = block * LANES + lane
+                dx, dy, dz = x[k] - motion[0], y[k] - motion[1], z[k] - motion[2]
+                vx[k] = rigid(motion[3], motion[7], dz, motion[8], dy)
+                vy[k] = rigid(motion[4], motion[8], dx, motion[6], dz)
+                vz[k] = rigid(motion[5], motion[6], dy, motion[7], dx)
+
+    @compiler.compiled
+    def steady_lone(c, position, velocity, count, arrays):
+        """The particles of a lone cluster, and its ghosts, which belong to no one."""
+        if arrays[at_wholes][c]:
+            first = np.int64(arrays[1][c])
+            steady_rows(
+                (arrays[0][c + 1] - arrays[0][c]) // LANES, row_at(arrays[at_motions], np.int64(MOTION * c)),
+                row_at(position, first), row_at(position, count + first), row_at(position, 2 * count + first),
+                row_at(velocity, first), row_at(velocity, count + first), row_at(velocity, 2 * count + first),
+            )  # fmt: skip
 
     @compiler.compiled
     def steady(first, last, position, velocity, count, arrays):
@@ -53,7 +75,7 @@ def make_steadying(compiler: Compiler, real: Any, has_rigid: bool, place: int) -
                     velocity[y] = rigid(g[4], g[8], dx, g[6], dz)
                     velocity[z] = rigid(g[5], g[6], dy, g[7], dx)
 
-    return SimpleNamespace(gather=gather, steady=steady)
+    return SimpleNamespace(gather=gather, steady=steady, steady_lone=steady_lone)
 
 
 def _without(compiler: Compiler) -> SimpleNamespace:
@@ -65,7 +87,11 @@ def _without(compiler: Compiler) -> SimpleNamespace:
     def steady(first, last, position, velocity, count, arrays):
         pass
 
-    return SimpleNamespace(gather=gather, steady=steady)
+    @compiler.compiled
+    def steady_lone(c, position, velocity, count, arrays):
+        pass
+
+    return SimpleNamespace(gather=gather, steady=steady, steady_lone=steady_lone)
 
 
 @cache
