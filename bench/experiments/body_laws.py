@@ -1,8 +1,8 @@
 """Laws that bodies are held against: spin that is lost by a formula, momenta in free flight, rest after a drop.
 
-SPIN: a rigid body, one cluster, turns about a principal axis. A substep takes the angle D of the last one to
-atan2(sin D, 2 - cos D), the first being atan(omega h): matching takes the rotation nearest to 2 R - R_before, and what
-of that is no rotation is lost. Iterations cannot mend it, substeps do, at first order.
+SPIN: a rigid body, one cluster, turns about a principal axis. A substep takes the angle D of the last one to atan(sin D),
+the first being atan(omega h): matching turns the body by the arctangent of omega h, and its angular momentum is taken by the
+arms after that, the cosine of it. Iterations cannot mend it, substeps do, at first order.
 FLIGHT: a soft body is thrown, spinning. Split masses keep the linear momentum to rounding; the angular one is lost as a
 rigid body's.
 DROP: a soft body falls on a plane. It lies still when its kinetic energy is under STILL of that of the drop; nothing damps it
@@ -11,7 +11,7 @@ but friction, the step itself, and what comes back from the plane.
 
 from __future__ import annotations
 
-from math import atan, atan2, cos, pi, sin
+from math import atan, pi, sin
 from typing import Any
 
 import numpy as np
@@ -60,11 +60,11 @@ def law_scene(law: str, substeps: int) -> Scene:
 
 
 def spin_left(substeps: int) -> float:
-    """The part of the spin that the law leaves after SECONDS; of a velocity that is a way over h, so sin D / h."""
+    """The part of the spin that the law leaves after SECONDS; one that turns by D in a substep h has sin D / h."""
     h = FRAME / substeps
     angle = atan(SPEED * h)
     for _ in range(substeps * round(SECONDS[SPIN] / FRAME) - 1):
-        angle = atan2(sin(angle), 2 - cos(angle))
+        angle = atan(sin(angle))
     return sin(angle) / (SPEED * h)
 
 

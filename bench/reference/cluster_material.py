@@ -47,13 +47,28 @@ def rigid_motion(clusters: Clusters, c: int, position: np.ndarray, velocity: np.
     return np.asarray(mean + np.cross(np.linalg.pinv(inertia, rcond=1e-12) @ spin, r))
 
 
-def damped(
-    clusters: Clusters, position: np.ndarray, velocity: np.ndarray, h: float, whole: np.ndarray | None = None
-) -> np.ndarray:
-    """(particles, 3) [m/s]: velocities after a substep h [s] of the clusters' damping; `whole` (clusters,): those whose
-    velocities become a rigid motion at once."""
-    rate = np.zeros(clusters.count) if clusters.material is None else clusters.material.damping.copy()
-    rate[[] if whole is None else whole] = np.inf
+def whole_of(clusters: Clusters) -> np.ndarray:
+    """(clusters,) bool: rigid ones of several particles, each theirs alone, that do nothing but turn."""
+    plain = np.ones(clusters.count, bool)
+    if clusters.material is not None:
+        plain = ((clusters.material.linear == 0) & (clusters.material.creep == 0)) | clusters.flat
+    shared = np.zeros(clusters.count, bool)
+    shared[clusters.owner[clusters.shares < 1]] = True
+    return np.asarray(plain & ~shared & np.isinf(clusters.stiffness) & (np.diff(clusters.offsets) > 1))
+
+
+def steadied(clusters: Clusters, whole: np.ndarray, position: np.ndarray, velocity: np.ndarray) -> np.ndarray:
+    """(particles, 3) [m/s]: velocities of which those of the `whole` clusters are a rigid motion of the same momenta."""
+    found = velocity.copy()
+    for c in map(int, np.flatnonzero(whole)):
+        own = slice(clusters.offsets[c], clusters.offsets[c + 1])
+        found[clusters.indices[own]] = rigid_motion(clusters, c, position, velocity)
+    return found
+
+
+def damped(clusters: Clusters, position: np.ndarray, velocity: np.ndarray, h: float) -> np.ndarray:
+    """(particles, 3) [m/s]: velocities after a substep h [s] of the clusters' damping."""
+    rate = np.zeros(clusters.count) if clusters.material is None else clusters.material.damping
     found = velocity.copy()
     for c in map(int, np.flatnonzero(rate > 0)):
         own = slice(clusters.offsets[c], clusters.offsets[c + 1])
@@ -95,9 +110,8 @@ def bounced(
 ) -> np.ndarray:
     """(particles, 3) [m/s]: velocities after particles bounced off each other, those of `whole` clusters as rigid bodies."""
     scale = np.ones(len(position))
-    velocity = damped(clusters, position, velocity, contacts.h, whole)
     got = contacts.given(position, old, velocity, scale)
     for c in map(int, np.flatnonzero(whole)):
         scale[clusters.indices[clusters.offsets[c] : clusters.offsets[c + 1]]] = worth(clusters, c, position, got)[0]
     got = contacts.given(position, old, velocity, scale)
-    return damped(clusters, position, velocity + got, contacts.h, whole)
+    return velocity + steadied(clusters, whole, position, got)

@@ -83,9 +83,9 @@ def motion(
     h = method.dt / method.substeps
     fine = scene.replace({"method.dt": h})
     contacts = Contacts(scene) if scene.contact else None
-    bounces = bool(scene.bodies) and any(collider.restitution > 0 for _, collider in scene.colliders)
-    rigid = np.isinf(clusters.stiffness) & (np.diff(clusters.offsets) > 1)
-    whole = rigid if bounces else None
+    whole = cluster_material.whole_of(clusters) if scene.bodies else np.zeros(clusters.count, bool)
+    of_whole = np.zeros((len(p), 1), bool)
+    of_whole[clusters.indices[whole[clusters.owner]]] = True
     plastic = np.tile(np.eye(3), (clusters.count, 1, 1)) if "plastic" in clusters.parts else None
     for step in range(first_step, first_step + steps):
         for substep in range(method.substeps):
@@ -93,6 +93,7 @@ def motion(
             a = xpbd.accelerations(scene, p, v, time, step, poke, clusters.mass)
             before = p
             p = np.where(free, p + h * (v * (1 - h * drag) + h * a), p)
+            matched = np.zeros_like(p)  # what clusters alone did: a rigid body's velocity is a motion without it
             if contacts:
                 contacts.find(p)
             multipliers = np.zeros(len(scene.body_set.links.ends)) if scene.bodies else np.zeros(0)
@@ -101,20 +102,24 @@ def motion(
                 if len(multipliers):
                     p = linked(scene, p, multipliers)
                 bent = cluster_material.crept(clusters, p, plastic, h, method.iterations)
-                p = np.where(free, iterate(clusters, p, h, method.iterations, plastic), p)
-                plastic = bent
+                found = np.where(free, iterate(clusters, p, h, method.iterations, plastic), p)
+                p, matched, plastic = found, matched + (found - p), bent
                 if contacts:
                     p = contacts.sweep(before, p)
                 p = yield before, p
+            travel, far = p - before - matched, np.linalg.norm(p - before, axis=1)[:, None]
             if contacts:
                 p = contacts.ended(before, p)
-            old, v = v, np.where(free, (p - before) / h, 0.0)
-            if contacts and contacts.part.restitution:
-                v = cluster_material.bounced(clusters, contacts, rigid, p, old, v)
-            v = cluster_material.damped(clusters, p, v, h, whole)
+                calmed = np.linalg.norm(p - before, axis=1)[:, None]
+                travel = travel * np.divide(calmed, far, out=np.ones_like(far), where=calmed != far)
+            old, v = v, np.where(free, np.where(of_whole, travel, p - before) / h, 0.0)
+            v = cluster_material.steadied(clusters, whole, p, v)
+            if contacts and (contacts.part.restitution or whole.any()):
+                v = cluster_material.bounced(clusters, contacts, whole, p, old, v)
+            v = cluster_material.damped(clusters, p, v, h)
             if scene.colliders:
                 rows, old = (before[None], p[None], v[None]), v
                 p, v = (array[0] for array in cloth.collide(fine, *rows, step * method.substeps + substep))
-                if whole is not None:
+                if whole.any():
                     v = cluster_material.rebounded(clusters, whole, p, old, v)
     return p, v

@@ -8,7 +8,7 @@ is within KEPT of the nearest one (model/formulas/rotation.py), so that each sub
 
 from __future__ import annotations
 
-from math import atan, atan2, cos, sin
+from math import atan, cos, sin
 
 import numpy as np
 
@@ -65,14 +65,14 @@ def law_turn(substeps: int) -> float:
     angle = atan(body_laws.SPEED * h)
     total = angle
     for _ in range(substeps * round(body_laws.SECONDS[SPIN] / FRAME) - 1):
-        angle = atan2(sin(angle), 2 - cos(angle))
+        angle = atan(sin(angle))
         total += angle
     return total
 
 
 def spins(trial: Trial) -> list[Check]:
-    """A8 and S7: a rigid body, one cluster, at 2 pi rad/s for 2 s. A substep takes its angle D to atan2(sin D, 2 - cos D),
-    the first being atan(omega h): N substeps that lag by LAG each lose that over the first D of the spin, and N of it, N / 2
+    """A8 and S7: a rigid body, one cluster, at 2 pi rad/s for 2 s. A substep takes its angle D to atan(sin D), the first
+    being atan(omega h): N substeps that lag by LAG each lose that over the first D of the spin, and N of it, N / 2
     substeps each, of the way. Beside the law, how far the body is from where Newton has it: two whole turns, which is where
     it was."""
     scene = trial.scene

@@ -86,8 +86,8 @@ def make_bodies_bounce(real: Any, math: str, place: int) -> Any:
     what a member of a team does (core/progress.py), as `make_bounce` of contact/particles_bounce.py; `arrays` of clusters,
     from `place` on those of `make_rebound`, and a scale of each particle; `pitch`: numbers of a band's scratch."""
     compiler = Compiler(f"bodies_bounce_all_{np.dtype(real).name}_{math}_{place}", math)
-    damping, answer = make_damping(compiler, real, True, place), make_rebound(compiler, real, True, place).answer
-    gather, slow, tell = damping.gather, damping.slow, make_passes(compiler, real, False).tell
+    answer = make_rebound(compiler, real, True, place).answer
+    gather, tell = make_damping(compiler, real, True, place).gather, make_passes(compiler, real, False).tell
     strike_all, strike_scaled = (make_strikes(compiler, real, scaled) for scaled in (False, True))
     motions_made = make_motions(compiler, real, place)
     spread, join = motions_made.spread, motions_made.join
@@ -109,10 +109,8 @@ def make_bodies_bounce(real: Any, math: str, place: int) -> Any:
     ):  # fmt: skip
         motions, struck, scales = arrays[at_motions], arrays[at_struck], arrays[at_scales]
         count, clusters = weights.size, arrays[at_limits].size
-        gather_all(team, member, bands, position, velocity, count, arrays, scratch, pitch)
         for band in shares(team, member, bands):
             low, high = count * band // bands, count * (band + 1) // bands
-            slow(low, high, position, velocity, count, arrays)
             for axis in range(AXES):
                 for k in range(axis * count + low, axis * count + high):
                     struck[k] = zero

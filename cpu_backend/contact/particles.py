@@ -45,7 +45,8 @@ class ParticleContacts:
         acting = np.zeros(count * MAX_NEIGHBOURS, np.uint32)  # unsigned: no index from the end
         self._contacts = acting, np.zeros(count, real), np.zeros(AXES * count, real)
         self.old = aligned_zeros(AXES * count if "contact-restitution" in parts else 0, real)
-        self._project = make_project_stage(real, math, "contact-friction" in parts, "contact-adhesion" in parts)
+        variant = "contact-friction" in parts, "contact-adhesion" in parts, "rigid-motion" in parts
+        self._project = make_project_stage(real, math, *variant)
         self._bounce = make_bounce_stage(real, math)
         self.change(scene)
 
@@ -68,9 +69,13 @@ class ParticleContacts:
     def find(self, position: np.ndarray, weights: np.ndarray) -> None:
         self.neighbours.find(position, weights, self.record, self.reach)
 
-    def project(self, before: np.ndarray, position: np.ndarray, weights: np.ndarray) -> None:
+    def project(
+        self, before: np.ndarray, position: np.ndarray, weights: np.ndarray, travel: np.ndarray | None = None
+    ) -> None:
+        """`travel`: as of shape_matching/particles.py, where bodies are rigid."""
         self._project(
-            self.bands, self.sweeps, before, position, weights, self.record, self.neighbours.found, self._contacts
+            self.bands, self.sweeps, before, position, weights, self.record, self.neighbours.found, self._contacts,
+            np.zeros_like(position) if travel is None else travel,
         )  # fmt: skip
 
     def bounce(self, position: np.ndarray, velocity: np.ndarray, weights: np.ndarray) -> None:

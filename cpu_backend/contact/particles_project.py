@@ -25,11 +25,14 @@ from model.contact.particle_parameters import (
     MAX_NEIGHBOURS,
 )
 from model.formulas import particle_contact
+from model.formulas.shape_matching import rigid
 
 PACES = frozenset({"speed-limit", "sleeping"})
 
 
-def _make_sweep(compiler: Compiler, real: Any, has_friction: bool, has_adhesion: bool) -> SimpleNamespace:
+def _make_sweep(
+    compiler: Compiler, real: Any, has_friction: bool, has_adhesion: bool, has_rigid: bool
+) -> SimpleNamespace:
     """`tell`, `push`, `put`: see the inner functions; of a `band` of those that have neighbours."""
     formulas = particle_contact.make(real, compiler.compiled)
     squared, within, split, held, direction = (
@@ -37,7 +40,7 @@ def _make_sweep(compiler: Compiler, real: Any, has_friction: bool, has_adhesion:
     )  # fmt: skip
     depth_of, slip, grip = formulas.depth, formulas.slip, formulas.grip
     added, added_friction, moved = formulas.added, formulas.added_friction, formulas.moved
-    zero = real(0)
+    carried, zero = rigid.make(real, compiler.compiled).carried, real(0)
 
     @compiler.compiled
     def tell(band, count, position, record, neighbours, contacts):
@@ -104,29 +107,33 @@ def _make_sweep(compiler: Compiler, real: Any, has_friction: bool, has_adhesion:
             ways[3 * n], ways[3 * n + 1], ways[3 * n + 2] = x, y, z
 
     @compiler.compiled
-    def put(band, count, position, neighbours, contacts):
+    def put(band, count, position, travel, neighbours, contacts):
         who, _, _, _, begins, active, _ = neighbours
         _, met, ways = contacts
         for n in range(begins[band], begins[band] + active[band]):
             i = who[n]
             if met[i] != zero:
                 for axis in range(3):
-                    position[axis * count + i] = ways[3 * n + axis]
+                    k = axis * count + i
+                    if has_rigid:
+                        travel[k] = carried(travel[k], ways[3 * n + axis], position[k])
+                    position[k] = ways[3 * n + axis]
 
     return SimpleNamespace(tell=tell, push=push, put=put)
 
 
 @cache
-def make_project(real: Any, math: str, has_friction: bool, has_adhesion: bool) -> Any:
-    """project(team, member, bands, sweeps, before, position, weights, record, neighbours, contacts): what a member of a team
-    does (core/progress.py); arrays as cpu_backend/contact/particles.py makes them."""
-    name = f"particles_project_{np.dtype(real).name}_{math}{'_friction' * has_friction}{'_adhesion' * has_adhesion}"
-    compiler = Compiler(name, math)
-    made = _make_sweep(compiler, real, has_friction, has_adhesion)
+def make_project(real: Any, math: str, has_friction: bool, has_adhesion: bool, has_rigid: bool) -> Any:
+    """project(team, member, bands, sweeps, before, position, weights, record, neighbours, contacts, travel): what a member of
+    a team does (core/progress.py); arrays as cpu_backend/contact/particles.py makes them, `travel` as of
+    shape_matching/particles.py, where bodies are rigid, `has_rigid`."""
+    words = "_friction" * has_friction + "_adhesion" * has_adhesion + "_rigid" * has_rigid
+    compiler = Compiler(f"particles_project_{np.dtype(real).name}_{math}{words}", math)
+    made = _make_sweep(compiler, real, has_friction, has_adhesion, has_rigid)
     tell, push, put = made.tell, made.push, made.put
 
     @compiler.compiled
-    def project_all(team, member, bands, sweeps, before, position, weights, record, neighbours, contacts):
+    def project_all(team, member, bands, sweeps, before, position, weights, record, neighbours, contacts, travel):
         count = weights.size
         for _ in range(sweeps):
             for band in shares(team, member, bands):
@@ -134,26 +141,42 @@ def make_project(real: Any, math: str, has_friction: bool, has_adhesion: bool) -
             for band in shares(team, member, bands):
                 push(band, count, before, position, weights, record, neighbours, contacts)
             for band in shares(team, member, bands):
-                put(band, count, position, neighbours, contacts)
+                put(band, count, position, travel, neighbours, contacts)
 
     return project_all
 
 
 @cache
-def make_project_stage(real: Any, math: str, has_friction: bool, has_adhesion: bool) -> Any:
-    """project(bands, sweeps, before, position, weights, record, neighbours, contacts): see make_project."""
+def make_project_stage(real: Any, math: str, has_friction: bool, has_adhesion: bool, has_rigid: bool) -> Any:
+    """project(bands, sweeps, before, position, weights, record, neighbours, contacts, travel): see make_project."""
     name = f"particles_{np.dtype(real).name}_{math}{'_friction' * has_friction}{'_adhesion' * has_adhesion}"
-    project_all = make_project(real, math, has_friction, has_adhesion)
+    project_all = make_project(real, math, has_friction, has_adhesion, has_rigid)
 
     return Compiler(name, math).team(project_all)
 
 
 def make_settle(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
-    """settle(first, last, count, before, position, record): particles at a substep's end that went too far, or hardly
-    moved."""
+    """settle(first, last, count, before, position, record, travel): particles at a substep's end that went too far, or
+    hardly moved."""
     formulas = particle_contact.make(real, compiler.compiled)
     far, shortened, rested = formulas.far, formulas.shortened, formulas.rested
-    has_limit, has_sleeping = "speed-limit" in parts, "sleeping" in parts
+    has_limit, has_sleeping, has_rigid = "speed-limit" in parts, "sleeping" in parts, "rigid-motion" in parts
+    keeping = rigid.make(real, compiler.compiled)
+    limited, no_travel = keeping.limited, keeping.rested
+
+    @compiler.row
+    def calm_rows(n, record, x, y, z, to_x, to_y, to_z, over_x, over_y, over_z):
+        """Travels, before places are changed."""
+        for k in range(n):
+            length = far(to_x[k] - x[k], to_y[k] - y[k], to_z[k] - z[k])
+            if has_limit:
+                over_x[k] = limited(over_x[k], length, record[H_FASTEST])
+                over_y[k] = limited(over_y[k], length, record[H_FASTEST])
+                over_z[k] = limited(over_z[k], length, record[H_FASTEST])
+            if has_sleeping:
+                over_x[k] = no_travel(over_x[k], length, record[H_ASLEEP])
+                over_y[k] = no_travel(over_y[k], length, record[H_ASLEEP])
+                over_z[k] = no_travel(over_z[k], length, record[H_ASLEEP])
 
     @compiler.row
     def settle_rows(n, record, x, y, z, to_x, to_y, to_z):
@@ -169,7 +192,14 @@ def make_settle(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
                 to_z[k] = rested(to_z[k], z[k], length, record[H_ASLEEP])
 
     @compiler.compiled
-    def settle(first, last, count, before, position, record):
+    def settle(first, last, count, before, position, record, travel):
+        if has_rigid:
+            calm_rows(
+                last - first, record, row_at(before, first), row_at(before, count + first),
+                row_at(before, 2 * count + first), row_at(position, first), row_at(position, count + first),
+                row_at(position, 2 * count + first), row_at(travel, first), row_at(travel, count + first),
+                row_at(travel, 2 * count + first),
+            )  # fmt: skip
         settle_rows(
             last - first, record, row_at(before, first), row_at(before, count + first), row_at(before, 2 * count + first),
             row_at(position, first), row_at(position, count + first), row_at(position, 2 * count + first),
@@ -180,11 +210,12 @@ def make_settle(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
 
 @cache
 def make_settle_stage(real: Any, math: str, parts: frozenset[str]) -> Any:
-    """settle(bands, count, before, position, record): all particles, in parallel."""
-    compiler = Compiler(f"particles_{np.dtype(real).name}_{math}_{'_'.join(sorted(parts & PACES))}", math)
+    """settle(bands, count, before, position, record, travel): all particles, in parallel."""
+    words = sorted(parts & (PACES | {"rigid-motion"}))
+    compiler = Compiler(f"particles_{np.dtype(real).name}_{math}_{'_'.join(words)}", math)
     settle_some = make_settle(compiler, real, parts)
 
-    def settle(band, bands, count, before, position, record):
-        settle_some(count * band // bands, count * (band + 1) // bands, count, before, position, record)
+    def settle(band, bands, count, before, position, record, travel):
+        settle_some(count * band // bands, count * (band + 1) // bands, count, before, position, record, travel)
 
     return compiler.banded(settle)

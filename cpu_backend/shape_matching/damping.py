@@ -51,32 +51,37 @@ def make_damping(compiler: Compiler, real: Any, damped: bool, place: int) -> Sim
     at_clusters, at_factors, at_motions = place + 1, place + 2, place + 3
     zero = real(0)
 
-    @compiler.row
-    def momenta_rows(blocks, x0, y0, z0, u0, v0, w0, slots, x, y, z, vx, vy, vz, mass, lanes):
-        for n in range(MOMENTA * LANES):
-            lanes[n] = zero
-        for block in range(blocks):
-            for lane in range(LANES):
-                e = block * LANES + lane
-                k, m = slots[e], mass[e]
-                dx, dy, dz = x[k] - x0, y[k] - y0, z[k] - z0
-                wx, wy, wz = weighted(m, x[k], x0), weighted(m, y[k], y0), weighted(m, z[k], z0)
-                ux, uy, uz = weighted(m, vx[k], u0), weighted(m, vy[k], v0), weighted(m, vz[k], w0)
-                lanes[lane] = lanes[lane] + wx
-                lanes[LANES + lane] = lanes[LANES + lane] + wy
-                lanes[2 * LANES + lane] = lanes[2 * LANES + lane] + wz
-                lanes[3 * LANES + lane] = lanes[3 * LANES + lane] + ux
-                lanes[4 * LANES + lane] = lanes[4 * LANES + lane] + uy
-                lanes[5 * LANES + lane] = lanes[5 * LANES + lane] + uz
-                lanes[6 * LANES + lane] = turned(lanes[6 * LANES + lane], dy, uz, dz, uy)
-                lanes[7 * LANES + lane] = turned(lanes[7 * LANES + lane], dz, ux, dx, uz)
-                lanes[8 * LANES + lane] = turned(lanes[8 * LANES + lane], dx, uy, dy, ux)
-                lanes[9 * LANES + lane] = added(lanes[9 * LANES + lane], wx, dx)
-                lanes[10 * LANES + lane] = added(lanes[10 * LANES + lane], wy, dy)
-                lanes[11 * LANES + lane] = added(lanes[11 * LANES + lane], wz, dz)
-                lanes[12 * LANES + lane] = added(lanes[12 * LANES + lane], wx, dy)
-                lanes[13 * LANES + lane] = added(lanes[13 * LANES + lane], wx, dz)
-                lanes[14 * LANES + lane] = added(lanes[14 * LANES + lane], wy, dz)
+    def make_rows(gathers: bool) -> Any:
+        def momenta_rows(blocks, x0, y0, z0, u0, v0, w0, slots, x, y, z, vx, vy, vz, mass, lanes):
+            for n in range(MOMENTA * LANES):
+                lanes[n] = zero
+            for block in range(blocks):
+                for lane in range(LANES):
+                    e = block * LANES + lane
+                    k, m = slots[e] if gathers else e, mass[e]
+                    dx, dy, dz = x[k] - x0, y[k] - y0, z[k] - z0
+                    wx, wy, wz = weighted(m, x[k], x0), weighted(m, y[k], y0), weighted(m, z[k], z0)
+                    ux, uy, uz = weighted(m, vx[k], u0), weighted(m, vy[k], v0), weighted(m, vz[k], w0)
+                    lanes[lane] = lanes[lane] + wx
+                    lanes[LANES + lane] = lanes[LANES + lane] + wy
+                    lanes[2 * LANES + lane] = lanes[2 * LANES + lane] + wz
+                    lanes[3 * LANES + lane] = lanes[3 * LANES + lane] + ux
+                    lanes[4 * LANES + lane] = lanes[4 * LANES + lane] + uy
+                    lanes[5 * LANES + lane] = lanes[5 * LANES + lane] + uz
+                    lanes[6 * LANES + lane] = turned(lanes[6 * LANES + lane], dy, uz, dz, uy)
+                    lanes[7 * LANES + lane] = turned(lanes[7 * LANES + lane], dz, ux, dx, uz)
+                    lanes[8 * LANES + lane] = turned(lanes[8 * LANES + lane], dx, uy, dy, ux)
+                    lanes[9 * LANES + lane] = added(lanes[9 * LANES + lane], wx, dx)
+                    lanes[10 * LANES + lane] = added(lanes[10 * LANES + lane], wy, dy)
+                    lanes[11 * LANES + lane] = added(lanes[11 * LANES + lane], wz, dz)
+                    lanes[12 * LANES + lane] = added(lanes[12 * LANES + lane], wx, dy)
+                    lanes[13 * LANES + lane] = added(lanes[13 * LANES + lane], wx, dz)
+                    lanes[14 * LANES + lane] = added(lanes[14 * LANES + lane], wy, dz)
+
+        momenta_rows.__name__ = "gather_momenta" if gathers else "sum_momenta"
+        return compiler.row(momenta_rows)
+
+    sum_rows, gather_rows = make_rows(False), make_rows(True)
 
     @compiler.compiled
     def gather(c, position, velocity, count, arrays, scratch):
@@ -84,11 +89,18 @@ def make_damping(compiler: Compiler, real: Any, damped: bool, place: int) -> Sim
         start, entries, k = starts[c], members.size // 4, np.int64(firsts[c])
         x, y, z = position[k], position[count + k], position[2 * count + k]
         u, v, w = velocity[k], velocity[count + k], velocity[2 * count + k]
-        momenta_rows(
-            (starts[c + 1] - start) // LANES, x, y, z, u, v, w, row_at(slots, start), position, row_at(position, count),
-            row_at(position, 2 * count), velocity, row_at(velocity, count), row_at(velocity, 2 * count),
-            row_at(members, 3 * entries + start), scratch,
-        )  # fmt: skip
+        if arrays[2][c]:
+            sum_rows(
+                (starts[c + 1] - start) // LANES, x, y, z, u, v, w, row_at(slots, start), row_at(position, k),
+                row_at(position, count + k), row_at(position, 2 * count + k), row_at(velocity, k),
+                row_at(velocity, count + k), row_at(velocity, 2 * count + k), row_at(members, 3 * entries + start), scratch,
+            )  # fmt: skip
+        else:
+            gather_rows(
+                (starts[c + 1] - start) // LANES, x, y, z, u, v, w, row_at(slots, start), position, row_at(position, count),
+                row_at(position, 2 * count), velocity, row_at(velocity, count), row_at(velocity, 2 * count),
+                row_at(members, 3 * entries + start), scratch,
+            )  # fmt: skip
         motions, n = arrays[at_motions], MOTION * c
         (
             motions[n], motions[n + 1], motions[n + 2], motions[n + 3], motions[n + 4], motions[n + 5], motions[n + 6],

@@ -18,7 +18,7 @@ from cpu_backend.core.compile import Compiler
 from cpu_backend.core.layout import row_at
 from cpu_backend.shape_matching.shapes import ENTRIES, make_shapes
 from model.formulas import rotation
-from model.formulas.shape_matching import cluster
+from model.formulas.shape_matching import cluster, rigid
 from model.formulas.shape_matching.cluster import LANES, MOMENTS
 
 AXES = 3
@@ -186,41 +186,40 @@ def make_clusters(compiler: Compiler, real: Any, shaping: frozenset[str]) -> Sim
     return SimpleNamespace(match=match, sum_up=sum_up, turn=turn)
 
 
-def make_goals(compiler: Compiler, real: Any) -> SimpleNamespace:
-    """`move_lone(c, position, count, arrays, factors, frames)`: the particles of a lone cluster towards their goals;
-    `move(first, last, position, count, own, own_factors, frames)`: those of any clusters, which they gather."""
+def make_goals(compiler: Compiler, real: Any, has_rigid: bool) -> SimpleNamespace:
+    """`move_lone(c, position, count, arrays, factors, frames, travel)`: the particles of a lone cluster towards their goals;
+    `move(first, last, position, count, own, own_factors, frames, travel)`: those of any clusters, which they gather.
+    `travel`: as of particles.py; its slacks are read where bodies are rigid, `has_rigid`."""
     formulas = cluster.make(real, compiler.compiled)
     goal, added_way, arrived = formulas.goal, formulas.added_way, formulas.arrived
-    zero = real(0)
+    settled, zero, there = rigid.make(real, compiler.compiled).settled, real(0), np.int64(has_rigid)
 
     @compiler.row
-    def move_rows(blocks, frame, factor, rest_x, rest_y, rest_z, x, y, z):
+    def move_rows(blocks, frame, factor, rest_x, rest_y, rest_z, x, y, z, slack):
         for block in range(blocks):
             for lane in range(LANES):
                 k = block * LANES + lane
                 a, b, c = rest_x[k], rest_y[k], rest_z[k]
-                x[k] = arrived(
-                    x[k], added_way(zero, factor, goal(frame[9], frame[0], frame[1], frame[2], a, b, c), x[k])
-                )
-                y[k] = arrived(
-                    y[k], added_way(zero, factor, goal(frame[10], frame[3], frame[4], frame[5], a, b, c), y[k])
-                )
-                z[k] = arrived(
-                    z[k], added_way(zero, factor, goal(frame[11], frame[6], frame[7], frame[8], a, b, c), z[k])
-                )
+                u = added_way(zero, factor, goal(frame[9], frame[0], frame[1], frame[2], a, b, c), x[k])
+                v = added_way(zero, factor, goal(frame[10], frame[3], frame[4], frame[5], a, b, c), y[k])
+                w = added_way(zero, factor, goal(frame[11], frame[6], frame[7], frame[8], a, b, c), z[k])
+                if has_rigid:
+                    u, v, w = settled(u, slack[k], x[k]), settled(v, slack[k], y[k]), settled(w, slack[k], z[k])
+                x[k], y[k], z[k] = arrived(x[k], u), arrived(y[k], v), arrived(z[k], w)
 
     @compiler.compiled
-    def move_lone(c, position, count, arrays, factors, frames):
+    def move_lone(c, position, count, arrays, factors, frames, travel):
         starts, firsts, members = arrays[0], arrays[1], arrays[4]
         start, entries, first = starts[c], members.size // 4, np.int64(firsts[c])
         move_rows(
             (starts[c + 1] - start) // LANES, row_at(frames, np.int64(FRAME * c)), factors[start], row_at(members, start),
             row_at(members, entries + start), row_at(members, 2 * entries + start), row_at(position, first),
             row_at(position, count + first), row_at(position, 2 * count + first),
+            row_at(travel, there * (AXES * count + first)),
         )  # fmt: skip
 
     @compiler.compiled
-    def move(first, last, position, count, own, own_factors, frames):
+    def move(first, last, position, count, own, own_factors, frames, travel):
         starts, clusters, rests = own
         for k in range(first, last):
             px, py, pz = position[k], position[count + k], position[2 * count + k]
@@ -231,6 +230,9 @@ def make_goals(compiler: Compiler, real: Any) -> SimpleNamespace:
                 x = added_way(x, factor, goal(frame[9], frame[0], frame[1], frame[2], a, b, c), px)
                 y = added_way(y, factor, goal(frame[10], frame[3], frame[4], frame[5], a, b, c), py)
                 z = added_way(z, factor, goal(frame[11], frame[6], frame[7], frame[8], a, b, c), pz)
+            if has_rigid:
+                slack = travel[AXES * count + k]
+                x, y, z = settled(x, slack, px), settled(y, slack, py), settled(z, slack, pz)
             position[k] = arrived(px, x)
             position[count + k] = arrived(py, y)
             position[2 * count + k] = arrived(pz, z)
@@ -239,8 +241,12 @@ def make_goals(compiler: Compiler, real: Any) -> SimpleNamespace:
 
 
 @cache
-def make_matching(real: Any, math: str, shaping: frozenset[str] = frozenset()) -> SimpleNamespace:
-    """What hangs on no other parts of a scene than `shaping`, compiled once for all of them: `make_clusters` and
-    `make_goals`."""
-    compiler = Compiler("_".join(["bodies", np.dtype(real).name, math, *sorted(shaping)]), math)
-    return SimpleNamespace(**vars(make_clusters(compiler, real, shaping)), **vars(make_goals(compiler, real)))
+def make_matching(
+    real: Any, math: str, shaping: frozenset[str] = frozenset(), has_rigid: bool = False
+) -> SimpleNamespace:
+    """What hangs on no other parts of a scene than `shaping` and rigid bodies, compiled once for all of them:
+    `make_clusters` and `make_goals`."""
+    compiler = Compiler("_".join(["bodies", np.dtype(real).name, math, *sorted(shaping), "rigid" * has_rigid]), math)
+    return SimpleNamespace(
+        **vars(make_clusters(compiler, real, shaping)), **vars(make_goals(compiler, real, has_rigid))
+    )

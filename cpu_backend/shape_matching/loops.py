@@ -20,20 +20,24 @@ from cpu_backend.shape_matching.damping import at_damping, make_damping
 from cpu_backend.shape_matching.kernels import AXES, SCRATCH, make_matching
 from cpu_backend.shape_matching.particles import make_particles
 from cpu_backend.shape_matching.rebound import at_rebound, make_rebound
+from cpu_backend.shape_matching.rigid import at_rigid, make_steadying
 from model.core.own_forces import own_forces
 from model.formulas import distance
+from model.formulas.shape_matching import rigid
 from model.formulas.shape_matching.cluster import LANES
 from model.scene.cloth import COLLIDER_KINDS
 from model.shape_matching.cluster_tables import shaping
 
 
 @cache
-def make_matching_stages(real: Any, math: str, shaping: frozenset[str] = frozenset()) -> SimpleNamespace:
+def make_matching_stages(
+    real: Any, math: str, shaping: frozenset[str] = frozenset(), has_rigid: bool = False
+) -> SimpleNamespace:
     """`match(bands, position, count, arrays, rotation, turned, frames, scratch)`, all clusters, and `move(bands, position,
-    count, own, own_factors, frames)`, all particles: a parallel loop each, over `bands` parts. `count`: particles and
-    ghosts; `scratch`: flat, SCRATCH * LANES a band."""
-    compiler = Compiler("_".join(["bodies", np.dtype(real).name, math, *sorted(shaping)]), math)
-    made = make_matching(real, math, shaping)
+    count, own, own_factors, frames, travel)`, all particles: a parallel loop each, over `bands` parts. `count`: particles
+    and ghosts; `scratch`: flat, SCRATCH * LANES a band."""
+    compiler = Compiler("_".join(["bodies", np.dtype(real).name, math, *sorted(shaping), "rigid" * has_rigid]), math)
+    made = make_matching(real, math, shaping, has_rigid)
     match_some, move_some = made.match, made.move
 
     def match(band, bands, position, count, arrays, rotation, turned, frames, scratch):
@@ -43,8 +47,8 @@ def make_matching_stages(real: Any, math: str, shaping: frozenset[str] = frozens
         for first in range(clusters * band // bands, stop, LANES):
             match_some(first, min(first + LANES, stop), position, count, arrays, rotation, turned, frames, room)
 
-    def move(band, bands, position, count, own, own_factors, frames):
-        move_some(count * band // bands, count * (band + 1) // bands, position, count, own, own_factors, frames)
+    def move(band, bands, position, count, own, own_factors, frames, travel):
+        move_some(count * band // bands, count * (band + 1) // bands, position, count, own, own_factors, frames, travel)
 
     return SimpleNamespace(match=compiler.banded(match), move=compiler.banded(move))
 
@@ -61,6 +65,7 @@ def make_bodies_stages(real: Any, math: str, parts: frozenset[str]) -> SimpleNam
     kicked, kept, predicted = formulas.kicked, formulas.kept, formulas.predicted
     no_step = np.int64(0)
     has_damping, has_spare, zero, one = "damping" in parts, "spare" in parts, real(0), real(1)
+    travelled, has_rigid = rigid.make(real, compiler.compiled).travelled, "rigid-motion" in parts
 
     def gravity(count, record, a):
         gravity = record[0].gravity
@@ -78,18 +83,21 @@ def make_bodies_stages(real: Any, math: str, parts: frozenset[str]) -> SimpleNam
 
         return compiler.kernel(own_force)
 
-    def predict(count, before, position, velocity, weights, record, a):
+    def predict(count, before, position, velocity, weights, record, a, travel):
         h = record[0].dt
         for k in prange(AXES * count):
             before[k] = position[k]
             keep = kept(record[0].braking, weights[k % count]) if has_damping else one
             goes = not has_spare or weights[k % count] > zero
-            position[k] = predicted(before[k], h, kicked(velocity[k], keep, h, a[k])) if goes else before[k]
+            goes_at = kicked(velocity[k], keep, h, a[k])
+            position[k] = predicted(before[k], h, goes_at) if goes else before[k]
+            if has_rigid:
+                travel[k] = travelled(h, goes_at)
             a[k] = zero
 
-    def update(band, bands, before, position, velocity, weights, count, parameters):
+    def update(band, bands, before, position, velocity, weights, count, parameters, travel):
         first, last = LANES * (count // LANES * band // bands), LANES * (count // LANES * (band + 1) // bands)
-        rate_some(first, last, count, before, position, velocity, weights, parameters)
+        rate_some(first, last, count, before, position, velocity, weights, parameters, travel)
 
     def collide(band, bands, number, before, position, velocity, weights, count, parameters, bodies, kinds):
         first, last = count * band // bands, count * (band + 1) // bands
@@ -102,21 +110,41 @@ def make_bodies_stages(real: Any, math: str, parts: frozenset[str]) -> SimpleNam
 
 
 def make_substep_end(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
-    """end(first, last, low, high, number, before, after, velocity, weights, arrays, room, parameters, bodies, kinds): what
-    becomes of particles `first` to before `last`, of the clusters `low` to before `high`, when they have come to their
-    goals."""
+    """end(first, last, low, high, lone, number, before, after, velocity, weights, arrays, room, parameters, bodies, kinds):
+    what becomes of particles `first` to before `last`, of the clusters `low` to before `high`, which may be a `lone` one,
+    when they have come to their goals."""
     of_one, has_damping = make_particles(compiler, real, parts), "cluster_damping" in parts
     rate, collide, has_bodies = of_one.rate, of_one.collide, bool(parts & set(COLLIDER_KINDS))
     damping, rebounds = make_damping(compiler, real, has_damping, at_damping(parts)), "rigid-rebound" in parts
     gather, slow, whole = damping.gather, damping.slow, make_rebound(compiler, real, rebounds, at_rebound(parts))
     note, strike, answer, go = whole.note, whole.strike, whole.answer, whole.go
+    has_rigid, at_travel = "rigid-motion" in parts, at_rigid(parts) + 5
+    steadying = make_steadying(compiler, real, has_rigid, at_rigid(parts))
+    gather_rigid, steady, steady_lone = steadying.gather, steadying.steady, steadying.steady_lone
 
     @compiler.compiled
     def end(
-        first, last, low, high, number, before, after, velocity, weights, arrays, room, parameters, bodies, kinds
+        first, last, low, high, lone, number, before, after, velocity, weights, arrays, room, parameters, bodies, kinds
     ):  # fmt: skip
         count = weights.size
-        rate(first, last, count, before, after, velocity, weights, parameters)
+        rate(
+            first,
+            last,
+            count,
+            before,
+            after,
+            velocity,
+            weights,
+            parameters,
+            arrays[at_travel] if has_rigid else weights,
+        )
+        if has_rigid:
+            for c in range(low, high):
+                gather_rigid(c, after, velocity, count, arrays, room)
+                if lone:
+                    steady_lone(c, after, velocity, count, arrays)
+            if not lone:
+                steady(first, last, after, velocity, count, arrays)
         if has_damping:
             for c in range(low, high):
                 gather(c, after, velocity, count, arrays, room)
@@ -144,7 +172,8 @@ def make_bodies_apart(real: Any, math: str, parts: frozenset[str]) -> Any:
     cluster, whether they are lone; `even`: positions when it begins, and after every other substep.
     """
     compiler = Compiler(cloth_variant("bodies_apart", real, math, parts), math)
-    begin, made = make_particles(compiler, real, parts).begin, make_matching(real, math, shaping(parts))
+    has_rigid, at_travel = "rigid-motion" in parts, at_rigid(parts) + 5
+    begin, made = make_particles(compiler, real, parts).begin, make_matching(real, math, shaping(parts), has_rigid)
     match, move, sum_up, turn, move_lone = made.match, made.move, made.sum_up, made.turn, made.move_lone
     end = make_substep_end(compiler, real, parts)
 
@@ -154,16 +183,17 @@ def make_bodies_apart(real: Any, math: str, parts: frozenset[str]) -> Any:
         integers, bodies, kinds,
     ):  # fmt: skip
         starts, firsts, count = arrays[0], arrays[1], weights.size
+        travel = arrays[at_travel] if has_rigid else weights
         for iteration in range(iterations):
             for c in range(low, high):
                 first = np.int64(firsts[c])
                 if iteration == 0:
                     last = first + (starts[c + 1] - starts[c])
-                    begin(first, last, count, before, after, velocity, weights, parameters, integers)
+                    begin(first, last, count, before, after, velocity, weights, parameters, integers, travel)
                 sum_up(c, c - low, after, count, arrays, room)
             turn(low, high, after, count, arrays, rotation, rotation, frames, room)
             for c in range(low, high):
-                move_lone(c, after, count, arrays, factors, frames)
+                move_lone(c, after, count, arrays, factors, frames, travel)
                 if iteration == iterations - 1:
                     first = np.int64(firsts[c])
                     last = first + (starts[c + 1] - starts[c])
@@ -172,6 +202,7 @@ def make_bodies_apart(real: Any, math: str, parts: frozenset[str]) -> Any:
                         last,
                         c,
                         c + 1,
+                        True,
                         number,
                         before,
                         after,
@@ -190,12 +221,29 @@ def make_bodies_apart(real: Any, math: str, parts: frozenset[str]) -> Any:
         frames, room, parameters, integers, bodies, kinds,
     ):  # fmt: skip
         count = weights.size
-        begin(first, last, count, before, after, velocity, weights, parameters, integers)
+        travel = arrays[at_travel] if has_rigid else weights
+        begin(first, last, count, before, after, velocity, weights, parameters, integers, travel)
         for _ in range(iterations):
             for c in range(low, high, LANES):
                 match(c, min(c + LANES, high), after, count, arrays, rotation, rotation, frames, room)
-            move(first, last, after, count, own, own_factors, frames)
-        end(first, last, low, high, number, before, after, velocity, weights, arrays, room, parameters, bodies, kinds)
+            move(first, last, after, count, own, own_factors, frames, travel)
+        end(
+            first,
+            last,
+            low,
+            high,
+            False,
+            number,
+            before,
+            after,
+            velocity,
+            weights,
+            arrays,
+            room,
+            parameters,
+            bodies,
+            kinds,
+        )
 
     def advance(
         band, bands, bounds, groups, steps, step, substeps, iterations, even, odd, velocity, weights, arrays, factors, own,

@@ -1,4 +1,4 @@
-"""What the clusters' material adds to their arrays on the CPU: shape tables, plastic strain, damping."""
+"""What the clusters' material adds to their arrays on the CPU: shape tables, plastic strain, damping, rigid motion."""
 
 from __future__ import annotations
 
@@ -13,15 +13,17 @@ from model.formulas.shape_matching.pace import MOTION
 from model.scene.method import Method
 from model.shape_matching.cluster_tables import damping_factors, shape_table, shaping
 from model.shape_matching.clusters import Clusters
+from model.shape_matching.rigid_motion import goal_slack
 from model.shape_matching.rigid_rebound import rebound_limits, whole_clusters
 
 
 class ClusterArrays:
     """`steps`, the clusters' arrays of the kernels with those that the scene's `parts` need; `look`: the same for a look at
-    the state, whose strain then goes nowhere; `plastic`: the state's, flat, ENTRIES a cluster, none where nothing is."""
+    the state, whose strain then goes nowhere; `plastic`: the state's, flat, ENTRIES a cluster, none where nothing is;
+    `travel`: see particles.py, empty where nothing is rigid."""
 
     def __init__(self, clusters: Clusters, layout: Layout, parts: frozenset[str], real: Any):
-        self._clusters, self._of_own, self._parts = clusters, layout.of_own, parts
+        self._clusters, self._of_own = clusters, layout.of_own
         self.plastic = np.zeros(ENTRIES * clusters.count if "plastic" in parts else 0, real)
         self._shapes = np.zeros(SHAPE * clusters.count if shaping(parts) else 0, real)
         self._slowing = np.zeros(len(layout.of_own) if "cluster_damping" in parts else 0, real)
@@ -33,13 +35,19 @@ class ClusterArrays:
         if "cluster_damping" in parts:
             damping = (*layout.own[:2], self._slowing, np.zeros(MOTION * clusters.count, real))
             steps, look = (*steps, *damping), (*look, *damping)
+        whole = whole_clusters(clusters)
+        factors = whole[clusters.owner][layout.of_own].astype(real)
         if parts & {"rigid-rebound", "rigid-bounce"}:
-            whole = whole_clusters(clusters)
-            factors = whole[clusters.owner][layout.of_own].astype(real)
             limits, struck = rebound_limits(clusters).astype(real), np.zeros(3 * layout.count, real)
             scales = np.ones(layout.count, real)
             rebounds = (*layout.own[:2], factors, np.zeros(MOTION * clusters.count, real), limits, struck, scales)
             steps, look = (*steps, *rebounds), (*look, *rebounds)
+        self.travel = np.zeros(4 * layout.count if "rigid-motion" in parts else 0, real)
+        if "rigid-motion" in parts:
+            self.travel[3 * layout.count + layout.slots] = goal_slack(clusters, real)
+            motions = np.zeros(MOTION * clusters.count, real)
+            moving = (*layout.own[:2], factors, motions, whole.astype(np.uint8), self.travel)
+            steps, look = (*steps, *moving), (*look, *moving)
         self.steps, self.look = steps, look
 
     def change(self, method: Method) -> None:
@@ -48,4 +56,4 @@ class ClusterArrays:
         if len(self._shapes):
             self._shapes[:] = shape_table(self._clusters, h, method.iterations).reshape(-1)
         if len(self._slowing):
-            self._slowing[:] = damping_factors(self._clusters, h, "rigid-rebound" in self._parts)[self._of_own]
+            self._slowing[:] = damping_factors(self._clusters, h)[self._of_own]

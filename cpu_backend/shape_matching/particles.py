@@ -14,50 +14,61 @@ from cpu_backend.core.layout import row_at
 from cpu_backend.core.own_forces import make_own_force
 from cpu_backend.shape_matching.kernels import AXES
 from model.formulas import distance
+from model.formulas.shape_matching import rigid
 from model.formulas.shape_matching.cluster import LANES
 
 
 def make_particles(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
-    """Loops over blocks of particles: `begin`, their predictions; `rate`, their velocities; `collide`."""
+    """Loops over blocks of particles: `begin`, their predictions; `rate`, their velocities, of rigid bodies' those of
+    their travels (model/formulas/shape_matching/rigid.py); `collide`. `travel`: three planes and one of slacks, read where
+    bodies are rigid."""
     formulas = distance.make(real, compiler.compiled)
     kicked, kept, predicted, rate_of = formulas.kicked, formulas.kept, formulas.predicted, formulas.rate
     touch = make_collide_mass(compiler, real, parts)
     own = make_own_force(compiler, real, AXES, parts | {"load"})  # every particle has its weight
     has_gravity, has_damping, no_step = "gravity" in parts, "damping" in parts, np.int64(0)
-    has_spare, zero, one = "spare" in parts, real(0), real(1)
+    has_spare, has_rigid, zero, one = "spare" in parts, "rigid-motion" in parts, real(0), real(1)
+    keeping, there = rigid.make(real, compiler.compiled), np.int64(has_rigid)  # where travels are not, another array is
+    travelled, rate_over = keeping.travelled, keeping.rate_over
 
     @compiler.row
-    def predict_rows(blocks, first, integers, parameters, weights, x, y, z, vx, vy, vz, to_x, to_y, to_z):
+    def predict_rows(
+        blocks, first, integers, parameters, weights, x, y, z, vx, vy, vz, to_x, to_y, to_z, over_x, over_y, over_z
+    ):  # fmt: skip
         """`first`: the place of the first of them."""
         h = parameters.dt
         for block in range(blocks):
             for lane in range(LANES):
                 k = block * LANES + lane
-                w = weights[k]
+                weight = weights[k]
                 ax, ay, az = zero, zero, zero
                 if has_gravity:
                     ay = ay + parameters.gravity
-                ax, ay, az = own((ax, ay, az), first + k, w, parameters, integers, no_step)
-                keep = kept(parameters.braking, w) if has_damping else one
-                px = predicted(x[k], h, kicked(vx[k], keep, h, ax))
-                py = predicted(y[k], h, kicked(vy[k], keep, h, ay))
-                pz = predicted(z[k], h, kicked(vz[k], keep, h, az))
-                to_x[k] = px if not has_spare or w > zero else x[k]
-                to_y[k] = py if not has_spare or w > zero else y[k]
-                to_z[k] = pz if not has_spare or w > zero else z[k]
+                ax, ay, az = own((ax, ay, az), first + k, weight, parameters, integers, no_step)
+                keep = kept(parameters.braking, weight) if has_damping else one
+                u, v, w = kicked(vx[k], keep, h, ax), kicked(vy[k], keep, h, ay), kicked(vz[k], keep, h, az)
+                px, py, pz = predicted(x[k], h, u), predicted(y[k], h, v), predicted(z[k], h, w)
+                if has_rigid:
+                    over_x[k], over_y[k], over_z[k] = travelled(h, u), travelled(h, v), travelled(h, w)
+                to_x[k] = px if not has_spare or weight > zero else x[k]
+                to_y[k] = py if not has_spare or weight > zero else y[k]
+                to_z[k] = pz if not has_spare or weight > zero else z[k]
 
     @compiler.compiled
-    def begin(first, last, count, before, after, velocity, weights, parameters, integers):
+    def begin(first, last, count, before, after, velocity, weights, parameters, integers, travel):
         """The particles from `first` to before `last`, of `count` of a plane."""
         predict_rows(
             (last - first) // LANES, first, integers, parameters, row_at(weights, first), row_at(before, first),
             row_at(before, count + first), row_at(before, 2 * count + first), row_at(velocity, first),
             row_at(velocity, count + first), row_at(velocity, 2 * count + first), row_at(after, first),
-            row_at(after, count + first), row_at(after, 2 * count + first),
+            row_at(after, count + first), row_at(after, 2 * count + first), row_at(travel, there * first),
+            row_at(travel, there * (count + first)), row_at(travel, there * (2 * count + first)),
         )  # fmt: skip
 
     @compiler.row
-    def rate_rows(blocks, parameters, weights, x, y, z, to_x, to_y, to_z, vx, vy, vz):
+    def rate_rows(
+        blocks, parameters, weights, x, y, z, to_x, to_y, to_z, vx, vy, vz, over_x, over_y, over_z, slack
+    ):  # fmt: skip
         inverse = parameters.inverse_substep
         for block in range(blocks):
             for lane in range(LANES):
@@ -66,14 +77,20 @@ def make_particles(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simp
                 vx[k] = rate_of(to_x[k], x[k], inverse) if goes else zero
                 vy[k] = rate_of(to_y[k], y[k], inverse) if goes else zero
                 vz[k] = rate_of(to_z[k], z[k], inverse) if goes else zero
+                if has_rigid:
+                    whole = goes and slack[k] > zero
+                    vx[k] = rate_over(over_x[k], inverse) if whole else vx[k]
+                    vy[k] = rate_over(over_y[k], inverse) if whole else vy[k]
+                    vz[k] = rate_over(over_z[k], inverse) if whole else vz[k]
 
     @compiler.compiled
-    def rate(first, last, count, before, after, velocity, weights, parameters):
+    def rate(first, last, count, before, after, velocity, weights, parameters, travel):
         rate_rows(
             (last - first) // LANES, parameters, row_at(weights, first), row_at(before, first), row_at(before, count + first),
             row_at(before, 2 * count + first), row_at(after, first), row_at(after, count + first),
             row_at(after, 2 * count + first), row_at(velocity, first), row_at(velocity, count + first),
-            row_at(velocity, 2 * count + first),
+            row_at(velocity, 2 * count + first), row_at(travel, there * first), row_at(travel, there * (count + first)),
+            row_at(travel, there * (2 * count + first)), row_at(travel, there * (3 * count + first)),
         )  # fmt: skip
 
     @compiler.compiled

@@ -76,9 +76,19 @@ def make_rebound(compiler: Compiler, real: Any, rebounds: bool, place: int) -> S
         if limit == zero:
             return zero
         struck, motion = arrays[at_struck], row_at(arrays[at_motions], np.int64(MOTION * c))
-        gather(c, position, struck, count, arrays, scratch)
         starts, slots, members = arrays[0], arrays[3], arrays[4]
         start, entries = starts[c], members.size // 4
+        touched = False
+        for e in range(start, starts[c + 1]):
+            k = slots[e]
+            if struck[k] != zero or struck[count + k] != zero or struck[2 * count + k] != zero:
+                touched = True
+                break
+        if not touched:
+            for n in range(MOTION):
+                motion[n] = zero
+            return zero
+        gather(c, position, struck, count, arrays, scratch)
         worth_rows(
             (starts[c + 1] - start) // LANES, motion, row_at(slots, start), position, row_at(position, count),
             row_at(position, 2 * count), struck, row_at(struck, count), row_at(struck, 2 * count),

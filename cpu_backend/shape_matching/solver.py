@@ -26,6 +26,7 @@ from cpu_backend.shape_matching.layout import bounds_of, layout_of
 from cpu_backend.shape_matching.loops import make_bodies_apart, make_bodies_stages, make_matching_stages
 from cpu_backend.shape_matching.material import ClusterArrays
 from cpu_backend.shape_matching.rebound import at_rebound, make_rebound_stages
+from cpu_backend.shape_matching.rigid import at_rigid, make_steadying_stage
 from cpu_backend.shape_matching.together import make_bodies_together
 from model.core.own_forces import POKED
 from model.core.plan import Executor, Moment, StageRun
@@ -123,7 +124,8 @@ class Bodies(ParticlesSimulation):
     def _stages(self) -> dict[str, StageRun]:
         """What runs each stage of the plan by itself."""
         stage = make_bodies_stages(self.real, self.options.math, self.plan.parts)
-        goals = make_matching_stages(self.real, self.options.math, shaping(self.plan.parts))
+        travel, keeps = self._material.travel, "rigid-motion" in self.plan.parts
+        goals = make_matching_stages(self.real, self.options.math, shaping(self.plan.parts), keeps)
         bands, count = self._bands, self.layout.count
         position, before, velocity, a = self._even, self._odd, self._velocity, np.zeros_like(self._even)
         ends, values, multipliers, starts = self._links
@@ -134,13 +136,13 @@ class Bodies(ParticlesSimulation):
         project_links = make_constraint_stage(self.real, self.options.math, LINKS, in_planes=True)
 
         def predict(moment: Moment) -> None:
-            stage.predict(count, before, position, velocity, self._weights, self.record, a)
+            stage.predict(count, before, position, velocity, self._weights, self.record, a, travel)
 
         def own(force: Any) -> StageRun:
             return lambda moment: force(count, self._weights, self.record, self.integers, a)
 
         def move(moment: Moment) -> None:
-            goals.move(bands, position, count, self.layout.own, self._own_factors, self._frames)
+            goals.move(bands, position, count, self.layout.own, self._own_factors, self._frames, travel)
             if self._lattices.copies:
                 make_lattice_stages(self.real, self.options.math).move(bands, position, count, self._lattices.arrays)
 
@@ -155,10 +157,15 @@ class Bodies(ParticlesSimulation):
 
         def update(moment: Moment) -> None:
             if self.plan.parts & PACES:
-                settle(bands, count, before, position, contacts.record)
+                settle(bands, count, before, position, contacts.record, travel)
             if "contact-restitution" in self.plan.parts:
                 contacts.old[:] = velocity
-            stage.update(bands, before, position, velocity, self._weights, count, self.parameters)
+            stage.update(bands, before, position, velocity, self._weights, count, self.parameters, travel)
+
+        def steady(moment: Moment) -> None:
+            run = make_steadying_stage(self.real, self.options.math, at_rigid(self.plan.parts))
+            given = count, self._material.steps, self._scratch, SCRATCH * LANES
+            run(bands, position, velocity, *given)
 
         def damp(moment: Moment) -> None:
             run = make_damping_stage(self.real, self.options.math, at_damping(self.plan.parts))
@@ -188,11 +195,14 @@ class Bodies(ParticlesSimulation):
             "match clusters": lambda moment: self._match(self._rotation, self._lattices.rotation, self._material.steps),
             "move to goals": move,
             "update velocity": update,
+            "keep momenta": steady,
             "damp clusters": damp,
             "collide": collide,
             "rebound": rebound,
             "find neighbours": lambda moment: contacts.find(position, self._weights),
-            "project contacts": lambda moment: contacts.project(before, position, self._weights),
+            "project contacts": lambda moment: contacts.project(
+                before, position, self._weights, travel if keeps else None
+            ),
             "bounce": bounce,
         }
 
@@ -204,15 +214,14 @@ class Bodies(ParticlesSimulation):
     def _match(self, turned: np.ndarray, of_lattices: np.ndarray, arrays: tuple[Any, ...], look: bool = False) -> None:
         """The clusters' rotations where particles are now, into `turned` and `of_lattices`, and with their centres into the
         frames; those of lattices only in a `look`."""
-        make_matching_stages(self.real, self.options.math, shaping(self.plan.parts)).match(
+        variant = self.real, self.options.math, shaping(self.plan.parts), "rigid-motion" in self.plan.parts
+        make_matching_stages(*variant).match(
             self._bands, self._even, self.layout.count, arrays, self._rotation, turned, self._frames,
             self._scratch,
         )  # fmt: skip
         if self._lattices.copies:
             given = self._lattices.arrays, of_lattices, self._lattices.frames, look
             make_lattice_stages(self.real, self.options.math).match(self._bands, self._even, self.layout.count, *given)
-
-    # ------------------------------------------------------------------ the contract
 
     def _state(self) -> tuple[np.ndarray, ...]:
         return self._even, self._velocity, self._rotation, self._lattices.rotation, self._material.plastic
@@ -232,6 +241,11 @@ class Bodies(ParticlesSimulation):
     def substep_start(self) -> np.ndarray:
         """See ParticlesSimulation."""
         return self._odd
+
+    @property
+    def inertial(self) -> np.ndarray | None:
+        """See ParticlesSimulation: of rigid bodies, from where the substep began."""
+        return self._material.travel if "rigid-motion" in self.plan.parts else None
 
     def _parameters_changed(self) -> None:
         self.integers[POKED] = self.layout.slots[self._poke_particle] + 1 if self._poke_particle >= 0 else 0

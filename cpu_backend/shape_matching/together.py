@@ -22,6 +22,7 @@ from cpu_backend.shape_matching.kernels import AXES, SCRATCH, make_matching
 from cpu_backend.shape_matching.lattice import make_lattice_matching
 from cpu_backend.shape_matching.particles import make_particles
 from cpu_backend.shape_matching.rebound import at_rebound, make_rebound
+from cpu_backend.shape_matching.rigid import at_rigid, make_steadying
 from model.formulas.shape_matching.cluster import LANES
 from model.scene.cloth import COLLIDER_KINDS
 from model.shape_matching.cluster_tables import shaping
@@ -40,7 +41,10 @@ def make_substep_end(compiler: Compiler, real: Any, math: str, parts: frozenset[
     damping, rebounds = make_damping(compiler, real, has_damping, at_damping(parts)), "rigid-rebound" in parts
     gather, slow, whole = damping.gather, damping.slow, make_rebound(compiler, real, rebounds, at_rebound(parts))
     note, strike, answer, go = whole.note, whole.strike, whole.answer, whole.go
-    rates_apart = has_pace or bounces or has_rigid or has_damping  # of what others look at before colliders
+    keeps, at_travel = "rigid-motion" in parts, at_rigid(parts) + 5
+    steadying = make_steadying(compiler, real, keeps, at_rigid(parts))
+    gather_rigid, steady = steadying.gather, steadying.steady
+    rates_apart = has_pace or bounces or has_damping or keeps  # of what others look at before colliders
 
     @compiler.compiled
     def end(
@@ -50,16 +54,25 @@ def make_substep_end(compiler: Compiler, real: Any, math: str, parts: frozenset[
         numbers, _, _, _, neighbours, touching, olds = contacts
         count, clusters = weights.size, arrays[5].size // 4
         blocks = count // LANES
+        travel = arrays[at_travel] if keeps else weights
         if rates_apart:
             for band in shares(team, member, bands):
                 first, last = LANES * (blocks * band // bands), LANES * (blocks * (band + 1) // bands)
                 if has_pace:
-                    settle(first, last, count, before, after, numbers[0])
+                    settle(first, last, count, before, after, numbers[0], travel)
                 if bounces:
                     for axis in range(AXES):
                         for k in range(axis * count + first, axis * count + last):
                             olds[0][k] = velocity[k]
-                rate(first, last, count, before, after, velocity, weights, parameters)
+                rate(first, last, count, before, after, velocity, weights, parameters, travel)
+        if keeps:
+            for band in shares(team, member, bands):
+                room = row_at(scratch, np.int64(SCRATCH * LANES * band))
+                for c in range(clusters * band // bands, clusters * (band + 1) // bands):
+                    gather_rigid(c, after, velocity, count, arrays, room)
+            for band in shares(team, member, bands):
+                first, last = LANES * (blocks * band // bands), LANES * (blocks * (band + 1) // bands)
+                steady(first, last, after, velocity, count, arrays)
         if has_rigid:
             bounce_bodies(
                 team, member, bands, after, olds[0], velocity, weights, numbers[0], neighbours, touching, arrays, scratch,
@@ -75,7 +88,7 @@ def make_substep_end(compiler: Compiler, real: Any, math: str, parts: frozenset[
         for band in shares(team, member, bands):
             first, last = LANES * (blocks * band // bands), LANES * (blocks * (band + 1) // bands)
             if not rates_apart:
-                rate(first, last, count, before, after, velocity, weights, parameters)
+                rate(first, last, count, before, after, velocity, weights, parameters, travel)
             if has_damping:
                 slow(first, last, after, velocity, count, arrays)
             if rebounds:
@@ -85,7 +98,7 @@ def make_substep_end(compiler: Compiler, real: Any, math: str, parts: frozenset[
             if rebounds:
                 strike(first, last, velocity, count, arrays)
             elif goes_on:
-                begin(first, last, count, after, before, velocity, weights, parameters, integers)
+                begin(first, last, count, after, before, velocity, weights, parameters, integers, travel)
         if rebounds:
             for band in shares(team, member, bands):
                 room = row_at(scratch, np.int64(SCRATCH * LANES * band))
@@ -95,7 +108,7 @@ def make_substep_end(compiler: Compiler, real: Any, math: str, parts: frozenset[
                 first, last = LANES * (blocks * band // bands), LANES * (blocks * (band + 1) // bands)
                 go(first, last, after, velocity, count, arrays)
                 if goes_on:
-                    begin(first, last, count, after, before, velocity, weights, parameters, integers)
+                    begin(first, last, count, after, before, velocity, weights, parameters, integers, travel)
 
     return end
 
@@ -107,17 +120,23 @@ def make_bodies_together(real: Any, math: str, parts: frozenset[str]) -> Any:
     loops.make_bodies_apart, over clusters, then over particles, with the velocities of a substep and the predictions
     of the next. `contacts`: ParticleContacts.arrays, or NO_CONTACTS; `lattices`: Lattices.arrays, or empty."""
     compiler = Compiler(cloth_variant("bodies_together", real, math, parts), math)
-    of_one, made = make_particles(compiler, real, parts), make_matching(real, math, shaping(parts))
+    keeps, at_travel = "rigid-motion" in parts, at_rigid(parts) + 5
+    of_one, made = make_particles(compiler, real, parts), make_matching(real, math, shaping(parts), keeps)
     begin, rate, collide, match, move = of_one.begin, of_one.rate, of_one.collide, made.match, made.move
     has_bodies, has_links = bool(parts & set(COLLIDER_KINDS)), "links" in parts
     project_links = make_projections(compiler, real, LINKS, make_planes(compiler))
     sweep_links = make_colours(compiler, [project_links], [LINKS.run])
     find, has_contacts = make_find(real, math), "contacts" in parts
-    take_out = make_project(real, math, "contact-friction" in parts, "contact-adhesion" in parts)
+    take_out = make_project(real, math, "contact-friction" in parts, "contact-adhesion" in parts, keeps)
     windows, has_lattices = make_lattice_matching(real, math), "lattices" in parts
     match_windows, move_windows = windows.match, windows.move
     end = make_substep_end(compiler, real, math, parts)
-    at_once = not parts & {"contacts", "cluster_damping", "lattices"}  # particles end with the last way to their goals
+    at_once = not parts & {
+        "contacts",
+        "cluster_damping",
+        "lattices",
+        "rigid-motion",
+    }  # particles end with the last way to their goals
 
     def advance(
         team, member, bands, steps, step, substeps, iterations, even, odd, velocity, weights, arrays, links, own,
@@ -126,9 +145,10 @@ def make_bodies_together(real: Any, math: str, parts: frozenset[str]) -> Any:
         numbers, of_particle, tables, in_order, neighbours, touching, _ = contacts
         count, clusters, passes = weights.size, arrays[5].size // 4, steps * substeps
         blocks = count // LANES
+        travel = arrays[at_travel] if keeps else weights
         for band in shares(team, member, bands):
             first, last = LANES * (blocks * band // bands), LANES * (blocks * (band + 1) // bands)
-            begin(first, last, count, even, odd, velocity, weights, parameters, integers)
+            begin(first, last, count, even, odd, velocity, weights, parameters, integers, travel)
         for n in range(passes):
             before, after = (odd, even) if n % 2 else (even, odd)
             number, goes_on = step * substeps + n, n < passes - 1
@@ -153,9 +173,9 @@ def make_bodies_together(real: Any, math: str, parts: frozenset[str]) -> Any:
                 if clusters > 0 or at_once:
                     for band in shares(team, member, bands):
                         first, last = LANES * (blocks * band // bands), LANES * (blocks * (band + 1) // bands)
-                        move(first, last, after, count, own, own_factors, frames)
+                        move(first, last, after, count, own, own_factors, frames, travel)
                         if at_once and iteration == iterations - 1:
-                            rate(first, last, count, before, after, velocity, weights, parameters)
+                            rate(first, last, count, before, after, velocity, weights, parameters, travel)
                             if has_bodies:
                                 collide(
                                     first,
@@ -171,11 +191,15 @@ def make_bodies_together(real: Any, math: str, parts: frozenset[str]) -> Any:
                                     kinds,
                                 )
                             if goes_on:
-                                begin(first, last, count, after, before, velocity, weights, parameters, integers)
+                                begin(
+                                    first, last, count, after, before, velocity, weights, parameters, integers, travel
+                                )
                 if has_lattices:
                     move_windows(team, member, bands, after, count, lattices)
                 if has_contacts:
-                    take_out(team, member, bands, sweeps, before, after, weights, constants, neighbours, touching)
+                    take_out(
+                        team, member, bands, sweeps, before, after, weights, constants, neighbours, touching, travel
+                    )
             if not at_once:
                 end(
                     team, member, bands, number, goes_on, before, after, velocity, weights, arrays, scratch, parameters,

@@ -35,14 +35,15 @@ def particle_contact_bytes(scene: Scene, item: int) -> int:
 
 class ParticleContacts:
     """Contacts among the `neighbours` of particles; `bounces`: whether they do. `before`, `position`: quads of particles and
-    their weights, on the device."""
+    their weights, on the device; `parts`: the scene's, None: of contacts
+    alone."""
 
-    def __init__(self, scene: Scene, real: Any, math: str, stream: Any):
+    def __init__(self, scene: Scene, real: Any, math: str, stream: Any, parts: frozenset[str] | None = None):
         part, body_set = scene.contact, scene.body_set
         assert part is not None
         self._real, self._stream, self._sweeps = real, stream, part.sweeps
         particles, kinds = body_set.particle_count, len(scene.bodies)
-        parts, own, many = contact_parts(scene), _meets_itself(scene), kinds > 1
+        own, many, parts = _meets_itself(scene), kinds > 1, contact_parts(scene) if parts is None else parts
         self.record = self._new(self._record_of(scene))
         kind = np.zeros(len(body_set.copies), np.int32)
         kind[body_set.body] = kinds_of_particles(scene)
@@ -53,7 +54,8 @@ class ParticleContacts:
         self._flat = self.neighbours.flat
         self.variant = own, many
         self.bounces, self._bounce = "contact-restitution" in parts, make_bounce(real, math, own, many)
-        self._project = make_project(real, math, "contact-friction" in parts, "contact-adhesion" in parts, own, many)
+        variant = "contact-friction" in parts, "contact-adhesion" in parts, own, many, "rigid-motion" in parts
+        self._project = make_project(real, math, *variant)
 
     def _new(self, array: np.ndarray) -> Any:
         return cuda.to_device(array, stream=self._stream)
@@ -95,12 +97,13 @@ class ParticleContacts:
         """The neighbours of all particles where they are predicted to be."""
         self.neighbours.find(position, self.record)
 
-    def project(self, before: Any, position: Any) -> None:
-        """All sweeps over the contacts of the substep that began at `before`."""
+    def project(self, before: Any, position: Any, travel: Any = None) -> None:
+        """All sweeps over the contacts of the substep that began at `before`; `travel`: where bodies are rigid."""
         arguments = self.neighbours.found, self.neighbours.table, self.record, *self._pairs, self._touching
+        travels = () if travel is None else (travel,)
         for _ in range(self._sweeps):
             self._project.count[self._flat](position, *arguments)
-            self._project.project[self._flat](before, position, *arguments)
+            self._project.project[self._flat](before, position, *arguments, *travels)
 
     def count_impacts(self, position: Any, old: Any, velocity: Any) -> tuple[Any, ...]:
         """What `bounce` begins with, for those that go on in another way: what their kernels take of contacts."""

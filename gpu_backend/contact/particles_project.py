@@ -34,21 +34,24 @@ from model.contact.particle_parameters import (
     MAX_NEIGHBOURS,
 )
 from model.formulas import particle_contact
+from model.formulas.shape_matching import rigid
 
 
 @cache
 def make_project(
-    real: Any, math: str, has_friction: bool, has_adhesion: bool, own: bool, many: bool
+    real: Any, math: str, has_friction: bool, has_adhesion: bool, own: bool, many: bool, has_rigid: bool = False
 ) -> SimpleNamespace:
     """`count(position, found, neighbours, record, body, kind, kinds, touching)`: of each particle that has neighbours a quad
     of its position and of its weight times the contacts it has now; `project(before, position, found, neighbours, record,
-    body, kind, kinds, touching)`: particles, in place. `friction`, `adhesion`: whether code for friction, adhesion is there;
-    `own`, `many`: as in `make_pairs`."""
+    body, kind, kinds, touching, travel)`: particles, in place, and where there is code for rigid bodies, `has_rigid`, their
+    travels (shape_matching/rigid.py). `has_friction`, `has_adhesion`: whether code for those is there; `own`, `many`: as in
+    `make_pairs`."""
     formulas = device_formulas(particle_contact.make, real, math)
     squared, within, split, held = formulas.squared, formulas.within, formulas.split, formulas.held
     direction, depth_of, slip, grip = formulas.direction, formulas.depth, formulas.slip, formulas.grip
     added, added_friction, moved = formulas.added, formulas.added_friction, formulas.moved
     pair_of, zero, one, most = make_pairs(own, many), real(0), real(1), np.int32(MAX_NEIGHBOURS)
+    carried = device_formulas(rigid.make, real, math).carried
 
     @inlined(math)
     def added_way(x, y, z, share, d, b, depth, pull, nx, ny, nz, record):
@@ -79,8 +82,8 @@ def make_project(
                         contacts = np.int32(contacts + 1)
                 store_quad(touching, i, p[0], p[1], p[2], p[3] * real(contacts))
 
-    def project(before, position, found, neighbours, record, body, kind, kinds, touching):
-        i = np.int32(cuda.grid(1))
+    @inlined(math)
+    def project_one(i, before, position, found, neighbours, record, body, kind, kinds, touching, travel):
         if i < found.size:
             kept, particles = np.int32(min(found[i], most)), np.int64(found.size)
             if kept > 0:
@@ -106,11 +109,25 @@ def make_project(
                             depth = depth_of(length, kept_length, distance, pull)
                             x, y, z = added_way(x, y, z, share, d, b, depth, pull, nx, ny, nz, record)
                     weight = start[3]
-                    store_quad(
-                        position, i, moved(p[0], weight, x), moved(p[1], weight, y), moved(p[2], weight, z), weight
-                    )
+                    x, y, z = moved(p[0], weight, x), moved(p[1], weight, y), moved(p[2], weight, z)
+                    if has_rigid:
+                        t = load_quad(travel, i)
+                        store_quad(
+                            travel, i, carried(t[0], x, p[0]), carried(t[1], y, p[1]), carried(t[2], z, p[2]), t[3]
+                        )
+                    store_quad(position, i, x, y, z, weight)
 
-    words = ("friction" * has_friction, "adhesion" * has_adhesion, f"own{own:d}", f"many{many:d}")
+    def project_soft(before, position, found, neighbours, record, body, kind, kinds, touching):
+        i = np.int32(cuda.grid(1))
+        project_one(i, before, position, found, neighbours, record, body, kind, kinds, touching, touching)
+
+    def project_rigid(before, position, found, neighbours, record, body, kind, kinds, touching, travel):
+        i = np.int32(cuda.grid(1))
+        project_one(i, before, position, found, neighbours, record, body, kind, kinds, touching, travel)
+
+    project = project_rigid if has_rigid else project_soft
+    project.__name__ = "project"
+    words = ("friction" * has_friction, "adhesion" * has_adhesion, f"own{own:d}", f"many{many:d}", "rigid" * has_rigid)
     variant = f"particle_contacts_{variant_name(real, math, *words)}"
     return make_kernels((count, project), variant, **kernel_options(math))
 

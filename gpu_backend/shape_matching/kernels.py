@@ -108,8 +108,9 @@ def make_bodies_clusters(real: Any, math: str) -> SimpleNamespace:
 
 
 @cache
-def make_move(real: Any, math: str) -> Any:
-    """move_mass(p, k, own_starts, own_clusters, own_members, frames) -> (x, y, z): particle k, at p, towards its goals."""
+def make_move(real: Any, math: str, ways: bool = False) -> Any:
+    """move_mass(p, k, own_starts, own_clusters, own_members, frames) -> (x, y, z): particle k, at p, towards its goals;
+    `ways`: its way to them alone."""
     formulas = device_formulas(cluster.make, real, math)
     goal, added_way, arrived = formulas.goal, formulas.added_way, formulas.arrived
     zero, one = real(0), np.int32(1)
@@ -123,6 +124,8 @@ def make_move(real: Any, math: str) -> Any:
             x = added_way(x, m[3], goal(a[3], a[0], a[1], a[2], m[0], m[1], m[2]), p[0])
             y = added_way(y, m[3], goal(b[3], b[0], b[1], b[2], m[0], m[1], m[2]), p[1])
             z = added_way(z, m[3], goal(c[3], c[0], c[1], c[2], m[0], m[1], m[2]), p[2])
+        if ways:
+            return x, y, z
         return arrived(p[0], x), arrived(p[1], y), arrived(p[2], z)
 
     return move_mass

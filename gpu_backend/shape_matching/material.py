@@ -23,7 +23,6 @@ class ClusterMaterial:
     def __init__(self, clusters: Clusters, own: np.ndarray, parts: frozenset[str], real: Any, math: str, stream: Any):
         self._clusters, self._own, self._real, self._stream = clusters, own, real, stream
         self.shaped, self.plastic_parts, self.damped = shaping(parts), "plastic" in parts, "cluster_damping" in parts
-        self._rebounds = "rigid-rebound" in parts
         count = ROWS * SIZE * clusters.count
         if self.shaped:
             self._turn = make_shaped_turn(real, math, self.shaped)
@@ -44,7 +43,7 @@ class ClusterMaterial:
             table = shape_table(self._clusters, h, method.iterations).astype(self._real)
             self._shapes.copy_to_device(table.reshape(-1), stream=self._stream)
         if self.damped:
-            found = damping_factors(self._clusters, h, self._rebounds)[self._own].astype(self._real)
+            found = damping_factors(self._clusters, h)[self._own].astype(self._real)
             self._slowing.copy_to_device(found, stream=self._stream)
 
     def turn(self, launch: Any, look: bool, *arguments: Any) -> None:

@@ -17,7 +17,7 @@ from gpu_backend.core.compile import kernel_options, make_kernel, make_kernels, 
 from gpu_backend.core.formulas import device_formulas
 from gpu_backend.core.quads import SIZE, load_quad, store_quad
 from gpu_backend.core.world import World
-from gpu_backend.shape_matching.damping import make_damping_ends, make_gather, make_slow
+from gpu_backend.shape_matching.damping import make_gather
 from gpu_backend.shape_matching.kernels import AXES, PITCH, ROWS, THREADS, TOGETHER
 from gpu_backend.xpbd.kernels import make_clock
 from gpu_backend.xpbd.point import make_motion
@@ -25,7 +25,7 @@ from model.formulas.shape_matching import cluster, rebound
 from model.formulas.shape_matching.cluster import LANES
 from model.formulas.shape_matching.rebound import SUMS
 from model.shape_matching.clusters import Clusters
-from model.shape_matching.rigid_rebound import rebound_limits, whole_clusters
+from model.shape_matching.rigid_rebound import rebound_limits
 
 SHARED = TOGETHER * SUMS * PITCH  # numbers of a block
 
@@ -103,27 +103,20 @@ def make_rebound(real: Any, math: str) -> SimpleNamespace:
 
 @cache
 def make_strike(real: Any, math: str, parts: frozenset[str]) -> Any:
-    """strike(before, position, velocity, struck, own_starts, own_clusters, slowing, motions, record, bodies, integers,
-    counter, place, substeps, substep): as `finish` of shape_matching/damping.py, and what colliders gave into `struck`."""
-    collide, slow_mass, clock = (
-        make_motion(real, math, parts, AXES).collide, make_slow(real, math), make_clock(math, parts),
-    )  # fmt: skip
-    zero = real(0)
+    """strike(before, position, velocity, struck, record, bodies, integers, counter, place, substeps, substep): colliders,
+    and what they gave into `struck`."""
+    collide, clock, zero = make_motion(real, math, parts, AXES).collide, make_clock(math, parts), real(0)
 
-    def strike(
-        before, position, velocity, struck, own_starts, own_clusters, slowing, motions, record, bodies, integers, counter,
-        place, substeps, substep,
-    ):  # fmt: skip
+    def strike(before, position, velocity, struck, record, bodies, integers, counter, place, substeps, substep):
         world = World(record[0], bodies, integers)
         k = np.int32(cuda.grid(1))
         if k < position.size // SIZE:
             _, number = clock(counter, place, substeps, substep)
             b, p, v = load_quad(before, k), load_quad(position, k), load_quad(velocity, k)
-            ux, uy, uz = slow_mass(p, v, k, own_starts, own_clusters, slowing, motions)
-            px, py, pz, vx, vy, vz = collide(b, p, ux, uy, uz, world, number)
+            px, py, pz, vx, vy, vz = collide(b, p, v[0], v[1], v[2], world, number)
             store_quad(position, k, px, py, pz, b[3])
             store_quad(velocity, k, vx, vy, vz, zero)
-            store_quad(struck, k, vx - ux, vy - uy, vz - uz, zero)
+            store_quad(struck, k, vx - v[0], vy - v[1], vz - v[2], zero)
 
     return make_kernel(strike, f"bodies_rebound_{variant_name(real, math, parts)}", **kernel_options(math))
 
@@ -133,8 +126,8 @@ class Rebounds:
     order. `struck`: a quad of each particle, its velocity before colliders, and then what they gave to it. `contacts`: those
     of the scene, where they give back to rigid bodies; `turns`: whether colliders do."""
 
-    launches = 3  # beside `strike` instead of what it is instead of
-    restitution_launches = 10  # of `bounce`
+    launches = 4  # `strike`, and what follows it
+    restitution_launches = 8  # of `bounce`
 
     def __init__(
         self, clusters: Clusters, own: np.ndarray, particles: int, contacts: Any, parts: frozenset[str], real: Any,
@@ -145,10 +138,8 @@ class Rebounds:
         self._kernels, self._gather = make_rebound(real, math), make_gather(real, math)
         self.strike = make_strike(real, math, parts)
         if self.contacts:
-            self._slow, self._bounce = make_damping_ends(real, math, parts).slow, make_bodies_bounce(real, math)
+            self._bounce = make_bodies_bounce(real, math)
             self._gives = [make_give(real, math, *contacts.variant, scaled) for scaled in (False, True)]
-            factors = whole_clusters(clusters)[clusters.owner][own].astype(real)
-            self._factors = cuda.to_device(factors, stream=stream)
             self._scales = cuda.to_device(np.ones(particles, real), stream=stream)
         limits = rebound_limits(clusters).astype(real)
         zeros = np.zeros(SIZE * particles, real), np.zeros(ROWS * SIZE * clusters.count, real)
@@ -169,12 +160,10 @@ class Rebounds:
     def bounce(
         self, position: Any, old: Any, velocity: Any, entries: tuple[Any, ...], leans: Any, gathered: tuple[Any, ...]
     ) -> None:
-        """The velocities after particles bounced off each other: of bodies as wholes, whose velocities become rigid motions,
+        """The velocities after particles bounced off each other: of bodies as wholes, whose velocities are rigid motions,
         with impulses that are enlarged for each pair by the lesser one of what both bodies ask for."""
         blocks, flat = (max(1, -(-self._clusters.count // TOGETHER)), THREADS, self._stream), self._flat
         own, motions = gathered[:2], self._motions
-        self._gather[blocks](position, velocity, *entries, leans, motions)
-        self._slow[flat](position, velocity, *own, self._factors, motions)
         arguments = *self.contacts.count_impacts(position, old, velocity), self._scales, self.struck
         plain, scaled = self._gives
         plain[flat](*arguments)

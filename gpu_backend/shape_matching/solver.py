@@ -79,7 +79,9 @@ class Bodies(BodiesState):
 
     def _move(self, position: Any) -> None:
         """Particles towards the goals of their loose clusters."""
-        if self.clusters.count:
+        if self._rigid:
+            self._rigid.ends.move[self._flat](position, *self._gathered, self._rigid.travel)
+        elif self.clusters.count:
             self._cluster_kernels.move[self._flat](position, *self._gathered)
 
     # ------------------------------------------------------------------ a step
@@ -89,7 +91,11 @@ class Bodies(BodiesState):
         before, velocity = self.position[self._current], self.velocity[self._current]
         self._current = 1 - self._current
         now = self.position[self._current]
-        self._ends.begin[self._flat](before, velocity, now, self.record, self.integers)
+        arguments = before, velocity, now, self.record, self.integers
+        if self._rigid:
+            self._rigid.begins.begin[self._flat](*arguments, self._rigid.travel)
+        else:
+            self._ends.begin[self._flat](*arguments)
         if self.contacts:
             self.contacts.find(now)
 
@@ -104,7 +110,7 @@ class Bodies(BodiesState):
         self._lattices.move(now)
         if self.contacts:
             self._move(now)
-            self.contacts.project(before, now)
+            self.contacts.project(before, now, self.inertial)
 
     def end_substep(self, place: int, substep: int) -> None:
         """See SubstepSimulation."""
@@ -112,13 +118,14 @@ class Bodies(BodiesState):
         now, new_velocity = self.position[self._current], self.velocity[self._current]
         time = self._counter, np.int64(place), np.int64(self.scene.method.substeps), np.int64(substep)
         last = self.record, self.bodies, self.integers, *time
-        if self._material.damped:
+        if self._rigid:
+            self._end_rigid(before, now, velocity, new_velocity)
+            if self._rebounds and self._rebounds.turns:
+                self._rebounds.strike[self._flat](before, now, new_velocity, self._rebounds.struck, *last)
+                self._rebound(now, new_velocity)
+        elif self._material.damped:
             self._damp(before, now, velocity, new_velocity)
             slowing = self._material.slowing(self._gathered)
-            if self._rebounds and self._rebounds.turns:
-                self._rebounds.strike[self._flat](before, now, new_velocity, self._rebounds.struck, *slowing, *last)
-                self._rebound(now, new_velocity)
-                return
             self._material.ends.finish[self._flat](before, now, new_velocity, *slowing, *last)
         elif self.contacts and self.contacts.bounces:
             self._part(before, now, velocity, new_velocity)
@@ -127,6 +134,21 @@ class Bodies(BodiesState):
             self._contact_ends.finish[self._flat](before, now, new_velocity, self.contacts.record, *last)
         else:
             self._ends.finish[self._flat](before, now, new_velocity, *self._gathered, *last)
+
+    def _end_rigid(self, before: Any, now: Any, old: Any, velocity: Any) -> None:
+        """Velocities before colliders, of a scene with rigid bodies."""
+        assert self._rigid is not None
+        last = self.record, self._rigid.travel
+        if self.contacts:
+            self._rigid.ends.update_calmed[self._flat](before, now, velocity, self.contacts.record, *last)
+        else:
+            self._rigid.ends.rate[self._flat](before, now, velocity, *self._gathered, *last)
+        self._rigid.steady(now, velocity, self._entries, self._leans, self._gathered)
+        if self.contacts and self.contacts.bounces:
+            self._bounce(now, old, velocity)
+        if self._material.damped:
+            self._material.gather(now, velocity, self._entries, self._leans)
+            self._material.ends.slow[self._flat](now, velocity, *self._material.slowing(self._gathered))
 
     def _rebound(self, position: Any, velocity: Any) -> None:
         """Rigid bodies as a whole, of what colliders gave to their particles."""
@@ -163,6 +185,7 @@ class Bodies(BodiesState):
         iteration = 3 + self.scene.body_set.links.colours + (contacts.projecting if contacts else 0)
         iteration += self._lattices.launches
         ends = 1 + 2 * self._material.damped + (1 + contacts.finding if contacts else 0)
+        ends += self._rigid.launches if self._rigid else 0
         if contacts and contacts.bounces:
             whole = self._rebounds is not None and self._rebounds.contacts is not None
             ends += (Rebounds.restitution_launches if whole else contacts.restitution_launches) + (

@@ -23,18 +23,27 @@ def bind_bodies_stages(sim: Any) -> dict[str, StageRun]:
 
     def predict(moment: Moment) -> None:
         before.copy_to_device(position, stream=sim.stream)
-        stage.predict[flat](before, velocity, a, position, sim.record, *shape)
+        if sim._rigid:
+            sim._rigid.begins.predict[flat](before, velocity, a, position, sim.record, sim._rigid.travel)
+        else:
+            stage.predict[flat](before, velocity, a, position, sim.record, *shape)
 
     def find(moment: Moment) -> None:
         sim.contacts.find(position)
 
     def project(moment: Moment) -> None:
-        sim.contacts.project(before, position)
+        sim.contacts.project(before, position, sim.inertial)
 
     def update(moment: Moment) -> None:
-        if sim.contacts:
-            if sim.contacts.bounces:
-                old.copy_to_device(velocity, stream=sim.stream)
+        if sim.contacts and sim.contacts.bounces:
+            old.copy_to_device(velocity, stream=sim.stream)
+        if sim._rigid:
+            ends, last = sim._rigid.ends, (sim.record, sim._rigid.travel)
+            if sim.contacts:
+                ends.update_calmed[flat](before, position, velocity, sim.contacts.record, *last)
+            else:
+                ends.update[flat](before, position, velocity, *last)
+        elif sim.contacts:
             sim._contact_ends.update_velocity[flat](before, position, velocity, sim.contacts.record, sim.record)
         else:
             stage.update_velocity[flat](before, position, velocity, sim.record)
@@ -48,6 +57,9 @@ def bind_bodies_stages(sim: Any) -> dict[str, StageRun]:
     def move(moment: Moment) -> None:
         sim._move(position)
         sim._lattices.move(position)
+
+    def steady(moment: Moment) -> None:
+        sim._rigid.steady(position, velocity, sim._entries, sim._leans, sim._gathered)
 
     def damp(moment: Moment) -> None:
         sim._material.gather(position, velocity, sim._entries, sim._leans)
@@ -72,6 +84,7 @@ def bind_bodies_stages(sim: Any) -> dict[str, StageRun]:
             "project contacts": project,
             "bounce": lambda moment: sim._bounce(position, old, velocity),
             "update velocity": update,
+            "keep momenta": steady,
             "damp clusters": damp,
             "collide": collide,
             "rebound": rebound,

@@ -15,6 +15,7 @@ from gpu_backend.shape_matching.lattice import Lattices, lattice_bytes
 from gpu_backend.shape_matching.links import DeviceLinks
 from gpu_backend.shape_matching.material import ClusterMaterial
 from gpu_backend.shape_matching.rebound import Rebounds
+from gpu_backend.shape_matching.rigid import RigidMotion
 from model.formulas.shape_matching.cluster import MOMENTS
 from model.mass_spring.cloth_parameters import collider_numbers
 from model.shape_matching.cluster_tables import first_particles, leans, matching_factors
@@ -57,7 +58,9 @@ class BodiesState(SubstepSimulation):
         )  # fmt: skip
         self._leans = self.on_device(leans(clusters, real))
         self._sums, self._frames = self._zeros(MOMENTS * clusters.count), self._zeros(ROWS * SIZE * clusters.count)
-        self.contacts = ParticleContacts(scene, real, self.options.math, self.stream) if scene.contact else None
+        self.contacts: ParticleContacts | None = None
+        if scene.contact:
+            self.contacts = ParticleContacts(scene, real, self.options.math, self.stream, self.plan.parts)
         starts, self._own = clusters.of_particle
         self._own_members = self.on_device(self._in_own_order())
         self._gathered = (
@@ -67,6 +70,10 @@ class BodiesState(SubstepSimulation):
         variant = real, self.options.math
         self._material = ClusterMaterial(clusters, self._own, self._kernel_parts(), *variant, self.stream)
         self._material.change(scene.method)
+        self._rigid: RigidMotion | None = None
+        if "rigid-motion" in self.plan.parts:
+            whole = clusters, self._own, self.particle_count, self._kernel_parts()
+            self._rigid = RigidMotion(*whole, *variant, self.stream)
         self._rebounds: Rebounds | None = None
         if self.plan.parts & {"rigid-rebound", "rigid-bounce"}:
             those = clusters, self._own, self.particle_count, self.contacts, self._kernel_parts()
@@ -75,6 +82,11 @@ class BodiesState(SubstepSimulation):
         self._lattices.change(scene.method)
         given = scene.body_set, scene.method, *variant, self.stream
         self._links: Any = DeviceLinks(*given) if scene.body_set.links.count else None
+
+    @property
+    def inertial(self) -> Any:
+        """See SubstepSimulation: of rigid bodies, from where the substep began."""
+        return self._rigid.travel if self._rigid else None
 
     def _in_own_order(self) -> np.ndarray:
         """(entries, 4): rest offsets and factors, particle by particle."""

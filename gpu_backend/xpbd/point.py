@@ -46,10 +46,10 @@ def make_accelerations(real: Any, math: str, parts: frozenset[str]) -> SimpleNam
 
 @cache
 def make_motion(real: Any, math: str, parts: frozenset[str], axes: int) -> SimpleNamespace:
-    """`predict(p, v, ax, ay, az, parameters)` -> (x, y, z): where a mass would be without constraints; `rate_of(p, b,
-    parameters)` -> its velocity on the way from b to p (quads); `collide(b, p, vx, vy, vz, world,
-    number)` -> (x, y, z, vx, vy, vz): after the colliders, in substep `number`; `settle`: both, from the substep's two
-    ends."""
+    """`predict(p, v, ax, ay, az, parameters)` -> (x, y, z): where a mass would be without constraints; `kick(p, v, ax, ay,
+    az, parameters)` -> the velocity with which; `rate_of(p, b, parameters)` -> its velocity on the way from b to p (quads);
+    `collide(b, p, vx, vy, vz, world, number)` -> (x, y, z, vx, vy, vz): after the colliders, in substep `number`; `settle`:
+    both, from the substep's two ends."""
     formulas = device_formulas(distance.make, real, math)
     kicked, kept, predicted, rate = formulas.kicked, formulas.kept, formulas.predicted, formulas.rate
     touch = make_collide(real, math, parts)
@@ -71,6 +71,18 @@ def make_motion(real: Any, math: str, parts: frozenset[str], axes: int) -> Simpl
             if p[3] == zero:
                 x, y, z = p[0], p[1], p[2]
         return x, y, z
+
+    @inline
+    def kick(p, v, ax, ay, az, parameters):
+        """The velocity of a prediction in space; 0 of what is pinned."""
+        h, keep = parameters.dt, one
+        if has_damping:
+            keep = kept(parameters.braking, p[3]) if has_load else parameters.keep
+        vx, vy, vz = kicked(v[0], keep, h, ax), kicked(v[1], keep, h, ay), kicked(v[2], keep, h, az)
+        if has_pins:
+            if p[3] == zero:
+                vx, vy, vz = zero, zero, zero
+        return vx, vy, vz
 
     @inline
     def rate_of(p, b, parameters):
@@ -96,7 +108,7 @@ def make_motion(real: Any, math: str, parts: frozenset[str], axes: int) -> Simpl
         vx, vy, vz = rate_of(p, b, parameters)
         return collide(b, p, vx, vy, vz, world, number)
 
-    return SimpleNamespace(predict=predict, rate_of=rate_of, collide=collide, settle=settle)
+    return SimpleNamespace(predict=predict, kick=kick, rate_of=rate_of, collide=collide, settle=settle)
 
 
 @cache

@@ -5,6 +5,7 @@ A. Rivers, D. James, "FastLSM: Fast Lattice Shape Matching for Robust Real-Time 
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import ClassVar
 
 import numpy as np
@@ -21,13 +22,17 @@ from model.scene.parts import Count
 from model.shape_matching.lattice import Lattice
 
 OFF = 1e-6  # of a box's longest side: how far a corner of the mesh may be off its sides
+FITS = 0.2  # of the spacing: how far one that fills the box may be off it
+FITTED = 1e-6  # of a side: how far particles that fill it may end beside it
+MAX_TRIED = 10_000  # spacings
 ENTRY_BYTES = 100  # of a window's member while clusters are made
 MAX_ENTRIES = 2**31 - 1  # of clusters: indices are 32-bit
 
 
 class SoftLattice(SoftBody):
     """A box filled with a lattice of particles, `particle_spacing` apart, and a cluster around each of those at most `region`
-    places away along each axis: the larger, the stiffer and the smoother. What a step costs hardly hangs on it."""
+    places away along each axis: the larger, the stiffer and the smoother. What a step costs hardly hangs on it. Where a
+    spacing up to a fifth off fills the box exactly, along all axes, that one is taken; its report says so."""
 
     lacks: ClassVar[tuple[str, ...]] = (
         "volume_sampling", "surface_sampling", "cluster_spacing", "cluster_radius", "link_radius", "link_stiffness",
@@ -48,8 +53,10 @@ class SoftLattice(SoftBody):
                 self.particle_spacing,
                 f"gives more than {MAX_PARTICLES} particles; use a larger one",
             )
-        counts = [max(1, round(float(side))) for side in along]
-        lattice = Lattice((counts[0], counts[1], counts[2]), self.region, self.particle_spacing)
+        sides, asked = high - low, self.particle_spacing
+        spacing = fitting_spacing(sides, asked)
+        counts = [max(1, round(float(side / spacing))) for side in sides]
+        lattice = Lattice((counts[0], counts[1], counts[2]), self.region, spacing)
         entries = float(np.prod([axis.count.sum() for axis in lattice.axes]))
         if entries > MAX_ENTRIES:
             raise SceneError(
@@ -64,10 +71,44 @@ class SoftLattice(SoftBody):
         clusters = lattice.clusters(position, mass, self.cluster_stiffness)
         none = np.zeros((0, 2), np.int32)
         surface = lattice.size - int(np.prod([max(0, count - 2) for count in counts]))
-        spacing, told = self.particle_spacing, made.repairs
+        filled = spacing * np.array(counts)
+        told = (*made.repairs, *_notes(sides, filled, asked, spacing))
         report = report_of(clusters, none, spacing, total, surface, told, volume=volume, hanging=1)
+        report = replace(report, covered=float(np.prod(np.minimum(1.0, filled / sides))))
         skin = make_skin(made.position, made.triangles, clusters.rest_centre)
         return BakedBody(position, mass, clusters, none, np.zeros(0), 0.0, skin, spacing, report, lattice)
+
+
+def fitting_spacing(sides: np.ndarray, spacing: float) -> float:
+    """The spacing [m] nearest to `spacing` that divides all of a box's `sides` (3,) [m], if one is within FITS of it, else
+    `spacing`.
+
+    >>> round(fitting_spacing(np.array([1.0, 0.5, 1.0]), 0.3), 6), fitting_spacing(np.array([1.0, 0.7, 0.3]), 0.28)
+    (0.25, 0.28)
+    """
+    longest = float(sides.max())
+    low, high = longest / (spacing * (1 + FITS)), longest / (spacing * (1 - FITS))
+    best, off = spacing, np.inf
+    for count in range(max(1, int(np.ceil(low - OFF))), min(int(high + OFF), int(low) + MAX_TRIED) + 1):
+        found = longest / count
+        along = sides / found
+        away = abs(found - spacing)
+        if away < off and np.all(np.abs(along - np.round(along)) <= FITTED * np.round(along)):
+            best, off = found, away
+    return spacing if off <= OFF * spacing else best
+
+
+def _notes(sides: np.ndarray, filled: np.ndarray, asked: float, spacing: float) -> list[str]:
+    """A sentence on how a lattice of the size `filled` (3,) [m] and a box differ, where they do."""
+    if spacing != asked:
+        return [f"particles are {spacing:.6g} m apart, not {asked:g}, so that they fill the box exactly"]
+    if np.allclose(filled, sides, rtol=FITTED, atol=0):
+        return []
+    sizes, box = (" x ".join(f"{side:.4g}" for side in one) for one in (filled, sides))
+    return [
+        f"particles fill {sizes} m, the box is {box} m: no spacing within {100 * FITS:.0f} % of {asked:g} m divides all of "
+        "its sides; a particle_spacing that does would fill it"
+    ]
 
 
 def _box(position: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

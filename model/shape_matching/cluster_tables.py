@@ -11,7 +11,6 @@ from model.formulas.shape_matching.deformation import S_CREEP, S_INVERSE, S_LIMI
 from model.geometry.arithmetic.functions import expm1
 from model.geometry.arithmetic.ordered import determinant, dot
 from model.shape_matching.clusters import Clusters, binned, matching_share
-from model.shape_matching.rigid_rebound import whole_clusters
 
 UNIT = 1e-3  # a quaternion's length may be off by: what float32 leaves, and what a text file with three digits does
 
@@ -48,12 +47,10 @@ def shape_table(clusters: Clusters, substep: float, iterations: int) -> np.ndarr
     return table
 
 
-def damping_factors(clusters: Clusters, substep: float, rebounds: bool = False) -> np.ndarray:
+def damping_factors(clusters: Clusters, substep: float) -> np.ndarray:
     """(entries,) float64: how far an entry moves its particle's velocity towards its cluster's rigid motion in a substep
-    [s]: its share of the particle times 1 - exp(-d h); where a scene `rebounds`, all of it of clusters that do as a whole."""
+    [s]: its share of the particle times 1 - exp(-d h)."""
     rate = np.zeros(clusters.count) if clusters.material is None else clusters.material.damping
-    if rebounds:
-        rate = np.where(whole_clusters(clusters), np.inf, rate)
     factors: np.ndarray = clusters.shares * -expm1(-rate * substep)[clusters.owner]
     return factors
 

@@ -21,7 +21,9 @@ def _stored_in_windows(
 
 
 def _stored_in_bodies(scene: Scene, position: np.ndarray, plastic: np.ndarray | None) -> tuple[float, dict[str, float]]:
-    return scene.body_set.clusters.energy(position, plastic), {}
+    """Of clusters and of links."""
+    links = scene.body_set.links.energy(position)
+    return scene.body_set.clusters.energy(position, plastic) + links, {}
 
 
 WINDOWS = replace(

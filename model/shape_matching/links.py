@@ -35,6 +35,12 @@ class Links:
         """How many."""
         return len(self.starts) - 1
 
+    def energy(self, position: np.ndarray) -> float:
+        """[J]: sum of (length - rest)^2 / (2 compliance), for particles at `position` (particles, 3) [m]."""
+        first, other = np.asarray(position, np.float64)[self.ends].transpose(1, 0, 2)
+        away = np.linalg.norm(other - first, axis=1) - self.rest_length
+        return 0.5 * float(np.sum(away * away / self.compliance))
+
     def values(self, substep: float, mass: float) -> np.ndarray:
         """(links, 2) float64: rest length [m], compliance times m / h^2, of no unit, for substeps of h [s] and masses
         counted in m [kg] (M. Macklin et al., "XPBD", MIG 2016, eq. 4)."""

@@ -6,8 +6,8 @@ x p, and they asked for D = sum m_i dv_i^2. All times s = D / Q, the mean change
 body that lands flat has M / (mass that touches), one on a corner what a rigid body gets there, 1 / m (1/M + (r x n) I^-1 (r
 x n)). Q <= D, as the best rigid motion near any has less energy. With u_n the speed into a collider at rest, sum p.u = -(1 +
 e) sum m u_n^2 and D = (1 + e)^2 sum m u_n^2, so the kinetic energy changes by s (sum p.u + D/2) = -s (1 - e^2) / 2 sum m
-u_n^2: never a gain, and no loss with e = 1. This needs velocities that are a rigid motion, so before colliders such bodies'
-velocities are made one, of the same momenta.
+u_n^2: never a gain, and no loss with e = 1. This needs velocities that are a rigid motion, as those of rigid bodies are
+(model/formulas/shape_matching/rigid.py).
 
 Bodies that meet: particles' impulses for split masses (model/formulas/particle_contact.py) are those p, and an impulse is
 multiplied by the lesser s of its two bodies, the same for both, so that momenta stay. For two alone that are alike, or meet
@@ -26,8 +26,8 @@ def whole_clusters(clusters: Clusters) -> np.ndarray:
     """(clusters,) bool: those that are rigid, of two particles at least, and have them for themselves."""
     sizes, count = np.diff(clusters.offsets), clusters.count
     found = np.isinf(clusters.stiffness) & (sizes > 1) & (np.bincount(clusters.owner, clusters.shares != 1, count) == 0)
-    if clusters.material is not None:
-        found &= (clusters.material.linear == 0) & (clusters.material.creep == 0)
+    if clusters.material is not None:  # of flat ones it does nothing
+        found &= ((clusters.material.linear == 0) & (clusters.material.creep == 0)) | clusters.flat
     return np.asarray(found)
 
 
@@ -40,13 +40,15 @@ def rebound_limits(clusters: Clusters) -> np.ndarray:
     return limits
 
 
-def rebound_parts(scene: Scene) -> frozenset[str]:
-    """`rigid-rebound`, and `cluster_damping`, which makes rigid motions, where a collider gives back to a rigid body;
-    `rigid-bounce`, where particles do."""
-    found: set[str] = set()
-    if whole_clusters(scene.body_set.alike.loose).any():
-        if any(collider.restitution > 0 for _, collider in scene.colliders):
-            found |= {"rigid-rebound", "cluster_damping"}
-        if scene.contact is not None and scene.contact.restitution > 0:
-            found.add("rigid-bounce")
+def rigid_parts(scene: Scene) -> frozenset[str]:
+    """Of rigid bodies: `rigid-motion`, the code that keeps their momenta (model/formulas/shape_matching/rigid.py);
+    `rigid-rebound`, where they may come off a collider; `rigid-bounce` and `contact-restitution`, where off each other.
+    Also where nothing is given back: what particles alone are stopped by is undone as they come to their goals."""
+    if not whole_clusters(scene.body_set.alike.loose).any():
+        return frozenset()
+    found = {"rigid-motion"}
+    if scene.colliders:
+        found.add("rigid-rebound")
+    if scene.contact is not None:
+        found |= {"rigid-bounce", "contact-restitution"}
     return frozenset(found)

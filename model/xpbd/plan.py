@@ -7,14 +7,14 @@ from dataclasses import dataclass
 from model.contact.particle_parameters import contact_parts
 from model.core.plan import Node, Plan, Stage
 from model.formulas import colliders, contact, distance, particle_contact
-from model.formulas.shape_matching import cluster, deformation, lattice, pace, rebound
+from model.formulas.shape_matching import cluster, deformation, lattice, pace, rebound, rigid
 from model.formulas.shape_matching import grid as shape_matching
 from model.mass_spring.cloth_plan import cloth_parts
 from model.mass_spring.plan import WIND, own_stages
 from model.scene.cloth import SPRING_KINDS
 from model.scene.parts import Elastic
 from model.scene.scene import Scene
-from model.shape_matching.rigid_rebound import rebound_parts
+from model.shape_matching.rigid_rebound import rigid_parts
 
 JACOBI = frozenset({"jacobi", "averaged-jacobi"})  # orderings: all constraints at one position
 BODIES_LOOKED_AT = 27  # particles of the cells around one, a lattice's
@@ -98,7 +98,7 @@ def body_parts(scene: Scene) -> frozenset[str]:
     links = {"links"} if found.links.count else set()
     spare = {"spare"} if any(copy.waits for copy in (found.whole or found).copies) else set()
     lattices = {"lattices"} if found.lattices else set()
-    return found.alike.loose.parts | contact_parts(scene) | rebound_parts(scene) | links | spare | lattices
+    return found.alike.loose.parts | contact_parts(scene) | rigid_parts(scene) | links | spare | lattices
 
 
 def families(scene_parts: frozenset[str]) -> tuple[Family, ...]:
@@ -178,6 +178,14 @@ def damping_stage(scene: Scene) -> Stage:
     return Stage("damp clusters", round(reads / 3), 1 + round(each * 3), round(operations))
 
 
+def momentum_stage(scene: Scene) -> Stage:
+    """Rigid bodies gather the momenta of their particles' travels, three scalars that predictions write, particles get the
+    velocities of their bodies."""
+    damping = damping_stage(scene)
+    operations = 3 * (rigid.OPERATIONS_PREDICT + rigid.OPERATIONS_RATE)
+    return Stage("keep momenta", damping.reads + 2, damping.writes + 1, damping.operations + operations)
+
+
 def rebound_stage(scene: Scene) -> Stage:
     """Clusters gather what colliders gave to their particles, and what it is worth; particles go with their clusters."""
     clusters, particles = scene.body_set.loose, scene.body_set.particle_count
@@ -232,12 +240,13 @@ def xpbd_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
     update = Stage("update velocity", 2, 1, axes * distance.OPERATIONS_UPDATE)
     bounces = Stage("bounce", 6, 1, BODIES_MET * particle_contact.OPERATIONS_BOUNCE)  # places, velocities of pairs
     bounce = (bounces,) if "contact-restitution" in parts else ()
+    steady = (momentum_stage(scene),) if "rigid-motion" in parts else ()
     slow = (damping_stage(scene),) if "cluster_damping" in parts else ()
     bodies = scene.colliders
     touch = (Stage("collide", 2, 2, sum(colliders.OPERATIONS[kind] for kind, _ in bodies), 1.0),) if bodies else ()
     turned_round = (rebound_stage(scene),) if "rigid-rebound" in parts else ()
     iteration = Node("iteration", colours, method.iterations)
-    stages = (*outside, predict, *search, iteration, update, *bounce, *slow, *touch, *turned_round)
+    stages = (*outside, predict, *search, iteration, update, *steady, *bounce, *slow, *touch, *turned_round)
     substep = Node("substep", stages, method.substeps)
     root = Node("step", (substep,))
     if scene.bodies:  # a pass ends where particles wait for clusters: nothing of an iteration stays in registers

@@ -55,6 +55,16 @@ def test_projecting(name: str, math: str, has_friction: bool, has_adhesion: bool
     assert not re.search(r"\b(?:atom|red)\.", text)
 
 
+@pytest.mark.parametrize("math", ["fast", "exact"])
+def test_projecting_rigid_bodies(math: str) -> None:
+    """With their travels: one more quad is written."""
+    from gpu_backend.contact.particles_project import make_project
+
+    kernel = make_project(np.float32, math, True, True, True, True, True).project
+    text = kernel_text(kernel, f"{PROJECT['project']}R", np.float32, math)
+    assert stays_in_registers(text) and text.count("st.global.v4.f32") == 2
+
+
 @pytest.mark.parametrize("parts", [{"speed-limit", "sleeping"}, {"speed-limit"}, {"sleeping", "pins"}, set()])
 @pytest.mark.parametrize("math", ["fast", "exact"])
 @pytest.mark.parametrize("name", ENDS)

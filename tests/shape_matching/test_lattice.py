@@ -223,3 +223,25 @@ def test_the_body_and_its_report(tmp_path: Any) -> None:
 def test_bad_input(fields: dict[str, Any], told: str) -> None:
     with pytest.raises((SceneError, InputError), match=told):
         bodies_scene(body=block() | fields).body_set  # noqa: B018 - the body set bakes the bodies
+
+
+@pytest.mark.parametrize(
+    "sides,asked,spacing,covered",
+    [
+        ((1.0, 1.0, 1.0), 0.3, 1 / 3, 1.0), ((1.0, 0.5, 0.25), 0.24, 0.25, 1.0), ((1.0, 0.7, 0.3), 0.1, 0.1, 1.0),
+        ((1.0, 0.7, 0.31), 0.28, 0.28, 0.8 * 0.28 / 0.31),
+    ],
+)  # fmt: skip
+def test_a_report_says_what_the_particles_fill(
+    sides: tuple[float, float, float], asked: float, spacing: float, covered: float
+) -> None:
+    """A metre at 0.3 m was filled to 0.9 m, and said to be covered: the spacing that fills a box is taken where there is one
+    near, and said; else what is filled is."""
+    made = SoftLattice.from_mesh(Shape(name="box", sides=sides, resolution=4).mesh(), particle_spacing=asked)
+    assert made.spacing == pytest.approx(spacing, rel=1e-9) and made.report.covered == pytest.approx(covered, rel=1e-9)
+    size = np.ptp(made.position, axis=0) + made.spacing
+    filled = float(np.prod(np.minimum(size, sides)) / np.prod(sides))
+    assert made.report.covered == pytest.approx(filled, rel=1e-9)
+    assert made.mass.sum() == pytest.approx(1000 * np.prod(sides), rel=1e-12)
+    told = " ".join(made.report.told)
+    assert ("fill the box exactly" in told) == (spacing != asked) and ("the box is" in told) == (covered < 1)

@@ -180,9 +180,12 @@ def test_bodies_that_meet_anyhow_gain_no_energy() -> None:
 # ---------------------------------------------------------------------- scenes
 
 
-def test_only_rigid_bodies_that_something_gives_back_to_need_it() -> None:
-    scene = dropped(0.5)
-    assert {"rigid-rebound", "cluster_damping"} <= xpbd_parts(scene) and xpbd_plan(scene).has("rebound")
-    soft = bodies_scene(bar=BAR, plane=FLOOR | {"restitution": 0.5})
-    for none in (scene.replace({"plane.restitution": 0.0}), soft):
-        assert not {"rigid-rebound", "cluster_damping"} & xpbd_parts(none) and not xpbd_plan(none).has("rebound")
+def test_only_rigid_bodies_that_something_stops_need_it() -> None:
+    """Whatever is given back: without it particles alone are stopped, and their bodies come back."""
+    for scene in (dropped(0.5), dropped(0.0)):
+        assert {"rigid-rebound", "rigid-motion"} <= xpbd_parts(scene) and xpbd_plan(scene).has("rebound")
+    alone = Scene({name: table for name, table in dropped(0.5).as_dict().items() if name != "plane"})
+    assert "rigid-motion" in xpbd_parts(alone) and xpbd_plan(alone).has("keep momenta")
+    for none in (alone, bodies_scene(bar=BAR, plane=FLOOR | {"restitution": 0.5})):
+        assert "rigid-rebound" not in xpbd_parts(none) and not xpbd_plan(none).has("rebound")
+    assert "rigid-motion" not in xpbd_parts(none) and not xpbd_plan(none).has("keep momenta")

@@ -14,7 +14,11 @@ from kernel_text import kernel_text
 PAIRS = {"count": "RRRIIRIIiR", "bounce": "RRRIIRIIiR"}
 BODIES = {"weigh": "RRIIRRR", "go": "RRRIIRR", "differ": "RR"}
 GIVEN = {"give": "RRRIIRIIiRRR", "spread": "IIRRR", "join": "RRRIIRR"}
-ENDS = {"collide": "RRRPRULlll", "strike": "RRRRIIRRPRULlll"}
+RIGID = {
+    "begin": "RRRPUR", "predict": "RRRRPR", "move": "RIIRRR", "rate": "RRRIIRRPR", "update": "RRRPR",
+    "update_calmed": "RRRRPR", "steady": "RRIIRR",
+}  # fmt: skip
+ENDS = {"collide": "RRRPRULlll", "strike": "RRRRPRULlll"}
 PARTS = frozenset({"gravity", "poke", "damping", "load", "plane", "friction", "restitution"})
 
 pytestmark = pytest.mark.usefixtures("ptx_compiler")
@@ -25,7 +29,11 @@ def text_of(name: str, real: Any, math: str) -> str:
     from gpu_backend.contact.particles_bounce import make_bounce
     from gpu_backend.contact.particles_project import make_contact_ends
     from gpu_backend.shape_matching.rebound import make_rebound, make_strike
+    from gpu_backend.shape_matching.rigid import make_begin, make_ends
 
+    if name in RIGID:
+        rigid = make_begin(real, math, PARTS) if name in ("begin", "predict") else make_ends(real, math, PARTS)
+        return kernel_text(getattr(rigid, name), RIGID[name], real, math)
     if name in PAIRS:
         return kernel_text(getattr(make_bounce(real, math, True, True), name), PAIRS[name], real, math)
     if name in BODIES:
@@ -40,7 +48,7 @@ def text_of(name: str, real: Any, math: str) -> str:
 
 
 @pytest.mark.parametrize("math", ["fast", "exact"])
-@pytest.mark.parametrize("name", [*PAIRS, *BODIES, *GIVEN, *ENDS])
+@pytest.mark.parametrize("name", [*PAIRS, *BODIES, *GIVEN, *RIGID, *ENDS])
 def test_float32_stays_in_registers(name: str, math: str) -> None:
     text = text_of(name, np.float32, math)
     assert ".f64" not in text and ".local" not in text and "call" not in text

@@ -1,0 +1,115 @@
+"""Rigid bodies that keep their momenta to rounding, on CPU threads: see model/formulas/shape_matching/rigid.py."""
+
+from __future__ import annotations
+
+from functools import cache
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from cpu_backend.core.compile import Compiler
+from cpu_backend.core.layout import row_at
+from cpu_backend.core.progress import shares
+from cpu_backend.shape_matching.damping import make_damping
+from cpu_backend.shape_matching.rebound import at_rebound
+from model.formulas.shape_matching import rebound
+from model.formulas.shape_matching.cluster import LANES
+from model.formulas.shape_matching.pace import MOTION
+
+REBOUND = 7  # arrays of clusters that rebounds take, after whose come those of here
+
+
+def at_rigid(parts: frozenset[str]) -> int:
+    """Where in the clusters' arrays those of rigid motion lie."""
+    return at_rebound(parts) + REBOUND * bool(parts & {"rigid-rebound", "rigid-bounce"})
+
+
+def make_steadying(compiler: Compiler, real: Any, has_rigid: bool, place: int) -> SimpleNamespace:
+    """`gather(c, position, velocity, count, arrays, scratch)`: the rigid motion of cluster c that has the momenta of its
+    particles; `steady(first, last, position, velocity, count, arrays)`: velocities, of those motions; `steady_lone(c,
+    position, velocity, count, arrays)`: the same of a lone cluster. Arrays from `place` on: as of damping, factors 1 of rigid
+    bodies; which clusters those are; travels and slacks, four planes. Nothing is done unless `has_rigid`."""
+    if not has_rigid:
+        return _without(compiler)
+    rigid, zero = rebound.make(real, compiler.compiled).rigid, real(0)
+    gather_motion = make_damping(compiler, real, True, place).gather
+    at_clusters, at_factors, at_motions, at_wholes = place + 1, place + 2, place + 3, place + 4
+
+    @compiler.compiled
+    def gather(c, position, velocity, count, arrays, scratch):
+        if arrays[at_wholes][c]:
+            gather_motion(c, position, velocity, count, arrays, scratch)
+
+    @compiler.row
+    def steady_rows(blocks, motion, x, y, z, vx, vy, vz):
+        for block in range(blocks):
+            for lane in range(LANES):
+                k = block * LANES + lane
+                dx, dy, dz = x[k] - motion[0], y[k] - motion[1], z[k] - motion[2]
+                vx[k] = rigid(motion[3], motion[7], dz, motion[8], dy)
+                vy[k] = rigid(motion[4], motion[8], dx, motion[6], dz)
+                vz[k] = rigid(motion[5], motion[6], dy, motion[7], dx)
+
+    @compiler.compiled
+    def steady_lone(c, position, velocity, count, arrays):
+        """The particles of a lone cluster, and its ghosts, which belong to no one."""
+        if arrays[at_wholes][c]:
+            first = np.int64(arrays[1][c])
+            steady_rows(
+                (arrays[0][c + 1] - arrays[0][c]) // LANES, row_at(arrays[at_motions], np.int64(MOTION * c)),
+                row_at(position, first), row_at(position, count + first), row_at(position, 2 * count + first),
+                row_at(velocity, first), row_at(velocity, count + first), row_at(velocity, 2 * count + first),
+            )  # fmt: skip
+
+    @compiler.compiled
+    def steady(first, last, position, velocity, count, arrays):
+        starts, clusters, factors, motions = arrays[place], arrays[at_clusters], arrays[at_factors], arrays[at_motions]
+        for k in range(first, last):
+            for n in range(starts[k], starts[k + 1]):
+                if factors[n] != zero:
+                    g = row_at(motions, np.int64(MOTION) * clusters[n])
+                    x, y, z = k, count + k, 2 * count + k
+                    dx, dy, dz = position[x] - g[0], position[y] - g[1], position[z] - g[2]
+                    velocity[x] = rigid(g[3], g[7], dz, g[8], dy)
+                    velocity[y] = rigid(g[4], g[8], dx, g[6], dz)
+                    velocity[z] = rigid(g[5], g[6], dy, g[7], dx)
+
+    return SimpleNamespace(gather=gather, steady=steady, steady_lone=steady_lone)
+
+
+def _without(compiler: Compiler) -> SimpleNamespace:
+    @compiler.compiled
+    def gather(c, position, velocity, count, arrays, scratch):
+        pass
+
+    @compiler.compiled
+    def steady(first, last, position, velocity, count, arrays):
+        pass
+
+    @compiler.compiled
+    def steady_lone(c, position, velocity, count, arrays):
+        pass
+
+    return SimpleNamespace(gather=gather, steady=steady, steady_lone=steady_lone)
+
+
+@cache
+def make_steadying_stage(real: Any, math: str, place: int) -> Any:
+    """steady(bands, position, velocity, count, arrays, scratch, pitch): all clusters, then all particles, a
+    parallel loop each; `pitch`: numbers of a band's scratch."""
+    compiler = Compiler(f"bodies_rigid_{np.dtype(real).name}_{math}_{place}", math)
+    made = make_steadying(compiler, real, True, place)
+    gather, steady_some = made.gather, made.steady
+
+    def steady(team, member, bands, position, velocity, count, arrays, scratch, pitch):
+        clusters = arrays[5].size // 4
+        for band in shares(team, member, bands):
+            room = row_at(scratch, np.int64(pitch * band))
+            for c in range(clusters * band // bands, clusters * (band + 1) // bands):
+                gather(c, position, velocity, count, arrays, room)
+        for band in shares(team, member, bands):
+            first, last = count * band // bands, count * (band + 1) // bands
+            steady_some(first, last, position, velocity, count, arrays)
+
+    return compiler.team(steady)

@@ -1,0 +1,181 @@
+"""CUDA kernels of rigid bodies that keep their momenta to rounding (model/formulas/shape_matching/rigid.py), a thread a
+particle: they take the place of those of kernels.py and damping.py where a scene has such bodies.
+
+A particle's travel is a quad with its slack, 0 of particles of no rigid body.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+from numba import cuda
+
+from gpu_backend.core.compile import inlined, kernel_options, make_kernels, variant_name
+from gpu_backend.core.forces import make_forces
+from gpu_backend.core.formulas import device_formulas
+from gpu_backend.core.quads import SIZE, load_quad, pack, store_quad
+from gpu_backend.shape_matching.damping import make_gather
+from gpu_backend.shape_matching.kernels import AXES, ROWS, THREADS, TOGETHER, make_move
+from gpu_backend.xpbd.point import make_motion
+from model.contact.particle_parameters import H_ASLEEP, H_FASTEST
+from model.formulas import particle_contact
+from model.formulas.shape_matching import rebound, rigid
+from model.shape_matching.clusters import Clusters
+from model.shape_matching.rigid_motion import goal_slack
+from model.shape_matching.rigid_rebound import whole_clusters
+
+
+@cache
+def make_begin(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
+    """`begin(position, velocity, predicted, record, integers, travel)`: predictions and travels; `predict(before, velocity,
+    a, position, record, travel)`: the same of accelerations `a`, which are 0 afterwards."""
+    forces, motion = make_forces(real, math, parts), make_motion(real, math, parts, AXES)
+    add_gravity, add_own, predict_mass, kick = forces.add_gravity, forces.add_own, motion.predict, motion.kick
+    travelled, zero = device_formulas(rigid.make, real, math).travelled, real(0)
+    no_step = np.int64(0)  # nothing of bodies depends on it
+
+    @inlined(math)
+    def leave(k, p, v, ax, ay, az, predicted, parameters, travel):
+        x, y, z = predict_mass(p, v, ax, ay, az, parameters)
+        store_quad(predicted, k, x, y, z, p[3])
+        h, (u, v, w) = parameters.dt, kick(p, v, ax, ay, az, parameters)
+        store_quad(travel, k, travelled(h, u), travelled(h, v), travelled(h, w), load_quad(travel, k)[3])
+
+    def begin(position, velocity, predicted, record, integers, travel):
+        parameters = record[0]
+        k = np.int32(cuda.grid(1))
+        if k < position.size // SIZE:
+            p, v = load_quad(position, k), load_quad(velocity, k)
+            ax, ay, az = add_gravity(zero, zero, zero, parameters)
+            ax, ay, az = add_own(ax, ay, az, k, p[3], parameters, integers, no_step)
+            leave(k, p, v, ax, ay, az, predicted, parameters, travel)
+
+    def predict(before, velocity, a, position, record, travel):
+        k = np.int32(cuda.grid(1))
+        if k < position.size // SIZE:
+            b = load_quad(a, k)
+            leave(k, load_quad(before, k), load_quad(velocity, k), b[0], b[1], b[2], position, record[0], travel)
+            store_quad(a, k, zero, zero, zero, zero)
+
+    return make_kernels((begin, predict), f"bodies_rigid_{variant_name(real, math, parts)}", **kernel_options(math))
+
+
+@cache
+def make_ends(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
+    """`move(position, own_starts, own_clusters, own_members, frames, travel)`: particles towards their goals, in place;
+    `rate(before, position, velocity, own_starts, own_clusters, own_members, frames, record, travel)`: that, and velocities;
+    `update(before, position, velocity, record, travel)`: these alone, of rigid bodies those of their travels;
+    `update_calmed(before, position, velocity, contact_record, record, travel)`: of particles that go no farther than they
+    may, or less than they must; `steady(position, velocity, own_starts, own_clusters, factors, motions)`: velocities, of
+    the bodies' motions."""
+    keeping, near = device_formulas(rigid.make, real, math), device_formulas(particle_contact.make, real, math)
+    settled, rate_over, limited, no_travel = keeping.settled, keeping.rate_over, keeping.limited, keeping.rested
+    far, shortened, rested = near.far, near.shortened, near.rested
+    of_body, rate_of = device_formulas(rebound.make, real, math).rigid, make_motion(real, math, parts, AXES).rate_of
+    goals, zero, one = make_move(real, math, True), real(0), np.int32(1)
+    has_pins, has_limit, has_sleeping = "pins" in parts, "speed-limit" in parts, "sleeping" in parts
+
+    @inlined(math)
+    def settle(p, k, own_starts, own_clusters, own_members, frames, t):
+        x, y, z = goals(p, k, own_starts, own_clusters, own_members, frames)
+        return p[0] + settled(x, t[3], p[0]), p[1] + settled(y, t[3], p[1]), p[2] + settled(z, t[3], p[2])
+
+    @inlined(math)
+    def leave(k, b, x, y, z, position, velocity, parameters, u, v, w, slack):
+        inverse = parameters.inverse_substep
+        vx, vy, vz = rate_of((x, y, z, b[3]), b, parameters)
+        if slack > zero:
+            vx, vy, vz = rate_over(u, inverse), rate_over(v, inverse), rate_over(w, inverse)
+            if has_pins:
+                if b[3] == zero:
+                    vx, vy, vz = zero, zero, zero
+        store_quad(position, k, x, y, z, b[3])
+        store_quad(velocity, k, vx, vy, vz, zero)
+
+    def move(position, own_starts, own_clusters, own_members, frames, travel):
+        k = np.int32(cuda.grid(1))
+        if k < position.size // SIZE:
+            p = load_quad(position, k)
+            x, y, z = settle(p, k, own_starts, own_clusters, own_members, frames, load_quad(travel, k))
+            store_quad(position, k, x, y, z, p[3])
+
+    def rate(before, position, velocity, own_starts, own_clusters, own_members, frames, record, travel):
+        k = np.int32(cuda.grid(1))
+        if k < position.size // SIZE:
+            b, p, t = load_quad(before, k), load_quad(position, k), load_quad(travel, k)
+            x, y, z = settle(p, k, own_starts, own_clusters, own_members, frames, t)
+            leave(k, b, x, y, z, position, velocity, record[0], t[0], t[1], t[2], t[3])
+
+    def update(before, position, velocity, record, travel):
+        k = np.int32(cuda.grid(1))
+        if k < position.size // SIZE:
+            b, p, t = load_quad(before, k), load_quad(position, k), load_quad(travel, k)
+            leave(k, b, p[0], p[1], p[2], position, velocity, record[0], t[0], t[1], t[2], t[3])
+
+    def update_calmed(before, position, velocity, contact_record, record, travel):
+        k = np.int32(cuda.grid(1))
+        if k < position.size // SIZE:
+            b, p, t = load_quad(before, k), load_quad(position, k), load_quad(travel, k)
+            x, y, z, u, v, w = p[0], p[1], p[2], t[0], t[1], t[2]
+            if has_limit or has_sleeping:
+                length = far(x - b[0], y - b[1], z - b[2])
+                if has_limit:
+                    most = contact_record[H_FASTEST]
+                    u, v, w = limited(u, length, most), limited(v, length, most), limited(w, length, most)
+                    x, y = shortened(x, b[0], length, most), shortened(y, b[1], length, most)
+                    z = shortened(z, b[2], length, most)
+                if has_sleeping:
+                    least = contact_record[H_ASLEEP]
+                    u, v, w = no_travel(u, length, least), no_travel(v, length, least), no_travel(w, length, least)
+                    x, y = rested(x, b[0], length, least), rested(y, b[1], length, least)
+                    z = rested(z, b[2], length, least)
+            leave(k, b, x, y, z, position, velocity, record[0], u, v, w, t[3])
+
+    def steady(position, velocity, own_starts, own_clusters, factors, motions):
+        k = np.int32(cuda.grid(1))
+        if k < position.size // SIZE:
+            p = load_quad(position, k)
+            for n in range(own_starts[k], own_starts[k + one]):
+                if factors[n] != zero:
+                    row = np.int32(ROWS * own_clusters[n])
+                    o, t, s = load_quad(motions, row), load_quad(motions, row + 1), load_quad(motions, row + 2)
+                    dx, dy, dz = p[0] - o[0], p[1] - o[1], p[2] - o[2]
+                    store_quad(
+                        velocity, k, of_body(t[0], s[1], dz, s[2], dy), of_body(t[1], s[2], dx, s[0], dz),
+                        of_body(t[2], s[0], dy, s[1], dx), zero,
+                    )  # fmt: skip
+
+    made = move, rate, update, update_calmed, steady
+    return make_kernels(made, f"bodies_rigid_{variant_name(real, math, parts)}", **kernel_options(math))
+
+
+class RigidMotion:
+    """Of the rigid ones of `clusters`; `own` (entries,): entries in the particles' order. `travel`: quads of particles."""
+
+    launches = 2  # `steady`
+
+    def __init__(
+        self, clusters: Clusters, own: np.ndarray, particles: int, parts: frozenset[str], real: Any, math: str, stream: Any
+    ):  # fmt: skip
+        self._blocks = max(1, -(-clusters.count // TOGETHER)), THREADS, stream
+        self._flat = max(1, -(-particles // THREADS)), THREADS, stream
+        slack = goal_slack(clusters, real)
+        travel = np.zeros((particles, SIZE), real)
+        travel[:, AXES] = slack
+        factors = whole_clusters(clusters)[clusters.owner][own].astype(real)
+        motions = np.zeros(ROWS * SIZE * clusters.count, real)
+        self.travel, self._factors, self._motions = (
+            cuda.to_device(array, stream=stream) for array in (pack(travel), factors, motions)
+        )
+        self.begins, self.ends = make_begin(real, math, parts), make_ends(real, math, parts)
+        self._gather = make_gather(real, math)
+
+    def steady(
+        self, position: Any, velocity: Any, entries: tuple[Any, ...], leans: Any, gathered: tuple[Any, ...]
+    ) -> None:
+        """Velocities, which become rigid motions of the same momenta."""
+        self._gather[self._blocks](position, velocity, *entries, leans, self._motions)
+        self.ends.steady[self._flat](position, velocity, *gathered[:2], self._factors, self._motions)

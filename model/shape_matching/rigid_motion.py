@@ -1,0 +1,24 @@
+"""Rigid bodies that keep their momenta to rounding (model/formulas/shape_matching/rigid.py): what both backends read."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from model.formulas.shape_matching.cluster import LANES
+from model.shape_matching.clusters import Clusters
+from model.shape_matching.rigid_rebound import whole_clusters
+
+ROTATION = 4  # roundings of a body's size in a goal: of a rotation's row and of a rest offset's way
+
+
+def goal_slack(clusters: Clusters, real: type) -> np.ndarray:
+    """(particles,) float64 [m]: how far a goal may be off by rounding in the arithmetic `real`, 0 of particles of no rigid
+    body: ROTATION roundings of the longest rest offset, and of the centre a random walk of those of each lane's sum."""
+    whole, sizes = whole_clusters(clusters), np.diff(clusters.offsets)
+    extent = np.zeros(clusters.count)
+    np.maximum.at(extent, clusters.owner, np.linalg.norm(clusters.rest, axis=1))
+    slack = float(np.finfo(real).eps) * extent * (ROTATION + np.sqrt(sizes / LANES))
+    found = np.zeros(len(clusters.mass))
+    own = whole[clusters.owner]
+    found[clusters.indices[own]] = np.maximum(slack, float(np.finfo(real).tiny))[clusters.owner[own]]
+    return found
