@@ -18,7 +18,8 @@ from model.fluid.fluid_set import PARKED
 @cache
 def make_fluid_tools(real: Any, axes: int, parts: frozenset[str]) -> SimpleNamespace:
     """`count(counter, steps)`; `first_diverged(position, velocity, particle, bound, x, y, z, result)`;
-    `write_position(position, particle, out)`, and where particles come and go `park(there, out)` before it. `particle`: the particles' numbers."""
+    `write_position(position, particle, out)`, and where particles come and go `park(there, out)` before it. `particle`:
+    the particles' numbers."""
     solid, extent, parked, zero = axes == 3, make_extent(parts), np.float32(PARKED), np.int32(0)
 
     def count(counter, steps):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from model.formulas.shape_matching.cluster import LANES
+from model.geometry.arithmetic.ordered import norm
 from model.shape_matching.clusters import Clusters
 from model.shape_matching.rigid_rebound import whole_clusters
 
@@ -16,7 +17,7 @@ def goal_slack(clusters: Clusters, real: type) -> np.ndarray:
     body: ROTATION roundings of the longest rest offset, and of the centre a random walk of those of each lane's sum."""
     whole, sizes = whole_clusters(clusters), np.diff(clusters.offsets)
     extent = np.zeros(clusters.count)
-    np.maximum.at(extent, clusters.owner, np.linalg.norm(clusters.rest, axis=1))
+    np.maximum.at(extent, clusters.owner, norm(clusters.rest))
     slack = float(np.finfo(real).eps) * extent * (ROTATION + np.sqrt(sizes / LANES))
     found = np.zeros(len(clusters.mass))
     own = whole[clusters.owner]

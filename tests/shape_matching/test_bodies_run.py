@@ -181,7 +181,9 @@ def test_the_plan_counts_the_real_overlap_of_clusters() -> None:
         assert match.reads + match.writes == pytest.approx((8 * entries + (4 + 16) * each) / 3, abs=1)
         assert move.reads == pytest.approx(17 * entries / 3 + 1, abs=0.5)
         moved = sum(part.bytes for part in report.backends[0].passes)
-        between = 2 * 3 * 4 * 3  # what stays in the pass of velocities that rigid bodies make of momenta: a write, two reads
+        between = (
+            2 * 3 * 4 * 3
+        )  # what stays in the pass of velocities that rigid bodies make of momenta: a write, two reads
         assert 2 * moved == pytest.approx(report.plan.bytes(4) - between, rel=0.02)  # 2 substeps of 1 iteration
         found = report.as_dict()
         assert (found["bodies"], found["clusters"], found["entries"]) == (3, clusters.count, len(clusters.indices))
