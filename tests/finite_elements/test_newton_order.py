@@ -53,8 +53,8 @@ def ends(order: int, substeps: int) -> np.ndarray:
 
 
 def test_orders_are_first_and_second() -> None:
-    """Errors over substeps that halve, against 1024 of order 2: of large turns, solved to the end."""
-    exact = ends(2, 1024)
+    """Errors over substeps that halve, against 512 of order 2: of large turns, solved to the end."""
+    exact = ends(2, 512)
     for order, least, most in ((1, 0.85, 1.1), (2, 1.8, 2.2)):
         errors = [np.abs(ends(order, n) - exact).max() for n in (32, 64, 128)]
         found = np.log2(np.array(errors[:-1]) / errors[1:])
@@ -88,7 +88,7 @@ def test_a_bar_within_a_hundredth_in_one_substep_a_frame() -> None:
 
     off = {}
     for solver in ("newton", "newton order 2"):
-        with open_simulation(let_go(cantilever(2, 1e7, solver, 1, 1)), precision="float64") as simulation:
+        with open_simulation(let_go(cantilever(2, 1e7, solver, 1, 1)), precision="float64", math="exact") as simulation:
             off[solver] = drop(simulation, 2, 1e7) / exact_drop(2, 1e7)[1] - 1
     assert abs(off["newton order 2"]) < 0.01 < 0.1 < abs(off["newton"])
 
@@ -125,7 +125,7 @@ def everything() -> Scene:
 def test_a_run_in_parts_is_the_same() -> None:
     """A step begins at its first stage, whatever was called before; another step size and a push are of both stages."""
     scene, states = everything(), []
-    for parts in ((4,), (1, 3), (1, 1, 2)):
+    for parts in ((3,), (1, 2)):
         with open_simulation(scene, math="exact", live=("dt", "poke"), initial=shaken(scene)) as simulation:
             for steps in parts:
                 simulation.advance(steps)
