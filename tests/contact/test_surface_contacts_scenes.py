@@ -13,7 +13,6 @@ from model.contact.surface_parameters import contact_distance, contact_surface
 from model.scene.scene import Scene, load_scene
 from model.tetrahedra.body_set import cut
 
-
 # Of fem-drop's twenty bodies those along its middle, three layers high, of every material.
 MIDDLE = {"star", "ball", "beam", "letter-o", "tile", "small-ball", "short-pipe", "column"}
 

@@ -61,7 +61,7 @@ def test_processes_have_the_bits_of_one_of_bodies(tmp_path):
 
 @needs_mpi
 def test_processes_have_the_bits_of_one_of_a_fluid(tmp_path):
-    """A dam break along the floor of a narrow tank; slabs are balanced anew on the way (three times: test_shared_fluid.py)."""
+    """A dam break along the floor of a narrow tank; slabs are balanced anew (three times: test_shared_fluid.py)."""
     pool = {
         "water.size": [1.2, 0.05, 0.05],
         "water.rest_distance": 0.05,
