@@ -14,11 +14,11 @@ from model.scene.scene import Scene, load_scene
 from model.tetrahedra.body_set import cut
 
 # Of fem-drop's twenty bodies those along its middle, three layers high, of every material.
-MIDDLE = {"star", "ball", "beam", "letter-o", "tile", "small-ball", "short-pipe", "column"}
+MIDDLE = {"star", "ball", "beam", "letter-o", "tile", "short-pipe", "column"}
 
 
 def test_a_heap_comes_to_rest_and_stays() -> None:
-    """Three seconds and one more: half of its particles go slower than 2 cm/s (of all twenty bodies after five: 9 mm/s with
+    """Four seconds and one more: half of its particles go slower than 2 cm/s (of all twenty bodies after five: 9 mm/s with
     voxels' order, 7 with greedy colours); the mean square is that of a few dozen which are caught, and jitter
     (docs/method.md: 1 to 6 cm/s, from second to second); one body may still roll or slip (a column that lies on the others),
     not as far as the heap is high, no other goes farther than two voxels; nothing was left out of the contacts, and what is
@@ -28,7 +28,7 @@ def test_a_heap_comes_to_rest_and_stays() -> None:
     scene = Scene({name: table for name, table in tables.items() if name not in others})
     assert scene.tetrahedra.keys() == MIDDLE
     with open_simulation(scene, "cpu", math="exact") as simulation:  # the same heap on every machine
-        simulation.advance(180)
+        simulation.advance(240)
         before = simulation.read("position").astype(np.float64)
         simulation.advance(60)
         state, contacts = simulation.state(), simulation.contacts  # type: ignore[attr-defined]
@@ -43,7 +43,7 @@ def test_a_heap_comes_to_rest_and_stays() -> None:
     values = contacts.values[held]
     depths = values[values[:, V_INSIDE] > 0, V_DISTANCE]
     print(np.median(speed), np.sqrt((speed**2).mean()), moved, len(values), depths)
-    assert len(values) > 150 and len(depths) < 20 and depths.max(initial=0.0) < 0.03
+    assert len(values) > 100 and len(depths) < 20 and depths.max(initial=0.0) < 0.03
 
 
 def test_the_catalogues_heap_has_a_few_dozen_contacts_at_most_where_it_begins() -> None:
@@ -64,7 +64,7 @@ def test_the_creature_comes_down_the_stairs() -> None:
     (body,) = scene.tetrahedra.values()
     assert cut(body).report.doubled > 4
     low, edge = float(contact_surface(scene.tetrahedra_set).rest[:, 1].min()), contact_distance(scene)
-    with open_simulation(scene, "cpu", math="exact") as simulation:
+    with open_simulation(scene, "cpu") as simulation:
         simulation.advance(1)
         assert simulation.contacts.found.sum() == 0  # type: ignore[attr-defined]
         simulation.advance(179)
