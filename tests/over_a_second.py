@@ -225,7 +225,6 @@ test_xpbd_reference_sheets.py test_error_against_the_motion_of_the_springs?S1-0.
 # what took compiled kernels to its end, and little else
 test_contact_restitution.py test_whole_steps*float64*
 test_restitution.py *bodies-0.004*
-test_peers_compared.py test_what_approaches*
 test_advise.py test_the_command_writes*
 test_ablate.py test_over_the_limit* test_dropped_parts*
 test_surface_contacts.py test_bodies_that_are_far*

@@ -92,6 +92,7 @@ test_cpu_bits.py test_bits*semi* test_bits*explicit* test_bits*lab* test_bits*ta
 test_lattice.py test_against_the_reference_and_the_same* test_contacts_and_spares* test_float32_loses*
 test_b1.py test_kernels*shape5? test_kernels*shape4?
 test_matching.py test_kernels_and_threads*3-float32* test_kernels_and_threads*4-float32*
+test_peers_compared.py test_what_approaches*
 test_peers_sheets.py test_iterations_approach*
 test_no_trace.py *no_instruction*float64* *velocity-verlet-parts2*float64* *lab-parts0*float64?
 # orders and limits: with a force fewer, or by the reference
