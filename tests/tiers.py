@@ -45,8 +45,8 @@ test_mpi.py test_processes* test_two* test_a_div* test_bad_input*arguments[2-6]*
 test_wet_worlds.py test_states_are_the_references?all?
 test_shared_bodies.py test_a_catalogue_scene*
 test_shared_fluid.py *hundreds_of_steps* test_what_else* *too_thin?averaged* *too_thin?smoothed*
-test_partitions.py *1_000_steps*
-test_shared_tetrahedra.py *1_000_steps*
+test_partitions.py *hundreds_of_steps*
+test_shared_tetrahedra.py *hundreds_of_steps*
 test_fluid_advice.py test_a_scene_is_ablated* test_an_answer_is_run*
 test_fluid_physics.py *
 test_divergence_physics.py *
@@ -63,7 +63,6 @@ test_attachments.py test_two_free_bodies*
 test_cloth_reference.py *rk4-cpu?
 test_stability_figures.py *draw_stiffness?
 test_labbook.py *keeps_its_length*  # draws every figure of the committed measurements
-test_restitution.py *bodies-0.001* *bodies-0.004*
 # ten to twenty seconds each, most of them of compiling; what they run is held against its judge by default, too
 test_bars_of_peers.py test_error_stands*
 test_surface_contacts.py test_a_cube_on_a_cube*
@@ -72,9 +71,8 @@ test_bodies_hard.py test_a_soft_body_finds*axis-float32?
 test_kinematic.py test_both_ends*
 test_hard_bodies.py test_the_laws*B17?heavy*
 test_attachments.py test_a_step_is_backward*vbd-0.001?
-test_simulated_newton.py test_fast_math_takes* test_bits_of_pins*float64? test_bits_of_attachments*
+test_simulated_newton.py test_fast_math_takes* test_bits_of_pins* test_bits_of_attachments*
 test_simulated_kinematic.py test_attached*vbd?
-test_simulated_fluid.py *tap-float64?
 # CPU machine code: each solver keeps a case or two, of the fused kernel and the most parts
 test_compiled.py *cloth,?rk4* *cloth,?implicit* *xpbd,?jacobi* *xpbd,?averaged* *lattices* *meet?in?stages*
     *meets?itself* *give?way* *cloth?in?stages* *xpbd?in?stages* *jelly?grid?in?stages* *mesh?in?stages* *rk4?in?stages*
@@ -82,7 +80,6 @@ test_compiled.py *cloth,?rk4* *cloth,?implicit* *xpbd,?jacobi* *xpbd,?averaged* 
     *body?on?a?field* test_fast_math*cloth? test_fast_math*jelly* test_fast_math*mesh?
 test_cpu_reference.py test_fast_math* *published*rk4* *published*velocity-verlet*
 test_cloth_cpu.py test_fast_math* test_fused*kicks-apart? test_fused*rk4? test_fused*kicks-meet?
-    test_every_collider_and_part*
 test_xpbd_cpu.py test_fused*everything-gauss* test_fused*damped-jacobi* test_fused*net-gauss*
     test_fused*everything-jacobi*
 test_xpbd_cpu_reference.py test_fast_math*
@@ -130,7 +127,7 @@ test_hard_fluids.py test_the_laws*F10* test_the_laws*averaged* test_the_laws*div
 test_hard_xpbd.py test_a_thousandfold* test_they_hold*implicit* test_they_hold*B23*
 test_hard_cloth.py test_the_laws*rk4*
 test_contacts_scenes.py test_layers*
-test_surface_contacts_scenes.py test_the_heap_comes* test_the_creature*
+test_surface_contacts_scenes.py test_a_heap_comes* test_the_creature*
 test_links.py test_a_sheet_hangs*
 test_distance_field_scenes.py *mill
 test_vbd_cpu.py test_b21*neo* test_b21*recovers?corotated*
@@ -144,8 +141,8 @@ test_motion.py test_fused*damped?moving-rk4*
 test_motion_scenes.py test_the_twisted_sheet*
 test_particle_contacts.py test_many_bodies_have* test_bricks_stand* test_the_catalogues*
 test_spare.py test_what_leaves*
-test_contact_restitution.py test_a_swarm* test_whole_steps*
-test_mesh.py *million*
+test_contact_restitution.py test_a_swarm* test_whole_steps*float32*
+test_mesh.py *hundred_and_sixty*
 test_side_by_side.py test_the_clocks*
 test_view3d_demo.py test_a_pulled_cloth*
 test_bars_of_peers.py test_peers_move*
@@ -160,8 +157,8 @@ test_attachments.py *newton? *vbd? *newton-0.001? *vbd-0.0?
 test_matter.py *vbd?
 test_newton_coarse.py test_a_step_needs*
 test_vbd_cpu.py test_a_cantilever*
-test_surface_contacts.py test_bodies_that_are_far* test_a_face_stops*
-test_surface_contacts_scenes.py test_the_heap*
+test_surface_contacts.py test_a_face_stops*
+test_surface_contacts_scenes.py test_the_catalogues_heap*
 test_bar.py test_tetrahedra_are*
 test_compiled.py *tetrahedra?that?meet? *source?mesh? *source?vertex?blocks? *held?and?moved? *bodies?that?meet?
 test_quick.py test_throughput*
@@ -174,8 +171,8 @@ test_accuracy_s6.py test_errors_of_the_rope test_implicit_euler_among* test_the_
     test_references_of* test_converged*jacobi*
 test_accuracy_xpbd.py test_the_published_errors*
 test_iterations.py test_two_errors* test_iterations*xpbd?jacobi?
-test_ablate.py test_of_chaos* test_over_the_limit* test_dropping_a_random* test_dropped_parts*
-test_advise.py test_the_command_writes* test_no_cheaper*0.0001? test_no_cheaper*0.2? test_no_cheaper*0.01?
+test_ablate.py test_of_chaos* test_dropping_a_random*
+test_advise.py test_no_cheaper*0.0001? test_no_cheaper*0.2? test_no_cheaper*0.01?
 test_advise_tetrahedra.py test_what_is_advised*solver[234]* test_float32*
 test_bar.py test_windows*cpu-1? test_bodies_keep*
 test_reading.py test_neither_figures*
@@ -213,8 +210,7 @@ test_simulated_motion.py *rk4-float32? *lab-float64?
 test_simulated_matching.py *1-1-1? *2-1-2?
 test_simulated_lattice.py *counts0-1* test_windows_in_turn*
 test_simulated_implicit.py *springs-implicit*
-test_simulated_newton.py *bodies?float64? *hookean* *are_the_cpus?corotated* *braked?float32? test_pins_go*
-    *attachments?float64?
+test_simulated_newton.py *hookean* *are_the_cpus?corotated* test_pins_go*
 test_simulated_kinematic.py test_attached*xpbd?
 test_newton_ptx.py *pins-*
 test_fluid_ptx.py test_exact*begin? test_exact*find? test_exact*update? test_exact*limit? test_exact*factors?
@@ -258,8 +254,8 @@ test_tetrahedra_ptx.py test_those_of_voxels*6? test_exact_projections*neo* test_
     test_the_resident_kernel_holds*exact? test_the_resident_kernel_holds*neo*
     test_the_resident_kernel_holds*memory?corotated*
 test_no_trace.py *lab-parts1*float32?
-# ten thousand meshes of every kind
-test_tetrahedra_soup.py test_ten_thousand*
+# two thousand meshes of every kind
+test_tetrahedra_soup.py test_two_thousand*
 # the tool that measures how many deliberate mistakes are noticed (python -m tests.mistakes), end to end
 test_mistakes.py test_mistakes_are_noticed*
 """)

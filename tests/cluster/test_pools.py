@@ -206,7 +206,7 @@ def test_two_real_workers_time_what_one_process_would(tmp_path: Path, monkeypatc
     done = [
         subprocess.run(
             [sys.executable, str(ROOT / "softlab.py"), *words, *extra], capture_output=True, text=True, cwd=tmp_path,
-            env=os.environ | {"SOFTLAB_PLAIN_PYTHON": "0"},
+            env=os.environ | {"SOFTLAB_PLAIN_PYTHON": "1"},
         )
         for extra in (["--cluster", "local", "--workers", "2"], [])
     ]  # fmt: skip

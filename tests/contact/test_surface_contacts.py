@@ -239,7 +239,7 @@ def test_bodies_that_are_far_apart_move_as_without_contacts() -> None:
     states = []
     for scene in (meeting(**far), Scene(far | {"method": METHOD}, "apart")):
         with open_simulation(scene, "cpu", math="exact", threads=1) as simulation:
-            simulation.advance(10)
+            simulation.advance(4)
             states.append(simulation.state())
     assert np.array_equal(states[0].position, states[1].position)
 

@@ -13,17 +13,22 @@ from model.contact.surface_parameters import contact_distance, contact_surface
 from model.scene.scene import Scene, load_scene
 from model.tetrahedra.body_set import cut
 
+# Of fem-drop's twenty bodies those along its middle, three layers high, of every material.
+MIDDLE = {"star", "ball", "beam", "letter-o", "tile", "short-pipe", "column"}
 
-def test_the_heap_comes_to_rest_and_stays() -> None:
-    """Five seconds and one more: half of its particles go slower than 2 cm/s (9 mm/s with voxels' order, 7 with greedy
-    colours); the mean square is that of a few dozen which are caught, and jitter (docs/method.md: 1 to 6 cm/s, from second
-    to second); one body may still roll or slip (a column that lies on the others), not as far as the heap is high, no other
-    goes farther than two voxels; nothing was left out of the contacts, and what is inside another body lies there by no more
-    than half a voxel."""
-    scene = load_scene("fem-drop")
-    assert len(scene.tetrahedra) == 20
+
+def test_a_heap_comes_to_rest_and_stays() -> None:
+    """Four seconds and one more: half of its particles go slower than 2 cm/s (of all twenty bodies after five: 9 mm/s with
+    voxels' order, 7 with greedy colours); the mean square is that of a few dozen which are caught, and jitter
+    (docs/method.md: 1 to 6 cm/s, from second to second); one body may still roll or slip (a column that lies on the others),
+    not as far as the heap is high, no other goes farther than two voxels; nothing was left out of the contacts, and what is
+    inside another body lies there by no more than half a voxel."""
+    tables = load_scene("fem-drop").as_dict()
+    others = {name for name, table in tables.items() if isinstance(table, dict) and "young_modulus" in table} - MIDDLE
+    scene = Scene({name: table for name, table in tables.items() if name not in others})
+    assert scene.tetrahedra.keys() == MIDDLE
     with open_simulation(scene, "cpu", math="exact") as simulation:  # the same heap on every machine
-        simulation.advance(300)
+        simulation.advance(240)
         before = simulation.read("position").astype(np.float64)
         simulation.advance(60)
         state, contacts = simulation.state(), simulation.contacts  # type: ignore[attr-defined]
@@ -37,13 +42,15 @@ def test_the_heap_comes_to_rest_and_stays() -> None:
     held = (np.arange(MAX_CONTACTS) < contacts.found[:, None]).ravel()
     values = contacts.values[held]
     depths = values[values[:, V_INSIDE] > 0, V_DISTANCE]
-    assert len(values) > 500 and len(depths) < 20 and depths.max(initial=0.0) < 0.03
+    print(np.median(speed), np.sqrt((speed**2).mean()), moved, len(values), depths)
+    assert len(values) > 100 and len(depths) < 20 and depths.max(initial=0.0) < 0.03
 
 
-def test_the_heap_has_a_few_dozen_contacts_at_most_where_it_begins() -> None:
+def test_the_catalogues_heap_has_a_few_dozen_contacts_at_most_where_it_begins() -> None:
     """Voxels reach farther than what is drawn: they may touch, and are moved apart, but do not lie in each other."""
     scene = load_scene("fem-drop")
-    with open_simulation(scene, "cpu") as simulation:
+    assert len(scene.tetrahedra) == 20
+    with open_simulation(scene, "cpu", math="exact") as simulation:  # kernels that the heap above has compiled
         simulation.advance(1)
         contacts = simulation.contacts  # type: ignore[attr-defined]
         assert contacts.found.sum() < 50

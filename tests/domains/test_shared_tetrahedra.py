@@ -133,7 +133,7 @@ def test_targets_are_of_all_pinned_vertices() -> None:
 
 
 @pytest.mark.parametrize("solver", ["xpbd", "vbd"])
-def test_bodies_have_the_bits_of_one_after_1_000_steps(solver: str) -> None:
+def test_bodies_have_the_bits_of_one_after_hundreds_of_steps(solver: str) -> None:
     """The gate: they fall, come to rest, and one is turned all the while."""
     names = [name for name in BODIES if solver == "xpbd" or name != "wholes"]
-    same_in_shares(scene_of(*names, method=METHOD | {"solver": solver, "substeps": 4}), 3, 1000)
+    same_in_shares(scene_of(*names, method=METHOD | {"solver": solver, "substeps": 4}), 3, 300)

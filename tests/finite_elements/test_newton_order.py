@@ -53,8 +53,8 @@ def ends(order: int, substeps: int) -> np.ndarray:
 
 
 def test_orders_are_first_and_second() -> None:
-    """Errors over substeps that halve, against 1024 of order 2: of large turns, solved to the end."""
-    exact = ends(2, 1024)
+    """Errors over substeps that halve, against 512 of order 2: of large turns, solved to the end."""
+    exact = ends(2, 512)
     for order, least, most in ((1, 0.85, 1.1), (2, 1.8, 2.2)):
         errors = [np.abs(ends(order, n) - exact).max() for n in (32, 64, 128)]
         found = np.log2(np.array(errors[:-1]) / errors[1:])
@@ -125,7 +125,7 @@ def everything() -> Scene:
 def test_a_run_in_parts_is_the_same() -> None:
     """A step begins at its first stage, whatever was called before; another step size and a push are of both stages."""
     scene, states = everything(), []
-    for parts in ((4,), (1, 3), (1, 1, 2)):
+    for parts in ((3,), (1, 2)):
         with open_simulation(scene, math="exact", live=("dt", "poke"), initial=shaken(scene)) as simulation:
             for steps in parts:
                 simulation.advance(steps)

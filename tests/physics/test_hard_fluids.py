@@ -36,8 +36,14 @@ REASONS = {
 }
 
 
-@pytest.mark.parametrize("method,precision", RUN)
-@pytest.mark.parametrize("name", NAMES)
+# rows that take seconds: the usual scheme in one precision, since divergence-free's stages are the same, in the other
+DEAR = {"F1", "F4", "F6 drawn", "F10"}
+
+
+@pytest.mark.parametrize(
+    "name,method,precision",
+    [(name, *run) for name in NAMES for run in RUN if not (name in DEAR and run == ("pbf macklin", "float32"))],
+)
 def test_the_laws_hold(name: str, method: str, precision: str) -> None:
     case = NAMES[name]
     outcome = judge_case(case, method, "cpu", precision, **HOST)

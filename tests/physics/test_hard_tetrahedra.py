@@ -25,8 +25,19 @@ NAMES = {case.name: case for case in TETRAHEDRAL_CASES}
 HOST: dict[str, Any] = {"threads": 1, "math": "exact"}
 
 
-@pytest.mark.parametrize("precision", ["float64", "float32"])
-@pytest.mark.parametrize("name,method", [(case.name, method) for case in NAMES.values() for method in case.methods])
+# nu 0.499, which takes seconds: each method in both precisions, on one of two scenes; voxels' constraints in the coarser one
+ONE_OF_TWO = {"B22": ["float64"], "B22 bar": ["float32"], "B22 voxels": ["float32"]}
+
+
+@pytest.mark.parametrize(
+    "name,method,precision",
+    [
+        (case.name, method, precision)
+        for case in NAMES.values()
+        for method in case.methods
+        for precision in ONE_OF_TWO.get(case.name, ["float64", "float32"])
+    ],
+)
 def test_the_laws_hold(name: str, method: str, precision: str) -> None:
     case = NAMES[name]
     outcome = judge_case(case, method, "cpu", precision, **HOST)

@@ -26,6 +26,7 @@ from plots.figures import work_precision
 
 GAUSS_SEIDEL, JACOBI, AVERAGED = methods.XPBD
 G = 9.81
+STILL_STEPS = (0.01, 0.0025)  # s
 
 
 def short(links: int = 8, name: str = "rope-stiff", **changes: float) -> Scene:
@@ -221,7 +222,7 @@ def small_run(tmp_path_factory):
         patch.setitem(accuracy_points.CLOTH_ENDS, "S6", 0.25)
         patch.setattr(accuracy_cases, "CLOTH_STEP_SIZES", (0.004,))
         patch.setattr(accuracy_cases, "IMPLICIT_STEP_SIZES", (0.008, 0.004))
-        patch.setattr(accuracy_cases, "ROPE_STEP_SIZES", {label: (0.0025, 0.000625) for label in ("S6", "S6-still")})
+        patch.setattr(accuracy_cases, "ROPE_STEP_SIZES", {"S6": (0.0025, 0.000625), "S6-still": STILL_STEPS})
         patch.setattr(
             "plots.core.accuracy_points.CLOTH_SCENES", {label: scene.as_dict() for label, scene in scenes.items()}
         )
@@ -238,7 +239,7 @@ def test_errors_of_the_rope(small_run):
     summary, _, _ = small_run
     at = {(p.scene, p.dt, p.iterations): p for p in summary.points}
     assert len(at) == 12 and all(p.resolved and not p.diverged and p.growth < 1e3 for p in at.values())
-    still = [at["S6-still", dt, 1] for dt in (0.0025, 0.000625)]
+    still = [at["S6-still", dt, 1] for dt in STILL_STEPS]
     assert still[0].error / still[1].error == pytest.approx(16, rel=0.1)
     assert all(p.solver == p.error for p in still)
     swinging = [at["S6", dt, 20] for dt in (0.0025, 0.000625)]

@@ -97,10 +97,10 @@ def test_residuals_of_one_constraint_vanish():
 
 @pytest.fixture(scope="module")
 def small_run(tmp_path_factory):
-    """S1 in float64 with rk4 and Gauss-Seidel at two step sizes and three numbers of iterations."""
+    """S1 in float64 with rk4 and Gauss-Seidel at three numbers of iterations."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(accuracy_cases, "STEP_SIZES", (0.01,))
-        patch.setattr(accuracy_cases, "XPBD_STEP_SIZES", (0.01, 0.0025))
+        patch.setattr(accuracy_cases, "XPBD_STEP_SIZES", (0.01,))
         patch.setattr(accuracy_cases, "ITERATIONS", (1, 4, 8))
         how = {"integrators": ["rk4", GAUSS_SEIDEL], "precisions": ["float64"], "backends": ["cpu"], "scenes": ["S1"]}
         with Store(tmp_path_factory.mktemp("accuracy") / "results.sqlite") as store:
@@ -112,7 +112,7 @@ def test_two_errors_of_every_run(small_run):
     """Model and solver error: with one iteration at 10 ms the second is nearly all of the first, with eight nothing of it,
     and four leave the model's error as it is."""
     first, second, drawn, stored = small_run
-    assert (first.measured, second.measured, second.held) == (7, 0, 7)
+    assert (first.measured, second.measured, second.held) == (4, 0, 4)
     at = {(p.dt, p.iterations): p for p in first.points}
     free = math.sqrt(1024 / 992)  # RMS over the free masses instead of all
     assert at[0.01, 4].error == pytest.approx(4.69e-3 * free, rel=3e-3)
