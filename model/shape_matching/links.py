@@ -9,6 +9,7 @@ import numpy as np
 
 from model.core.constraints import Projection
 from model.formulas.constraints import distance
+from model.geometry.arithmetic.ordered import norm
 from model.geometry.lists import offsets_of
 from model.xpbd.colouring import Colouring, colour
 
@@ -38,7 +39,7 @@ class Links:
     def energy(self, position: np.ndarray) -> float:
         """[J]: sum of (length - rest)^2 / (2 compliance), for particles at `position` (particles, 3) [m]."""
         first, other = np.asarray(position, np.float64)[self.ends].transpose(1, 0, 2)
-        away = np.linalg.norm(other - first, axis=1) - self.rest_length
+        away = norm(other - first) - self.rest_length
         return 0.5 * float(np.sum(away * away / self.compliance))
 
     def values(self, substep: float, mass: float) -> np.ndarray:

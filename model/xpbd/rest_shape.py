@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from model.core.errors import SceneError
@@ -17,7 +19,7 @@ def check_flat(bending: str, tangents: np.ndarray) -> None:
     flat at rest) knows the size of a hinge's angle and not its sign, and has no slope where the hinge is flat: one bent
     at rest and let go flat stays so, one folded through rests on the wrong side.
     """
-    largest = float(np.degrees(4 * np.arctan(np.abs(tangents))).max(initial=0.0))
+    largest = math.degrees(4 * math.atan(np.abs(tangents).max(initial=0.0)))
     if largest > LARGEST_ANGLE:
         raise SceneError(
             f"{bending}.model",
