@@ -1,0 +1,134 @@
+"""What a scheme cannot keep of a law that its solver otherwise keeps: each once, with its bound and where that comes from.
+
+Read by the notes of a run (`limit_notes`), by docs/limits.md and by the tests of the laws (tests/laws), which hold every
+solver to its bound. What is missing here is kept.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import pi
+
+from model.scene.scene import Scene
+
+
+@dataclass(frozen=True)
+class Limit:
+    """`law`: its name (tests/laws/law.py). `applies(scene)`: whether the scene's scheme has it. `bound`: the scheme's own law,
+    a clause; `source`: the equation, paper or page that it follows from; `part`: of the bound, where the law asks for a number. `note(scene)`: what a run says of it to a user who
+    would be misled, or ""."""
+
+    name: str
+    law: str
+    applies: Callable[[Scene], bool]
+    bound: str
+    source: str
+    part: float = 0.0
+    note: Callable[[Scene], str] = lambda scene: ""
+
+
+def _averages(scene: Scene) -> bool:
+    return scene.method.solver in ("xpbd", "pbd") and scene.method.ordering == "averaged-jacobi"
+
+
+def _integrates(*names: str) -> Callable[[Scene], bool]:
+    return lambda scene: scene.method.solver == "mass-spring" and scene.method.integrator in names
+
+
+def _is_averaged_fluid(scene: Scene) -> bool:
+    return bool(scene.fluids) and scene.method.scheme == "averaged"
+
+
+def _descends(scene: Scene) -> bool:
+    return (bool(scene.tetrahedra) and scene.method.solver == "vbd") or (
+        scene.is_world and scene.method.tetrahedra == "vbd"
+    )
+
+
+def _has_rigid_body(scene: Scene) -> bool:
+    return any(kind == "rigid_body" for kind in scene.kinds.values())
+
+
+def _spin_note(scene: Scene) -> str:
+    """Of rigid bodies that turn: what is left of a turn a second (NUMERICS A8)."""
+    h = scene.method.dt / scene.method.substeps
+    left = 1 / (1 + 2 * (2 * pi) ** 2 * h) ** 0.5
+    return (
+        f"rigid bodies lose spin as omega0 / sqrt(1 + 2 omega0^2 h t): of a turn a second {100 * left:.1f} % is left after a "
+        f"second at this substep ({h:.3g} s); more substeps keep more"
+    )
+
+
+LIMITS: tuple[Limit, ...] = (
+    Limit(
+        "half the acceleration", "fall", _integrates("lab"),
+        "y = -g dt^2 n(n+1)/4: half of g, at any step size", "docs/method.md, the hand-out's own step",
+        note=lambda scene: (
+            "the step of the hand-out (lab) integrates half of the acceleration: bodies fall half as far and swing 1.41 times as "
+            "slowly, at any step size; semi-implicit-euler is the same step with all of it"
+        ),
+    ),
+    Limit(
+        "explicit Euler gains energy", "energy", _integrates("explicit-euler", "taylor"),
+        "at most the factor 1 + (h w)^2 a step, w the fastest vibration", "model/core/integrators.py, amplification_matrix",
+        note=lambda scene: f"{scene.method.integrator} gains energy in every step unless dampers take more away",
+    ),
+    Limit(
+        "symplectic wobble", "energy", _integrates("lab", "semi-implicit-euler", "velocity-verlet"),
+        "bounded: within (1 + h w/2)/(1 - h w/2) of the start (semi-implicit Euler, lab), 1/(1 - (h w)^2/4) (velocity Verlet)",
+        "E. Hairer, C. Lubich, G. Wanner, Geometric Numerical Integration (2006), I.1.4 and IX.8: they keep another energy",
+    ),
+    Limit(
+        "linear solve", "momentum", _integrates("implicit-euler-linear"),
+        "to 1e-6 of the momentum that a step exchanges", "model/formulas/implicit.py, LINEAR_TOLERANCE of the residual",
+        part=1e-6,
+    ),
+    Limit(
+        "averaged corrections", "momentum", _averages,
+        "loses up to the part 1 - 1/valence of what is exchanged: corrections of both ends are divided by different counts",
+        "docs/method.md, orderings; M. Macklin and others, Unified particle physics (2014), section 4.2", part=1.0,
+        note=lambda scene: "averaged-jacobi loses momentum; jacobi and gauss-seidel keep it",
+    ),
+    Limit(
+        "averaged corrections turn", "angular momentum", _averages,
+        "as its linear momentum, times the arm", "docs/method.md, orderings", part=1.0,
+    ),
+    Limit(
+        "averaged forces", "force", lambda scene: _averages(scene) and scene.method.solver == "xpbd",
+        "a displacement of f/m over the number of constraints at a mass: another stiffness", "docs/method.md, orderings",
+        part=1.0,
+    ),
+    Limit(
+        "averaged fluid", "momentum", _is_averaged_fluid,
+        "loses up to what is exchanged where numbers of neighbours differ",
+        "M. Macklin and others, Unified particle physics (2014), section 4.2", part=1.0,
+        note=lambda scene: "the averaged scheme of a fluid loses momentum where numbers of neighbours differ, at its surface",
+    ),
+    Limit(
+        "averaged fluid turns", "angular momentum", _is_averaged_fluid,
+        "as its linear momentum, times the arm", "M. Macklin and others, Unified particle physics (2014), section 4.2",
+        part=1.0,
+    ),
+    Limit(
+        "sweeps of descent", "momentum", _descends,
+        "lacks what sweeps leave undone: 1e-3 of what is exchanged with four of them",
+        "docs/method.md, several families in one world: vertices are moved one by one, until all gradients are zero",
+        part=1e-3,
+    ),
+    Limit(
+        "spin of rigid bodies", "angular momentum", _has_rigid_body,
+        "omega(t) = omega0 / sqrt(1 + 2 omega0^2 h t)", "from tan(D') = sin D / (2 - cos D) of the angle D a substep; NUMERICS A8",
+        note=_spin_note,
+    ),
+)  # fmt: skip
+
+
+def limits_of(scene: Scene) -> list[Limit]:
+    """Those that the scene's scheme has."""
+    return [limit for limit in LIMITS if limit.applies(scene)]
+
+
+def limit_notes(scene: Scene) -> list[str]:
+    """What a run of the scene says of its scheme's limits."""
+    return [note for limit in limits_of(scene) if (note := limit.note(scene))]

@@ -1,0 +1,24 @@
+"""Hands each test of a law the rows, cases and labs that it is asked in; `rest` marks what `pytest --rest` alone runs."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from faults import fault_of
+from slices import asked, by_default, labs
+
+
+def pytest_generate_tests(metafunc: Any) -> None:
+    law = getattr(metafunc.function, "law", None)
+    if law is None:
+        return
+    default, found = by_default(law), []
+    for place, (row, case) in enumerate(asked(law)):
+        for lab, first in labs(law, place, (row, case) in default):
+            marks: list[Any] = [pytest.mark.gpu] if lab.backend == "gpu" else [] if first else [pytest.mark.rest]
+            if fault := fault_of(law.name, row, case, lab):
+                marks.append(pytest.mark.xfail(reason=fault, strict=True))
+            name = "-".join(filter(None, [row.name, case, repr(lab)]))
+            found.append(pytest.param(row, case, lab, marks=marks, id=name))
+    metafunc.parametrize(("row", "case", "lab"), found)

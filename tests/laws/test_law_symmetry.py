@@ -1,0 +1,178 @@
+"""The same motion somewhere else, turned, mirrored, renumbered, in other units, and beside others."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from lab import Lab, farthest, start, stirred
+from law import limit_of, of
+from rows import Row
+from units import in_units
+
+from model.core.state import State
+from model.scene.scene import Scene
+
+STEPS = 6
+SHIFT = 4.0  # m: a power of two, so that float64 starts are the same ones
+FAR = 1024.0  # m
+
+
+def changed(state: State, place: Any, turn: Any) -> State:
+    """The state with `place` of its positions, `turn` of its velocities."""
+    position = np.asarray(state.position, np.float64)
+    return State(place(position), turn(np.asarray(state.velocity, np.float64)), state.inverse_mass, 0.0, 0)
+
+
+def quarter(vectors: np.ndarray) -> np.ndarray:
+    """Turned by a right angle about z: (x, y) -> (-y, x), which rounds nothing."""
+    found = vectors.copy()
+    found[:, 0], found[:, 1] = -vectors[:, 1], vectors[:, 0]
+    return found
+
+
+def mirror(vectors: np.ndarray) -> np.ndarray:
+    """x -> -x"""
+    return vectors * np.array([-1.0, 1.0, 1.0][: vectors.shape[1]])
+
+
+def spread(row: Row, lab: Lab, *states: State) -> float:
+    """[m]: how far two runs may be apart after STEPS whose every substep is rounded differently by `noise`. A difference grows
+    while it is stiff no faster than the motion itself does: n substeps, `iterations` each, over the time t, and half as much
+    for each turn of a vibration in it."""
+    n = STEPS * row.bare.method.substeps
+    return n * (1 + row.bare.method.iterations) * lab.noise(row.bare, *states) * row.h * n
+
+
+@of("symmetry")
+def test_the_same_motion_shifted_turned_mirrored_renumbered(row: Row, case: str, lab: Lab) -> None:
+    """step(T x) = T step(x) for a shift, a quarter turn, a reflection, and two bodies that change places in the scene:
+    nothing but the order of roundings is different, which `spread` bounds. A shift by d adds an ulp of d to each coordinate.
+    Renumbered bodies are other particles in other tables, and have the same bits."""
+    begin = stirred(row)
+    if case == "renumbered":
+        renumbered(row, lab)
+        return
+
+    def shifted(position: np.ndarray) -> np.ndarray:
+        return position + SHIFT
+
+    place, turn = {"shifted": (shifted, lambda v: v), "turned": (quarter, quarter), "mirrored": (mirror, mirror)}[case]
+    other = changed(begin, place, turn)
+    one, two = lab.run(row.bare, STEPS, begin), lab.run(row.bare, STEPS, other)
+    limit = limit_of("symmetry", row)
+    far = farthest(np.asarray(two.position, np.float64) - place(np.asarray(one.position, np.float64)))
+    moved = farthest(np.asarray(one.position, np.float64) - begin.position)
+    assert far <= spread(row, lab, begin, one, two) + (limit.part * moved if limit else 0.0), (far, moved)
+
+
+def renumbered(row: Row, lab: Lab) -> None:
+    """Two bodies of one scene, `a` before `b` and `b` before `a`."""
+    if row.family == "world" or row.bare.fluids:
+        order = [name for name in row.tables if name not in ("method", "contact")]
+        if len(order) < 2:
+            swapped_particles(row, lab)
+            return
+    apart: dict[str, Any] = {"origin": [0.0, 0.0, 4.0], "velocity": [0.0, -1.0, 0.5]}
+    body = row.tables[row.body] | {"velocity": [0.5, 0.25, 0.0]}
+    rest = {name: table for name, table in row.tables.items() if name != row.body}
+    first = Scene({row.body: body, "other": body | apart} | rest, "law")
+    second = Scene({"other": body | apart, row.body: body} | rest, "law")
+    one, two = lab.run(first, STEPS), lab.run(second, STEPS)
+    limit = limit_of("bystanders", row)
+    for name in (row.body, "other"):
+        mine, theirs = particles(first, name), particles(second, name)
+        if limit is None:
+            assert np.array_equal(one.position[mine], two.position[theirs]), name
+        else:
+            far = farthest(np.asarray(one.position[mine], float) - two.position[theirs])
+            assert far <= limit.part * STEPS * row.bare.method.dt + spread(row, lab, one, two)
+
+
+def swapped_particles(row: Row, lab: Lab) -> None:
+    """Particles of a fluid change their numbers: sums over neighbours are in another order."""
+    begin = start(row.bare)
+    begin = State(begin.position, -2.0 * (begin.position - begin.position.mean(axis=0)), begin.inverse_mass, 0.0, 0)
+    order = np.random.default_rng(5).permutation(len(begin.position))
+    other = State(begin.position[order], begin.velocity[order], begin.inverse_mass[order], 0.0, 0)
+    one, two = lab.run(row.bare, STEPS, begin), lab.run(row.bare, STEPS, other)
+    far = farthest(np.asarray(one.position[order], np.float64) - two.position)
+    assert far <= 30 * spread(row, lab, one, two)  # a sum over 30 neighbours rounds as often
+
+
+def particles(scene: Scene, name: str) -> np.ndarray:
+    """Which particles a body of the scene has."""
+    if scene.is_world:
+        member = next(one for one, part in scene.members.items() if name in part.parts)
+        return scene.world_set.slices()[member].start + particles(scene.members[member], name)
+    if scene.bodies:
+        return np.concatenate(
+            [np.arange(one.particles.start, one.particles.stop) for one in scene.body_set.copies if one.name == name]
+        )
+    if scene.tetrahedra:
+        found = scene.tetrahedra_set
+        ends, number = [*found.first_particle, found.particle_count], found.names.index(name)
+        return np.arange(ends[number], ends[number + 1])
+    if scene.fluids:
+        return np.flatnonzero(scene.fluid_set.fluid == scene.fluid_set.names.index(name))
+    return np.arange(scene.grid.particle_count)
+
+
+@of("similarity")
+def test_other_units_of_length_time_and_mass_give_the_same_bits(row: Row, case: str, lab: Lab) -> None:
+    """A motion has no units: with all lengths (times, masses) times 4 every product is the same number but for its exponent,
+    so that positions over the length and velocities over length and time are the same bits. What differs is a bound that has
+    a unit of its own and stands in a kernel as a number."""
+    scale = {"length": 1.0, "time": 1.0, "mass": 1.0} | {case: 4.0}
+    other = Scene(in_units(row.tables, **scale), "law")
+    begin = stirred(row)
+    ratio = scale["length"] / scale["time"]
+    start_of_other = State(
+        begin.position * scale["length"], begin.velocity * ratio, begin.inverse_mass / scale["mass"], 0.0, 0
+    )
+    one, two = lab.run(row.bare, STEPS, begin), lab.run(other, STEPS, start_of_other)
+    assert np.array_equal(two.position / one.position.dtype.type(scale["length"]), one.position)
+    assert np.array_equal(two.velocity / one.position.dtype.type(ratio), one.velocity)
+
+
+@of("far")
+def test_the_same_motion_far_from_the_origin(row: Row, case: str, lab: Lab) -> None:
+    """A kilometre away coordinates are coarser, and nothing else: the difference to the motion at the origin is what `noise` of
+    coordinates of that size makes of it, which `spread` adds up."""
+    begin = stirred(row)
+    other = changed(begin, lambda position: position + FAR, lambda v: v)
+    one, two = lab.run(row.bare, STEPS, begin), lab.run(row.bare, STEPS, other)
+    far = farthest(np.asarray(two.position, np.float64) - FAR - one.position)
+    assert far <= spread(row, lab, begin, one, two), far
+
+
+@of("bystanders")
+def test_bystanders_keep_every_bit(row: Row, case: str, lab: Lab) -> None:
+    """A second body 32 m away that meets nothing changes no bit of the first: neither sums, orders nor constants of a scene
+    depend on it (model/core/limits.py has the one solver whose steps do)."""
+    body = row.tables[row.body]
+    beside = body | {"origin": [32.0, 0.0, 0.0][: 2 if body.get("dimensions") == 2 else 3]}
+    tables = row.tables | {"beside": beside | ({"kind": body["kind"]} if "kind" in body else {})}
+    more = Scene(tables, "law")
+    both, alone = start(more), stirred(row)
+    mine = np.zeros(len(both.position), bool)
+    for name in row.tables:
+        if (
+            name in row.bare.bodies
+            or name in row.bare.tetrahedra
+            or name in row.bare.fluids
+            or name in ("cloth", "jelly")
+        ):
+            mine[particles(more, name)] = True
+    position, velocity = both.position.copy(), both.velocity.copy()
+    position[mine], velocity[mine] = alone.position, alone.velocity
+    velocity[~mine] = 0.25
+    one = lab.run(row.bare, STEPS, alone)
+    two = lab.run(more, STEPS, State(position, velocity, both.inverse_mass, 0.0, 0))
+    limit = limit_of("bystanders", row)
+    if limit is None:
+        assert np.array_equal(two.position[mine], one.position)
+        assert np.array_equal(two.velocity[mine], one.velocity)
+        return
+    far = farthest(np.asarray(two.velocity[mine], np.float64) - one.velocity)
+    assert far <= limit.part + spread(row, lab, one, two)
