@@ -1,7 +1,8 @@
-"""What a scheme cannot keep of a law that its solver otherwise keeps: each once, with its bound and where that comes from.
+"""What a scheme cannot keep of a law that its solver otherwise keeps: each once, with its bound and where that comes
+from.
 
-Read by the notes of a run (`limit_notes`), by docs/limits.md and by the tests of the laws (tests/laws), which hold every
-solver to its bound. What is missing here is kept.
+Read by the notes of a run (`limit_notes`), by docs/limits.md and by the tests of the laws (tests/laws), which hold
+every solver to its bound. What is missing here is kept.
 """
 
 from __future__ import annotations
@@ -15,9 +16,9 @@ from model.scene.scene import Scene
 
 @dataclass(frozen=True)
 class Limit:
-    """`law`: its name (tests/laws/law.py). `applies(scene)`: whether the scene's scheme has it. `bound`: the scheme's own law,
-    a clause; `source`: the equation, paper or page that it follows from; `part`: of the bound, where the law asks for a number. `note(scene)`: what a run says of it to a user who
-    would be misled, or ""."""
+    """`law`: its name (tests/laws/law.py). `applies(scene)`: whether the scene's scheme has it. `bound`: the scheme's
+    own law, a clause; `source`: the equation, paper or page that it follows from; `part`: of the bound, where the law
+    asks for a number. `note(scene)`: what a run says of it to a user who would be misled, or ""."""
 
     name: str
     law: str
@@ -65,8 +66,8 @@ LIMITS: tuple[Limit, ...] = (
         "half the acceleration", "fall", _integrates("lab"),
         "y = -g dt^2 n(n+1)/4: half of g, at any step size", "docs/method.md, the hand-out's own step",
         note=lambda scene: (
-            "the step of the hand-out (lab) integrates half of the acceleration: bodies fall half as far and swing 1.41 times as "
-            "slowly, at any step size; semi-implicit-euler is the same step with all of it"
+            "the step of the hand-out (lab) integrates half of the acceleration: masses fall half as far and swing 1.41 "
+            "times as slowly, at any step size; semi-implicit-euler is the same step with all of it"
         ),
     ),
     Limit(
@@ -76,7 +77,8 @@ LIMITS: tuple[Limit, ...] = (
     ),
     Limit(
         "symplectic wobble", "energy", _integrates("lab", "semi-implicit-euler", "velocity-verlet"),
-        "bounded: within (1 + h w/2)/(1 - h w/2) of the start (semi-implicit Euler, lab), 1/(1 - (h w)^2/4) (velocity Verlet)",
+        "bounded: within (1 + h w/2)/(1 - h w/2) of the start (semi-implicit Euler, lab), 1/(1 - (h w)^2/4) (velocity "
+        "Verlet)",
         "E. Hairer, C. Lubich, G. Wanner, Geometric Numerical Integration (2006), I.1.4 and IX.8: they keep another energy",
     ),
     Limit(
@@ -100,6 +102,11 @@ LIMITS: tuple[Limit, ...] = (
         part=1.0,
     ),
     Limit(
+        "averaged corrections gain", "energy", lambda scene: _averages(scene) and scene.method.solver == "xpbd",
+        "may double within ten steps: what it moves masses by is no gradient of an energy", "docs/method.md, orderings",
+        part=1.0,
+    ),
+    Limit(
         "averaged fluid", "momentum", _is_averaged_fluid,
         "loses up to what is exchanged where numbers of neighbours differ",
         "M. Macklin and others, Unified particle physics (2014), section 4.2", part=1.0,
@@ -118,7 +125,8 @@ LIMITS: tuple[Limit, ...] = (
     ),
     Limit(
         "spin of rigid bodies", "angular momentum", _has_rigid_body,
-        "omega(t) = omega0 / sqrt(1 + 2 omega0^2 h t)", "from tan(D') = sin D / (2 - cos D) of the angle D a substep; NUMERICS A8",
+        "omega(t) = omega0 / sqrt(1 + 2 omega0^2 h t)",
+        "from tan(D') = sin D / (2 - cos D) of the angle D a substep; NUMERICS A8",
         note=_spin_note,
     ),
 )  # fmt: skip

@@ -1,4 +1,5 @@
-"""Hands each test of a law the rows, cases and labs that it is asked in; `rest` marks what `pytest --rest` alone runs."""
+"""Hands each test of a law the rows, cases and labs that it is asked in; `rest` marks what `pytest --rest` alone
+runs."""
 
 from __future__ import annotations
 
@@ -13,9 +14,12 @@ def pytest_generate_tests(metafunc: Any) -> None:
     law = getattr(metafunc.function, "law", None)
     if law is None:
         return
-    default, found = by_default(law), []
-    for place, (row, case) in enumerate(asked(law)):
-        for lab, first in labs(law, place, (row, case) in default):
+    options, default, found = metafunc.config.option, by_default(law), []
+    every = options.thorough or options.rest  # what runs then alone is not even collected without
+    for row, case in asked(law):
+        for lab, first in labs(law, row, case, (row, case) in default):
+            if not (first or every):
+                continue
             marks: list[Any] = [pytest.mark.gpu] if lab.backend == "gpu" else [] if first else [pytest.mark.rest]
             if fault := fault_of(law.name, row, case, lab):
                 marks.append(pytest.mark.xfail(reason=fault, strict=True))

@@ -59,8 +59,8 @@ class Lab:
             return found
 
     def noise(self, scene: Scene, *states: State) -> float:
-        """[m/s]: what rounding of positions and velocities makes of a velocity in a substep, which a position-based solver
-        takes from a difference of positions: unit * (largest coordinate / h + largest speed)."""
+        """[m/s]: what rounding of positions and velocities makes of a velocity in a substep, which a position-based
+        solver takes from a difference of positions: unit * (largest coordinate / h + largest speed)."""
         h = scene.method.dt / scene.method.substeps
         places = max(float(np.abs(one.position).max(initial=0)) for one in states)
         speeds = max(float(np.abs(one.velocity).max(initial=0)) for one in states)

@@ -29,8 +29,8 @@ def once(row: Row) -> Words:
 
 @dataclass(frozen=True)
 class Law:
-    """`title` and `equation` for the page. `absent(row)`: why the law does not apply to the row, or "". `cases(row)`: in
-    which ways it is asked. `resolved`: whether float32 resolves what is measured."""
+    """`title` and `equation` for the page. `absent(row)`: why the law does not apply to the row, or "". `cases(row)`:
+    in which ways it is asked. `resolved`: whether float32 resolves what is measured."""
 
     name: str
     title: str
@@ -52,7 +52,7 @@ def has_sheet(row: Row) -> bool:
 def without_colliders(row: Row) -> str:
     """A reason, or ""."""
     if not row.meets_colliders:
-        return "the family has no colliders"
+        return "a grid in the plane has no colliders"
     return ""
 
 
@@ -162,7 +162,7 @@ LAWS = (
         cases=lambda row: ("length", "time", "mass"), precise=False,
     ),
     Law("far", "The same motion far from the origin", "error of ulps of the coordinate"),
-    Law("bystanders", "Bystanders keep every bit", "states of bodies that meet nothing do not change", absent=alone, precise=False),
+    Law("bystanders", "Bystanders keep every bit", "bodies that meet nothing do not change", absent=alone, precise=False),
     Law("trace", "Save, load, reset, add and remove leave no trace", "same bits", cases=of_trace, precise=False),
     Law(
         "live", "A stiffness changed live keeps position and velocity", "x, v continuous; |x' - x - h v| <= h^2 a",

@@ -1,4 +1,5 @@
-"""Writes docs/limits.md from the table of laws and rows: python -m tests.laws.limits_page (from the repository's root)."""
+"""Writes docs/limits.md from the table of laws and rows: python -m tests.laws.limits_page (from the repository's
+root)."""
 
 from __future__ import annotations
 
@@ -6,24 +7,23 @@ import sys
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
-if __name__ == "__main__":
-    sys.path[:0] = [str(ROOT), str(ROOT / "tests" / "laws")]
+sys.path[:0] = [folder for folder in (str(ROOT), str(ROOT / "tests" / "laws")) if folder not in sys.path]
 
-from faults import FAULTS, Fault
-from lab import Lab
-from law import LAWS, Law, limit_of
-from rows import ALL, REFUSED, Row
+from faults import FAULTS, Fault  # noqa: E402  # tools of the tests, found by the line above
+from lab import Lab  # noqa: E402
+from law import LAWS, Law, limit_of  # noqa: E402
+from rows import ALL, REFUSED, Row  # noqa: E402
 
-from model.core.limits import LIMITS
+from model.core.limits import LIMITS  # noqa: E402
 
 PAGE = ROOT / "docs" / "limits.md"
 HEAD = """# Which laws each solver keeps
 
-Every solver of the lab is held against the laws of mechanics by the tests in `tests/laws`: a table of small scenes, one for each
-family, solver, integrator, material and scheme, against one test body a law. This page is written from that table
-(`python -m tests.laws.limits_page`), and a test fails where it is out of date. *kept*: to rounding, or within the tolerance that
-the test derives, in float64 and float32. A number: the scheme cannot keep the law; its own law or bound stands below, with
-its source, and the test holds the solver to that. A letter: the law does not apply, for the reason below. **fault**: the
+Every solver of the lab is held against the laws of mechanics by the tests in `tests/laws`: a table of small scenes, one for
+each family, solver, integrator, material and scheme, against one test body a law. This page is written from that table
+(`python -m tests.laws.limits_page`), and a test fails where it is out of date. *kept*: to rounding, or within the tolerance
+that the test derives, in float64 and float32. A number: the scheme cannot keep the law; its own law or bound stands below,
+with its source, and the test holds the solver to that. A letter: the law does not apply, for the reason below. **fault**: the
 solver breaks the law today, and should not.
 """
 
@@ -38,6 +38,11 @@ def fault(law: Law, row: Row) -> Fault | None:
 def letters(number: int) -> str:
     """a, b, ... z, aa, ab ..."""
     return (letters(number // 26 - 1) if number >= 26 else "") + chr(ord("a") + number % 26)
+
+
+def in_cells(*texts: str) -> str:
+    """A line of a table."""
+    return "| " + " | ".join(text.replace("|", "\\|") for text in texts) + " |"
 
 
 def page() -> str:
@@ -56,7 +61,7 @@ def page() -> str:
     lines = [HEAD, "## Laws", "", "| law | equation | asked as |", "| --- | --- | --- |"]
     for law in LAWS:
         cases = list(dict.fromkeys(case for row in ALL if not law.absent(row) for case in law.cases(row) if case))
-        lines.append(f"| {law.title} | {law.equation.replace('|', '\\|')} | {', '.join(cases)} |")
+        lines.append(in_cells(law.title, law.equation, ", ".join(cases)))
     lines += ["", "## Matrix", ""]
     for family in dict.fromkeys(row.family for row in ALL):
         lines += [f"### {family[0].upper()}{family[1:]}", ""]
@@ -66,8 +71,7 @@ def page() -> str:
         lines.append("")
     lines += ["## Bounds", "", "| | law | the scheme's own | source |", "| --- | --- | --- | --- |"]
     for number, limit in enumerate(LIMITS, start=1):
-        cells = (str(number), limit.law, f"{limit.name}: {limit.bound}", limit.source)
-        lines.append("| " + " | ".join(one.replace("|", "\\|") for one in cells) + " |")
+        lines.append(in_cells(str(number), limit.law, f"{limit.name}: {limit.bound}", limit.source))
     lines += ["", "## Not applicable", "", *(f"- **{letter}**: {reason}." for reason, letter in reasons.items())]
     refused = [f"{one} {two}" for one, two in REFUSED]
     lines += ["", f"Combinations that a scene refuses, so that they have no row: {', '.join(refused)}."]

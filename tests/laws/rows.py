@@ -34,10 +34,10 @@ STEP = 1 / 128  # s
 
 @dataclass(frozen=True, eq=False)
 class Row:
-    """One row: `tables` of a free body without weight. `fall`: how the scheme falls, a key of `FALLS`. `damper`: tables with
-    the material's own damping. `stretch`: how far a law may draw the body, of its size. `lain`: what makes it a
-    flat one, where all of it lies on a floor. `scale` [1/s]: no vibration of the
-    body is faster. `fast`: whether its states do not hang on neighbours in the scene."""
+    """One row: `tables` of a free body without weight. `fall`: how the scheme falls, a key of `FALLS`. `damper`:
+    tables with the material's own damping. `stretch`: how far a law may draw the body, of its size. `lain`: what
+    makes it a flat one, where all of it lies on a floor. `scale` [1/s]: no vibration of the body is faster. `fast`:
+    whether its states do not hang on neighbours in the scene."""
 
     name: str
     tables: Tables
@@ -68,7 +68,7 @@ class Row:
 
     @property
     def meets_colliders(self) -> bool:
-        return bool(self.knows & set(COLLIDER_KINDS))
+        return self.dimensions == 3 and bool(self.knows & set(COLLIDER_KINDS))
 
     @property
     def h(self) -> float:
@@ -183,7 +183,7 @@ def bodies(kind: str, variant: str = "", **fields: Any) -> Row:
     """A body of clusters."""
     table = {"kind": kind} | BODY_TABLES[kind] | fields
     damper = None if kind == "rigid_body" else {"body": {"cluster_damping": 4.0}}
-    lain = {} if kind == "soft_sheet" else {"body": FLAT_BOX}
+    lain = {} if kind in ("soft_sheet", "rigid_body") else {"body": FLAT_BOX}
     name = f"{kind}{variant and ', ' + variant}"
     return Row(name, {"body": table} | MATCHED, damper=damper, stretch=0.0 if kind == "rigid_body" else 0.05, lain=lain)
 
@@ -199,7 +199,7 @@ TETRAHEDRA_DAMPER: Tables = {"body": {"damping": 0.0078125}}
 
 def tetrahedra(solver: str, material: str, variant: str = "", fields: Tables | None = None, **method: Any) -> Row:
     """A bar of two voxels."""
-    told = {"solver": solver, "dt": STEP, "substeps": 2, "iterations": 4} | method
+    told = {"solver": solver, "dt": STEP, "substeps": 1, "iterations": 3} | method
     name = f"tetrahedra, {solver}{variant and ' ' + variant} {material}"
     fall = "exact" if told.get("order") == 2 else "substeps"
     table = CUBE | {"material": material} | (fields or {})
@@ -214,13 +214,13 @@ def fluid(scheme: str, dimensions: int) -> Row:
     block = {
         "kind": "fluid", "dimensions": dimensions, "size": [0.5, 0.5, 0.25][:dimensions], "rest_distance": 0.125,
     }  # fmt: skip
-    method = {"solver": "pbf", "dt": STEP, "substeps": 2, "iterations": 2, "scheme": scheme}
+    method = {"solver": "pbf", "dt": STEP, "substeps": 1, "iterations": 2, "scheme": scheme}
     return Row(f"fluid, {scheme}{' in a plane' * (dimensions == 2)}", {"body": block, "method": method})
 
 
 # ------------------------------------------------------------------ worlds
 
-WORLD: Tables = {"solver": "world", "dt": STEP, "substeps": 2, "iterations": 2}
+WORLD: Tables = {"solver": "world", "dt": STEP, "substeps": 1, "iterations": 2}
 BESIDE: Tables = {"kind": "soft_body"} | SOFT | {"origin": [0.0, 0.0, 1.0]}
 WORLDS = (
     Row(
@@ -236,8 +236,8 @@ WORLDS = (
     Row(
         "world, clusters and a mesh",
         {
-            "cloth": mesh("isometric").tables["mesh"] | {"kind": "mesh", "origin": [0.0, -0.125, 0.0]}, "structural": {"stiffness": 64.0}, "jelly": BESIDE,
-            "contact": {"distance": 0.0625}, "method": WORLD,
+            "cloth": mesh("isometric").tables["mesh"] | {"kind": "mesh", "origin": [0.0, -0.125, 0.0]},
+            "structural": {"stiffness": 64.0}, "jelly": BESIDE, "contact": {"distance": 0.0625}, "method": WORLD,
         },
     ),
     Row(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import cache
 
 from lab import Lab
 from law import LAWS, Law
@@ -11,11 +12,13 @@ from rows import ALL, Row
 PRECISIONS = ("float64", "float32")
 
 
+@cache
 def asked(law: Law) -> list[tuple[Row, str]]:
     """The rows that the law applies to, each in all its cases."""
     return [(row, case) for row in ALL if not law.absent(row) for case in law.cases(row)]
 
 
+@cache
 def by_default(law: Law) -> dict[tuple[Row, str], None]:
     """Of each family one row, another one for each law, so that all laws together ask all rows; and every case once."""
     number = LAWS.index(law)
@@ -37,12 +40,17 @@ def by_default(law: Law) -> dict[tuple[Row, str], None]:
     return chosen
 
 
-def labs(law: Law, place: int, chosen: bool) -> Iterator[tuple[Lab, bool]]:
-    """Where a law asks its pair number `place`, and whether by default: on the CPU in both precisions, of which one comes by
-    default where the pair is `chosen`; on a GPU in one of them, and in fast math where it is chosen."""
-    known = PRECISIONS if law.resolved else PRECISIONS[:1]
-    for number, precision in enumerate(known):
-        yield Lab("cpu", precision), chosen and number == place % len(known)
-    yield Lab("gpu", known[place % len(known)]), True
+def labs(law: Law, row: Row, case: str, chosen: bool) -> Iterator[tuple[Lab, bool]]:
+    """Where a law asks a row in a case, and whether by default. On the CPU a law of one case asks in both precisions, one of
+    several in each by turns (what is `chosen` by default in one of them); on a GPU each row is asked in one case and
+    precision, and in fast math where it is chosen."""
+    known, cases = PRECISIONS if law.resolved else PRECISIONS[:1], law.cases(row)
+    place, number = ALL.index(row) + LAWS.index(law), cases.index(case)
+    turn = (place + number) % len(known)
+    for one, precision in enumerate(known):
+        if one == turn or len(cases) == 1:
+            yield Lab("cpu", precision), chosen and one == turn
+    if number == place % len(cases):
+        yield Lab("gpu", known[turn]), True
     if chosen and law.precise:
-        yield Lab("gpu", known[place % len(known)], "fast"), True
+        yield Lab("gpu", "float32" if law.resolved else "float64", "fast"), True

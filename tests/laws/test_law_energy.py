@@ -36,10 +36,10 @@ def slope(scene: Scene, position: np.ndarray) -> np.ndarray:
 
 @of("force")
 def test_the_force_is_minus_the_gradient_of_the_reported_energy(row: Row, case: str, lab: Lab) -> None:
-    """From rest, a step of h gives the velocity h F/m, to (h w)^2 of the fastest vibration w, 6e-5 here; F/m comes from v/h
-    with an error of unit * x / h^2 where velocities are differences of positions, below 1e-5 of the largest force. The
-    energy's central differences are off by (AWAY / length)^2 / 6 of its third derivative, 1e-6. Together 1e-4 of the largest
-    force."""
+    """From rest, a step of h gives the velocity h F/m, to (h w)^2 of the fastest vibration w, 6e-5 here; F/m comes
+    from v/h with an error of unit * x / h^2 where velocities are differences of positions, below 1e-5 of the largest
+    force. The energy's central differences are off by (AWAY / length)^2 / 6 of its third derivative, 1e-6. Together
+    1e-4 of the largest force."""
     short = {"dt": TINY} | ({"substeps": 1} if "substeps" in row.tables["method"] else {})
     scene = row.scene(method=short)
     begin = stirred(row, scene, speed=0.0)
@@ -53,15 +53,15 @@ def test_the_force_is_minus_the_gradient_of_the_reported_energy(row: Row, case: 
     assert farthest(force - expected) <= 1e-4 * farthest(expected)
 
 
-STEPS = 10
+STEPS = 8
 
 
 def wobble(row: Row) -> float:
-    """How much the reported energy of a scheme may rise above its start, of it, by its own law (docs/method.md, model/core/
-    integrators.py); w the fastest vibration of the sheet, from its bound. Semi-implicit Euler (and the hand-out's step, with
-    masses twice as heavy) keeps E - h/2 v.grad U, within (1 -+ h w/2) E; velocity Verlet keeps kinetic + (1 - (h w/2)^2)
-    potential; the amplification of explicit Euler is 1 + (h w)^2 a step, and that of `taylor` 1 + (h w)^2/4 + ..., at most the
-    same."""
+    """How much the reported energy of a scheme may rise above its start, of it, by its own law (docs/method.md,
+    model/core/ integrators.py); w the fastest vibration of the sheet, from its bound. Semi-implicit Euler (and the
+    hand-out's step, with masses twice as heavy) keeps E - h/2 v.grad U, within (1 -+ h w/2) E; velocity Verlet keeps
+    kinetic + (1 - (h w/2)^2) potential; the amplification of explicit Euler is 1 + (h w)^2 a step, and that of
+    `taylor` 1 + (h w)^2/4 + ..., at most the same."""
     from model.core.integrators import frequency_bound
 
     if row.solver != "mass-spring":
@@ -83,11 +83,11 @@ def total(scene: Scene, state: State) -> float:
 
 @of("energy")
 def test_energy_never_exceeds_its_start(row: Row, case: str, lab: Lab) -> None:
-    """A free body without weight that was stretched and thrown has no source: E(t) <= E(0), but for what rounding adds (noise
-    to each velocity), and a bounded wobble of those integrators that keep another energy, or a growth that their amplification
-    gives (`wobble`). A fluid starts on its lattice and is thrown at itself: what it stores is not reported, so that its
-    kinetic energy may come back, and no more. A rigid body is thrown and turns: out of shape, which it would undo at once,
-    it cannot be."""
+    """A free body without weight that was stretched and thrown has no source: E(t) <= E(0), but for what rounding
+    adds (noise to each velocity), and a bounded wobble of those integrators that keep another energy, or a growth
+    that their amplification gives (`wobble`). A fluid starts on its lattice and is thrown at itself: what it stores
+    is not reported, so that its kinetic energy may come back, and no more. A rigid body is thrown and turns: out of
+    shape, which it would undo at once, it cannot be."""
     scene = row.bare
     begin = start(scene, velocity=thrown(scene)) if row.bare.fluids else stirred(row, scene)
     if row.name == "rigid_body":
@@ -118,10 +118,10 @@ def spinning(begin: State, omega: float) -> np.ndarray:
 
 @of("damping")
 def test_a_materials_damping_slows_neither_a_fall_nor_a_turn(row: Row, case: str, lab: Lab) -> None:
-    """A damper acts on strain rates. A fall has none: y is the closed form, to rounding. A turn has one only while the body
-    stretches by s = w^2 / w0^2 to bear its own centrifugal force, w0 its slowest vibration; what a damper may change of the
-    angular momentum is of second order in the strain and its rates, below a thousandth of it in a seventh of a turn here;
-    without a damper the scheme's own loss is the same."""
+    """A damper acts on strain rates. A fall has none: y is the closed form, to rounding. A turn has one only while
+    the body stretches by s = w^2 / w0^2 to bear its own centrifugal force, w0 its slowest vibration; what a damper
+    may change of the angular momentum is of second order in the strain and its rates, below a thousandth of it in a
+    seventh of a turn here; without a damper the scheme's own loss is the same."""
     if case == "fall":
         scene = row.scene(row.damper or {}, gravity={"acceleration": GRAVITY})
         begin = start(scene)

@@ -7,13 +7,13 @@ from lab import GRAVITY, Lab, farthest, start
 from law import of
 from rows import Row
 
-STEPS = 12
+STEPS = 8
 
 
 def fallen(row: Row, steps: int) -> float:
-    """[m]: how far a scheme lets a point fall, in closed form (docs/method.md, A2). A step of semi-implicit Euler adds g h to the
-    velocity before it moves: g h^2 n(n+1)/2 in n substeps. The hand-out's step takes half of it. Explicit Euler moves first:
-    g h^2 n(n-1)/2. Schemes of second order have g t^2/2 exactly."""
+    """[m]: how far a scheme lets a point fall, in closed form (docs/method.md, A2). A step of semi-implicit Euler
+    adds g h to the velocity before it moves: g h^2 n(n+1)/2 in n substeps. The hand-out's step takes half of it.
+    Explicit Euler moves first: g h^2 n(n-1)/2. Schemes of second order have g t^2/2 exactly."""
     h, n = row.h, steps * row.bare.method.substeps
     return (
         GRAVITY
@@ -30,9 +30,9 @@ def fallen(row: Row, steps: int) -> float:
 def test_free_fall_and_straight_flight(row: Row, case: str, lab: Lab) -> None:
     """y = -g h^2 n(n+1)/2 (or the scheme's own closed form), the same for every particle: no strain.
 
-    Each substep rounds velocities to `noise` (what an ulp of the largest coordinate is over h); n of them, each of which
-    moves a particle for the rest of the time t, add up to n * noise * t at most. Constraints at rest are projected by what
-    rounding leaves of them, `iterations` times a substep."""
+    Each substep rounds velocities to `noise` (what an ulp of the largest coordinate is over h); n of them, each of
+    which moves a particle for the rest of the time t, add up to n * noise * t at most. Constraints at rest are
+    projected by what rounding leaves of them, `iterations` times a substep."""
     velocity = [0.5, -0.25, 0.125][: row.dimensions] if case != "fall" else [0.0] * row.dimensions
     scene = row.scene(gravity={"acceleration": GRAVITY}) if case == "fall" else row.bare
     begin, changed = start(scene, velocity=velocity), case == "flight while dt changes"

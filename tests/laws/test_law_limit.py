@@ -13,11 +13,11 @@ FEW, MANY = 1, 64
 
 @of("limit")
 def test_iterations_lead_to_the_implicit_solution(row: Row, case: str, lab: Lab) -> None:
-    """A step of implicit Euler makes g(x) = M (x - y)/h^2 + grad E(x) zero, y = x0 + h v0. After one iteration it is what is left
-    of the first residual, grad E(y); after many it is less, and less than a tenth of the first: the lines along which positions
-    were moved were taken at iterates, which turn by the strain of a step (5 %) until they stand still (Macklin and others 2016,
-    section 4). Newton's method and descents, which follow E itself, leave no such part: a thousandth, as does a step of order 2
-    against its own stage."""
+    """A step of implicit Euler makes g(x) = M (x - y)/h^2 + grad E(x) zero, y = x0 + h v0. After one iteration it is
+    what is left of the first residual, grad E(y); after many it is less, and less than a tenth of the first: the
+    lines along which positions were moved were taken at iterates, which turn by the strain of a step (5 %) until they
+    stand still (Macklin and others 2016, section 4). Newton's method and descents, which follow E itself, leave no
+    such part: a thousandth, as does a step of order 2 against its own stage."""
     method = row.tables["method"]
     if "iterations" not in method:  # implicit Euler of a cloth, solved to the end, or linearised
         residuals = [residual(row, lab, None)]

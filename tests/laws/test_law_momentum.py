@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from math import sqrt
 
 import numpy as np
@@ -22,14 +23,14 @@ def one_substep(row: Row) -> Scene:
 
 @of("momentum")
 def test_linear_momentum(row: Row, case: str, lab: Lab) -> None:
-    """sum m v stays: internal forces come in pairs. Rounding changes the velocity of each particle by `noise` in each of n
-    substeps, for every iteration (model/core/limits.py has the schemes that lose it, each with its own bound)."""
+    """sum m v stays: internal forces come in pairs. Rounding changes the velocity of each particle by `noise` in each
+    of n substeps, for every iteration (model/core/limits.py has the schemes that lose it, each with its own bound)."""
     scene = one_substep(row)
     states = lab.states(scene, STEPS, stirred(row, scene))
     limit = limit_of("momentum", row)
     rounding = STEPS * (1 + scene.method.iterations) * lab.noise(scene, *states) * masses(states[0]).sum()
     lost = farthest(momentum(states[-1]) - momentum(states[0]))
-    exchanged = sum(pushed(one, other) for one, other in zip(states, states[1:], strict=False))
+    exchanged = sum(pushed(one, other) for one, other in pairwise(states))
     assert lost <= rounding + (limit.part * exchanged if limit else 0.0), (lost, rounding, exchanged)
 
 
@@ -51,14 +52,15 @@ KEPT = ("lab", "semi-implicit-euler", "velocity-verlet")  # whose kicks act wher
 
 @of("angular momentum")
 def test_angular_momentum(row: Row, case: str, lab: Lab) -> None:
-    """sum m x cross v stays to rounding where forces act at the positions that they were computed at and velocities then
-    carry them on: semi-implicit Euler, velocity Verlet, and the hand-out's step, which is the former.
+    """sum m x cross v stays to rounding where forces act at the positions that they were computed at and velocities
+    then carry them on: semi-implicit Euler, velocity Verlet, and the hand-out's step, which is the former.
 
-    Every other scheme ends its substep at x' = x + h v' with forces along lines between x'-like positions: sum m x' cross v' =
-    sum m (x + h v') cross v' = sum m x cross v' differs from sum m x cross v by |sum (x - x*) cross m dv|, where x* is where the
-    forces act, at most h |v| away. So a substep changes it by h sum m |v| |dv| at most, which is of first order in h; of a
-    turning rigid body that is the law omega(t) = omega0 / sqrt(1 + 2 omega0^2 h t) (NUMERICS A8). Two stages of order 2 and
-    Runge-Kutta's four lose less. Explicit Euler and `taylor` move before they are kicked: the same bound."""
+    Every other scheme ends its substep at x' = x + h v' with forces along lines between x'-like positions: sum m x'
+    cross v' = sum m (x + h v') cross v' = sum m x cross v' differs from sum m x cross v by |sum (x - x*) cross m dv|,
+    where x* is where the forces act, at most h |v| away. So a substep changes it by h sum m |v| |dv| at most, which
+    is of first order in h; of a turning rigid body that is the law omega(t) = omega0 / sqrt(1 + 2 omega0^2 h t)
+    (NUMERICS A8). Two stages of order 2 and Runge-Kutta's four lose less. Explicit Euler and `taylor` move before
+    they are kicked: the same bound."""
     scene = one_substep(row)
     states = lab.states(scene, STEPS, stirred(row, scene))
     kept = scene.method.solver == "mass-spring" and scene.method.integrator in KEPT
@@ -66,8 +68,8 @@ def test_angular_momentum(row: Row, case: str, lab: Lab) -> None:
     arm = farthest(states[-1].position) + farthest(states[0].position)
     rounding = STEPS * (1 + scene.method.iterations) * lab.noise(scene, *states) * masses(states[0]).sum() * arm
     lost = farthest(angular_momentum(states[-1]) - angular_momentum(states[0]))
-    allowed = sum(turned_away(one, other, scene.method.dt) for one, other in zip(states, states[1:], strict=False))
-    exchanged = arm * sum(pushed(one, other) for one, other in zip(states, states[1:], strict=False))
+    allowed = sum(turned_away(one, other, scene.method.dt) for one, other in pairwise(states))
+    exchanged = arm * sum(pushed(one, other) for one, other in pairwise(states))
     bound = rounding + (0.0 if kept else allowed) + (limit.part * exchanged if limit else 0.0)
     assert lost <= bound, (lost, rounding, allowed)
     if row.name == "rigid_body":
@@ -75,8 +77,8 @@ def test_angular_momentum(row: Row, case: str, lab: Lab) -> None:
 
 
 def spin_of_a_rigid_body(row: Row, lab: Lab) -> None:
-    """omega(t) = omega0 / sqrt(1 + 2 omega0^2 h t), from tan(D') = sin D / (2 - cos D) of the angle D a substep (NUMERICS A8); a
-    substep's angle is off by D^3 at most, which in n of them is n D^3 = 1e-4 of the spin here."""
+    """omega(t) = omega0 / sqrt(1 + 2 omega0^2 h t), from tan(D') = sin D / (2 - cos D) of the angle D a substep
+    (NUMERICS A8); a substep's angle is off by D^3 at most, which in n of them is n D^3 = 1e-4 of the spin here."""
     scene, omega, steps = one_substep(row), 2.0, 16
     begin = start(scene)
     about = begin.position - begin.position.mean(axis=0)

@@ -12,7 +12,7 @@ from rows import Row
 from model.core.build import build
 from model.scene.scene import Scene
 
-STEPS = 12
+STEPS = 8
 THICKNESS = 2.0**-6  # m
 ROUND = 64.0  # m, radius of the sphere and the capsule: nearly flat beneath a row
 FRICTION = {"static_friction": 0.5, "dynamic_friction": 0.5}
@@ -44,8 +44,8 @@ def lying(row: Row, kind: str, friction: dict[str, float] = FRICTION, **fields: 
 
 
 def sag(row: Row) -> float:
-    """[m]: how far a body of some height goes down under its own weight: rho g H^2 / (2 E) of tetrahedra, and about as much
-    as the goals of a cluster, g / w^2, of two layers."""
+    """[m]: how far a body of some height goes down under its own weight: rho g H^2 / (2 E) of tetrahedra, and about
+    as much as the goals of a cluster, g / w^2, of two layers."""
     height = float(np.ptp(build(row.scene(row.lain)).position[:, 1]))
     if height == 0 or row.name == "rigid_body":
         return 0.0
@@ -58,13 +58,13 @@ def sag(row: Row) -> float:
 
 @of("rest")
 def test_rest_stays_at_rest(row: Row, case: str, lab: Lab) -> None:
-    """Unloaded, no force is more than rounding: each of n substeps changes velocities by `noise` at most, `iterations` times,
-    so that after t nothing has moved by more than n * iterations * noise * t.
+    """Unloaded, no force is more than rounding: each of n substeps changes velocities by `noise` at most,
+    `iterations` times, so that after t nothing has moved by more than n * iterations * noise * t.
 
-    What lies on a collider under gravity, with friction, has a weight that comes all at once: an undamped body goes down by
-    twice its sag at most (a step load), and comes up no higher than it lay. Below the edges of a body that is r wide a sphere
-    of radius R leaves a gap of r^2/(2 R), and on its slope r/R < mu friction holds it, but for g h r/R of creep in each substep
-    (docs/method.md, contact). Nothing goes into the collider."""
+    What lies on a collider under gravity, with friction, has a weight that comes all at once: an undamped body goes
+    down by twice its sag at most (a step load), and comes up no higher than it lay. Below the edges of a body that is
+    r wide a sphere of radius R leaves a gap of r^2/(2 R), and on its slope r/R < mu friction holds it, but for g h
+    r/R of creep in each substep (docs/method.md, contact). Nothing goes into the collider."""
     scene = row.bare if case == "unloaded" else lying(row, case)
     begin = start(scene)
     state = lab.run(scene, STEPS, begin)

@@ -13,7 +13,7 @@ from units import in_units
 from model.core.state import State
 from model.scene.scene import Scene
 
-STEPS = 6
+STEPS = 4
 SHIFT = 4.0  # m: a power of two, so that float64 starts are the same ones
 FAR = 1024.0  # m
 
@@ -37,18 +37,18 @@ def mirror(vectors: np.ndarray) -> np.ndarray:
 
 
 def spread(row: Row, lab: Lab, *states: State) -> float:
-    """[m]: how far two runs may be apart after STEPS whose every substep is rounded differently by `noise`. A difference grows
-    while it is stiff no faster than the motion itself does: n substeps, `iterations` each, over the time t, and half as much
-    for each turn of a vibration in it."""
+    """[m]: how far two runs may be apart after STEPS whose every substep is rounded differently by `noise`. A
+    difference grows while it is stiff no faster than the motion itself does: n substeps, `iterations` each, over the
+    time t, and half as much for each turn of a vibration in it."""
     n = STEPS * row.bare.method.substeps
     return n * (1 + row.bare.method.iterations) * lab.noise(row.bare, *states) * row.h * n
 
 
 @of("symmetry")
 def test_the_same_motion_shifted_turned_mirrored_renumbered(row: Row, case: str, lab: Lab) -> None:
-    """step(T x) = T step(x) for a shift, a quarter turn, a reflection, and two bodies that change places in the scene:
-    nothing but the order of roundings is different, which `spread` bounds. A shift by d adds an ulp of d to each coordinate.
-    Renumbered bodies are other particles in other tables, and have the same bits."""
+    """step(T x) = T step(x) for a shift, a quarter turn, a reflection, and two bodies that change places in the
+    scene: nothing but the order of roundings is different, which `spread` bounds. A shift by d adds an ulp of d to
+    each coordinate. Renumbered bodies are other particles in other tables, and have the same bits."""
     begin = stirred(row)
     if case == "renumbered":
         renumbered(row, lab)
@@ -120,9 +120,9 @@ def particles(scene: Scene, name: str) -> np.ndarray:
 
 @of("similarity")
 def test_other_units_of_length_time_and_mass_give_the_same_bits(row: Row, case: str, lab: Lab) -> None:
-    """A motion has no units: with all lengths (times, masses) times 4 every product is the same number but for its exponent,
-    so that positions over the length and velocities over length and time are the same bits. What differs is a bound that has
-    a unit of its own and stands in a kernel as a number."""
+    """A motion has no units: with all lengths (times, masses) times 4 every product is the same number but for its
+    exponent, so that positions over the length and velocities over length and time are the same bits. What differs is
+    a bound that has a unit of its own and stands in a kernel as a number."""
     scale = {"length": 1.0, "time": 1.0, "mass": 1.0} | {case: 4.0}
     other = Scene(in_units(row.tables, **scale), "law")
     begin = stirred(row)
@@ -137,8 +137,8 @@ def test_other_units_of_length_time_and_mass_give_the_same_bits(row: Row, case: 
 
 @of("far")
 def test_the_same_motion_far_from_the_origin(row: Row, case: str, lab: Lab) -> None:
-    """A kilometre away coordinates are coarser, and nothing else: the difference to the motion at the origin is what `noise` of
-    coordinates of that size makes of it, which `spread` adds up."""
+    """A kilometre away coordinates are coarser, and nothing else: the difference to the motion at the origin is what
+    `noise` of coordinates of that size makes of it, which `spread` adds up."""
     begin = stirred(row)
     other = changed(begin, lambda position: position + FAR, lambda v: v)
     one, two = lab.run(row.bare, STEPS, begin), lab.run(row.bare, STEPS, other)
@@ -148,8 +148,8 @@ def test_the_same_motion_far_from_the_origin(row: Row, case: str, lab: Lab) -> N
 
 @of("bystanders")
 def test_bystanders_keep_every_bit(row: Row, case: str, lab: Lab) -> None:
-    """A second body 32 m away that meets nothing changes no bit of the first: neither sums, orders nor constants of a scene
-    depend on it (model/core/limits.py has the one solver whose steps do)."""
+    """A second body 32 m away that meets nothing changes no bit of the first: neither sums, orders nor constants of a
+    scene depend on it (model/core/limits.py has the one solver whose steps do)."""
     body = row.tables[row.body]
     beside = body | {"origin": [32.0, 0.0, 0.0][: 2 if body.get("dimensions") == 2 else 3]}
     tables = row.tables | {"beside": beside | ({"kind": body["kind"]} if "kind" in body else {})}

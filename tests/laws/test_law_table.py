@@ -1,4 +1,5 @@
-"""The table of rows and laws is whole: every solver of the registry has a row, every row a reason, and the page is current."""
+"""The table of rows and laws is whole: every solver of the registry has a row, every row a reason, and the page is
+current."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""Saving, loading, resetting, adding and removing leave no trace; stiffness changes while position and velocity go on."""
+"""Saving, loading, resetting, adding and removing leave no trace; stiffness changes while position and velocity go
+on."""
 
 from __future__ import annotations
 
@@ -19,8 +20,9 @@ STEPS = 3
 def test_saving_loading_resetting_adding_and_removing_leave_no_trace(
     row: Row, case: str, lab: Lab, tmp_path: Path
 ) -> None:
-    """A state holds every array that the next step reads, so that what goes on from one, also from its file, has the bits of
-    what was never put aside; a reset leads to the start's bits; a body that came and went leaves the others theirs."""
+    """A state holds every array that the next step reads, so that what goes on from one, also from its file, has the
+    bits of what was never put aside; a reset leads to the start's bits; a body that came and went leaves the others
+    theirs."""
     begin = stirred(row)
     whole = lab.run(row.bare, 2 * STEPS, begin)
     if case == "saved":
@@ -55,9 +57,9 @@ def test_saving_loading_resetting_adding_and_removing_leave_no_trace(
 
 @of("live")
 def test_a_stiffness_changed_live_keeps_position_and_velocity(row: Row, case: str, lab: Lab) -> None:
-    """The state after `set` has the bits from before. The step that follows moves each particle by h v and what the new forces
-    make of it: |x' - x - dt v| <= dt^2 a, a the largest acceleration at its start, times 1 + (h w)^2 <= 2 for forces that the
-    step itself changes, and two for those of a scheme of more stages."""
+    """The state after `set` has the bits from before. The step that follows moves each particle by h v and what the
+    new forces make of it: |x' - x - dt v| <= dt^2 a, a the largest acceleration at its start, times 1 + (h w)^2 <= 2
+    for forces that the step itself changes, and two for those of a scheme of more stages."""
     begin, path = stirred(row), "springs.stiffness" if "springs" in row.tables else "structural.stiffness"
     with lab.open(row.bare, begin, ["stiffness"]) as simulation:
         simulation.advance(STEPS)
