@@ -37,6 +37,9 @@ def _integrates(*names: str) -> Callable[[Scene], bool]:
     return lambda scene: scene.method.solver == "mass-spring" and scene.method.integrator in names
 
 
+SYMPLECTIC = ("lab", "semi-implicit-euler", "velocity-verlet")
+
+
 def _is_averaged_fluid(scene: Scene) -> bool:
     return bool(scene.fluids) and scene.method.scheme == "averaged"
 
@@ -55,12 +58,15 @@ def _spin_note(scene: Scene) -> str:
     """Of rigid bodies that turn: what is left of a turn a second (NUMERICS A8)."""
     h = scene.method.dt / scene.method.substeps
     left = 1 / (1 + 2 * (2 * pi) ** 2 * h) ** 0.5
+    if left > 0.99:
+        return ""
     return (
         f"rigid bodies lose spin as omega0 / sqrt(1 + 2 omega0^2 h t): of a turn a second {100 * left:.1f} % is left after a "
         f"second at this substep ({h:.3g} s); more substeps keep more"
     )
 
 
+AVERAGING = "M. Macklin and others, Unified particle physics for real-time applications (2014), on averaging"
 LIMITS: tuple[Limit, ...] = (
     Limit(
         "half the acceleration", "fall", _integrates("lab"),
@@ -76,7 +82,7 @@ LIMITS: tuple[Limit, ...] = (
         note=lambda scene: f"{scene.method.integrator} gains energy in every step unless dampers take more away",
     ),
     Limit(
-        "symplectic wobble", "energy", _integrates("lab", "semi-implicit-euler", "velocity-verlet"),
+        "symplectic wobble", "energy", _integrates(*SYMPLECTIC),
         "bounded: within (1 + h w/2)/(1 - h w/2) of the start (semi-implicit Euler, lab), 1/(1 - (h w)^2/4) (velocity "
         "Verlet)",
         "E. Hairer, C. Lubich, G. Wanner, Geometric Numerical Integration (2006), I.1.4 and IX.8: they keep another energy",
@@ -89,7 +95,7 @@ LIMITS: tuple[Limit, ...] = (
     Limit(
         "averaged corrections", "momentum", _averages,
         "loses up to the part 1 - 1/valence of what is exchanged: corrections of both ends are divided by different counts",
-        "docs/method.md, orderings; M. Macklin and others, Unified particle physics (2014), section 4.2", part=1.0,
+        f"docs/method.md, orderings; {AVERAGING}", part=1.0,
         note=lambda scene: "averaged-jacobi loses momentum; jacobi and gauss-seidel keep it",
     ),
     Limit(
@@ -109,12 +115,12 @@ LIMITS: tuple[Limit, ...] = (
     Limit(
         "averaged fluid", "momentum", _is_averaged_fluid,
         "loses up to what is exchanged where numbers of neighbours differ",
-        "M. Macklin and others, Unified particle physics (2014), section 4.2", part=1.0,
+        AVERAGING, part=1.0,
         note=lambda scene: "the averaged scheme of a fluid loses momentum where numbers of neighbours differ, at its surface",
     ),
     Limit(
         "averaged fluid turns", "angular momentum", _is_averaged_fluid,
-        "as its linear momentum, times the arm", "M. Macklin and others, Unified particle physics (2014), section 4.2",
+        "as its linear momentum, times the arm", AVERAGING,
         part=1.0,
     ),
     Limit(
@@ -128,6 +134,11 @@ LIMITS: tuple[Limit, ...] = (
         "omega(t) = omega0 / sqrt(1 + 2 omega0^2 h t)",
         "from tan(D') = sin D / (2 - cos D) of the angle D a substep; NUMERICS A8",
         note=_spin_note,
+    ),
+    Limit(
+        "lever of a substep", "angular momentum", lambda scene: not _integrates(*SYMPLECTIC)(scene),
+        "a substep changes it by h sum m |v| |dv| at most: a body that turns loses w^2 h of its spin a second",
+        "forces act where particles are within the substep, h v from where it ends: sum (x - x*) cross m dv; NUMERICS A8",
     ),
 )  # fmt: skip
 

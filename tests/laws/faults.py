@@ -40,6 +40,11 @@ FAULTS: tuple[Fault, ...] = (
         "force", ENERGIES,
         lambda row, case, lab: row.name in ("soft_body, linked", "soft_sheet", "soft_body, linear", "soft_body, plastic"),
     ),
+    Fault(
+        "limit", ENERGIES,
+        lambda row, case, lab: row.name in ("soft_body, linked", "soft_sheet", "soft_body, linear", "soft_body, plastic"),
+    ),
+    Fault("limit", NEO_HOOKEAN, rows_of_neo_hookean),
     Fault("rebound", REBOUND, lambda row, case, lab: row.name == "rigid_body" and case == "0"),
 )  # fmt: skip
 

@@ -275,7 +275,7 @@ ALL: tuple[Row, ...] = (
     tetrahedra("xpbd", "neo-hookean", "voxel volumes", {"volume": "voxels"}),
     tetrahedra("xpbd", "fixed-corotated", "greedy colours", {"sweep": "tetrahedra"}),
     *(tetrahedra("vbd", material) for material in MATERIALS),
-    tetrahedra("vbd", "fixed-corotated", "chebyshev", chebyshev=0.5),
+    tetrahedra("vbd", "fixed-corotated", "chebyshev", chebyshev=0.5, iterations=8),
     *(tetrahedra("newton", material, f"order {order}", order=order) for order in (1, 2) for material in MATERIALS),
     *(fluid(scheme, dimensions) for scheme in SCHEMES for dimensions in (3, 2)),
     *WORLDS,

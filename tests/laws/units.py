@@ -51,6 +51,8 @@ def in_units(tables: dict[str, Any], length: float, time: float, mass: float) ->
         found: dict[str, Any] = {}
         for field, value in (DEFAULTS.get(kind, {}) | table).items():
             exponents = UNITS.get(field)
+            if kind == "fluid" and field == "density" and table.get("dimensions") == 2:
+                exponents = (-2, 1, 0)  # its layer stays a metre thick
             if field == "stiffness" or (field == "density" and kind == "soft_sheet"):
                 exponents = OF_KINDS.get((kind, table.get("model", "")), exponents)
             if isinstance(value, dict):
@@ -58,7 +60,7 @@ def in_units(tables: dict[str, Any], length: float, time: float, mass: float) ->
             else:
                 found[field] = value if exponents is None else scaled(value, factor(exponents))
         if kind == "soft_sheet" and "sides" not in found["shape"]:
-            found["scale"] = length
+            found["shape"] = found["shape"] | {"scale": length}
         return found
 
     return {name: table_in_units(name, table) for name, table in tables.items()}
