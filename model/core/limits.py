@@ -50,6 +50,13 @@ def _descends(scene: Scene) -> bool:
     )
 
 
+def _has_greedy_colours(scene: Scene) -> bool:
+    cut_to_fit = any(
+        part.sweep == "tetrahedra" or part.tetrahedra == "conforming" for part in scene.tetrahedra.values()
+    )
+    return scene.method.solver == "xpbd" and cut_to_fit
+
+
 def _has_rigid_body(scene: Scene) -> bool:
     return any(kind == "rigid_body" for kind in scene.kinds.values())
 
@@ -75,6 +82,12 @@ LIMITS: tuple[Limit, ...] = (
             "the step of the hand-out (lab) integrates half of the acceleration: masses fall half as far and swing 1.41 "
             "times as slowly, at any step size; semi-implicit-euler is the same step with all of it"
         ),
+    ),
+    Limit(
+        "half a kick at rest", "rest",
+        lambda scene: bool(scene.cloth) and _integrates("velocity-verlet")(scene),
+        "what lies on a collider keeps its place, and reports the velocity g h/2 of its second half kick",
+        "docs/method.md, contact: colliders take from the half-step velocity", part=0.5,
     ),
     Limit(
         "explicit Euler gains energy", "energy", _integrates("explicit-euler", "taylor"),
@@ -128,6 +141,18 @@ LIMITS: tuple[Limit, ...] = (
         "lacks what sweeps leave undone: 1e-3 of what is exchanged with four of them",
         "docs/method.md, several families in one world: vertices are moved one by one, until all gradients are zero",
         part=1e-3,
+    ),
+    Limit(
+        "sums over all bodies", "bystanders",
+        lambda scene: bool(scene.tetrahedra) and scene.method.solver == "newton",
+        "the same to rounding, not to the bit: products of all bodies' residuals decide each step",
+        "model/formulas/elastic/newton.py: conjugate gradients over all particles of a scene",
+    ),
+    Limit(
+        "greedy colours", "bystanders", _has_greedy_colours,
+        "differs by what sweeps leave undone: the greedy colouring of a scene takes all bodies' constraints in one random "
+        "order, so that another body changes the order of projections",
+        "model/xpbd/colouring.py; orders of Gauss-Seidel lead to the same limit, M. Macklin and others, XPBD (2016)", part=1.0,
     ),
     Limit(
         "spin of rigid bodies", "angular momentum", _has_rigid_body,

@@ -66,8 +66,10 @@ def unsteady(row: Row) -> str:
 
 
 def of_rest(row: Row) -> Words:
-    """Unloaded, and on each kind of collider."""
-    return ("unloaded", *(() if unsteady(row) else COLLIDERS))
+    """Unloaded, on each kind of collider, and after sliding, of what has no height to be sheared by friction."""
+    flat = row.lain or row.body in ("cloth", "mesh") or row.name == "soft_sheet"
+    slid = ("after sliding",) if flat and "volume" not in row.tables and row.family != "world" else ()
+    return ("unloaded", *(() if unsteady(row) else (*COLLIDERS, *slid)))
 
 
 def without_energy(row: Row) -> str:
@@ -92,8 +94,9 @@ def without_damper(row: Row) -> str:
 
 
 def of_symmetry(row: Row) -> Words:
-    """Shifted, turned, mirrored; renumbered where two bodies can change places."""
-    mirrored = row.body in SHEETS or bool(row.bare.fluids) or row.solver == "pbf"
+    """Shifted, turned; mirrored where nothing is handed; renumbered where two bodies can change places."""
+    handed = row.solver == "shape-matching" or "volume" in row.tables  # goals are rotations, volumes have a sign
+    mirrored = (row.body in SHEETS or bool(row.bare.fluids)) and not handed and row.family != "world"
     return ("shifted", "turned", *(["mirrored"] * mirrored), *(["renumbered"] * (not alone(row))))
 
 
