@@ -152,7 +152,8 @@ LIMITS: tuple[Limit, ...] = (
         "greedy colours", "bystanders", _has_greedy_colours,
         "differs by what sweeps leave undone: the greedy colouring of a scene takes all bodies' constraints in one random "
         "order, so that another body changes the order of projections",
-        "model/xpbd/colouring.py; orders of Gauss-Seidel lead to the same limit, M. Macklin and others, XPBD (2016)", part=1.0,
+        "model/xpbd/colouring.py; orders of Gauss-Seidel lead to the same limit, M. Macklin and others, XPBD (2016)",
+        part=1.0,
     ),
     Limit(
         "spin of rigid bodies", "angular momentum", _has_rigid_body,
