@@ -90,6 +90,12 @@ LIMITS: tuple[Limit, ...] = (
         "docs/method.md, contact: colliders take from the half-step velocity", part=0.5,
     ),
     Limit(
+        "weight of a rigid body", "rest", _has_rigid_body,
+        "lies g h^2/f deeper than it touches, f the part of its mass that does: of second order in the substep h",
+        "contact takes back its depth from the mass f, gravity adds g h^2 to all of it; rigid goals share both",
+        part=2.0,
+    ),
+    Limit(
         "explicit Euler gains energy", "energy", _integrates("explicit-euler", "taylor"),
         "at most the factor 1 + (h w)^2 a step, w the fastest vibration", "model/core/integrators.py, amplification_matrix",
         note=lambda scene: f"{scene.method.integrator} gains energy in every step unless dampers take more away",

@@ -27,9 +27,9 @@ def collider(kind: str, height: float, middle: Any, **fields: Any) -> dict[str, 
         "sphere": {"center": [x, top - ROUND, z], "radius": ROUND},
         "capsule": {"start": [x - 8.0, top - ROUND, z], "end": [x + 8.0, top - ROUND, z], "radius": ROUND},
         "box": {"center": [x, top - 2.0, z], "half_size": [4.0, 2.0, 4.0]},
-        "mesh_collider": {"shape": {"name": "box", "sides": [8.0, 1.0, 8.0]}, "origin": [x, top - 0.5, z]},
+        "mesh_collider": {"shape": {"name": "box", "sides": [8.0, 1.0, 8.0], "resolution": 1}, "origin": [x, top - 0.5, z]},
         "distance_field": {
-            "shape": {"name": "box", "sides": [4.0, 1.0, 4.0]}, "origin": [x, top - 0.5, z], "spacing": 0.25,
+            "shape": {"name": "box", "sides": [4.0, 1.0, 4.0], "resolution": 1}, "origin": [x, top - 0.5, z], "spacing": 0.25,
         },
     }  # fmt: skip
     return {"kind": kind, "thickness": THICKNESS} | places[kind] | fields
@@ -49,10 +49,11 @@ def sag(row: Row) -> float:
     height = float(np.ptp(build(row.scene(row.lain)).position[:, 1]))
     if height == 0 or row.name == "rigid_body":
         return 0.0
-    found = [1000.0 * GRAVITY * height**2 / (2 * part.young_modulus) for part in row.bare.tetrahedra.values()]
-    found += [
-        2 * GRAVITY / part.cluster_stiffness for part in row.bare.bodies.values() if hasattr(part, "cluster_stiffness")
+    parts = row.bare.parts.values()
+    found = [
+        1000.0 * GRAVITY * height**2 / (2 * part.young_modulus) for part in parts if hasattr(part, "young_modulus")
     ]
+    found += [2 * GRAVITY / part.cluster_stiffness for part in parts if hasattr(part, "cluster_stiffness")]
     return max(found)
 
 
@@ -82,7 +83,8 @@ def test_rest_stays_at_rest(row: Row, case: str, lab: Lab) -> None:
     wide = float(np.ptp(begin.position, axis=0)[::2].max()) / 2
     gap = 2 * wide**2 / ROUND if case in ("sphere", "capsule") else 0.0
     creep = GRAVITY * h * 2 * wide / ROUND * time if case in ("sphere", "capsule") else 0.0
-    down = 2 * sag(row) + gap
+    limit = limit_of("rest", row)
+    down = 2 * sag(row) + gap + (limit.part * GRAVITY * h**2 if limit else 0.0)
     assert moved[:, 1].min() >= -down - bound, "sinks"
     assert moved[:, 1].max() <= sag(row) + gap + bound, "rises"
     assert farthest(moved[:, ::2]) <= down + creep + bound, "slides"
