@@ -132,6 +132,10 @@ LIMITS: tuple[Limit, ...] = (
         part=1.0,
     ),
     Limit(
+        "averaged corrections converge elsewhere", "limit", lambda scene: _averages(scene) and scene.method.solver == "xpbd",
+        "to another stiffness, so that part of the first residual stays", "docs/method.md, orderings", part=1.0,
+    ),
+    Limit(
         "averaged fluid", "momentum", _is_averaged_fluid,
         "loses up to what is exchanged where numbers of neighbours differ",
         AVERAGING, part=1.0,

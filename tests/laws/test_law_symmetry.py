@@ -84,11 +84,13 @@ def renumbered(row: Row, lab: Lab) -> None:
         order[particles(second, name)] = particles(first, name)
     other = State(begin.position[order], begin.velocity[order], begin.inverse_mass[order], 0.0, 0)
     one, two = lab.run(first, STEPS, begin), lab.run(second, STEPS, other)
-    if limit_of("bystanders", row) is None and row.family != "world":
+    limit = limit_of("bystanders", row)
+    if limit is None and row.family != "world":
         assert np.array_equal(one.position[order], two.position)
     else:
         far = farthest(np.asarray(one.position[order], np.float64) - two.position)
-        assert far <= spread(row, lab, one, two), far
+        moved = farthest(np.asarray(one.position, np.float64) - begin.position)
+        assert far <= (limit.part * moved if limit else 0.0) + spread(row, lab, one, two), far
 
 
 def swapped_particles(row: Row, lab: Lab) -> None:
