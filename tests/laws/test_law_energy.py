@@ -50,7 +50,8 @@ def test_the_force_is_minus_the_gradient_of_the_reported_energy(row: Row, case: 
     force = inertia * masses(begin) * velocity / TINY
     expected = slope(scene, begin.position)
     assert farthest(expected) > 0
-    assert farthest(force - expected) <= 1e-4 * farthest(expected)
+    limit = limit_of("force", row)
+    assert farthest(force - expected) <= (1e-4 + (limit.part if limit else 0.0)) * farthest(expected)
 
 
 STEPS = 8
