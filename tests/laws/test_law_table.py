@@ -10,9 +10,11 @@ from typing import get_args
 import pytest
 from law import LAWS, limit_of
 from limits_page import PAGE, page
-from rows import ALL, BENDINGS, BODIES, MATERIALS, ORDERINGS, REFUSED, ROWS, SCHEMES, Row
+from rows import ALL, BENDINGS, BODIES, MATERIALS, ORDERINGS, REFUSED, ROWS, SCHEMES, Row, tetrahedra
 from slices import asked, by_default
 
+from app.command.run import Request, run_scene
+from model.core.errors import SceneError
 from model.core.families import FAMILIES
 from model.core.integrators import IMPLICIT, INTEGRATORS
 from model.core.limits import LIMITS, limit_notes
@@ -66,6 +68,13 @@ def test_every_solver_of_the_registry_has_a_row() -> None:
     for family, wanted in WANTED.items():
         rows = [words(row) for row in ALL if row.family == family]
         assert not [one for one in wanted if not any(set(one) <= row for row in rows)], family
+
+
+def test_what_has_no_row_is_refused() -> None:
+    """A combination that a scene begins to accept needs a row."""
+    for rows, material in REFUSED:
+        with pytest.raises(SceneError, match=rows):
+            tetrahedra("xpbd", material, rows=rows).bare.tetrahedra_set  # noqa: B018  # it raises
 
 
 def test_names_are_unique() -> None:
@@ -132,3 +141,9 @@ def test_a_run_says_what_its_scheme_cannot_keep(tables: dict, told: str) -> None
         tables = tables | {"method": {"solver": "shape-matching"}}
     notes = limit_notes(Scene(tables, "law"))
     assert told in " ".join(notes) and bool(notes) == bool(told)
+
+
+def test_the_notes_of_a_run_have_them() -> None:
+    """`softlab run` prints them as it prints all notes."""
+    scene = Scene({"grid": {"rows": 2, "columns": 2}, "springs": {}, "method": {"integrator": "lab"}}, "law")
+    assert set(limit_notes(scene)) <= set(run_scene(scene, Request(steps=1), progress=False).notes)
