@@ -14,7 +14,7 @@ def pytest_generate_tests(metafunc: Any) -> None:
     law = getattr(metafunc.function, "law", None)
     if law is None:
         return
-    options, default, found = metafunc.config.option, by_default(law), []
+    options, default, result = metafunc.config.option, by_default(law), []
     every = options.thorough or options.rest  # what runs then alone is not even collected without
     for row, case in asked(law):
         for lab, first in labs(law, row, case, (row, case) in default):
@@ -24,5 +24,5 @@ def pytest_generate_tests(metafunc: Any) -> None:
             if fault := fault_of(law.name, row, case, lab):
                 marks.append(pytest.mark.xfail(reason=fault, strict=True))
             name = "-".join(filter(None, [row.name, case, repr(lab)]))
-            found.append(pytest.param(row, case, lab, marks=marks, id=name))
-    metafunc.parametrize(("row", "case", "lab"), found)
+            result.append(pytest.param(row, case, lab, marks=marks, id=name))
+    metafunc.parametrize(("row", "case", "lab"), result)

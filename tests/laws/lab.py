@@ -52,11 +52,11 @@ class Lab:
     def states(self, scene: Scene, steps: int, initial: State | None = None) -> list[State]:
         """The state at the start and after each step."""
         with self.open(scene, initial) as simulation:
-            found = [simulation.state()]
+            result = [simulation.state()]
             for _ in range(steps):
                 simulation.advance(1)
-                found.append(simulation.state())
-            return found
+                result.append(simulation.state())
+            return result
 
     def noise(self, scene: Scene, *states: State) -> float:
         """[m/s]: what rounding of positions and velocities makes of a velocity in a substep, which a position-based
@@ -115,9 +115,9 @@ def mean_velocity(state: State) -> np.ndarray:
 
 def in_space(vectors: np.ndarray) -> np.ndarray:
     """(..., 3) of (..., 2) or (..., 3)."""
-    found = np.zeros((*vectors.shape[:-1], 3))
-    found[..., : vectors.shape[-1]] = vectors
-    return found
+    result = np.zeros((*vectors.shape[:-1], 3))
+    result[..., : vectors.shape[-1]] = vectors
+    return result
 
 
 def angular_momentum(state: State) -> np.ndarray:

@@ -86,11 +86,11 @@ class Row:
 
     def scene(self, *more: Mapping[str, Any], **tables: Any) -> Scene:
         """The free body with further tables; a table of one that is there changes fields of it; None leaves it out."""
-        found = dict(self.tables)
-        for given in (*more, tables):
-            for name, table in given.items():
-                found[name] = found.get(name, {}) | table if table is not None else None
-        return Scene({name: table for name, table in found.items() if table is not None}, "law")
+        result = dict(self.tables)
+        for changes in (*more, tables):
+            for name, table in changes.items():
+                result[name] = result.get(name, {}) | table if table is not None else None
+        return Scene({name: table for name, table in result.items() if table is not None}, "law")
 
 
 # ------------------------------------------------------------------ sheets
@@ -110,10 +110,10 @@ FALLS_OF_INTEGRATORS = {
 
 def stepped(sheet: str, integrator: str) -> Row:
     """A grid or a cloth of masses and springs."""
-    made = {"grid": GRID} | SPRINGS if sheet == "grid" else {"cloth": FLAT} | KINDS_OF_SPRINGS
+    base = {"grid": GRID} | SPRINGS if sheet == "grid" else {"cloth": FLAT} | KINDS_OF_SPRINGS
     return Row(
         f"{sheet}, {integrator}",
-        made | {"method": {"integrator": integrator, "dt": STEP}},
+        base | {"method": {"integrator": integrator, "dt": STEP}},
         fall=FALLS_OF_INTEGRATORS[integrator],
         damper=SPRING_DAMPER if sheet == "cloth" else None,
     )
@@ -121,13 +121,13 @@ def stepped(sheet: str, integrator: str) -> Row:
 
 def projected(sheet: str, solver: str, ordering: str) -> Row:
     """A grid or a cloth by pbd or xpbd."""
-    made = {"grid": GRID} | SPRINGS if sheet == "grid" else {"cloth": FLAT} | KINDS_OF_SPRINGS
+    base = {"grid": GRID} | SPRINGS if sheet == "grid" else {"cloth": FLAT} | KINDS_OF_SPRINGS
     damped = sheet == "cloth" and solver == "xpbd"
     method = {"solver": solver, "dt": STEP, "substeps": 2, "iterations": 2, "ordering": ordering}
     if solver == "pbd":
         method["pbd_stiffness"] = 0.25
     return Row(
-        f"{sheet}, {solver} {ordering}", made | {"method": method}, damper=SPRING_DAMPER if damped else None
+        f"{sheet}, {solver} {ordering}", base | {"method": method}, damper=SPRING_DAMPER if damped else None
     )  # fmt: skip
 
 
@@ -135,14 +135,14 @@ def mesh(bending: str, solver: str = "xpbd", diagonals: str = "alternating") -> 
     """A sheet of triangles."""
     sheet = {"shape": "sheet", "rows": 3, "columns": 4, "spacing": 0.25, "mass": MASS, "placement": "flat"}
     stiffness = 16.0 if bending == "distance" else 0.0625
-    made = {
+    base = {
         "mesh": sheet | {"diagonals": diagonals}, "structural": {"stiffness": 64.0},
         "bending": {"stiffness": stiffness, "model": bending},
     }  # fmt: skip
     method: Tables = {"solver": solver, "dt": STEP, "substeps": 2, "iterations": 2}
     damper = {"structural": {"damping": 0.25}} | ({"bending": {"damping": 0.25}} if bending == "distance" else {})
     return Row(
-        f"mesh, {solver} {bending} bending", made | {"method": method}, damper=damper if solver == "xpbd" else None
+        f"mesh, {solver} {bending} bending", base | {"method": method}, damper=damper if solver == "xpbd" else None
     )  # fmt: skip
 
 
@@ -199,11 +199,11 @@ TETRAHEDRA_DAMPER: Tables = {"body": {"damping": 0.0078125}}
 
 def tetrahedra(solver: str, material: str, variant: str = "", fields: Tables | None = None, **method: Any) -> Row:
     """A bar of two voxels."""
-    told = {"solver": solver, "dt": STEP, "substeps": 1, "iterations": 3} | method
+    settings = {"solver": solver, "dt": STEP, "substeps": 1, "iterations": 3} | method
     name = f"tetrahedra, {solver}{variant and ' ' + variant} {material}"
-    fall = "exact" if told.get("order") == 2 else "substeps"
+    fall = "exact" if settings.get("order") == 2 else "substeps"
     table = CUBE | {"material": material} | (fields or {})
-    return Row(name, {"body": table, "method": told}, fall=fall, damper=TETRAHEDRA_DAMPER)
+    return Row(name, {"body": table, "method": settings}, fall=fall, damper=TETRAHEDRA_DAMPER)
 
 
 # ------------------------------------------------------------------ fluids

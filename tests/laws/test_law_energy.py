@@ -25,13 +25,13 @@ AWAY = 2.0**-12  # m: of a central difference
 
 def slope(scene: Scene, position: np.ndarray) -> np.ndarray:
     """(particles, dimensions) [N]: -grad of the reported energy, by central differences."""
-    stored, found = family_of(scene).stored, np.empty_like(position)
+    stored, result = family_of(scene).stored, np.empty_like(position)
     for place in np.ndindex(*position.shape):
         aside = [position.copy(), position.copy()]
         aside[0][place] -= AWAY
         aside[1][place] += AWAY
-        found[place] = (stored(scene, aside[0], None)[0] - stored(scene, aside[1], None)[0]) / (2 * AWAY)
-    return found
+        result[place] = (stored(scene, aside[0], None)[0] - stored(scene, aside[1], None)[0]) / (2 * AWAY)
+    return result
 
 
 @of("force")
@@ -94,13 +94,13 @@ def test_energy_never_exceeds_its_start(row: Row, case: str, lab: Lab) -> None:
     if row.name == "rigid_body":
         begin = start(scene, velocity=spinning(begin, 2.0))
     states = lab.states(scene, STEPS, begin)
-    found = [total(scene, state) for state in states]
+    result = [total(scene, state) for state in states]
     n = STEPS * scene.method.substeps
     mass = masses(begin).sum()
-    rounding = n * lab.noise(scene, *states) * (2 * mass * found[0]) ** 0.5 * (1 + scene.method.iterations)
+    rounding = n * lab.noise(scene, *states) * (2 * mass * result[0]) ** 0.5 * (1 + scene.method.iterations)
     limit = limit_of("energy", row)
-    allowed = (wobble(row) + (limit.part if limit else 0.0)) * found[0]
-    assert max(found) <= found[0] + rounding + allowed, (found, rounding)
+    allowed = (wobble(row) + (limit.part if limit else 0.0)) * result[0]
+    assert max(result) <= result[0] + rounding + allowed, (result, rounding)
 
 
 def thrown(scene: Scene) -> np.ndarray:
@@ -122,7 +122,7 @@ def test_a_materials_damping_slows_neither_a_fall_nor_a_turn(row: Row, case: str
     """A damper acts on strain rates. A fall has none: y is the closed form, to rounding. A turn has one only while
     the body stretches by s = w^2 / w0^2 to bear its own centrifugal force, w0 its slowest vibration; what a damper
     may change of the angular momentum is of second order in the strain and its rates, below a thousandth of it in a
-    seventh of a turn here; without a damper the scheme's own loss is the same."""
+    25th of a turn here; without a damper the scheme's own loss is the same."""
     if case == "fall":
         scene = row.scene(row.damper or {}, gravity={"acceleration": GRAVITY})
         begin = start(scene)
@@ -132,12 +132,12 @@ def test_a_materials_damping_slows_neither_a_fall_nor_a_turn(row: Row, case: str
         moved[:, 1] += fallen(row, STEPS)
         assert farthest(moved) <= n * (1 + scene.method.iterations) * lab.noise(scene, begin, state) * time
         return
-    found: list[Any] = []
+    result: list[Any] = []
     for scene in (row.bare, row.scene(row.damper or {})):
         begin = start(scene, velocity=spinning(start(scene), 4.0))
         state = lab.run(scene, STEPS, begin)
-        found.append((farthest(angular_momentum(state) - angular_momentum(begin)), angular_momentum(state)))
+        result.append((farthest(angular_momentum(state) - angular_momentum(begin)), angular_momentum(state)))
     scale = farthest(angular_momentum(begin))
     rounding = STEPS * scene.method.substeps * lab.noise(scene, state) * masses(begin).sum()
-    assert farthest(found[0][1] - found[1][1]) <= 1e-3 * scale + rounding, (found, scale)
+    assert farthest(result[0][1] - result[1][1]) <= 1e-3 * scale + rounding, (result, scale)
     assert kinetic(state) > 0

@@ -83,6 +83,6 @@ def spin_of_a_rigid_body(row: Row, lab: Lab) -> None:
     h = scene.method.dt
     place, speed = state.position - np.mean(state.position, axis=0), np.asarray(state.velocity)
     inertia = (masses(state)[:, 0] * (place[:, 0] ** 2 + place[:, 2] ** 2)).sum()
-    found = (masses(state) * np.cross(place, speed)).sum(axis=0)[1] / inertia
+    result = (masses(state) * np.cross(place, speed)).sum(axis=0)[1] / inertia
     expected = omega / sqrt(1 + 2 * omega**2 * h * h * steps)
-    assert abs(found / expected - 1) <= 4 * steps * (omega * h) ** 3 + 100 * lab.noise(scene, state) / omega
+    assert abs(result / expected - 1) <= 4 * steps * (omega * h) ** 3 + 100 * lab.noise(scene, state) / omega

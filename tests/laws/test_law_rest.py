@@ -50,11 +50,11 @@ def sag(row: Row) -> float:
     if height == 0 or row.name == "rigid_body":
         return 0.0
     parts = row.bare.parts.values()
-    found = [
+    result = [
         1000.0 * GRAVITY * height**2 / (2 * part.young_modulus) for part in parts if hasattr(part, "young_modulus")
     ]
-    found += [2 * GRAVITY / part.cluster_stiffness for part in parts if hasattr(part, "cluster_stiffness")]
-    return max(found)
+    result += [2 * GRAVITY / part.cluster_stiffness for part in parts if hasattr(part, "cluster_stiffness")]
+    return max(result)
 
 
 @of("rest")

@@ -26,9 +26,9 @@ def changed(state: State, place: Any, turn: Any) -> State:
 
 def quarter(vectors: np.ndarray) -> np.ndarray:
     """Turned by a right angle about z: (x, y) -> (-y, x), which rounds nothing."""
-    found = vectors.copy()
-    found[:, 0], found[:, 1] = -vectors[:, 1], vectors[:, 0]
-    return found
+    result = vectors.copy()
+    result[:, 0], result[:, 1] = -vectors[:, 1], vectors[:, 0]
+    return result
 
 
 def mirror(vectors: np.ndarray) -> np.ndarray:
@@ -114,8 +114,8 @@ def particles(scene: Scene, name: str) -> np.ndarray:
             [np.arange(one.particles.start, one.particles.stop) for one in scene.body_set.copies if one.name == name]
         )
     if scene.tetrahedra:
-        found = scene.tetrahedra_set
-        ends, number = [*found.first_particle, found.particle_count], found.names.index(name)
+        result = scene.tetrahedra_set
+        ends, number = [*result.first_particle, result.particle_count], result.names.index(name)
         return np.arange(ends[number], ends[number + 1])
     if scene.fluids:
         return np.flatnonzero(scene.fluid_set.fluid == scene.fluid_set.names.index(name))
@@ -158,20 +158,20 @@ def test_bystanders_keep_every_bit(row: Row, case: str, lab: Lab) -> None:
     away = [32.0, 0.0, 0.0][: 2 if body.get("dimensions") == 2 else 3]
     more = Scene(row.tables | {"beside": body | {"origin": away}}, "law")
     both, alone = start(more), stirred(row)
-    mine = np.ones(len(both.position), bool)
-    mine[particles(more, "beside")] = False
-    random, rest = np.random.default_rng(3), both.position[~mine]
+    first_body = np.ones(len(both.position), bool)
+    first_body[particles(more, "beside")] = False
+    random, rest = np.random.default_rng(3), both.position[~first_body]
     position, velocity = both.position.copy(), both.velocity.copy()
-    position[mine], velocity[mine] = alone.position, alone.velocity
-    position[~mine] = rounded(rest + random.uniform(-0.25, 0.25, rest.shape) * row.stretch)
-    velocity[~mine] = 0.25
+    position[first_body], velocity[first_body] = alone.position, alone.velocity
+    position[~first_body] = rounded(rest + random.uniform(-0.25, 0.25, rest.shape) * row.stretch)
+    velocity[~first_body] = 0.25
     one = lab.run(row.bare, STEPS, alone)
     two = lab.run(more, STEPS, State(position, velocity, both.inverse_mass, 0.0, 0))
     limit = limit_of("bystanders", row)
     if limit is None:
-        assert np.array_equal(two.position[mine], one.position)
-        assert np.array_equal(two.velocity[mine], one.velocity)
+        assert np.array_equal(two.position[first_body], one.position)
+        assert np.array_equal(two.velocity[first_body], one.velocity)
         return
-    far = farthest(np.asarray(two.velocity[mine], np.float64) - one.velocity)
+    far = farthest(np.asarray(two.velocity[first_body], np.float64) - one.velocity)
     change = farthest(np.asarray(one.velocity, np.float64) - alone.velocity)
     assert far <= limit.part * change + spread(row, lab, one, two) / (row.h * STEPS * row.bare.method.substeps)

@@ -51,13 +51,13 @@ WANTED: dict[str, list[tuple[str, ...]]] = {
 
 def words(row: Row) -> set[str]:
     """What a row's scene is made of and solved by."""
-    method, found = row.bare.method, {row.solver, str(row.dimensions)}
-    found |= {row.bare.kinds[name] for name in row.bare.kinds}
-    found |= {method.integrator, method.ordering, method.rows, method.scheme, method.tetrahedra}
-    found |= {str(method.region), str(method.order)} if row.family in (WINDOWS.name, TETRAHEDRA_NEWTON.name) else set()
+    method, result = row.bare.method, {row.solver, str(row.dimensions)}
+    result |= {row.bare.kinds[name] for name in row.bare.kinds}
+    result |= {method.integrator, method.ordering, method.rows, method.scheme, method.tetrahedra}
+    result |= {str(method.region), str(method.order)} if row.family in (WINDOWS.name, TETRAHEDRA_NEWTON.name) else set()
     for part in row.bare.parts.values():
-        found |= {str(getattr(part, field)) for field in ("material", "model") if hasattr(part, field)}
-    return found
+        result |= {str(getattr(part, field)) for field in ("material", "model") if hasattr(part, field)}
+    return result
 
 
 def test_every_solver_of_the_registry_has_a_row() -> None:
@@ -117,7 +117,7 @@ def test_the_page_of_limits_is_current() -> None:
 
 
 @pytest.mark.parametrize(
-    ("tables", "told"),
+    ("tables", "text"),
     [
         (
             {"grid": {"rows": 2, "columns": 2}, "springs": {}, "method": {"integrator": "lab"}},
@@ -135,12 +135,12 @@ def test_the_page_of_limits_is_current() -> None:
         ({"grid": {"rows": 2, "columns": 2}, "springs": {}}, ""),
     ],
 )
-def test_a_run_says_what_its_scheme_cannot_keep(tables: dict, told: str) -> None:
+def test_a_run_says_what_its_scheme_cannot_keep(tables: dict, text: str) -> None:
     """The notes of a run name what would mislead, and nothing where there is nothing."""
     if "body" in tables:
         tables = tables | {"method": {"solver": "shape-matching"}}
     notes = limit_notes(Scene(tables, "law"))
-    assert told in " ".join(notes) and bool(notes) == bool(told)
+    assert text in " ".join(notes) and bool(notes) == bool(text)
 
 
 def test_the_notes_of_a_run_have_them() -> None:

@@ -48,7 +48,7 @@ def in_units(tables: dict[str, Any], length: float, time: float, mass: float) ->
 
     def table_in_units(name: str, table: dict[str, Any]) -> dict[str, Any]:
         kind = table.get("kind", name)
-        found: dict[str, Any] = {}
+        result: dict[str, Any] = {}
         for field, value in (DEFAULTS.get(kind, {}) | table).items():
             exponents = UNITS.get(field)
             if kind == "fluid" and field == "density" and table.get("dimensions") == 2:
@@ -56,11 +56,11 @@ def in_units(tables: dict[str, Any], length: float, time: float, mass: float) ->
             if field == "stiffness" or (field == "density" and kind == "soft_sheet"):
                 exponents = OF_KINDS.get((kind, table.get("model", "")), exponents)
             if isinstance(value, dict):
-                found[field] = table_in_units(field, value)
+                result[field] = table_in_units(field, value)
             else:
-                found[field] = value if exponents is None else scaled(value, factor(exponents))
-        if kind == "soft_sheet" and "sides" not in found["shape"]:
-            found["shape"] = found["shape"] | {"scale": length}
-        return found
+                result[field] = value if exponents is None else scaled(value, factor(exponents))
+        if kind == "soft_sheet" and "sides" not in result["shape"]:
+            result["shape"] = result["shape"] | {"scale": length}
+        return result
 
     return {name: table_in_units(name, table) for name, table in tables.items()}

@@ -21,12 +21,12 @@ def sample() -> list[tuple[Law, Row]]:
     """Of each family its first row that no fault touches, with one law after the other."""
     laws = [law for law in LAWS if law.name in SAMPLED]
     families = list(dict.fromkeys(row.family for row in ALL))
-    found = []
+    result = []
     for place, family in enumerate(families):
         law = laws[place % len(laws)]
         rows = [row for row in ALL if row.family == family and not law.absent(row)]
-        found.append((law, next(row for row in rows if not fault_of(law.name, row, law.cases(row)[0], Lab()))))
-    return found
+        result.append((law, next(row for row in rows if not fault_of(law.name, row, law.cases(row)[0], Lab()))))
+    return result
 
 
 @pytest.mark.parametrize(
