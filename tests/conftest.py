@@ -191,7 +191,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
             dear.add(item)  # which asks the simulator's tests the same
         if listed(ONLY_THOROUGH, item) or item.get_closest_marker("display"):
             dear.add(item)
-        elif listed(OVER_A_SECOND, item) and not on_gpu:
+        elif (listed(OVER_A_SECOND, item) or item.get_closest_marker("rest")) and not on_gpu:
             slow.add(item)
         elif item.path.name in THINNED and hasattr(item, "callspec") and not on_gpu:
             variants.setdefault((item.path, item.originalname), []).append(item)  # type: ignore[attr-defined]

@@ -161,6 +161,7 @@ test_simulated_fluid.py test_it_is_the_judges_and_stage_by_stage_the_same_bits?c
     test_what_comes_and_goes_has_the_cpus_bits?tap-float32?
 test_simulated_fluid_solids.py test_the_bits_are_the_cpus?alone-float64?
 test_simulated_kinematic.py test_bits_are_the_cpus?vbd? test_bits_are_the_cpus?xpbd?
+test_simulated_laws.py *world* *newton* *vbd*
 test_simulated_matching.py test_the_bits_of_the_cpu?1-2-3?
 test_simulated_newton.py test_bits_are_the_cpus?fixed-corotated-float64?
     test_bits_are_the_cpus?damped-float32?

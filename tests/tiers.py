@@ -36,11 +36,13 @@ COMPILED = {
     "test_attachments.py": "test_a_body_on_soft*", "test_cloth_beside.py": "test_the_weight* test_a_box_slides*",
     "test_accuracy.py": "*", "test_accuracy_s6.py": "*", "test_accuracy_xpbd.py": "*",
     "test_iterations.py": "*",  # to the end
+    "test_laws_fast.py": "*",  # machine code itself
 }  # fmt: skip
 
 # Tests for --thorough alone: dear, and of what others hold too, on a smaller scene, by another way, or for another value. A
 # file, then patterns of tests' names; further lines of a file begin with a space.
 ONLY_THOROUGH = table("""
+test_laws_fast.py *
 test_mpi.py test_processes* test_two* test_a_div* test_bad_input*arguments[2-6]*  # processes, seconds each
 test_wet_worlds.py test_states_are_the_references?all?
 test_shared_bodies.py test_a_catalogue_scene*

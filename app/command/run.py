@@ -23,6 +23,7 @@ from app.output.video import Picture, check_render, render, true_rate
 from app.shared import USUAL_LINK, check_asked, check_cut, check_shared
 from cpu_backend.core.threads import core_count, wait_policy
 from model.core.errors import Diverged, Incomplete, InputError, SceneError
+from model.core.limits import limit_notes
 from model.core.memory import available_bytes, require
 from model.core.options import PRECISIONS
 from model.core.simulation import Simulation, State
@@ -112,7 +113,7 @@ def check_targets(scene: Scene, request: Request, steps: int, notes: list[str]) 
 
 def run_scene(scene: Scene, request: Request, *, progress: bool = True) -> Result:
     """Run `scene` as asked. Raises SceneError, InputError, BackendUnavailable; a divergence is part of the result."""
-    lines = mesh_lines, rest_lines, body_lines, collider_lines, overlap_lines
+    lines = mesh_lines, rest_lines, body_lines, collider_lines, overlap_lines, limit_notes
     notes = [line for told in lines for line in told(scene)]
     coarse = (
         resolution_line(scene, request.precision) if request.precision in PRECISIONS else None

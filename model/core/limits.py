@@ -1,0 +1,189 @@
+"""What a scheme cannot keep of a law that its solver otherwise keeps: each once, with its bound and where that comes
+from.
+
+Read by the notes of a run (`limit_notes`), by docs/limits.md and by the tests of the laws (tests/laws), which hold
+every solver to its bound. What is missing here is kept.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import pi
+
+from model.scene.scene import Scene
+
+
+@dataclass(frozen=True)
+class Limit:
+    """`law`: its name (tests/laws/law.py). `applies(scene)`: whether the scene's scheme has it. `bound`: the scheme's
+    own law, a clause; `source`: the equation, paper or page that it follows from; `part`: of the bound, where the law
+    asks for a number. `note(scene)`: what a run says of it to a user who would be misled, or ""."""
+
+    name: str
+    law: str
+    applies: Callable[[Scene], bool]
+    bound: str
+    source: str
+    part: float = 0.0
+    note: Callable[[Scene], str] = lambda scene: ""
+
+
+def _averages(scene: Scene) -> bool:
+    return scene.method.solver in ("xpbd", "pbd") and scene.method.ordering == "averaged-jacobi"
+
+
+def _integrates(*names: str) -> Callable[[Scene], bool]:
+    return lambda scene: scene.method.solver == "mass-spring" and scene.method.integrator in names
+
+
+SYMPLECTIC = ("lab", "semi-implicit-euler", "velocity-verlet")
+
+
+def _is_averaged_fluid(scene: Scene) -> bool:
+    return bool(scene.fluids) and scene.method.scheme == "averaged"
+
+
+def _descends(scene: Scene) -> bool:
+    return (bool(scene.tetrahedra) and scene.method.solver == "vbd") or (
+        scene.is_world and scene.method.tetrahedra == "vbd"
+    )
+
+
+def _has_greedy_colours(scene: Scene) -> bool:
+    cut_to_fit = any(
+        part.sweep == "tetrahedra" or part.tetrahedra == "conforming" for part in scene.tetrahedra.values()
+    )
+    return scene.method.solver == "xpbd" and cut_to_fit
+
+
+def _has_rigid_body(scene: Scene) -> bool:
+    return any(kind == "rigid_body" for kind in scene.kinds.values())
+
+
+def _spin_note(scene: Scene) -> str:
+    """Of rigid bodies that turn: what is left of a turn a second (NUMERICS A8)."""
+    h = scene.method.dt / scene.method.substeps
+    left = 1 / (1 + 2 * (2 * pi) ** 2 * h) ** 0.5
+    if left > 0.99:
+        return ""
+    return (
+        f"rigid bodies lose spin as omega0 / sqrt(1 + 2 omega0^2 h t): of a turn a second {100 * left:.1f} % is left after a "
+        f"second at this substep ({h:.3g} s); more substeps keep more"
+    )
+
+
+AVERAGING = "M. Macklin and others, Unified particle physics for real-time applications (2014), on averaging"
+LIMITS: tuple[Limit, ...] = (
+    Limit(
+        "half the acceleration", "fall", _integrates("lab"),
+        "y = -g dt^2 n(n+1)/4: half of g, at any step size", "docs/method.md, the hand-out's own step",
+        note=lambda scene: (
+            "the step of the hand-out (lab) integrates half of the acceleration: masses fall half as far and swing 1.41 "
+            "times as slowly, at any step size; semi-implicit-euler is the same step with all of it"
+        ),
+    ),
+    Limit(
+        "half a kick at rest", "rest",
+        lambda scene: bool(scene.cloth) and _integrates("velocity-verlet")(scene),
+        "what lies on a collider keeps its place, and reports the velocity g h/2 of its second half kick",
+        "docs/method.md, contact: colliders take from the half-step velocity", part=0.5,
+    ),
+    Limit(
+        "weight of a rigid body", "rest", _has_rigid_body,
+        "lies g h^2/f deeper than it touches, f the part of its mass that does: of second order in the substep h",
+        "contact takes back its depth from the mass f, gravity adds g h^2 to all of it; rigid goals share both",
+        part=2.0,
+    ),
+    Limit(
+        "explicit Euler gains energy", "energy", _integrates("explicit-euler", "taylor"),
+        "at most the factor 1 + (h w)^2 a step, w the fastest vibration", "model/core/integrators.py, amplification_matrix",
+        note=lambda scene: f"{scene.method.integrator} gains energy in every step unless dampers take more away",
+    ),
+    Limit(
+        "symplectic wobble", "energy", _integrates(*SYMPLECTIC),
+        "bounded: within (1 + h w/2)/(1 - h w/2) of the start (semi-implicit Euler, lab), 1/(1 - (h w)^2/4) (velocity "
+        "Verlet)",
+        "E. Hairer, C. Lubich, G. Wanner, Geometric Numerical Integration (2006), I.1.4 and IX.8: they keep another energy",
+    ),
+    Limit(
+        "linear solve", "momentum", _integrates("implicit-euler-linear"),
+        "to 1e-6 of the momentum that a step exchanges", "model/formulas/implicit.py, LINEAR_TOLERANCE of the residual",
+        part=1e-6,
+    ),
+    Limit(
+        "averaged corrections", "momentum", _averages,
+        "loses up to the part 1 - 1/valence of what is exchanged: corrections of both ends are divided by different counts",
+        f"docs/method.md, orderings; {AVERAGING}", part=1.0,
+        note=lambda scene: "averaged-jacobi loses momentum; jacobi and gauss-seidel keep it",
+    ),
+    Limit(
+        "averaged corrections turn", "angular momentum", _averages,
+        "as its linear momentum, times the arm", "docs/method.md, orderings", part=1.0,
+    ),
+    Limit(
+        "averaged forces", "force", lambda scene: _averages(scene) and scene.method.solver == "xpbd",
+        "a displacement of f/m over the number of constraints at a mass: another stiffness", "docs/method.md, orderings",
+        part=1.0,
+    ),
+    Limit(
+        "averaged corrections gain", "energy", lambda scene: _averages(scene) and scene.method.solver == "xpbd",
+        "may double within ten steps: what it moves masses by is no gradient of an energy", "docs/method.md, orderings",
+        part=1.0,
+    ),
+    Limit(
+        "averaged corrections converge elsewhere", "limit", lambda scene: _averages(scene) and scene.method.solver == "xpbd",
+        "to another stiffness, so that part of the first residual stays", "docs/method.md, orderings", part=1.0,
+    ),
+    Limit(
+        "averaged fluid", "momentum", _is_averaged_fluid,
+        "loses up to what is exchanged where numbers of neighbours differ",
+        AVERAGING, part=1.0,
+        note=lambda scene: "the averaged scheme of a fluid loses momentum where numbers of neighbours differ, at its surface",
+    ),
+    Limit(
+        "averaged fluid turns", "angular momentum", _is_averaged_fluid,
+        "as its linear momentum, times the arm", AVERAGING,
+        part=1.0,
+    ),
+    Limit(
+        "sweeps of descent", "momentum", _descends,
+        "lacks what sweeps leave undone: 1e-3 of what is exchanged with four of them",
+        "docs/method.md, several families in one world: vertices are moved one by one, until all gradients are zero",
+        part=1e-3,
+    ),
+    Limit(
+        "sums over all bodies", "bystanders",
+        lambda scene: bool(scene.tetrahedra) and scene.method.solver == "newton",
+        "the same to rounding, not to the bit: products of all bodies' residuals decide each step",
+        "model/formulas/elastic/newton.py: conjugate gradients over all particles of a scene",
+    ),
+    Limit(
+        "greedy colours", "bystanders", _has_greedy_colours,
+        "differs by what sweeps leave undone: the greedy colouring of a scene takes all bodies' constraints in one random "
+        "order, so that another body changes the order of projections",
+        "model/xpbd/colouring.py; orders of Gauss-Seidel lead to the same limit, M. Macklin and others, XPBD (2016)",
+        part=1.0,
+    ),
+    Limit(
+        "spin of rigid bodies", "angular momentum", _has_rigid_body,
+        "omega(t) = omega0 / sqrt(1 + 2 omega0^2 h t)",
+        "from tan(D') = sin D / (2 - cos D) of the angle D a substep; NUMERICS A8",
+        note=_spin_note,
+    ),
+    Limit(
+        "lever of a substep", "angular momentum", lambda scene: not _integrates(*SYMPLECTIC)(scene),
+        "a substep changes it by h sum m |v| |dv| at most: a body that turns loses w^2 h of its spin a second",
+        "forces act where particles are within the substep, h v from where it ends: sum (x - x*) cross m dv; NUMERICS A8",
+    ),
+)  # fmt: skip
+
+
+def limits_of(scene: Scene) -> list[Limit]:
+    """Those that the scene's scheme has."""
+    return [limit for limit in LIMITS if limit.applies(scene)]
+
+
+def limit_notes(scene: Scene) -> list[str]:
+    """What a run of the scene says of its scheme's limits."""
+    return [note for limit in limits_of(scene) if (note := limit.note(scene))]

@@ -1,0 +1,85 @@
+"""Writes docs/limits.md from the table of laws and rows: python -m tests.laws.limits_page (from the repository's
+root)."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+sys.path[:0] = [folder for folder in (str(ROOT), str(ROOT / "tests" / "laws")) if folder not in sys.path]
+
+from faults import FAULTS, Fault  # noqa: E402  # tools of the tests, found by the line above
+from lab import Lab  # noqa: E402
+from law import LAWS, Law, limit_of  # noqa: E402
+from rows import ALL, REFUSED, Row  # noqa: E402
+
+from model.core.limits import LIMITS  # noqa: E402
+
+PAGE = ROOT / "docs" / "limits.md"
+HEAD = """# Which laws each solver keeps
+
+Every solver of the lab is held against the laws of mechanics by the tests in `tests/laws`: a table of small scenes, one for
+each family, solver, integrator, material and scheme, against one test body a law. This page is written from that table
+(`python -m tests.laws.limits_page`), and a test fails where it is out of date. *kept*: to rounding, or within the tolerance
+that the test derives, in float64 and float32. A number: the scheme cannot keep the law; its own law or bound stands below,
+with its source, and the test holds the solver to that. A letter: the law does not apply, for the reason below. **fault**: the
+solver breaks the law today, and should not.
+"""
+
+
+def fault(law: Law, row: Row) -> Fault | None:
+    """The first fault that breaks the law for the row in any case and precision."""
+    labs = [Lab("cpu", precision) for precision in ("float64", "float32")]
+    pairs = [(case, lab) for case in law.cases(row) for lab in labs]
+    return next((one for one in FAULTS if one.law == law.name and any(one.breaks(row, *pair) for pair in pairs)), None)
+
+
+def letters(number: int) -> str:
+    """a, b, ... z, aa, ab ..."""
+    return (letters(number // 26 - 1) if number >= 26 else "") + chr(ord("a") + number % 26)
+
+
+def in_cells(*texts: str) -> str:
+    """A line of a table."""
+    return "| " + " | ".join(text.replace("|", "\\|") for text in texts) + " |"
+
+
+def page() -> str:
+    """The text of docs/limits.md."""
+    reasons: dict[str, str] = {}
+    faults: dict[str, str] = {}
+
+    def cell(law: Law, row: Row) -> str:
+        if reason := law.absent(row):
+            return reasons.setdefault(reason, letters(len(reasons)))
+        if broken := fault(law, row):
+            return f"**fault {faults.setdefault(broken.reason, str(len(faults) + 1))}**"
+        limit = limit_of(law.name, row)
+        return f"[{LIMITS.index(limit) + 1}](#bounds)" if limit else "kept"
+
+    lines = [HEAD, "## Laws", "", "| law | equation | asked as |", "| --- | --- | --- |"]
+    for law in LAWS:
+        cases = list(dict.fromkeys(case for row in ALL if not law.absent(row) for case in law.cases(row) if case))
+        lines.append(in_cells(law.title, law.equation, ", ".join(cases)))
+    lines += ["", "## Matrix", ""]
+    for family in dict.fromkeys(row.family for row in ALL):
+        lines += [f"### {family[0].upper()}{family[1:]}", ""]
+        lines += ["| solver | " + " | ".join(law.name for law in LAWS) + " |", "| --- |" + " --- |" * len(LAWS)]
+        for row in (one for one in ALL if one.family == family):
+            lines.append(f"| {row.name} | " + " | ".join(cell(law, row) for law in LAWS) + " |")
+        lines.append("")
+    lines += ["## Bounds", "", "| | law | the scheme's own | source |", "| --- | --- | --- | --- |"]
+    for number, limit in enumerate(LIMITS, start=1):
+        lines.append(in_cells(str(number), limit.law, f"{limit.name}: {limit.bound}", limit.source))
+    lines += ["", "## Not applicable", "", *(f"- **{letter}**: {reason}." for reason, letter in reasons.items())]
+    refused = [f"{one} {two}" for one, two in REFUSED]
+    lines += ["", f"Combinations that a scene refuses, so that they have no row: {', '.join(refused)}."]
+    if faults:
+        lines += ["", "## Faults", "", *(f"- **{number}**: {reason}." for reason, number in faults.items())]
+    return "\n".join(lines) + "\n"
+
+
+if __name__ == "__main__":
+    PAGE.write_text(page(), encoding="utf-8")
+    print(f"wrote {PAGE}")
