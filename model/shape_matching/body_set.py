@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -46,8 +47,8 @@ class BodySet(ParticleRow):
 
     `position` (particles, 3) float64 [m], at the start; `velocity` likewise [m/s]; `body` (particles,) int32: the copy each
     is of; `clusters`, whose rest positions are those at the start, with those of `lattices` last; `links`; `copies`. To the
-    rest of the lab it is a row of masses: `rows` 1, `columns` all, `spacing` [m] and `mass` [kg] the mean ones. `whole`: the
-    set of which this is a share (model/shape_matching/apart.py), None: it is none.
+    rest of the lab it is a row of masses: `rows` 1, `columns` all, `spacing` [m], the mean one, and `mass` [kg], see
+    `unit_of`. `whole`: the set of which this is a share (model/shape_matching/apart.py), None: it is none.
     """
 
     position: np.ndarray
@@ -149,9 +150,15 @@ def make_body_set(parts: Mapping[str, Placed]) -> BodySet:
         make_links(_linked(copies)),
         tuple(copies),
         spacing,
-        mean(mass),
+        unit_of(mass),
         tuple(lattices),
     )
+
+
+def unit_of(masses: np.ndarray) -> float:
+    """Unit of the solvers' masses [kg]: the power of two next to the mean of `masses` (particles,) [kg], so that dividing by
+    it rounds nothing, and bodies that are added leave the others' bits as they are."""
+    return float(2.0 ** round(math.log2(mean(masses))))
 
 
 def _bytes_of(body: BakedBody) -> int:

@@ -18,7 +18,7 @@ import softlab
 KEYS = """
     scene backend device threads threads_reason precision math kernel method particles dimensions steps dt substeps iterations
     time seconds compile_seconds particle_steps_per_second kinetic_energy potential_energy conserved max_speed max_strain
-    error error_reason outcome
+    error error_reason outcome resolution
 """.split()  # noqa: SIM905
 SMALL = "--set grid.rows=6 --set grid.columns=6"
 
