@@ -18,10 +18,10 @@ FIND = {
 PROJECT = {
     "fill_links": "iiii",
     "sort_links": "iii",
-    "deepen": "fiifff",
+    "deepen": "ffiifff",
     "load_up": "ifiiiff",
-    "push": "ffiiffffpf",
-    "gather": "fifiiifff",
+    "push": "ffiiffffpff",
+    "gather": "fifiiiffff",
 }
 SCAN = {"chunks": "iii", "totals": "i", "add": "iii"}
 

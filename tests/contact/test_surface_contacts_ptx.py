@@ -9,7 +9,7 @@ import pytest
 from kernel_text import entry_of, record_of
 
 FIND = {"take": "fif", "clear": "ii", "find_contacts": "fffiiiiiiiipfiiffiil"}
-PROJECT = {"push": "ffiiffffpf"}
+PROJECT = {"deepen": "ffiifff", "push": "ffiiffffpff", "gather": "fifiiiffff"}
 
 pytestmark = pytest.mark.usefixtures("ptx_compiler")
 
@@ -31,10 +31,13 @@ def test_finding_holds_no_double(name: str, math: str) -> None:
     assert ".f64" not in ptx(getattr(make_find(np.float32, math), name), FIND[name], np.float32, math)
 
 
-def test_projecting_knows_the_surfaces_record() -> None:
+@pytest.mark.parametrize("math", ["fast", "exact"])
+@pytest.mark.parametrize("name", PROJECT)
+def test_projecting_knows_the_surfaces_record(name: str, math: str) -> None:
     from gpu_backend.contact.self_project import make_project
 
-    assert ".f64" not in ptx(make_project(np.float32, "fast", True).push, PROJECT["push"], np.float32, "fast")
+    kernels = make_project(np.float32, math, True, surfaces=True)
+    assert ".f64" not in ptx(getattr(kernels, name), PROJECT[name], np.float32, math)
 
 
 def test_exact_math_contracts_nothing() -> None:
