@@ -7,6 +7,7 @@ from pathlib import Path
 
 from app.auto_threads import AUTO, open_quickest
 from app.shared import USUAL_LINK, open_shared
+from model.contact.shortfalls import lost_so_far
 from model.core.errors import SceneError
 from model.core.families import family_of
 from model.core.family import named
@@ -68,6 +69,7 @@ def open_simulation(
         simulation = open_quickest(lambda count: _open(scene, backend, options, count), core_count())
     else:
         simulation = _open(scene, backend, options, threads)
+    simulation.lost_when_opened = lost_so_far(simulation)
     if initial is not None:
         try:
             simulation.load(initial)

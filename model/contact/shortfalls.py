@@ -28,13 +28,19 @@ def can_fall_short(scene: Scene) -> bool:
 
 
 def lost(simulation: Any) -> dict[str, int]:
-    """`contacts_lost`, and `neighbours_lost` of fluids, since the simulation was opened: what found no place in lists of
+    """`contacts_lost`, and `neighbours_lost` of fluids, since the simulation was opened: what did not fit into lists of
     fixed length, of a world all members' together. Only what the scene has: {} where nothing meets."""
+    before = getattr(simulation, "lost_when_opened", {})
+    return {name: count - before.get(name, 0) for name, count in lost_so_far(simulation).items()}
+
+
+def lost_so_far(simulation: Any) -> dict[str, int]:
+    """The same with what the step lost that compiled the kernels, in which all particles may lie in one place."""
     scene, contacts = simulation.scene, getattr(simulation, "contacts", None)
     if scene.is_world:
         found = {"contacts_lost": _beyond(contacts)} if scene.contact is not None else {}
         for member in getattr(simulation, "members", {}).values():
-            for name, count in lost(member).items():
+            for name, count in lost_so_far(member).items():
                 found[name] = found.get(name, 0) + count
         return found
     if scene.fluids:

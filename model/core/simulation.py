@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -46,6 +47,7 @@ class Simulation(Stepping):
     _executor: Executor
 
     threads_reason: str | None = None  # of so many threads, where they were asked for as `auto`
+    lost_when_opened: Mapping[str, int] = MappingProxyType({})  # see model/contact/shortfalls.py
 
     def __init__(self, scene: Scene, options: Options):
         self.scene = scene
