@@ -3,16 +3,21 @@
 // XPBD (Macklin, Mueller, Chentanez, MIG 2016) with one iteration a substep, so that every multiplier starts at 0. With J =
 // det F the energy per volume is mu / 2 S + lambda / 2 (J - 1)^2, S = |F|^2 + J^2 - 4 J (Smith, de Goes, Kim, TOG 2018, but
 // written as two terms that each vanish at rest): first a step down the gradient of S, then the constraint J - 1.
-// Constraints come by colour, in each by runs of `run`, which one thread takes one after the other. A particle is x, y, z,
-// weight. Values of a constraint: six of the inverse rest edges, upper triangular, by rows; the compliances of the two terms,
-// 1 / (mu V) and 1 / (lambda V) [1/J]; J at rest; a damper's time, which is not read.
+// Constraints come by colour, in each by runs of `run`, the constraints of which one thread takes one after the other.
+// A particle is x, y, z, weight. Values of a constraint: six of the inverse rest edges, upper triangular, by rows; the
+// compliances of the two terms, 1 / (mu V) and 1 / (lambda V) [1/J]; J at rest; a damper's time, which is not read.
 
+#include <algorithm>
 #include <cstdint>
 #include <limits>
+
+// g++ would call some, and hand dozens of numbers over in memory
+#define INLINE [[gnu::always_inline]] inline
 
 namespace {
 
 constexpr int kValues = 10;
+constexpr int64_t kTogether = 16;  // runs, whose first constraints come first: they do not wait for each other
 
 template <typename Real>
 struct Vector {
@@ -23,10 +28,10 @@ struct Vector {
 };
 
 template <typename Real>
-Real dot(const Vector<Real> &a, const Vector<Real> &b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
+INLINE Real dot(const Vector<Real> &a, const Vector<Real> &b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
 
 template <typename Real>
-Vector<Real> cross(const Vector<Real> &a, const Vector<Real> &b) {
+INLINE Vector<Real> cross(const Vector<Real> &a, const Vector<Real> &b) {
     return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
 }
 
@@ -35,21 +40,21 @@ struct Columns { Vector<Real> a, b, c; };  // of a matrix
 
 // A : B
 template <typename Real>
-Real inner(const Columns<Real> &a, const Columns<Real> &b) { return dot(a.a, b.a) + dot(a.b, b.b) + dot(a.c, b.c); }
+INLINE Real inner(const Columns<Real> &a, const Columns<Real> &b) { return dot(a.a, b.a) + dot(a.b, b.b) + dot(a.c, b.c); }
 
 template <typename Real>
-Columns<Real> cofactor(const Columns<Real> &f) { return {cross(f.b, f.c), cross(f.c, f.a), cross(f.a, f.b)}; }
+INLINE Columns<Real> cofactor(const Columns<Real> &f) { return {cross(f.b, f.c), cross(f.c, f.a), cross(f.a, f.b)}; }
 
 // F = E B, E's columns the edges from the first corner, B by rows; of displacements in place of places its change
 template <typename Real>
-Columns<Real> gradient(const Vector<Real> *p, const Real *rest) {
+INLINE Columns<Real> gradient(const Vector<Real> *p, const Real *rest) {
     const Vector<Real> e = p[1] - p[0], f = p[2] - p[0], g = p[3] - p[0];
     return {e * rest[0], e * rest[1] + f * rest[3], e * rest[2] + f * rest[4] + g * rest[5]};
 }
 
 // What a matrix by F is by the place of each corner
 template <typename Real>
-void to_corners(const Columns<Real> &g, const Real *rest, Vector<Real> *at) {
+INLINE void to_corners(const Columns<Real> &g, const Real *rest, Vector<Real> *at) {
     at[1] = g.a * rest[0] + g.b * rest[1] + g.c * rest[2];
     at[2] = g.b * rest[3] + g.c * rest[4];
     at[3] = g.c * rest[5];
@@ -59,7 +64,7 @@ void to_corners(const Columns<Real> &g, const Real *rest, Vector<Real> *at) {
 // S: along the way D that the impulse R = -dS/dF / 2 moves F, to where S of second order and what R costs are least. S / 2
 // has the curvature q along D, taken as no less than that at rest of a way that does not turn.
 template <typename Real>
-void shape(Vector<Real> *p, const Real *w, const Real *rest, Real compliance) {
+INLINE void shape(Vector<Real> *p, const Real *w, const Real *rest, Real compliance) {
     constexpr Real least = std::numeric_limits<Real>::min() / std::numeric_limits<Real>::epsilon();  // to be divided by
     const Columns<Real> f = gradient(p, rest), h = cofactor(f);
     const Real excess = dot(f.a, h.a) - Real(2);
@@ -78,7 +83,7 @@ void shape(Vector<Real> *p, const Real *w, const Real *rest, Real compliance) {
 
 // J - rest
 template <typename Real>
-void volume(Vector<Real> *p, const Real *w, const Real *rest, Real ratio, Real compliance) {
+INLINE void volume(Vector<Real> *p, const Real *w, const Real *rest, Real ratio, Real compliance) {
     const Columns<Real> f = gradient(p, rest), h = cofactor(f);
     Vector<Real> g[4];
     to_corners(h, rest, g);
@@ -88,7 +93,7 @@ void volume(Vector<Real> *p, const Real *w, const Real *rest, Real ratio, Real c
 }
 
 template <typename Real>
-void project(Real *position, const int32_t *corners, const Real *values, Real softness) {
+INLINE void project(Real *position, const int32_t *corners, const Real *values, Real softness) {
     Vector<Real> p[4];
     Real w[4];
     for (int n = 0; n < 4; ++n) {
@@ -121,9 +126,12 @@ void advance(int64_t substeps, int64_t particles, int64_t colours, int64_t run, 
         for (int64_t colour = 0; colour < colours; ++colour) {
             const int64_t first = starts[colour], runs = (starts[colour + 1] - first) / run;
 #pragma omp for schedule(static)
-            for (int64_t mine = 0; mine < runs; ++mine)
-                for (int64_t k = first + mine * run; k < first + (mine + 1) * run; ++k)
-                    project(position, corners + 4 * k, values + kValues * k, softness);
+            for (int64_t block = 0; block < runs; block += kTogether)
+                for (int64_t member = 0; member < run; ++member)
+                    for (int64_t mine = block; mine < std::min(block + kTogether, runs); ++mine) {
+                        const int64_t k = first + mine * run + member;
+                        project(position, corners + 4 * k, values + kValues * k, softness);
+                    }
         }
 #pragma omp for schedule(static)
         for (int64_t k = 0; k < particles; ++k)
