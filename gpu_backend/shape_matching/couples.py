@@ -26,9 +26,8 @@ QUADS = 2  # of a cluster: its centre, its turn
 @cache
 def make_couples(real: Any, math: str, has_rigid: bool) -> SimpleNamespace:
     """`gather(position, couples, starts, firsts, indices, members, leans, spins)`: how all clusters turn, in blocks of
-    THREADS; `turn(position, couples, own_starts, own_clusters, own_shares, spins)`: particles, and what they had of couples is
-    0;
-    where bodies are rigid, `has_rigid`, it takes their `travel` last."""
+    THREADS; `turn(position, couples, own_starts, own_clusters, own_shares, spins)`: particles, and what they had of couples
+    is 0; where bodies are rigid, `has_rigid`, it takes their `travel` last."""
     masses, formulas = device_formulas(pace.make, real, math), device_formulas(couple.make, real, math)
     total, carried = device_formulas(cluster.make, real, math).total, device_formulas(rigid.make, real, math).carried
     weighted, added, spin, turned, gone = masses.weighted, masses.added, formulas.spin, formulas.turned, formulas.gone

@@ -7,9 +7,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from bodies_scenes import bodies_scene, block, end_state, lone_points, method, same
+from bodies_scenes import block, bodies_scene, end_state, lone_points, method, same
 
 from bench.experiments.body_scenes import centre, masses
+from bench.reference import cluster_material
 from bench.reference import shape_matching as reference
 from model.formulas.shape_matching import couple
 from model.scene.scene import Scene
@@ -18,7 +19,7 @@ from model.xpbd.plan import xpbd_parts, xpbd_plan
 CUBE = {"shape": {"name": "box", "resolution": 4, "sides": [0.4] * 3}, "particle_spacing": 0.1}  # 4 x 4 x 4 particles
 KINDS = {"rigid": {"kind": "rigid_body"}, "soft": {"kind": "soft_body", "cluster_stiffness": 1e5}}
 BOTH = pytest.mark.parametrize("kind", list(KINDS))
-STEPS, SUBSTEPS = 4, 4
+STEPS, SUBSTEPS = 2, 8
 
 
 def impact(kind: str, friction: float, substeps: int = SUBSTEPS, **given: Any) -> Scene:
@@ -42,23 +43,20 @@ def change_of(scene: Scene, position: np.ndarray, velocity: np.ndarray) -> float
 
 @BOTH
 def test_an_impact_beside_the_middle_keeps_momenta(kind: str) -> None:
-    """Angular momentum to 0.5 %. What the same impact loses without friction is of first order in h: for the cubes' turn of
-    some 3 rad/s (NUMERICS A8) 3^2 h t = 0.1 % here, and what places move while contacts act. Of friction's couples LEAST
-    takes 3 / 256 at most, of the 5 % (rigid) and 16 % (soft) that they make up. Linear momentum to the roundings of 1 m, eight
-    a substep, over h."""
+    """Angular momentum to 0.5 %. What the same impact loses without friction is of first order in h, of the way h v that
+    places go over their arms of some 0.6 m while contacts act: 0.4 %. Of friction's couples, 2 to 16 % of all, LEAST takes
+    3 / 256, below 0.2 %, and the other way. Linear momentum to the roundings of 1 m, eight a substep, over h."""
     scene = impact(kind, 0.5)
     state = end_state(scene, steps=STEPS)
     assert np.abs(centre(scene, state.velocity, 0) - scene.body_set.velocity[0]).max() > 0.3
     assert change_of(scene, state.position, state.velocity) < 0.005
     change = centre(scene, state.velocity - scene.body_set.velocity)
-    assert np.abs(change).max() < STEPS * SUBSTEPS * 8 * 2.0**-53 / 0.0025
+    assert np.abs(change).max() < STEPS * SUBSTEPS * 8 * 2.0**-53 / 0.00125
 
 
 @BOTH
 def test_couples_are_what_keeps_it(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """In the reference, which takes friction as it is, the same impact without them."""
-    from bench.reference import cluster_material
-
     scene = impact(kind, 0.5)
     kept = change_of(scene, *reference.simulate(scene, STEPS))
     monkeypatch.setattr(cluster_material, "turned", lambda clusters, position, couples: np.zeros_like(position))
@@ -96,7 +94,8 @@ def test_what_is_squashed_hardly_turns(size: float) -> None:
     spin = couple.make(np.float64).spin
     for along in ((1.0, 1e-9, 1e-9), (1.0, 1.0, 1.0), (0.0, 0.0, 0.0)):
         moments = [size**2 * part**2 for part in along]
-        found = spin(0.0, 0.0, 0.0, 1.0, 2.0, 3.0, *moments, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
+        with np.errstate(over="ignore"):  # the square of a turn
+            found = spin(0.0, 0.0, 0.0, 1.0, 2.0, 3.0, *moments, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
         assert np.isfinite(found).all() and np.linalg.norm(found[3:]) <= couple.FARTHEST * (1 + 1e-15)
     assert found[3:] == (0.0, 0.0, 0.0)
     line = spin(0.0, 0.0, 0.0, 1e-3, 1e-3, 0.0, 1.0, 1e-18, 1e-18, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
