@@ -47,6 +47,28 @@ def rigid_motion(clusters: Clusters, c: int, position: np.ndarray, velocity: np.
     return np.asarray(mean + np.cross(np.linalg.pinv(inertia, rcond=1e-12) @ spin, r))
 
 
+LEAST = 2.0**-8  # of the trace of a cluster's inertia, by which it is larger for a couple
+FARTHEST = 0.25  # rad: what a couple turns a cluster in a substep at most
+
+
+def turned(clusters: Clusters, position: np.ndarray, couples: np.ndarray) -> np.ndarray:
+    """(particles, 3) [m]: ways by the clusters' turns, of `couples` (particles, 3) over their masses, each for its part of
+    them; see model/formulas/shape_matching/couple.py."""
+    ways = np.zeros_like(position)
+    for c in np.flatnonzero(np.diff(clusters.offsets) > 1):
+        own = slice(clusters.offsets[c], clusters.offsets[c + 1])
+        k, m = clusters.indices[own], clusters.masses[own, None]
+        couple = (m * couples[k]).sum(axis=0)
+        if not couple.any():
+            continue
+        r = position[k] - (m * position[k]).sum(axis=0) / m.sum()
+        inertia = sum(m[n, 0] * (r[n] @ r[n] * np.eye(3) - np.outer(r[n], r[n])) for n in range(len(k)))
+        turn = np.linalg.solve(inertia + LEAST * np.trace(inertia) * np.eye(3), couple)
+        turn *= min(1.0, FARTHEST / np.linalg.norm(turn))
+        np.add.at(ways, k, clusters.shares[own, None] * np.cross(turn, r))
+    return ways
+
+
 def whole_of(clusters: Clusters) -> np.ndarray:
     """(clusters,) bool: rigid ones of several particles, each theirs alone, that do nothing but turn."""
     plain = np.ones(clusters.count, bool)

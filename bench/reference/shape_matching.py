@@ -107,6 +107,8 @@ def motion(
                 if contacts:
                     p = contacts.sweep(before, p)
                 p = yield before, p
+            if contacts and contacts.part.static_friction > 0:
+                p = np.where(free, p + cluster_material.turned(scene.body_set.loose, p, contacts.couples), p)
             travel, far = p - before - matched, np.linalg.norm(p - before, axis=1)[:, None]
             if contacts:
                 p = contacts.ended(before, p)

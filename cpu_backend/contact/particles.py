@@ -45,7 +45,7 @@ class ParticleContacts:
         acting = np.zeros(count * MAX_NEIGHBOURS, np.uint32)  # unsigned: no index from the end
         self._contacts = acting, np.zeros(count, real), np.zeros(AXES * count, real)
         self.old = aligned_zeros(AXES * count if "contact-restitution" in parts else 0, real)
-        variant = "contact-friction" in parts, "contact-adhesion" in parts, "rigid-motion" in parts
+        variant = "contact-friction" in parts, "contact-adhesion" in parts, "rigid-motion" in parts, "couples" in parts
         self._project = make_project_stage(real, math, *variant)
         self._bounce = make_bounce_stage(real, math)
         self.change(scene)
@@ -70,12 +70,18 @@ class ParticleContacts:
         self.neighbours.find(position, weights, self.record, self.reach)
 
     def project(
-        self, before: np.ndarray, position: np.ndarray, weights: np.ndarray, travel: np.ndarray | None = None
+        self,
+        before: np.ndarray,
+        position: np.ndarray,
+        weights: np.ndarray,
+        travel: np.ndarray | None = None,
+        couples: np.ndarray | None = None,
     ) -> None:
-        """`travel`: as of shape_matching/particles.py, where bodies are rigid."""
+        """`travel`: as of shape_matching/particles.py, where bodies are rigid; `couples`: as of shape_matching/couples.py,
+        where friction turns clusters."""
         self._project(
             self.bands, self.sweeps, before, position, weights, self.record, self.neighbours.found, self._contacts,
-            np.zeros_like(position) if travel is None else travel,
+            *(np.zeros_like(position) if one is None else one for one in (travel, couples)),
         )  # fmt: skip
 
     def bounce(self, position: np.ndarray, velocity: np.ndarray, weights: np.ndarray) -> None:

@@ -25,13 +25,13 @@ from model.contact.particle_parameters import (
     MAX_NEIGHBOURS,
 )
 from model.formulas import particle_contact
-from model.formulas.shape_matching import rigid
+from model.formulas.shape_matching import couple, rigid
 
 PACES = frozenset({"speed-limit", "sleeping"})
 
 
 def _make_sweep(
-    compiler: Compiler, real: Any, has_friction: bool, has_adhesion: bool, has_rigid: bool
+    compiler: Compiler, real: Any, has_friction: bool, has_adhesion: bool, has_rigid: bool, has_couples: bool
 ) -> SimpleNamespace:
     """`tell`, `push`, `put`: see the inner functions; of a `band` of those that have neighbours."""
     formulas = particle_contact.make(real, compiler.compiled)
@@ -41,6 +41,8 @@ def _make_sweep(
     depth_of, slip, grip = formulas.depth, formulas.slip, formulas.grip
     added, added_friction, moved = formulas.added, formulas.added_friction, formulas.moved
     carried, zero = rigid.make(real, compiler.compiled).carried, real(0)
+    levers = couple.make(real, compiler.compiled)
+    levered, gathered = levers.levered, levers.gathered
 
     @compiler.compiled
     def tell(band, count, position, record, neighbours, contacts):
@@ -65,8 +67,8 @@ def _make_sweep(
             met[i] = real(place - begin)
 
     @compiler.compiled
-    def push(band, count, before, position, weights, record, neighbours, contacts):
-        """Where the particles that have contacts go, into `ways` by their places in `who`."""
+    def push(band, count, before, position, weights, record, neighbours, contacts, couples):
+        """Where the particles that have contacts go, into `ways` by their places in `who`; couples added to."""
         who, _, entries, pairs, begins, active, _ = neighbours
         acting, met, ways = contacts
         first = begins[band]
@@ -82,6 +84,7 @@ def _make_sweep(
             px, py, pz, weight = xs[i], ys[i], zs[i], weights[i]
             ox, oy, oz = old_x[i], old_y[i], old_z[i]
             x, y, z = zero, zero, zero
+            u, v, w = zero, zero, zero
             for a in range(place, place + np.int64(mine)):
                 j, pair = entries[acting[a]], pairs[acting[a]]
                 distance = record[pair + G_DISTANCE] if pair >= 0 else record[-1 - pair + G_OWN]
@@ -100,11 +103,19 @@ def _make_sweep(
                     x = added_friction(x, share, depth, nx, gripped, sx)
                     y = added_friction(y, share, depth, ny, gripped, sy)
                     z = added_friction(z, share, depth, nz, gripped, sz)
+                    if has_couples:
+                        u = levered(u, share, length, gripped, ny, sz, nz, sy)
+                        v = levered(v, share, length, gripped, nz, sx, nx, sz)
+                        w = levered(w, share, length, gripped, nx, sy, ny, sx)
                 else:
                     x, y, z = added(x, share, depth, nx), added(y, share, depth, ny), added(z, share, depth, nz)
             place += np.int64(mine)
             x, y, z = moved(px, weight, x), moved(py, weight, y), moved(pz, weight, z)
             ways[3 * n], ways[3 * n + 1], ways[3 * n + 2] = x, y, z
+            if has_couples:
+                couples[i] = gathered(couples[i], weight, u)
+                couples[count + i] = gathered(couples[count + i], weight, v)
+                couples[2 * count + i] = gathered(couples[2 * count + i], weight, w)
 
     @compiler.compiled
     def put(band, count, position, travel, neighbours, contacts):
@@ -123,23 +134,28 @@ def _make_sweep(
 
 
 @cache
-def make_project(real: Any, math: str, has_friction: bool, has_adhesion: bool, has_rigid: bool) -> Any:
-    """project(team, member, bands, sweeps, before, position, weights, record, neighbours, contacts, travel): what a member of
-    a team does (core/progress.py); arrays as cpu_backend/contact/particles.py makes them, `travel` as of
-    shape_matching/particles.py, where bodies are rigid, `has_rigid`."""
-    words = "_friction" * has_friction + "_adhesion" * has_adhesion + "_rigid" * has_rigid
+def make_project(
+    real: Any, math: str, has_friction: bool, has_adhesion: bool, has_rigid: bool, has_couples: bool = False
+) -> Any:
+    """project(team, member, bands, sweeps, before, position, weights, record, neighbours, contacts, travel, couples): what a
+    member of a team does (core/progress.py); arrays as cpu_backend/contact/particles.py makes them, `travel` as of
+    shape_matching/particles.py, where bodies are rigid, `has_rigid`; `couples` as of shape_matching/couples.py, where
+    friction turns clusters, `has_couples`."""
+    words = "_friction" * has_friction + "_adhesion" * has_adhesion + "_rigid" * has_rigid + "_couples" * has_couples
     compiler = Compiler(f"particles_project_{np.dtype(real).name}_{math}{words}", math)
-    made = _make_sweep(compiler, real, has_friction, has_adhesion, has_rigid)
+    made = _make_sweep(compiler, real, has_friction, has_adhesion, has_rigid, has_couples)
     tell, push, put = made.tell, made.push, made.put
 
     @compiler.compiled
-    def project_all(team, member, bands, sweeps, before, position, weights, record, neighbours, contacts, travel):
+    def project_all(
+        team, member, bands, sweeps, before, position, weights, record, neighbours, contacts, travel, couples
+    ):
         count = weights.size
         for _ in range(sweeps):
             for band in shares(team, member, bands):
                 tell(band, count, position, record, neighbours, contacts)
             for band in shares(team, member, bands):
-                push(band, count, before, position, weights, record, neighbours, contacts)
+                push(band, count, before, position, weights, record, neighbours, contacts, couples)
             for band in shares(team, member, bands):
                 put(band, count, position, travel, neighbours, contacts)
 
@@ -147,10 +163,12 @@ def make_project(real: Any, math: str, has_friction: bool, has_adhesion: bool, h
 
 
 @cache
-def make_project_stage(real: Any, math: str, has_friction: bool, has_adhesion: bool, has_rigid: bool) -> Any:
-    """project(bands, sweeps, before, position, weights, record, neighbours, contacts, travel): see make_project."""
+def make_project_stage(
+    real: Any, math: str, has_friction: bool, has_adhesion: bool, has_rigid: bool, has_couples: bool = False
+) -> Any:
+    """project(bands, sweeps, before, position, weights, record, neighbours, contacts, travel, couples): see make_project."""
     name = f"particles_{np.dtype(real).name}_{math}{'_friction' * has_friction}{'_adhesion' * has_adhesion}"
-    project_all = make_project(real, math, has_friction, has_adhesion, has_rigid)
+    project_all = make_project(real, math, has_friction, has_adhesion, has_rigid, has_couples)
 
     return Compiler(name, math).team(project_all)
 

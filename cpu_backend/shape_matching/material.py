@@ -8,6 +8,7 @@ import numpy as np
 
 from cpu_backend.shape_matching.layout import Layout
 from cpu_backend.shape_matching.shapes import ENTRIES
+from model.formulas.shape_matching.couple import SPIN
 from model.formulas.shape_matching.deformation import SHAPE
 from model.formulas.shape_matching.pace import MOTION
 from model.scene.method import Method
@@ -20,7 +21,8 @@ from model.shape_matching.rigid_rebound import rebound_limits, whole_clusters
 class ClusterArrays:
     """`steps`, the clusters' arrays of the kernels with those that the scene's `parts` need; `look`: the same for a look at
     the state, whose strain then goes nowhere; `plastic`: the state's, flat, ENTRIES a cluster, none where nothing is;
-    `travel`: see particles.py, empty where nothing is rigid."""
+    `travel`: see particles.py, empty where nothing is rigid; `couples`: see couples.py, empty where friction turns nothing;
+    `touched`: both, what contacts change beside places."""
 
     def __init__(self, clusters: Clusters, layout: Layout, parts: frozenset[str], real: Any):
         self._clusters, self._of_own = clusters, layout.of_own
@@ -48,7 +50,12 @@ class ClusterArrays:
             motions = np.zeros(MOTION * clusters.count, real)
             moving = (*layout.own[:2], factors, motions, whole.astype(np.uint8), self.travel)
             steps, look = (*steps, *moving), (*look, *moving)
-        self.steps, self.look = steps, look
+        self.couples = np.zeros(3 * layout.count if "couples" in parts else 0, real)
+        if "couples" in parts:
+            parts_of = clusters.shares[layout.of_own].astype(real)
+            turning = (*layout.own[:2], parts_of, np.zeros(SPIN * clusters.count, real), self.couples)
+            steps, look = (*steps, *turning), (*look, *turning)
+        self.touched, self.steps, self.look = (self.travel, self.couples), steps, look
 
     def change(self, method: Method) -> None:
         """What hangs on the length of a substep."""

@@ -18,6 +18,7 @@ from cpu_backend.contact.particles_project import PACES, make_settle_stage
 from cpu_backend.core.constraints import make_constraint_stage
 from cpu_backend.core.layout import aligned_zeros
 from cpu_backend.core.simulation import ParticlesSimulation, chosen_kernel
+from cpu_backend.shape_matching.couples import make_couples_stage
 from cpu_backend.shape_matching.damping import at_damping, make_damping_stage
 from cpu_backend.shape_matching.kernels import AXES, FRAME, LANES, QUATERNION, SCRATCH
 from cpu_backend.shape_matching.lattice import make_lattice_stages
@@ -123,14 +124,15 @@ class Bodies(ParticlesSimulation):
 
     def _stages(self) -> dict[str, StageRun]:
         """What runs each stage of the plan by itself."""
-        stage = make_bodies_stages(self.real, self.options.math, self.plan.parts)
-        travel, keeps = self._material.travel, "rigid-motion" in self.plan.parts
+        variant = self.real, self.options.math, self.plan.parts
+        stage, turn, settle = (make(*variant) for make in (make_bodies_stages, make_couples_stage, make_settle_stage))
+        (travel, couples), keeps = self._material.touched, "rigid-motion" in self.plan.parts
         goals = make_matching_stages(self.real, self.options.math, shaping(self.plan.parts), keeps)
         bands, count = self._bands, self.layout.count
         position, before, velocity, a = self._even, self._odd, self._velocity, np.zeros_like(self._even)
         ends, values, multipliers, starts = self._links
         contacts: Any = self.contacts
-        settle = make_settle_stage(self.real, self.options.math, self.plan.parts)
+        over_clusters = count, self._material.steps, self._scratch, SCRATCH * LANES
         bounce_bodies = make_bodies_bounce_stage(self.real, self.options.math, at_rebound(self.plan.parts))
         whole = make_rebound_stages(self.real, self.options.math, at_rebound(self.plan.parts))
         project_links = make_constraint_stage(self.real, self.options.math, LINKS, in_planes=True)
@@ -153,7 +155,7 @@ class Bodies(ParticlesSimulation):
             stage.collide(bands, moment.number, before, position, velocity, *given)
 
         def rebound(moment: Moment) -> None:
-            whole.rebound(bands, position, velocity, count, self._material.steps, self._scratch, SCRATCH * LANES)
+            whole.rebound(bands, position, velocity, *over_clusters)
 
         def update(moment: Moment) -> None:
             if self.plan.parts & PACES:
@@ -164,12 +166,11 @@ class Bodies(ParticlesSimulation):
 
         def steady(moment: Moment) -> None:
             run = make_steadying_stage(self.real, self.options.math, at_rigid(self.plan.parts))
-            given = count, self._material.steps, self._scratch, SCRATCH * LANES
-            run(bands, position, velocity, *given)
+            run(bands, position, velocity, *over_clusters)
 
         def damp(moment: Moment) -> None:
             run = make_damping_stage(self.real, self.options.math, at_damping(self.plan.parts))
-            run(bands, position, velocity, count, self._material.steps, self._scratch, SCRATCH * LANES)
+            run(bands, position, velocity, *over_clusters)
 
         def bounce(moment: Moment) -> None:
             if "rigid-bounce" not in self.plan.parts:
@@ -194,15 +195,14 @@ class Bodies(ParticlesSimulation):
             "predict": predict,
             "match clusters": lambda moment: self._match(self._rotation, self._lattices.rotation, self._material.steps),
             "move to goals": move,
+            "turn by friction": lambda moment: turn(bands, position, travel, self._weights, *over_clusters),
             "update velocity": update,
             "keep momenta": steady,
             "damp clusters": damp,
             "collide": collide,
             "rebound": rebound,
             "find neighbours": lambda moment: contacts.find(position, self._weights),
-            "project contacts": lambda moment: contacts.project(
-                before, position, self._weights, travel if keeps else None
-            ),
+            "project contacts": lambda moment: contacts.project(before, position, self._weights, travel, couples),
             "bounce": bounce,
         }
 

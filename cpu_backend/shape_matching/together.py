@@ -17,6 +17,7 @@ from cpu_backend.core.constraints import make_colours, make_planes, make_project
 from cpu_backend.core.layout import row_at
 from cpu_backend.core.progress import shares
 from cpu_backend.mass_spring.cloth.scratch import cloth_variant
+from cpu_backend.shape_matching.couples import at_couples, make_couples
 from cpu_backend.shape_matching.damping import at_damping, make_damping
 from cpu_backend.shape_matching.kernels import AXES, SCRATCH, make_matching
 from cpu_backend.shape_matching.lattice import make_lattice_matching
@@ -44,7 +45,9 @@ def make_substep_end(compiler: Compiler, real: Any, math: str, parts: frozenset[
     keeps, at_travel = "rigid-motion" in parts, at_rigid(parts) + 5
     steadying = make_steadying(compiler, real, keeps, at_rigid(parts))
     gather_rigid, steady = steadying.gather, steadying.steady
-    rates_apart = has_pace or bounces or has_damping or keeps  # of what others look at before colliders
+    turning, has_couples = make_couples(compiler, real, parts), "couples" in parts
+    gather_couples, turn = turning.gather, turning.turn
+    rates_apart = has_pace or bounces or has_damping or keeps or has_couples  # of what others look at before colliders
 
     @compiler.compiled
     def end(
@@ -55,9 +58,16 @@ def make_substep_end(compiler: Compiler, real: Any, math: str, parts: frozenset[
         count, clusters = weights.size, arrays[5].size // 4
         blocks = count // LANES
         travel = arrays[at_travel] if keeps else weights
+        if has_couples:
+            for band in shares(team, member, bands):
+                room = row_at(scratch, np.int64(SCRATCH * LANES * band))
+                for c in range(clusters * band // bands, clusters * (band + 1) // bands):
+                    gather_couples(c, after, count, arrays, room)
         if rates_apart:
             for band in shares(team, member, bands):
                 first, last = LANES * (blocks * band // bands), LANES * (blocks * (band + 1) // bands)
+                if has_couples:
+                    turn(first, last, after, travel, weights, count, arrays)
                 if has_pace:
                     settle(first, last, count, before, after, numbers[0], travel)
                 if bounces:
@@ -127,7 +137,8 @@ def make_bodies_together(real: Any, math: str, parts: frozenset[str]) -> Any:
     project_links = make_projections(compiler, real, LINKS, make_planes(compiler))
     sweep_links = make_colours(compiler, [project_links], [LINKS.run])
     find, has_contacts = make_find(real, math), "contacts" in parts
-    take_out = make_project(real, math, "contact-friction" in parts, "contact-adhesion" in parts, keeps)
+    has_couples, at_sums = "couples" in parts, at_couples(parts) + 4
+    take_out = make_project(real, math, "contact-friction" in parts, "contact-adhesion" in parts, keeps, has_couples)
     windows, has_lattices = make_lattice_matching(real, math), "lattices" in parts
     match_windows, move_windows = windows.match, windows.move
     end = make_substep_end(compiler, real, math, parts)
@@ -146,6 +157,7 @@ def make_bodies_together(real: Any, math: str, parts: frozenset[str]) -> Any:
         count, clusters, passes = weights.size, arrays[5].size // 4, steps * substeps
         blocks = count // LANES
         travel = arrays[at_travel] if keeps else weights
+        couples = arrays[at_sums] if has_couples else weights
         for band in shares(team, member, bands):
             first, last = LANES * (blocks * band // bands), LANES * (blocks * (band + 1) // bands)
             begin(first, last, count, even, odd, velocity, weights, parameters, integers, travel)
@@ -198,7 +210,18 @@ def make_bodies_together(real: Any, math: str, parts: frozenset[str]) -> Any:
                     move_windows(team, member, bands, after, count, lattices)
                 if has_contacts:
                     take_out(
-                        team, member, bands, sweeps, before, after, weights, constants, neighbours, touching, travel
+                        team,
+                        member,
+                        bands,
+                        sweeps,
+                        before,
+                        after,
+                        weights,
+                        constants,
+                        neighbours,
+                        touching,
+                        travel,
+                        couples,
                     )
             if not at_once:
                 end(

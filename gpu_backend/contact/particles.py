@@ -54,7 +54,8 @@ class ParticleContacts:
         self._flat = self.neighbours.flat
         self.variant = own, many
         self.bounces, self._bounce = "contact-restitution" in parts, make_bounce(real, math, own, many)
-        variant = "contact-friction" in parts, "contact-adhesion" in parts, own, many, "rigid-motion" in parts
+        keeps, has_couples = "rigid-motion" in parts, "couples" in parts
+        variant = "contact-friction" in parts, "contact-adhesion" in parts, own, many, keeps, has_couples
         self._project = make_project(real, math, *variant)
 
     def _new(self, array: np.ndarray) -> Any:
@@ -97,10 +98,11 @@ class ParticleContacts:
         """The neighbours of all particles where they are predicted to be."""
         self.neighbours.find(position, self.record)
 
-    def project(self, before: Any, position: Any, travel: Any = None) -> None:
-        """All sweeps over the contacts of the substep that began at `before`; `travel`: where bodies are rigid."""
+    def project(self, before: Any, position: Any, travel: Any = None, couples: Any = None) -> None:
+        """All sweeps over the contacts of the substep that began at `before`; `travel`: where bodies are rigid; `couples`:
+        where friction turns clusters."""
         arguments = self.neighbours.found, self.neighbours.table, self.record, *self._pairs, self._touching
-        travels = () if travel is None else (travel,)
+        travels = tuple(one for one in (travel, couples) if one is not None)
         for _ in range(self._sweeps):
             self._project.count[self._flat](position, *arguments)
             self._project.project[self._flat](before, position, *arguments, *travels)

@@ -34,24 +34,44 @@ from model.contact.particle_parameters import (
     MAX_NEIGHBOURS,
 )
 from model.formulas import particle_contact
-from model.formulas.shape_matching import rigid
+from model.formulas.shape_matching import couple, rigid
 
 
 @cache
 def make_project(
-    real: Any, math: str, has_friction: bool, has_adhesion: bool, own: bool, many: bool, has_rigid: bool = False
+    real: Any,
+    math: str,
+    has_friction: bool,
+    has_adhesion: bool,
+    own: bool,
+    many: bool,
+    has_rigid: bool = False,
+    has_couples: bool = False,
 ) -> SimpleNamespace:
     """`count(position, found, neighbours, record, body, kind, kinds, touching)`: of each particle that has neighbours a quad
     of its position and of its weight times the contacts it has now; `project(before, position, found, neighbours, record,
     body, kind, kinds, touching, travel)`: particles, in place, and where there is code for rigid bodies, `has_rigid`, their
-    travels (shape_matching/rigid.py). `has_friction`, `has_adhesion`: whether code for those is there; `own`, `many`: as in
+    travels (shape_matching/rigid.py); where friction turns clusters, `has_couples`, it takes the particles' `couples` last
+    (shape_matching/couples.py). `has_friction`, `has_adhesion`: whether code for those is there; `own`, `many`: as in
     `make_pairs`."""
     formulas = device_formulas(particle_contact.make, real, math)
     squared, within, split, held = formulas.squared, formulas.within, formulas.split, formulas.held
     direction, depth_of, slip, grip = formulas.direction, formulas.depth, formulas.slip, formulas.grip
     added, added_friction, moved = formulas.added, formulas.added_friction, formulas.moved
     pair_of, zero, one, most = make_pairs(own, many), real(0), real(1), np.int32(MAX_NEIGHBOURS)
-    carried = device_formulas(rigid.make, real, math).carried
+    carried, levers = device_formulas(rigid.make, real, math).carried, device_formulas(couple.make, real, math)
+    levered, gathered = levers.levered, levers.gathered
+
+    @inlined(math)
+    def lever(u, v, w, share, length, d, b, depth, pull, nx, ny, nz, record):
+        """What a contact adds to a particle's couple."""
+        if depth > zero or pull > zero:
+            sx, sy, sz = slip(d[0], d[1], d[2], b[0], b[1], b[2], nx, ny, nz)
+            gripped = grip(sx, sy, sz, depth, pull, record[H_STATIC], record[H_DYNAMIC])
+            u = levered(u, share, length, gripped, ny, sz, nz, sy)
+            v = levered(v, share, length, gripped, nz, sx, nx, sz)
+            w = levered(w, share, length, gripped, nx, sy, ny, sx)
+        return u, v, w
 
     @inlined(math)
     def added_way(x, y, z, share, d, b, depth, pull, nx, ny, nz, record):
@@ -83,13 +103,14 @@ def make_project(
                 store_quad(touching, i, p[0], p[1], p[2], p[3] * real(contacts))
 
     @inlined(math)
-    def project_one(i, before, position, found, neighbours, record, body, kind, kinds, touching, travel):
+    def project_one(i, before, position, found, neighbours, record, body, kind, kinds, touching, travel, couples):
         if i < found.size:
             kept, particles = np.int32(min(found[i], most)), np.int64(found.size)
             if kept > 0:
                 p = load_quad(touching, i)
                 if p[3] > zero:
                     start, x, y, z = load_quad(before, i), zero, zero, zero
+                    u, v, w = zero, zero, zero
                     for s in range(kept):
                         j = neighbours[s * particles + i]
                         q, (row, same) = load_quad(touching, j), pair_of(i, j, body, kind, kinds)
@@ -108,6 +129,8 @@ def make_project(
                             kept_length = held(distance, b[0], b[1], b[2], record[H_PUSH])
                             depth = depth_of(length, kept_length, distance, pull)
                             x, y, z = added_way(x, y, z, share, d, b, depth, pull, nx, ny, nz, record)
+                            if has_couples:
+                                u, v, w = lever(u, v, w, share, length, d, b, depth, pull, nx, ny, nz, record)
                     weight = start[3]
                     x, y, z = moved(p[0], weight, x), moved(p[1], weight, y), moved(p[2], weight, z)
                     if has_rigid:
@@ -116,18 +139,40 @@ def make_project(
                             travel, i, carried(t[0], x, p[0]), carried(t[1], y, p[1]), carried(t[2], z, p[2]), t[3]
                         )
                     store_quad(position, i, x, y, z, weight)
+                    if has_couples:
+                        c = load_quad(couples, i)
+                        store_quad(
+                            couples,
+                            i,
+                            gathered(c[0], weight, u),
+                            gathered(c[1], weight, v),
+                            gathered(c[2], weight, w),
+                            zero,
+                        )
 
     def project_soft(before, position, found, neighbours, record, body, kind, kinds, touching):
         i = np.int32(cuda.grid(1))
-        project_one(i, before, position, found, neighbours, record, body, kind, kinds, touching, touching)
+        project_one(i, before, position, found, neighbours, record, body, kind, kinds, touching, touching, touching)
 
     def project_rigid(before, position, found, neighbours, record, body, kind, kinds, touching, travel):
         i = np.int32(cuda.grid(1))
-        project_one(i, before, position, found, neighbours, record, body, kind, kinds, touching, travel)
+        project_one(i, before, position, found, neighbours, record, body, kind, kinds, touching, travel, touching)
 
-    project = project_rigid if has_rigid else project_soft
+    def project_coupled(before, position, found, neighbours, record, body, kind, kinds, touching, couples):
+        i = np.int32(cuda.grid(1))
+        project_one(i, before, position, found, neighbours, record, body, kind, kinds, touching, touching, couples)
+
+    def project_all(before, position, found, neighbours, record, body, kind, kinds, touching, travel, couples):
+        i = np.int32(cuda.grid(1))
+        project_one(i, before, position, found, neighbours, record, body, kind, kinds, touching, travel, couples)
+
+    if has_couples:
+        project = project_all if has_rigid else project_coupled
+    else:
+        project = project_rigid if has_rigid else project_soft
     project.__name__ = "project"
     words = ("friction" * has_friction, "adhesion" * has_adhesion, f"own{own:d}", f"many{many:d}", "rigid" * has_rigid)
+    words = *words, "couples" * has_couples
     variant = f"particle_contacts_{variant_name(real, math, *words)}"
     return make_kernels((count, project), variant, **kernel_options(math))
 

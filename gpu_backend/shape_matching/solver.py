@@ -19,6 +19,7 @@ from gpu_backend.core.device import simulated
 from gpu_backend.core.launch import Graphs, can_capture
 from gpu_backend.core.substeps import launched_kernel
 from gpu_backend.mass_spring.cloth.kernels import make_cloth_tools
+from gpu_backend.shape_matching.couples import Couples
 from gpu_backend.shape_matching.kernels import THREADS, TOGETHER, make_bodies_clusters, make_bodies_ends
 from gpu_backend.shape_matching.rebound import Rebounds
 from gpu_backend.shape_matching.stages import bind_bodies_stages
@@ -110,7 +111,7 @@ class Bodies(BodiesState):
         self._lattices.move(now)
         if self.contacts:
             self._move(now)
-            self.contacts.project(before, now, self.inertial)
+            self.contacts.project(before, now, self.inertial, self.couples)
 
     def end_substep(self, place: int, substep: int) -> None:
         """See SubstepSimulation."""
@@ -118,6 +119,8 @@ class Bodies(BodiesState):
         now, new_velocity = self.position[self._current], self.velocity[self._current]
         time = self._counter, np.int64(place), np.int64(self.scene.method.substeps), np.int64(substep)
         last = self.record, self.bodies, self.integers, *time
+        if self._couples:
+            self._couples.turn(now, self._entries, self._leans, self._gathered, self.inertial)
         if self._rigid:
             self._end_rigid(before, now, velocity, new_velocity)
             if self._rebounds and self._rebounds.turns:
@@ -186,6 +189,7 @@ class Bodies(BodiesState):
         iteration += self._lattices.launches
         ends = 1 + 2 * self._material.damped + (1 + contacts.finding if contacts else 0)
         ends += self._rigid.launches if self._rigid else 0
+        ends += Couples.launches if self._couples else 0
         if contacts and contacts.bounces:
             whole = self._rebounds is not None and self._rebounds.contacts is not None
             ends += (Rebounds.restitution_launches if whole else contacts.restitution_launches) + (

@@ -32,7 +32,10 @@ def bind_bodies_stages(sim: Any) -> dict[str, StageRun]:
         sim.contacts.find(position)
 
     def project(moment: Moment) -> None:
-        sim.contacts.project(before, position, sim.inertial)
+        sim.contacts.project(before, position, sim.inertial, sim.couples)
+
+    def turn(moment: Moment) -> None:
+        sim._couples.turn(position, sim._entries, sim._leans, sim._gathered, sim.inertial)
 
     def update(moment: Moment) -> None:
         if sim.contacts and sim.contacts.bounces:
@@ -83,6 +86,7 @@ def bind_bodies_stages(sim: Any) -> dict[str, StageRun]:
             "find neighbours": find,
             "project contacts": project,
             "bounce": lambda moment: sim._bounce(position, old, velocity),
+            "turn by friction": turn,
             "update velocity": update,
             "keep momenta": steady,
             "damp clusters": damp,

@@ -10,6 +10,7 @@ import numpy as np
 from gpu_backend.contact.particles import ParticleContacts, particle_contact_bytes
 from gpu_backend.core.quads import SIZE
 from gpu_backend.core.substeps import SubstepSimulation
+from gpu_backend.shape_matching.couples import Couples
 from gpu_backend.shape_matching.kernels import AXES, ROWS
 from gpu_backend.shape_matching.lattice import Lattices, lattice_bytes
 from gpu_backend.shape_matching.links import DeviceLinks
@@ -78,6 +79,10 @@ class BodiesState(SubstepSimulation):
         if self.plan.parts & {"rigid-rebound", "rigid-bounce"}:
             those = clusters, self._own, self.particle_count, self.contacts, self._kernel_parts()
             self._rebounds = Rebounds(*those, *variant, self.stream)
+        self._couples: Couples | None = None
+        if "couples" in self.plan.parts:
+            those = clusters, self._own, self.particle_count, self.plan.parts
+            self._couples = Couples(*those, *variant, self.stream)
         self._lattices = Lattices(scene.body_set, *variant, self.stream)
         self._lattices.change(scene.method)
         given = scene.body_set, scene.method, *variant, self.stream
@@ -87,6 +92,11 @@ class BodiesState(SubstepSimulation):
     def inertial(self) -> Any:
         """See SubstepSimulation: of rigid bodies, from where the substep began."""
         return self._rigid.travel if self._rigid else None
+
+    @property
+    def couples(self) -> Any:
+        """Quads of particles: what friction at contacts turns them by, in the substep so far; None where it turns nothing."""
+        return self._couples.sums if self._couples else None
 
     def _in_own_order(self) -> np.ndarray:
         """(entries, 4): rest offsets and factors, particle by particle."""

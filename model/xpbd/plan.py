@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from model.contact.particle_parameters import contact_parts
 from model.core.plan import Node, Plan, Stage
 from model.formulas import colliders, contact, distance, particle_contact
-from model.formulas.shape_matching import cluster, deformation, lattice, pace, rebound, rigid
+from model.formulas.shape_matching import cluster, couple, deformation, lattice, pace, rebound, rigid
 from model.formulas.shape_matching import grid as shape_matching
 from model.mass_spring.cloth_plan import cloth_parts
 from model.mass_spring.plan import WIND, own_stages
@@ -98,7 +98,14 @@ def body_parts(scene: Scene) -> frozenset[str]:
     links = {"links"} if found.links.count else set()
     spare = {"spare"} if any(copy.waits for copy in (found.whole or found).copies) else set()
     lattices = {"lattices"} if found.lattices else set()
-    return found.alike.loose.parts | contact_parts(scene) | rigid_parts(scene) | links | spare | lattices
+    couples = {"couples"} if scene.contact and scene.contact.static_friction > 0 and has_turning(scene) else set()
+    return found.alike.loose.parts | contact_parts(scene) | rigid_parts(scene) | links | spare | lattices | couples
+
+
+def has_turning(scene: Scene) -> bool:
+    """Whether a loose cluster has several particles, so that a couple of friction can turn it."""
+    found = scene.body_set.alike.loose
+    return bool((found.offsets[1:] - found.offsets[:-1] > 1).any())
 
 
 def families(scene_parts: frozenset[str]) -> tuple[Family, ...]:
@@ -186,6 +193,16 @@ def momentum_stage(scene: Scene) -> Stage:
     return Stage("keep momenta", damping.reads + 2, damping.writes + 1, damping.operations + operations)
 
 
+def couple_stage(scene: Scene) -> Stage:
+    """Clusters gather the couples of their particles, three scalars that contacts write; particles turn with their clusters,
+    six scalars, and what was gathered is 0."""
+    clusters, particles = scene.body_set.loose, scene.body_set.particle_count
+    overlap, each = len(clusters.indices) / particles, clusters.count / particles
+    reads = overlap * (6 + 2) + overlap * (6 + 2) + 3
+    operations = overlap * (couple.OPERATIONS_MEMBER + couple.OPERATIONS_TURN) + each * couple.OPERATIONS_SPIN
+    return Stage("turn by friction", round(reads / 3), 2 + round(each * 2), round(operations))
+
+
 def rebound_stage(scene: Scene) -> Stage:
     """Clusters gather what colliders gave to their particles, and what it is worth; particles go with their clusters."""
     clusters, particles = scene.body_set.loose, scene.body_set.particle_count
@@ -237,6 +254,7 @@ def xpbd_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
         search = (Stage("find neighbours", 3, 1, BODIES_LOOKED_AT * particle_contact.OPERATIONS_SEARCH),)
         met = BODIES_MET * (particle_contact.OPERATIONS_COUNT + particle_contact.OPERATIONS_PROJECT)
         colours += (Stage("project contacts", 4, 1, scene.contact.sweeps * met),)
+    turned = (couple_stage(scene),) if "couples" in parts else ()
     update = Stage("update velocity", 2, 1, axes * distance.OPERATIONS_UPDATE)
     bounces = Stage("bounce", 6, 1, BODIES_MET * particle_contact.OPERATIONS_BOUNCE)  # places, velocities of pairs
     bounce = (bounces,) if "contact-restitution" in parts else ()
@@ -246,7 +264,7 @@ def xpbd_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
     touch = (Stage("collide", 2, 2, sum(colliders.OPERATIONS[kind] for kind, _ in bodies), 1.0),) if bodies else ()
     turned_round = (rebound_stage(scene),) if "rigid-rebound" in parts else ()
     iteration = Node("iteration", colours, method.iterations)
-    stages = (*outside, predict, *search, iteration, update, *steady, *bounce, *slow, *touch, *turned_round)
+    stages = (*outside, predict, *search, iteration, *turned, update, *steady, *bounce, *slow, *touch, *turned_round)
     substep = Node("substep", stages, method.substeps)
     root = Node("step", (substep,))
     if scene.bodies:  # a pass ends where particles wait for clusters: nothing of an iteration stays in registers

@@ -65,6 +65,17 @@ def test_projecting_rigid_bodies(math: str) -> None:
     assert stays_in_registers(text) and text.count("st.global.v4.f32") == 2
 
 
+@pytest.mark.parametrize("has_rigid,quads", [(False, 2), (True, 3)])
+@pytest.mark.parametrize("math", ["fast", "exact"])
+def test_projecting_with_couples(math: str, has_rigid: bool, quads: int) -> None:
+    """They are one more quad, beside that of travels."""
+    from gpu_backend.contact.particles_project import make_project
+
+    kernel = make_project(np.float32, math, True, True, True, True, has_rigid, True).project
+    text = kernel_text(kernel, f"{PROJECT['project']}{'R' * (quads - 1)}", np.float32, math)
+    assert stays_in_registers(text) and text.count("st.global.v4.f32") == quads
+
+
 @pytest.mark.parametrize("parts", [{"speed-limit", "sleeping"}, {"speed-limit"}, {"sleeping", "pins"}, set()])
 @pytest.mark.parametrize("math", ["fast", "exact"])
 @pytest.mark.parametrize("name", ENDS)

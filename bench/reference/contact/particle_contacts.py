@@ -37,10 +37,12 @@ class Contacts:
         self.active = self.distance * (1 + part.adhesion_reach * (self.pull > 0))
         self.gravity = scene.gravity.acceleration if scene.gravity and scene.gravity.enabled else 0.0
         self.pairs = np.zeros((0, 2), np.int64)
+        self.couples = np.zeros_like(body_set.position)  # of the substep so far, per unit of mass, times h
 
     def find(self, predicted: np.ndarray) -> None:
         """Keep who may meet whom within the substep, each pair once. `predicted` (particles, 3) [m]."""
         between = np.linalg.norm(predicted[:, None] - predicted, axis=2)
+        self.couples[:] = 0.0
         one, other = np.nonzero(np.triu(self.meets & (between < self.active * (1 + MARGIN))))
         self.pairs = np.stack([one, other], axis=1)
 
@@ -72,6 +74,9 @@ class Contacts:
         moved = now.copy()
         np.add.at(moved, i, self.weight[i][:, None] * way)
         np.add.at(moved, j, -self.weight[j][:, None] * way)
+        couple = -np.cross(d / 2, way)  # takes an impulse from a middle to the place half way between both
+        np.add.at(self.couples, i, self.weight[i][:, None] * couple)
+        np.add.at(self.couples, j, self.weight[j][:, None] * couple)
         return moved
 
     def given(self, now: np.ndarray, old: np.ndarray, velocity: np.ndarray, scale: np.ndarray) -> np.ndarray:

@@ -86,4 +86,6 @@ def make(real, compiled=plain):
         """The ways [m/s] of a particle to its clusters' motions, one axis: `pace` + (a b - c d), of spin and place."""
         return total + factor * ((pace + (a * b - c * d)) - velocity)
 
-    return SimpleNamespace(weighted=weighted, turned=turned, added=added, solved=solved, motion=motion, slowed=slowed)
+    return SimpleNamespace(
+        weighted=weighted, turned=turned, added=added, less=less, solved=solved, motion=motion, slowed=slowed
+    )

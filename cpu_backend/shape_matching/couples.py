@@ -1,0 +1,149 @@
+"""Couples of friction between particles, on CPU threads: clusters gather them and turn, particles go with their clusters. See
+model/formulas/shape_matching/couple.py."""
+
+from __future__ import annotations
+
+from functools import cache
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from cpu_backend.core.compile import Compiler
+from cpu_backend.core.layout import row_at
+from cpu_backend.core.progress import shares
+from cpu_backend.shape_matching.damping import make_lane_sum
+from cpu_backend.shape_matching.rigid import at_rigid
+from model.formulas.shape_matching import couple, pace, rigid
+from model.formulas.shape_matching.cluster import LANES
+from model.formulas.shape_matching.couple import SPIN, SUMS
+
+RIGID = 6  # arrays of clusters that rigid motions take, after whose come those of here
+
+
+def at_couples(parts: frozenset[str]) -> int:
+    """Where in the clusters' arrays those of couples lie: starts, clusters and shares of particles, flat turns of clusters,
+    three planes of couples."""
+    return at_rigid(parts) + RIGID * ("rigid-motion" in parts)
+
+
+def make_couples(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
+    """`gather(c, position, count, arrays, scratch)`: how cluster c turns; `turn(first, last, position, travel, weights,
+    count, arrays)`: particles, and what they had of couples is 0. Nothing is done unless the `parts` have couples."""
+    if "couples" not in parts:
+        return _without(compiler)
+    formulas, masses = couple.make(real, compiler.compiled), pace.make(real, compiler.compiled)
+    sum_of, carried = make_lane_sum(compiler, real), rigid.make(real, compiler.compiled).carried
+    weighted, added, spin, turned, gone = masses.weighted, masses.added, formulas.spin, formulas.turned, formulas.gone
+    place, has_rigid, zero = at_couples(parts), "rigid-motion" in parts, real(0)
+    at_clusters, at_shares, at_spins, at_sums = place + 1, place + 2, place + 3, place + 4
+
+    @compiler.row
+    def couple_rows(blocks, x0, y0, z0, slots, x, y, z, cx, cy, cz, mass, lanes):
+        for n in range(SUMS * LANES):
+            lanes[n] = zero
+        for block in range(blocks):
+            for lane in range(LANES):
+                e = block * LANES + lane
+                k, m = slots[e], mass[e]
+                dx, dy, dz = x[k] - x0, y[k] - y0, z[k] - z0
+                wx, wy, wz = weighted(m, x[k], x0), weighted(m, y[k], y0), weighted(m, z[k], z0)
+                lanes[lane] = lanes[lane] + wx
+                lanes[LANES + lane] = lanes[LANES + lane] + wy
+                lanes[2 * LANES + lane] = lanes[2 * LANES + lane] + wz
+                lanes[3 * LANES + lane] = added(lanes[3 * LANES + lane], m, cx[k])
+                lanes[4 * LANES + lane] = added(lanes[4 * LANES + lane], m, cy[k])
+                lanes[5 * LANES + lane] = added(lanes[5 * LANES + lane], m, cz[k])
+                lanes[6 * LANES + lane] = added(lanes[6 * LANES + lane], wx, dx)
+                lanes[7 * LANES + lane] = added(lanes[7 * LANES + lane], wy, dy)
+                lanes[8 * LANES + lane] = added(lanes[8 * LANES + lane], wz, dz)
+                lanes[9 * LANES + lane] = added(lanes[9 * LANES + lane], wx, dy)
+                lanes[10 * LANES + lane] = added(lanes[10 * LANES + lane], wx, dz)
+                lanes[11 * LANES + lane] = added(lanes[11 * LANES + lane], wy, dz)
+
+    @compiler.compiled
+    def is_coupled(c, count, arrays):
+        starts, slots, couples = arrays[0], arrays[3], arrays[at_sums]
+        for e in range(starts[c], starts[c + 1]):
+            k = slots[e]
+            if couples[k] != zero or couples[count + k] != zero or couples[2 * count + k] != zero:
+                return True
+        return False
+
+    @compiler.compiled
+    def gather(c, position, count, arrays, scratch):
+        spins, n = arrays[at_spins], SPIN * c
+        if not is_coupled(c, count, arrays):
+            for number in range(SPIN):
+                spins[n + number] = zero
+            return
+        starts, slots, members, couples = arrays[0], arrays[3], arrays[4], arrays[at_sums]
+        start, entries, k = starts[c], members.size // 4, np.int64(arrays[1][c])
+        x, y, z = position[k], position[count + k], position[2 * count + k]
+        couple_rows(
+            (starts[c + 1] - start) // LANES, x, y, z, row_at(slots, start), position, row_at(position, count),
+            row_at(position, 2 * count), couples, row_at(couples, count), row_at(couples, 2 * count),
+            row_at(members, 3 * entries + start), scratch,
+        )  # fmt: skip
+        spins[n], spins[n + 1], spins[n + 2], spins[n + 3], spins[n + 4], spins[n + 5] = spin(
+            sum_of(scratch, 0), sum_of(scratch, 1), sum_of(scratch, 2), sum_of(scratch, 3), sum_of(scratch, 4),
+            sum_of(scratch, 5), sum_of(scratch, 6), sum_of(scratch, 7), sum_of(scratch, 8), sum_of(scratch, 9),
+            sum_of(scratch, 10), sum_of(scratch, 11), arrays[5][4 * c + 3], x, y, z,
+        )  # fmt: skip
+
+    @compiler.compiled
+    def turn(first, last, position, travel, weights, count, arrays):
+        starts, clusters, parts_of, spins = arrays[place], arrays[at_clusters], arrays[at_shares], arrays[at_spins]
+        couples = arrays[at_sums]
+        for i in range(first, last):
+            j, k = count + i, 2 * count + i
+            couples[i], couples[j], couples[k] = zero, zero, zero
+            if weights[i] == zero:
+                continue
+            x, y, z = zero, zero, zero
+            for n in range(starts[i], starts[i + 1]):
+                g, share = row_at(spins, np.int64(SPIN) * clusters[n]), parts_of[n]
+                dx, dy, dz = position[i] - g[0], position[j] - g[1], position[k] - g[2]
+                x = turned(x, share, g[4], dz, g[5], dy)
+                y = turned(y, share, g[5], dx, g[3], dz)
+                z = turned(z, share, g[3], dy, g[4], dx)
+            x, y, z = gone(position[i], x), gone(position[j], y), gone(position[k], z)
+            if has_rigid:
+                travel[i], travel[j] = carried(travel[i], x, position[i]), carried(travel[j], y, position[j])
+                travel[k] = carried(travel[k], z, position[k])
+            position[i], position[j], position[k] = x, y, z
+
+    return SimpleNamespace(gather=gather, turn=turn)
+
+
+def _without(compiler: Compiler) -> SimpleNamespace:
+    @compiler.compiled
+    def gather(c, position, count, arrays, scratch):
+        pass
+
+    @compiler.compiled
+    def turn(first, last, position, travel, weights, count, arrays):
+        pass
+
+    return SimpleNamespace(gather=gather, turn=turn)
+
+
+@cache
+def make_couples_stage(real: Any, math: str, parts: frozenset[str]) -> Any:
+    """turn(bands, position, travel, weights, count, arrays, scratch, pitch): all clusters, then all particles, a parallel
+    loop each; `pitch`: numbers of a band's scratch."""
+    words = f"{at_couples(parts)}{'_rigid' * ('rigid-motion' in parts)}"
+    compiler = Compiler(f"bodies_couples_{np.dtype(real).name}_{math}_{words}", math)
+    made = make_couples(compiler, real, parts)
+    gather, turn_some = made.gather, made.turn
+
+    def turn(team, member, bands, position, travel, weights, count, arrays, scratch, pitch):
+        clusters = arrays[5].size // 4
+        for band in shares(team, member, bands):
+            room = row_at(scratch, np.int64(pitch * band))
+            for c in range(clusters * band // bands, clusters * (band + 1) // bands):
+                gather(c, position, count, arrays, room)
+        for band in shares(team, member, bands):
+            turn_some(count * band // bands, count * (band + 1) // bands, position, travel, weights, count, arrays)
+
+    return compiler.team(turn)

@@ -1,0 +1,134 @@
+"""CUDA kernels of the couples of friction between particles (model/formulas/shape_matching/couple.py): LANES threads gather
+those of a cluster, one makes its turn of them, a thread a particle goes with those of its clusters."""
+
+from __future__ import annotations
+
+from functools import cache
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+from numba import cuda
+
+from gpu_backend.core.compile import inlined, kernel_options, make_kernels, variant_name
+from gpu_backend.core.formulas import device_formulas
+from gpu_backend.core.quads import SIZE, load_quad, store_quad
+from gpu_backend.shape_matching.kernels import PITCH, THREADS, TOGETHER
+from model.formulas.shape_matching import cluster, couple, pace, rigid
+from model.formulas.shape_matching.cluster import LANES
+from model.formulas.shape_matching.couple import SUMS
+from model.shape_matching.clusters import Clusters
+
+SHARED = TOGETHER * SUMS * PITCH  # numbers of a block
+QUADS = 2  # of a cluster: its centre, its turn
+
+
+@cache
+def make_couples(real: Any, math: str, has_rigid: bool) -> SimpleNamespace:
+    """`gather(position, couples, starts, firsts, indices, members, leans, spins)`: how all clusters turn, in blocks of
+    THREADS; `turn(position, couples, own_starts, own_clusters, own_shares, spins)`: particles, and what they had of couples
+    is 0; where bodies are rigid, `has_rigid`, it takes their `travel` last."""
+    masses, formulas = device_formulas(pace.make, real, math), device_formulas(couple.make, real, math)
+    total, carried = device_formulas(cluster.make, real, math).total, device_formulas(rigid.make, real, math).carried
+    weighted, added, spin, turned, gone = masses.weighted, masses.added, formulas.spin, formulas.turned, formulas.gone
+    zero, one, lanes, sums, pitch = real(0), np.int32(1), np.int32(LANES), np.int32(SUMS), np.int32(PITCH)
+
+    def gather(position, couples, starts, firsts, indices, members, leans, spins):
+        shared = cuda.shared.array(SHARED, real)
+        lane, place = np.int32(cuda.threadIdx.x % lanes), np.int32(cuda.threadIdx.x // lanes)
+        c = np.int32(cuda.blockIdx.x * TOGETHER + place)
+        clusters = np.int32(firsts.size)
+        x, y, z, u, v, w = zero, zero, zero, zero, zero, zero
+        xx, yy, zz, xy, xz, yz = zero, zero, zero, zero, zero, zero
+        if c < clusters:
+            f = load_quad(position, firsts[c])
+            for e in range(np.int32(starts[c] + lane), starts[c + one], lanes):
+                p, q, m = load_quad(position, indices[e]), load_quad(couples, indices[e]), load_quad(members, e)
+                dx, dy, dz = p[0] - f[0], p[1] - f[1], p[2] - f[2]
+                wx, wy, wz = weighted(m[3], p[0], f[0]), weighted(m[3], p[1], f[1]), weighted(m[3], p[2], f[2])
+                x, y, z = x + wx, y + wy, z + wz
+                u, v, w = added(u, m[3], q[0]), added(v, m[3], q[1]), added(w, m[3], q[2])
+                xx, yy, zz = added(xx, wx, dx), added(yy, wy, dy), added(zz, wz, dz)
+                xy, xz, yz = added(xy, wx, dy), added(xz, wx, dz), added(yz, wy, dz)
+        base = np.int32(place * sums * pitch)
+        at = np.int32(base + lane)
+        shared[at], shared[at + pitch], shared[at + 2 * pitch] = x, y, z
+        shared[at + 3 * pitch], shared[at + 4 * pitch], shared[at + 5 * pitch] = u, v, w
+        shared[at + 6 * pitch], shared[at + 7 * pitch], shared[at + 8 * pitch] = xx, yy, zz
+        shared[at + 9 * pitch], shared[at + 10 * pitch], shared[at + 11 * pitch] = xy, xz, yz
+        cuda.syncthreads()
+        if lane < sums:
+            k = np.int32(base + lane * pitch)
+            shared[k] = total(
+                shared[k], shared[k + 1], shared[k + 2], shared[k + 3], shared[k + 4], shared[k + 5], shared[k + 6],
+                shared[k + 7], shared[k + 8], shared[k + 9], shared[k + 10], shared[k + 11], shared[k + 12],
+                shared[k + 13], shared[k + 14], shared[k + 15],
+            )  # fmt: skip
+        cuda.syncthreads()
+        if c < clusters and lane == 0:
+            f, lean, row = load_quad(position, firsts[c]), load_quad(leans, c), np.int32(QUADS * c)
+            cx, cy, cz, ox, oy, oz = spin(
+                shared[base], shared[base + pitch], shared[base + 2 * pitch], shared[base + 3 * pitch],
+                shared[base + 4 * pitch], shared[base + 5 * pitch], shared[base + 6 * pitch], shared[base + 7 * pitch],
+                shared[base + 8 * pitch], shared[base + 9 * pitch], shared[base + 10 * pitch], shared[base + 11 * pitch],
+                lean[3], f[0], f[1], f[2],
+            )  # fmt: skip
+            store_quad(spins, row, cx, cy, cz, zero)
+            store_quad(spins, row + 1, ox, oy, oz, zero)
+
+    @inlined(math)
+    def turn_one(k, position, couples, own_starts, own_clusters, own_shares, spins):
+        """(where particle k was, where it is)."""
+        store_quad(couples, k, zero, zero, zero, zero)
+        p, x, y, z = load_quad(position, k), zero, zero, zero
+        if p[3] != zero:
+            for n in range(own_starts[k], own_starts[k + one]):
+                row, share = np.int32(QUADS * own_clusters[n]), own_shares[n]
+                c, o = load_quad(spins, row), load_quad(spins, row + 1)
+                dx, dy, dz = p[0] - c[0], p[1] - c[1], p[2] - c[2]
+                x = turned(x, share, o[1], dz, o[2], dy)
+                y = turned(y, share, o[2], dx, o[0], dz)
+                z = turned(z, share, o[0], dy, o[1], dx)
+        x, y, z = gone(p[0], x), gone(p[1], y), gone(p[2], z)
+        store_quad(position, k, x, y, z, p[3])
+        return p, (x, y, z)
+
+    def turn_soft(position, couples, own_starts, own_clusters, own_shares, spins):
+        k = np.int32(cuda.grid(1))
+        if k < position.size // SIZE:
+            turn_one(k, position, couples, own_starts, own_clusters, own_shares, spins)
+
+    def turn_rigid(position, couples, own_starts, own_clusters, own_shares, spins, travel):
+        k = np.int32(cuda.grid(1))
+        if k < position.size // SIZE:
+            p, q = turn_one(k, position, couples, own_starts, own_clusters, own_shares, spins)
+            t = load_quad(travel, k)
+            store_quad(travel, k, carried(t[0], q[0], p[0]), carried(t[1], q[1], p[1]), carried(t[2], q[2], p[2]), t[3])
+
+    turn = turn_rigid if has_rigid else turn_soft
+    turn.__name__ = "turn"
+    name = f"bodies_couples_{variant_name(real, math, 'rigid' * has_rigid)}"
+    return make_kernels((gather, turn), name, **kernel_options(math))
+
+
+class Couples:
+    """Of `clusters`; `own` (entries,): entries in the particles' order. `sums`: quads of particles, 0 between substeps."""
+
+    launches = 2  # `turn`
+
+    def __init__(
+        self, clusters: Clusters, own: np.ndarray, particles: int, parts: frozenset[str], real: Any, math: str, stream: Any
+    ):  # fmt: skip
+        self._blocks = max(1, -(-clusters.count // TOGETHER)), THREADS, stream
+        self._flat = max(1, -(-particles // THREADS)), THREADS, stream
+        arrays = np.zeros(SIZE * particles, real), np.zeros(QUADS * SIZE * clusters.count, real)
+        self.sums, self._spins, self._shares = (
+            cuda.to_device(array, stream=stream) for array in (*arrays, clusters.shares[own].astype(real))
+        )
+        self._kernels = make_couples(real, math, "rigid-motion" in parts)
+
+    def turn(self, position: Any, entries: tuple[Any, ...], leans: Any, gathered: tuple[Any, ...], travel: Any) -> None:
+        """Particles where they are when the substep's contacts are projected; `travel`: of rigid bodies, or None."""
+        self._kernels.gather[self._blocks](position, self.sums, *entries, leans, self._spins)
+        given = position, self.sums, *gathered[:2], self._shares, self._spins
+        self._kernels.turn[self._flat](*given, *(() if travel is None else (travel,)))
