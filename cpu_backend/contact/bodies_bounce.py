@@ -14,7 +14,7 @@ from cpu_backend.core.compile import Compiler
 from cpu_backend.core.layout import row_at
 from cpu_backend.core.progress import shares
 from cpu_backend.shape_matching.damping import make_damping
-from cpu_backend.shape_matching.rebound import AXES, make_rebound
+from cpu_backend.shape_matching.rebound import AXES, make_answer
 from model.formulas.shape_matching import rebound
 from model.formulas.shape_matching.pace import MOTION
 
@@ -84,9 +84,9 @@ def make_strikes(compiler: Compiler, real: Any, scaled: bool) -> Any:
 def make_bodies_bounce(real: Any, math: str, place: int) -> Any:
     """bounce(team, member, bands, position, old, velocity, weights, record, neighbours, contacts, arrays, scratch, pitch):
     what a member of a team does (core/progress.py), as `make_bounce` of contact/particles_bounce.py; `arrays` of clusters,
-    from `place` on those of `make_rebound`, and a scale of each particle; `pitch`: numbers of a band's scratch."""
+    from `place` on those of `make_rebound`, with a scale of each particle; `pitch`: numbers of a band's scratch."""
     compiler = Compiler(f"bodies_bounce_all_{np.dtype(real).name}_{math}_{place}", math)
-    answer = make_rebound(compiler, real, True, place).answer
+    answer = make_answer(compiler, real, place).answer
     gather, tell = make_damping(compiler, real, True, place).gather, make_passes(compiler, real, False).tell
     strike_all, strike_scaled = (make_strikes(compiler, real, scaled) for scaled in (False, True))
     motions_made = make_motions(compiler, real, place)

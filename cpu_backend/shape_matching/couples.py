@@ -18,7 +18,7 @@ from model.formulas.shape_matching import couple, pace, rigid
 from model.formulas.shape_matching.cluster import LANES
 from model.formulas.shape_matching.couple import SPIN, SUMS
 
-RIGID = 6  # arrays of clusters that rigid motions take, after whose come those of here
+RIGID = 7  # arrays of clusters that rigid motions take, after whose come those of here
 
 
 def at_couples(parts: frozenset[str]) -> int:

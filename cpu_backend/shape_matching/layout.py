@@ -14,6 +14,8 @@ from model.shape_matching.body_set import BodySet
 from model.shape_matching.cluster_tables import first_particles, leans
 from model.shape_matching.clusters import Clusters
 
+LONE, SCATTERED = 2, 1  # kinds of rigid clusters: one that is a body, with its particles in their order; others
+
 Bounds = tuple[np.ndarray, np.ndarray]  # first particles and first clusters of bodies, and the ends of the last one
 
 
@@ -46,6 +48,13 @@ class Layout:
     own: tuple[np.ndarray, ...]
     of_entry: np.ndarray
     of_own: np.ndarray
+
+    def kinds(self, whole: np.ndarray) -> np.ndarray:
+        """(clusters,): LONE, SCATTERED or, where they are not `whole`, 0."""
+        found = np.where(whole, SCATTERED, 0).astype(np.uint8)
+        for _, _, low, high, lone in self.groups:
+            found[low:high][whole[low:high]] = LONE if lone else SCATTERED
+        return found
 
     def bands(self, threads: int) -> np.ndarray:
         """(threads + 1,): the first group of each thread, so that they have as much to do as groups allow."""

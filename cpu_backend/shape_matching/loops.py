@@ -109,40 +109,48 @@ def make_bodies_stages(real: Any, math: str, parts: frozenset[str]) -> SimpleNam
     )  # fmt: skip
 
 
-def make_substep_end(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
-    """end(first, last, low, high, lone, number, before, after, velocity, weights, arrays, room, parameters, bodies, kinds):
-    what becomes of particles `first` to before `last`, of the clusters `low` to before `high`, which may be a `lone` one,
-    when they have come to their goals."""
+def make_substep_end(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
+    """`begin(first, last, c, ...)`, of the particles of a lone cluster c; `end(first, last, low, high, lone, number, before,
+    after, velocity, weights, arrays, room, parameters, bodies, kinds)`: the end of particles `first` to before `last`, of
+    the clusters `low` to before `high`, which may be a `lone` one, when they have come to their goals."""
     of_one, has_damping = make_particles(compiler, real, parts), "cluster_damping" in parts
-    rate, collide, has_bodies = of_one.rate, of_one.collide, bool(parts & set(COLLIDER_KINDS))
+    begin_any, begin_rigid = of_one.begin, of_one.begin_rigid
+    rate, collide, strike, has_bodies = of_one.rate, of_one.collide, of_one.strike, bool(parts & set(COLLIDER_KINDS))
     damping, rebounds = make_damping(compiler, real, has_damping, at_damping(parts)), "rigid-rebound" in parts
     gather, slow, whole = damping.gather, damping.slow, make_rebound(compiler, real, rebounds, at_rebound(parts))
-    note, strike, answer, go = whole.note, whole.strike, whole.answer, whole.go
-    has_rigid, at_travel = "rigid-motion" in parts, at_rigid(parts) + 5
+    answer, go, at_struck = whole.answer, whole.go, at_rebound(parts) + 5
+    has_rigid, at_kinds, at_travel = "rigid-motion" in parts, at_rigid(parts) + 4, at_rigid(parts) + 5
     steadying = make_steadying(compiler, real, has_rigid, at_rigid(parts))
-    gather_rigid, steady, steady_lone = steadying.gather, steadying.steady, steadying.steady_lone
+    gather_rigid, steady = steadying.gather, steadying.steady
+
+    @compiler.compiled
+    def is_rigid(c, arrays):
+        if has_rigid:
+            return arrays[at_kinds][c] != 0
+        return False
+
+    @compiler.compiled
+    def begin(first, last, c, before, after, velocity, weights, arrays, parameters, integers):
+        """Of a rigid one the velocities that it has at the substep's end, as matching alone moves it."""
+        count = weights.size
+        if has_rigid:
+            if is_rigid(c, arrays):
+                begin_rigid(first, last, count, before, after, velocity, weights, parameters, integers)
+                return
+        travel = arrays[at_travel] if has_rigid else weights
+        begin_any(first, last, count, before, after, velocity, weights, parameters, integers, travel)
 
     @compiler.compiled
     def end(
         first, last, low, high, lone, number, before, after, velocity, weights, arrays, room, parameters, bodies, kinds
     ):  # fmt: skip
         count = weights.size
-        rate(
-            first,
-            last,
-            count,
-            before,
-            after,
-            velocity,
-            weights,
-            parameters,
-            arrays[at_travel] if has_rigid else weights,
-        )
+        travel = arrays[at_travel] if has_rigid else weights
+        if not (lone and is_rigid(low, arrays)):
+            rate(first, last, count, before, after, velocity, weights, parameters, travel)
         if has_rigid:
             for c in range(low, high):
                 gather_rigid(c, after, velocity, count, arrays, room)
-                if lone:
-                    steady_lone(c, after, velocity, count, arrays)
             if not lone:
                 steady(first, last, after, velocity, count, arrays)
         if has_damping:
@@ -150,16 +158,16 @@ def make_substep_end(compiler: Compiler, real: Any, parts: frozenset[str]) -> An
                 gather(c, after, velocity, count, arrays, room)
             slow(first, last, after, velocity, count, arrays)
         if rebounds:
-            note(first, last, velocity, count, arrays)
-        if has_bodies:
-            collide(first, last, count, number, before, after, velocity, weights, parameters, bodies, kinds)
-        if rebounds:
-            strike(first, last, velocity, count, arrays)
+            struck = arrays[at_struck]
+            strike(first, last, count, number, before, after, velocity, weights, parameters, bodies, kinds, struck)
             for c in range(low, high):
-                answer(c, after, count, arrays, room)
-            go(first, last, after, velocity, count, arrays)
+                answer(c, after, velocity, count, arrays, room)
+            if not lone:
+                go(first, last, after, velocity, count, arrays)
+        elif has_bodies:
+            collide(first, last, count, number, before, after, velocity, weights, parameters, bodies, kinds)
 
-    return end
+    return SimpleNamespace(begin=begin, end=end)
 
 
 @cache
@@ -175,7 +183,8 @@ def make_bodies_apart(real: Any, math: str, parts: frozenset[str]) -> Any:
     has_rigid, at_travel = "rigid-motion" in parts, at_rigid(parts) + 5
     begin, made = make_particles(compiler, real, parts).begin, make_matching(real, math, shaping(parts), has_rigid)
     match, move, sum_up, turn, move_lone = made.match, made.move, made.sum_up, made.turn, made.move_lone
-    end = make_substep_end(compiler, real, parts)
+    of_substep = make_substep_end(compiler, real, parts)
+    begin_lone, end = of_substep.begin, of_substep.end
 
     @compiler.compiled
     def pass_lone(
@@ -189,7 +198,7 @@ def make_bodies_apart(real: Any, math: str, parts: frozenset[str]) -> Any:
                 first = np.int64(firsts[c])
                 if iteration == 0:
                     last = first + (starts[c + 1] - starts[c])
-                    begin(first, last, count, before, after, velocity, weights, parameters, integers, travel)
+                    begin_lone(first, last, c, before, after, velocity, weights, arrays, parameters, integers)
                 sum_up(c, c - low, after, count, arrays, room)
             turn(low, high, after, count, arrays, rotation, rotation, frames, room)
             for c in range(low, high):
@@ -198,22 +207,9 @@ def make_bodies_apart(real: Any, math: str, parts: frozenset[str]) -> Any:
                     first = np.int64(firsts[c])
                     last = first + (starts[c + 1] - starts[c])
                     end(
-                        first,
-                        last,
-                        c,
-                        c + 1,
-                        True,
-                        number,
-                        before,
-                        after,
-                        velocity,
-                        weights,
-                        arrays,
-                        room,
-                        parameters,
-                        bodies,
-                        kinds,
-                    )
+                        first, last, c, c + 1, True, number, before, after, velocity, weights, arrays, room, parameters,
+                        bodies, kinds,
+                    )  # fmt: skip
 
     @compiler.compiled
     def pass_any(
@@ -228,22 +224,8 @@ def make_bodies_apart(real: Any, math: str, parts: frozenset[str]) -> Any:
                 match(c, min(c + LANES, high), after, count, arrays, rotation, rotation, frames, room)
             move(first, last, after, count, own, own_factors, frames, travel)
         end(
-            first,
-            last,
-            low,
-            high,
-            False,
-            number,
-            before,
-            after,
-            velocity,
-            weights,
-            arrays,
-            room,
-            parameters,
-            bodies,
-            kinds,
-        )
+            first, last, low, high, False, number, before, after, velocity, weights, arrays, room, parameters, bodies, kinds
+        )  # fmt: skip
 
     def advance(
         band, bands, bounds, groups, steps, step, substeps, iterations, even, odd, velocity, weights, arrays, factors, own,

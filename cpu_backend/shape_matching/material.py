@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from cpu_backend.shape_matching.layout import Layout
+from cpu_backend.shape_matching.layout import SCATTERED, Layout
 from cpu_backend.shape_matching.shapes import ENTRIES
 from model.formulas.shape_matching.couple import SPIN
 from model.formulas.shape_matching.deformation import SHAPE
@@ -38,17 +38,19 @@ class ClusterArrays:
             damping = (*layout.own[:2], self._slowing, np.zeros(MOTION * clusters.count, real))
             steps, look = (*steps, *damping), (*look, *damping)
         whole = whole_clusters(clusters)
-        factors = whole[clusters.owner][layout.of_own].astype(real)
+        factors, kinds = whole[clusters.owner][layout.of_own].astype(real), layout.kinds(whole)
         if parts & {"rigid-rebound", "rigid-bounce"}:
             limits, struck = rebound_limits(clusters).astype(real), np.zeros(3 * layout.count, real)
             scales = np.ones(layout.count, real)
-            rebounds = (*layout.own[:2], factors, np.zeros(MOTION * clusters.count, real), limits, struck, scales)
+            motions = np.zeros(MOTION * clusters.count, real)
+            rebounds = (*layout.own[:2], factors, motions, limits, struck, scales, kinds)
             steps, look = (*steps, *rebounds), (*look, *rebounds)
         self.travel = np.zeros(4 * layout.count if "rigid-motion" in parts else 0, real)
         if "rigid-motion" in parts:
             self.travel[3 * layout.count + layout.slots] = goal_slack(clusters, real)
             motions = np.zeros(MOTION * clusters.count, real)
-            moving = (*layout.own[:2], factors, motions, whole.astype(np.uint8), self.travel)
+            scattered = np.array([(kinds == SCATTERED).any()])
+            moving = (*layout.own[:2], factors, motions, kinds, self.travel, scattered)
             steps, look = (*steps, *moving), (*look, *moving)
         self.couples = np.zeros(3 * layout.count if "couples" in parts else 0, real)
         if "couples" in parts:

@@ -21,7 +21,8 @@ from model.formulas.shape_matching.cluster import LANES
 def make_particles(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
     """Loops over blocks of particles: `begin`, their predictions; `rate`, their velocities, of rigid bodies' those of
     their travels (model/formulas/shape_matching/rigid.py); `collide`. `travel`: three planes and one of slacks, read where
-    bodies are rigid."""
+    bodies are rigid. `begin_rigid`: predictions of a rigid body that nothing but matching moves, and their velocities;
+    `strike`: as `collide`, and what velocities got, into three planes `struck`."""
     formulas = distance.make(real, compiler.compiled)
     kicked, kept, predicted, rate_of = formulas.kicked, formulas.kept, formulas.predicted, formulas.rate
     touch = make_collide_mass(compiler, real, parts)
@@ -31,28 +32,40 @@ def make_particles(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simp
     keeping, there = rigid.make(real, compiler.compiled), np.int64(has_rigid)  # where travels are not, another array is
     travelled, rate_over = keeping.travelled, keeping.rate_over
 
-    @compiler.row
-    def predict_rows(
-        blocks, first, integers, parameters, weights, x, y, z, vx, vy, vz, to_x, to_y, to_z, over_x, over_y, over_z
-    ):  # fmt: skip
-        """`first`: the place of the first of them."""
-        h = parameters.dt
-        for block in range(blocks):
-            for lane in range(LANES):
-                k = block * LANES + lane
-                weight = weights[k]
-                ax, ay, az = zero, zero, zero
-                if has_gravity:
-                    ay = ay + parameters.gravity
-                ax, ay, az = own((ax, ay, az), first + k, weight, parameters, integers, no_step)
-                keep = kept(parameters.braking, weight) if has_damping else one
-                u, v, w = kicked(vx[k], keep, h, ax), kicked(vy[k], keep, h, ay), kicked(vz[k], keep, h, az)
-                px, py, pz = predicted(x[k], h, u), predicted(y[k], h, v), predicted(z[k], h, w)
-                if has_rigid:
-                    over_x[k], over_y[k], over_z[k] = travelled(h, u), travelled(h, v), travelled(h, w)
-                to_x[k] = px if not has_spare or weight > zero else x[k]
-                to_y[k] = py if not has_spare or weight > zero else y[k]
-                to_z[k] = pz if not has_spare or weight > zero else z[k]
+    def make_predict(rates: bool) -> Any:
+        """`rates`: velocities become those of travels at once, which then nobody needs."""
+
+        def predict_rows(
+            blocks, first, integers, parameters, weights, x, y, z, vx, vy, vz, to_x, to_y, to_z, over_x, over_y, over_z
+        ):  # fmt: skip
+            """`first`: the place of the first of them."""
+            h = parameters.dt
+            for block in range(blocks):
+                for lane in range(LANES):
+                    k = block * LANES + lane
+                    weight = weights[k]
+                    ax, ay, az = zero, zero, zero
+                    if has_gravity:
+                        ay = ay + parameters.gravity
+                    ax, ay, az = own((ax, ay, az), first + k, weight, parameters, integers, no_step)
+                    keep = kept(parameters.braking, weight) if has_damping else one
+                    u, v, w = kicked(vx[k], keep, h, ax), kicked(vy[k], keep, h, ay), kicked(vz[k], keep, h, az)
+                    px, py, pz = predicted(x[k], h, u), predicted(y[k], h, v), predicted(z[k], h, w)
+                    if rates:
+                        goes = not has_spare or weight > zero
+                        vx[k] = rate_over(travelled(h, u), parameters.inverse_substep) if goes else zero
+                        vy[k] = rate_over(travelled(h, v), parameters.inverse_substep) if goes else zero
+                        vz[k] = rate_over(travelled(h, w), parameters.inverse_substep) if goes else zero
+                    elif has_rigid:
+                        over_x[k], over_y[k], over_z[k] = travelled(h, u), travelled(h, v), travelled(h, w)
+                    to_x[k] = px if not has_spare or weight > zero else x[k]
+                    to_y[k] = py if not has_spare or weight > zero else y[k]
+                    to_z[k] = pz if not has_spare or weight > zero else z[k]
+
+        predict_rows.__name__ = "predict_rates" if rates else "predict_rows"
+        return compiler.row(predict_rows)
+
+    predict_rows, predict_rates = make_predict(False), make_predict(True)
 
     @compiler.compiled
     def begin(first, last, count, before, after, velocity, weights, parameters, integers, travel):
@@ -63,6 +76,16 @@ def make_particles(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simp
             row_at(velocity, count + first), row_at(velocity, 2 * count + first), row_at(after, first),
             row_at(after, count + first), row_at(after, 2 * count + first), row_at(travel, there * first),
             row_at(travel, there * (count + first)), row_at(travel, there * (2 * count + first)),
+        )  # fmt: skip
+
+    @compiler.compiled
+    def begin_rigid(first, last, count, before, after, velocity, weights, parameters, integers):
+        unused = row_at(weights, first)
+        predict_rates(
+            (last - first) // LANES, first, integers, parameters, row_at(weights, first), row_at(before, first),
+            row_at(before, count + first), row_at(before, 2 * count + first), row_at(velocity, first),
+            row_at(velocity, count + first), row_at(velocity, 2 * count + first), row_at(after, first),
+            row_at(after, count + first), row_at(after, 2 * count + first), unused, unused, unused,
         )  # fmt: skip
 
     @compiler.row
@@ -102,11 +125,22 @@ def make_particles(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simp
                 bodies, kinds, number, parameters, before[k], before[count + k], before[2 * count + k], after[k],
                 after[count + k], after[2 * count + k], velocity[k], velocity[count + k], velocity[2 * count + k],
             )  # fmt: skip
-            after[k] = px
-            after[count + k] = py
-            after[2 * count + k] = pz
-            velocity[k] = vx
-            velocity[count + k] = vy
-            velocity[2 * count + k] = vz
+            after[k], after[count + k], after[2 * count + k] = px, py, pz
+            velocity[k], velocity[count + k], velocity[2 * count + k] = vx, vy, vz
 
-    return SimpleNamespace(begin=begin, rate=rate, collide=collide)
+    @compiler.compiled
+    def strike(first, last, count, number, before, after, velocity, weights, parameters, bodies, kinds, struck):
+        for k in range(first, last):
+            if has_spare and weights[k] == zero:
+                struck[k], struck[count + k], struck[2 * count + k] = zero, zero, zero
+                continue
+            px, py, pz, vx, vy, vz = touch(
+                bodies, kinds, number, parameters, before[k], before[count + k], before[2 * count + k], after[k],
+                after[count + k], after[2 * count + k], velocity[k], velocity[count + k], velocity[2 * count + k],
+            )  # fmt: skip
+            after[k], after[count + k], after[2 * count + k] = px, py, pz
+            struck[k], struck[count + k] = vx - velocity[k], vy - velocity[count + k]
+            struck[2 * count + k] = vz - velocity[2 * count + k]
+            velocity[k], velocity[count + k], velocity[2 * count + k] = vx, vy, vz
+
+    return SimpleNamespace(begin=begin, begin_rigid=begin_rigid, rate=rate, collide=collide, strike=strike)

@@ -14,6 +14,7 @@ from cpu_backend.core.layout import row_at
 from cpu_backend.core.progress import shares
 from cpu_backend.shape_matching.damping import at_damping, make_damping, make_lane_sum
 from cpu_backend.shape_matching.kernels import AXES
+from cpu_backend.shape_matching.layout import LONE
 from model.formulas.shape_matching import rebound
 from model.formulas.shape_matching.cluster import LANES
 from model.formulas.shape_matching.pace import MOTION
@@ -26,18 +27,101 @@ def at_rebound(parts: frozenset[str]) -> int:
     return at_damping(parts) + DAMPING * ("cluster_damping" in parts)
 
 
+def make_answer(compiler: Compiler, real: Any, place: int) -> Any:
+    """answer(c, position, count, arrays, scratch): the rigid motion that cluster c makes of what its particles got, and what
+    it was multiplied by; 0 of a cluster that does not come off as a whole."""
+    formulas, sum_of = rebound.make(real, compiler.compiled), make_lane_sum(compiler, real)
+    weighed, rigid, enlarged, scaled = formulas.weighed, formulas.rigid, formulas.enlarged, formulas.scaled
+    gather = make_damping(compiler, real, True, place).gather
+    at_motions, at_limits, at_struck, zero = place + 3, place + 4, place + 5, real(0)
+
+    def make_rows(gathers: bool) -> Any:
+        def worth_rows(blocks, motion, slots, x, y, z, vx, vy, vz, mass, lanes):
+            for n in range(2 * LANES):
+                lanes[n] = zero
+            for block in range(blocks):
+                for lane in range(LANES):
+                    e = block * LANES + lane
+                    k, m = slots[e] if gathers else e, mass[e]
+                    dx, dy, dz = x[k] - motion[0], y[k] - motion[1], z[k] - motion[2]
+                    u = rigid(motion[3], motion[7], dz, motion[8], dy)
+                    v = rigid(motion[4], motion[8], dx, motion[6], dz)
+                    w = rigid(motion[5], motion[6], dy, motion[7], dx)
+                    lanes[lane] = weighed(lanes[lane], m, vx[k], vy[k], vz[k])
+                    lanes[LANES + lane] = weighed(lanes[LANES + lane], m, u, v, w)
+
+        worth_rows.__name__ = "gather_worth" if gathers else "sum_worth"
+        return compiler.row(worth_rows)
+
+    sum_worth, gather_worth = make_rows(False), make_rows(True)
+
+    @compiler.row
+    def any_row(blocks, x, y, z):
+        found = np.int32(0)
+        for block in range(blocks):
+            for lane in range(LANES):
+                k = block * LANES + lane
+                found |= np.int32((x[k] != zero) | (y[k] != zero) | (z[k] != zero))
+        return found != 0
+
+    @compiler.compiled
+    def touched(c, count, arrays):
+        """Whether a particle of cluster c got anything; of a straight one, or one of those that follow it in its block."""
+        struck, starts, slots, first = arrays[at_struck], arrays[0], arrays[3], np.int64(arrays[1][c])
+        if arrays[2][c]:
+            return any_row(
+                (starts[c + 1] - starts[c]) // LANES, row_at(struck, first), row_at(struck, count + first),
+                row_at(struck, 2 * count + first),
+            )  # fmt: skip
+        for e in range(starts[c], starts[c + 1]):
+            k = slots[e]
+            if struck[k] != zero or struck[count + k] != zero or struck[2 * count + k] != zero:
+                return True
+        return False
+
+    @compiler.compiled
+    def answer(c, position, count, arrays, scratch):
+        limit = arrays[at_limits][c]
+        if limit == zero:
+            return zero
+        struck, motion = arrays[at_struck], row_at(arrays[at_motions], np.int64(MOTION * c))
+        if not touched(c, count, arrays):
+            for n in range(MOTION):
+                motion[n] = zero
+            return zero
+        gather(c, position, struck, count, arrays, scratch)
+        starts, slots, members, first = arrays[0], arrays[3], arrays[4], np.int64(arrays[1][c])
+        start, blocks, mass = starts[c], (starts[c + 1] - starts[c]) // LANES, 3 * (members.size // 4)
+        if arrays[2][c]:
+            sum_worth(
+                blocks, motion, row_at(slots, start), row_at(position, first), row_at(position, count + first),
+                row_at(position, 2 * count + first), row_at(struck, first), row_at(struck, count + first),
+                row_at(struck, 2 * count + first), row_at(members, mass + start), scratch,
+            )  # fmt: skip
+        else:
+            gather_worth(
+                blocks, motion, row_at(slots, start), position, row_at(position, count), row_at(position, 2 * count),
+                struck, row_at(struck, count), row_at(struck, 2 * count), row_at(members, mass + start), scratch,
+            )  # fmt: skip
+        scale = enlarged(sum_of(scratch, 0), sum_of(scratch, 1), limit)
+        for n in range(AXES, MOTION):
+            motion[n] = scaled(motion[n], scale)
+        return scale
+
+    return SimpleNamespace(answer=answer, touched=touched)
+
+
 def make_rebound(compiler: Compiler, real: Any, rebounds: bool, place: int) -> SimpleNamespace:
     """`note(first, last, velocity, count, arrays)`: before colliders; `strike(first, last, velocity, count, arrays)`: after
-    them, what particles got; `answer(c, position, count, arrays, scratch)`: what cluster c makes of it; `go(first, last,
-    position, velocity, count, arrays)`: particles. Arrays from `place` on: as of damping, factors 1 of clusters that come off
-    as a whole; limits (clusters,), 0 of the others; what particles got, three planes. Not done unless a body `rebounds`."""
+    them, what particles got; `answer(c, position, velocity, count, arrays, scratch)`: what cluster c makes of it, also of its
+    particles where it is LONE; `go(first, last, position, velocity, count, arrays)`: particles of others. Arrays from `place`
+    on: as of damping, factors 1 of clusters that come off as a whole; limits (clusters,), 0 of others; what particles got,
+    three planes; scales; kinds (layout.py). Not done unless a body `rebounds`."""
     if not rebounds:
         return _without(compiler)
-    formulas, sum_of = rebound.make(real, compiler.compiled), make_lane_sum(compiler, real)
-    weighed, rigid, enlarged = formulas.weighed, formulas.rigid, formulas.enlarged
-    scaled, rebounded = formulas.scaled, formulas.rebounded
-    gather = make_damping(compiler, real, True, place).gather
-    at_factors, at_motions, at_limits, at_struck = place + 2, place + 3, place + 4, place + 5
+    formulas, made = rebound.make(real, compiler.compiled), make_answer(compiler, real, place)
+    rigid, rebounded, touched, answer_whole = formulas.rigid, formulas.rebounded, made.touched, made.answer
+    at_factors, at_motions, at_struck, at_kinds = place + 2, place + 3, place + 5, place + 7
     at_clusters, zero = place + 1, real(0)
 
     @compiler.compiled
@@ -55,57 +139,46 @@ def make_rebound(compiler: Compiler, real: Any, rebounds: bool, place: int) -> S
                 struck[k] = velocity[k] - struck[k]
 
     @compiler.row
-    def worth_rows(blocks, motion, slots, x, y, z, vx, vy, vz, mass, lanes):
-        for n in range(2 * LANES):
-            lanes[n] = zero
+    def go_rows(blocks, motion, x, y, z, struck_x, struck_y, struck_z, vx, vy, vz):
         for block in range(blocks):
             for lane in range(LANES):
-                e = block * LANES + lane
-                k, m = slots[e], mass[e]
+                k = block * LANES + lane
                 dx, dy, dz = x[k] - motion[0], y[k] - motion[1], z[k] - motion[2]
-                u = rigid(motion[3], motion[7], dz, motion[8], dy)
-                v = rigid(motion[4], motion[8], dx, motion[6], dz)
-                w = rigid(motion[5], motion[6], dy, motion[7], dx)
-                lanes[lane] = weighed(lanes[lane], m, vx[k], vy[k], vz[k])
-                lanes[LANES + lane] = weighed(lanes[LANES + lane], m, u, v, w)
+                vx[k] = rebounded(vx[k], struck_x[k], rigid(motion[3], motion[7], dz, motion[8], dy))
+                vy[k] = rebounded(vy[k], struck_y[k], rigid(motion[4], motion[8], dx, motion[6], dz))
+                vz[k] = rebounded(vz[k], struck_z[k], rigid(motion[5], motion[6], dy, motion[7], dx))
+
+    @compiler.row
+    def stay_rows(blocks, vx, vy, vz):
+        """What go_rows makes of nothing: -0 becomes 0."""
+        for block in range(blocks):
+            for lane in range(LANES):
+                k = block * LANES + lane
+                vx[k], vy[k], vz[k] = vx[k] + zero, vy[k] + zero, vz[k] + zero
 
     @compiler.compiled
-    def answer(c, position, count, arrays, scratch):
-        """Returned: what the motion was multiplied by; 0 of a cluster that does not come off as a whole."""
-        limit = arrays[at_limits][c]
-        if limit == zero:
-            return zero
-        struck, motion = arrays[at_struck], row_at(arrays[at_motions], np.int64(MOTION * c))
-        starts, slots, members = arrays[0], arrays[3], arrays[4]
-        start, entries = starts[c], members.size // 4
-        touched = False
-        for e in range(start, starts[c + 1]):
-            k = slots[e]
-            if struck[k] != zero or struck[count + k] != zero or struck[2 * count + k] != zero:
-                touched = True
-                break
-        if not touched:
-            for n in range(MOTION):
-                motion[n] = zero
-            return zero
-        gather(c, position, struck, count, arrays, scratch)
-        worth_rows(
-            (starts[c + 1] - start) // LANES, motion, row_at(slots, start), position, row_at(position, count),
-            row_at(position, 2 * count), struck, row_at(struck, count), row_at(struck, 2 * count),
-            row_at(members, 3 * entries + start), scratch,
-        )  # fmt: skip
-        scale = enlarged(sum_of(scratch, 0), sum_of(scratch, 1), limit)
-        for n in range(AXES, MOTION):
-            motion[n] = scaled(motion[n], scale)
-        return scale
+    def answer(c, position, velocity, count, arrays, scratch):
+        first, blocks = np.int64(arrays[1][c]), (arrays[0][c + 1] - arrays[0][c]) // LANES
+        x, y, z = first, count + first, 2 * count + first
+        if arrays[at_kinds][c] == LONE and not touched(c, count, arrays):
+            stay_rows(blocks, row_at(velocity, x), row_at(velocity, y), row_at(velocity, z))
+            return
+        answer_whole(c, position, count, arrays, scratch)
+        if arrays[at_kinds][c] == LONE:
+            struck = arrays[at_struck]
+            go_rows(
+                blocks, row_at(arrays[at_motions], np.int64(MOTION * c)), row_at(position, x), row_at(position, y),
+                row_at(position, z), row_at(struck, x), row_at(struck, y), row_at(struck, z), row_at(velocity, x),
+                row_at(velocity, y), row_at(velocity, z),
+            )  # fmt: skip
 
     @compiler.compiled
     def go(first, last, position, velocity, count, arrays):
         starts, clusters, factors, motions = arrays[place], arrays[at_clusters], arrays[at_factors], arrays[at_motions]
-        struck = arrays[at_struck]
+        struck, kinds = arrays[at_struck], arrays[at_kinds]
         for k in range(first, last):
             for n in range(starts[k], starts[k + 1]):
-                if factors[n] != zero:
+                if factors[n] != zero and kinds[clusters[n]] != LONE:
                     g = row_at(motions, np.int64(MOTION) * clusters[n])
                     dx, dy, dz = position[k] - g[0], position[count + k] - g[1], position[2 * count + k] - g[2]
                     x, y, z = k, count + k, 2 * count + k
@@ -118,22 +191,14 @@ def make_rebound(compiler: Compiler, real: Any, rebounds: bool, place: int) -> S
 
 def _without(compiler: Compiler) -> SimpleNamespace:
     @compiler.compiled
-    def note(first, last, velocity, count, arrays):
-        pass
-
-    @compiler.compiled
-    def strike(first, last, velocity, count, arrays):
-        pass
-
-    @compiler.compiled
-    def answer(c, position, count, arrays, scratch):
+    def answer(c, position, velocity, count, arrays, scratch):
         pass
 
     @compiler.compiled
     def go(first, last, position, velocity, count, arrays):
         pass
 
-    return SimpleNamespace(note=note, strike=strike, answer=answer, go=go)
+    return SimpleNamespace(answer=answer, go=go)
 
 
 @cache
@@ -154,7 +219,7 @@ def make_rebound_stages(real: Any, math: str, place: int) -> SimpleNamespace:
         for band in shares(team, member, bands):
             room = row_at(scratch, np.int64(pitch * band))
             for c in range(clusters * band // bands, clusters * (band + 1) // bands):
-                answer(c, position, count, arrays, room)
+                answer(c, position, velocity, count, arrays, room)
         for band in shares(team, member, bands):
             go(count * band // bands, count * (band + 1) // bands, position, velocity, count, arrays)
 

@@ -12,12 +12,13 @@ from cpu_backend.core.compile import Compiler
 from cpu_backend.core.layout import row_at
 from cpu_backend.core.progress import shares
 from cpu_backend.shape_matching.damping import make_damping
+from cpu_backend.shape_matching.layout import LONE
 from cpu_backend.shape_matching.rebound import at_rebound
 from model.formulas.shape_matching import rebound
 from model.formulas.shape_matching.cluster import LANES
 from model.formulas.shape_matching.pace import MOTION
 
-REBOUND = 7  # arrays of clusters that rebounds take, after whose come those of here
+REBOUND = 8  # arrays of clusters that rebounds take, after whose come those of here
 
 
 def at_rigid(parts: frozenset[str]) -> int:
@@ -27,19 +28,14 @@ def at_rigid(parts: frozenset[str]) -> int:
 
 def make_steadying(compiler: Compiler, real: Any, has_rigid: bool, place: int) -> SimpleNamespace:
     """`gather(c, position, velocity, count, arrays, scratch)`: the rigid motion of cluster c that has the momenta of its
-    particles; `steady(first, last, position, velocity, count, arrays)`: velocities, of those motions; `steady_lone(c,
-    position, velocity, count, arrays)`: the same of a lone cluster. Arrays from `place` on: as of damping, factors 1 of rigid
-    bodies; which clusters those are; travels and slacks, four planes. Nothing is done unless `has_rigid`."""
+    particles, whose velocities become those of it where it is LONE; `steady(first, last, position, velocity, count, arrays)`:
+    velocities of particles. Arrays from `place` on: as of damping, factors 1 of rigid bodies; kinds of clusters (layout.py);
+    travels and slacks, four planes; whether any is SCATTERED. Nothing is done unless `has_rigid`."""
     if not has_rigid:
         return _without(compiler)
     rigid, zero = rebound.make(real, compiler.compiled).rigid, real(0)
     gather_motion = make_damping(compiler, real, True, place).gather
-    at_clusters, at_factors, at_motions, at_wholes = place + 1, place + 2, place + 3, place + 4
-
-    @compiler.compiled
-    def gather(c, position, velocity, count, arrays, scratch):
-        if arrays[at_wholes][c]:
-            gather_motion(c, position, velocity, count, arrays, scratch)
+    at_clusters, at_factors, at_motions, at_kinds = place + 1, place + 2, place + 3, place + 4
 
     @compiler.row
     def steady_rows(blocks, motion, x, y, z, vx, vy, vz):
@@ -52,9 +48,10 @@ def make_steadying(compiler: Compiler, real: Any, has_rigid: bool, place: int) -
                 vz[k] = rigid(motion[5], motion[6], dy, motion[7], dx)
 
     @compiler.compiled
-    def steady_lone(c, position, velocity, count, arrays):
-        """The particles of a lone cluster, and its ghosts, which belong to no one."""
-        if arrays[at_wholes][c]:
+    def gather(c, position, velocity, count, arrays, scratch):
+        if arrays[at_kinds][c]:
+            gather_motion(c, position, velocity, count, arrays, scratch)
+        if arrays[at_kinds][c] == LONE:  # and its ghosts, which belong to no one
             first = np.int64(arrays[1][c])
             steady_rows(
                 (arrays[0][c + 1] - arrays[0][c]) // LANES, row_at(arrays[at_motions], np.int64(MOTION * c)),
@@ -75,7 +72,7 @@ def make_steadying(compiler: Compiler, real: Any, has_rigid: bool, place: int) -
                     velocity[y] = rigid(g[4], g[8], dx, g[6], dz)
                     velocity[z] = rigid(g[5], g[6], dy, g[7], dx)
 
-    return SimpleNamespace(gather=gather, steady=steady, steady_lone=steady_lone)
+    return SimpleNamespace(gather=gather, steady=steady)
 
 
 def _without(compiler: Compiler) -> SimpleNamespace:
@@ -87,11 +84,7 @@ def _without(compiler: Compiler) -> SimpleNamespace:
     def steady(first, last, position, velocity, count, arrays):
         pass
 
-    @compiler.compiled
-    def steady_lone(c, position, velocity, count, arrays):
-        pass
-
-    return SimpleNamespace(gather=gather, steady=steady, steady_lone=steady_lone)
+    return SimpleNamespace(gather=gather, steady=steady)
 
 
 @cache

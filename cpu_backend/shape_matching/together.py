@@ -41,8 +41,8 @@ def make_substep_end(compiler: Compiler, real: Any, math: str, parts: frozenset[
     bounce_bodies, has_rigid = make_bodies_bounce(real, math, at_rebound(parts)), "rigid-bounce" in parts
     damping, rebounds = make_damping(compiler, real, has_damping, at_damping(parts)), "rigid-rebound" in parts
     gather, slow, whole = damping.gather, damping.slow, make_rebound(compiler, real, rebounds, at_rebound(parts))
-    note, strike, answer, go = whole.note, whole.strike, whole.answer, whole.go
-    keeps, at_travel = "rigid-motion" in parts, at_rigid(parts) + 5
+    answer, go, strike, at_struck = whole.answer, whole.go, of_one.strike, at_rebound(parts) + 5
+    keeps, at_travel, at_scattered = "rigid-motion" in parts, at_rigid(parts) + 5, at_rigid(parts) + 6
     steadying = make_steadying(compiler, real, keeps, at_rigid(parts))
     gather_rigid, steady = steadying.gather, steadying.steady
     turning, has_couples = make_couples(compiler, real, parts), "couples" in parts
@@ -58,6 +58,7 @@ def make_substep_end(compiler: Compiler, real: Any, math: str, parts: frozenset[
         count, clusters = weights.size, arrays[5].size // 4
         blocks = count // LANES
         travel = arrays[at_travel] if keeps else weights
+        scattered = arrays[at_scattered][0] if keeps else False
         if has_couples:
             for band in shares(team, member, bands):
                 room = row_at(scratch, np.int64(SCRATCH * LANES * band))
@@ -80,9 +81,10 @@ def make_substep_end(compiler: Compiler, real: Any, math: str, parts: frozenset[
                 room = row_at(scratch, np.int64(SCRATCH * LANES * band))
                 for c in range(clusters * band // bands, clusters * (band + 1) // bands):
                     gather_rigid(c, after, velocity, count, arrays, room)
-            for band in shares(team, member, bands):
-                first, last = LANES * (blocks * band // bands), LANES * (blocks * (band + 1) // bands)
-                steady(first, last, after, velocity, count, arrays)
+            if scattered:
+                for band in shares(team, member, bands):
+                    first, last = LANES * (blocks * band // bands), LANES * (blocks * (band + 1) // bands)
+                    steady(first, last, after, velocity, count, arrays)
         if has_rigid:
             bounce_bodies(
                 team, member, bands, after, olds[0], velocity, weights, numbers[0], neighbours, touching, arrays, scratch,
@@ -102,21 +104,21 @@ def make_substep_end(compiler: Compiler, real: Any, math: str, parts: frozenset[
             if has_damping:
                 slow(first, last, after, velocity, count, arrays)
             if rebounds:
-                note(first, last, velocity, count, arrays)
-            if has_bodies:
+                struck = arrays[at_struck]
+                strike(first, last, count, number, before, after, velocity, weights, parameters, bodies, kinds, struck)
+            elif has_bodies:
                 collide(first, last, count, number, before, after, velocity, weights, parameters, bodies, kinds)
-            if rebounds:
-                strike(first, last, velocity, count, arrays)
-            elif goes_on:
+            if not rebounds and goes_on:
                 begin(first, last, count, after, before, velocity, weights, parameters, integers, travel)
         if rebounds:
             for band in shares(team, member, bands):
                 room = row_at(scratch, np.int64(SCRATCH * LANES * band))
                 for c in range(clusters * band // bands, clusters * (band + 1) // bands):
-                    answer(c, after, count, arrays, room)
+                    answer(c, after, velocity, count, arrays, room)
             for band in shares(team, member, bands):
                 first, last = LANES * (blocks * band // bands), LANES * (blocks * (band + 1) // bands)
-                go(first, last, after, velocity, count, arrays)
+                if scattered:
+                    go(first, last, after, velocity, count, arrays)
                 if goes_on:
                     begin(first, last, count, after, before, velocity, weights, parameters, integers, travel)
 

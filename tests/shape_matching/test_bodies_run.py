@@ -108,7 +108,7 @@ def test_a_run_has_every_field_and_says_why_there_is_no_error(command: Any, bodi
     report = json.loads(done.out)
     assert set(KEYS) < set(report)
     assert report["error"] is None and "no converged reference" in report["error_reason"]
-    assert {name for name in KEYS if report[name] is None} == {"error", "threads_reason"}
+    assert {name for name in KEYS if report[name] is None} == {"error", "threads_reason", "resolution"}
     assert (report["particles"], report["bodies"], report["clusters"]) == (
         BODY_SET.particle_count, 3, BODY_SET.clusters.count,
     )  # fmt: skip
