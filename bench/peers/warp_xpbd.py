@@ -99,7 +99,8 @@ def _make_projections(precision: str) -> SimpleNamespace:
             value = values[n]
             stretch = length - value[0]
             if value[2] > real(0.0):
-                stretch += value[2] * wp.dot(direction, offset - (before[b] - before[a]))
+                old = before[b] - before[a]  # how much longer it is now, without a difference of lengths
+                stretch += value[2] * wp.dot(offset - old, offset + old) / (length + wp.length(old))
             if not first:
                 stretch += value[1] * multipliers[n]
             changed = -stretch / ((real(1.0) + value[2]) * weight + value[1])

@@ -18,6 +18,7 @@ from model.formulas import joined, plain
 # at twice: its way meets the boxes of 24 nodes (6 comparisons each) and half a triangle (110), its thickness those of 32 (14)
 # and 3 triangles (150). Of a field, of one that is looked at twice, and where its way began: 3 samples (75).
 OPERATIONS = {"plane": 40, "sphere": 60, "capsule": 65, "box": 60, "mesh_collider": 2200, "distance_field": 350}
+OPERATIONS_SLID = 20  # friction on positions
 
 
 def make(real, compiled=plain):

@@ -174,9 +174,9 @@ def operations_of(projection: Projection) -> int:
     if projection.make is attachment.make:
         return attachment.OPERATIONS[flags["corners"]]
     if projection.make is tetrahedron.make:
-        return tetrahedron.operations(flags["material"], 4)
+        return tetrahedron.operations(item=4, **flags)
     if projection.make is voxel_volume.make:
-        return voxel_volume.OPERATIONS
+        return voxel_volume.OPERATIONS + voxel_volume.OPERATIONS_DAMPER * projection.damped
     return of_cloths.operations_of(projection)
 
 

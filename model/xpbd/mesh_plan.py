@@ -86,6 +86,7 @@ def constrained_plan(scene: Scene, parts: frozenset[str], sets: Sequence[tuple[C
     ]
     if scene.colliders:
         touched = sum(colliders.OPERATIONS[kind] for kind, _ in scene.colliders)
+        touched += len(scene.colliders) * colliders.OPERATIONS_SLID * (FRICTION_IN_PLACE in parts)
         stages.append(Stage("collide", 2, 2, touched, 1.0))
     substep = Node("substep", tuple(stages), method.substeps)
     return Plan(Node("step", (substep,)), 4 * method.substeps, parts, dimensions=3)

@@ -33,9 +33,13 @@ from typing import Any
 
 from model.formulas import plain
 from model.formulas.bending import make as make_bending
+from model.formulas.constraints.tetrahedron_block import OPERATIONS as OPERATIONS_BLOCK
+from model.formulas.constraints.tetrahedron_block import OPERATIONS_DAMPER as OPERATIONS_BLOCK_DAMPER
 from model.formulas.constraints.tetrahedron_block import make_block
 from model.formulas.constraints.tetrahedron_hookean import OPERATIONS as OPERATIONS_HOOKEAN
-from model.formulas.constraints.tetrahedron_hookean import make_hookean
+from model.formulas.constraints.tetrahedron_hookean import OPERATIONS_COMBINED, make_hookean
+from model.formulas.constraints.tetrahedron_hookean import OPERATIONS_DAMPER as OPERATIONS_HOOKEAN_DAMPER
+from model.formulas.constraints.tetrahedron_hookean import OPERATIONS_KEPT as OPERATIONS_HOOKEAN_KEPT
 from model.formulas.distance import make as make_distance
 from model.formulas.elastic.deformation import (
     OPERATIONS_COFACTOR,
@@ -56,16 +60,25 @@ ROWS = 2
 COUNT = 10  # values: 6 of B (make_framed); at 6, 7 the compliances of C_D, C_H, 1 / (k V) [1/J]; J at rest; `time` [s]
 SOFT_SHAPE, SOFT_VOLUME, REST, TIME = range(6, COUNT)
 OPERATIONS_ROW = OPERATIONS_FRAMED_CORNERS + 27 + 9 + 28  # ..., the weight, the change, to apply it
+OPERATIONS_ROW_DAMPER, OPERATIONS_ROW_KEPT = 4 * 8 + 4, 2  # how fast four corners move along; the part of a multiplier
 
 
-def operations(material: int, item: int) -> int:
-    """Of one projection, counted on numbers of `item` bytes."""
-    volume = 0 if material == COROTATED else OPERATIONS_COFACTOR + OPERATIONS_DETERMINANT
-    volume += OPERATIONS_FRAMED + OPERATIONS_ROW
+def operations(
+    material: int, item: int, damped: int = False, blocks: int = False, kept: int = False, alone: int = True
+) -> int:
+    """Of one projection, counted on numbers of `item` bytes; the flags of `make`."""
+    rotation, volume = OPERATIONS_ROTATION[item], 0
+    row = OPERATIONS_ROW + damped * OPERATIONS_ROW_DAMPER + kept * OPERATIONS_ROW_KEPT
+    if alone:
+        slope = rotation + 18 if material == COROTATED else OPERATIONS_COFACTOR + OPERATIONS_DETERMINANT
+        volume = OPERATIONS_FRAMED + slope + row
     if material == HOOKEAN:
-        return OPERATIONS_FRAMED + OPERATIONS_HOOKEAN + volume
-    turns = {FIXED: 1, COROTATED: 2}[material]
-    return OPERATIONS_FRAMED + OPERATIONS_ROW + 9 + 18 + volume + turns * OPERATIONS_ROTATION[item]  # F - R, C_D^2
+        shape = OPERATIONS_HOOKEAN + damped * OPERATIONS_HOOKEAN_DAMPER + kept * OPERATIONS_HOOKEAN_KEPT
+        return OPERATIONS_FRAMED + shape + volume + (kept and alone) * OPERATIONS_COMBINED
+    shape = OPERATIONS_BLOCK if blocks else 18 + row + kept * OPERATIONS_ROW_KEPT  # 18 for C_D^2
+    if blocks and damped:
+        shape += rotation + OPERATIONS_BLOCK_DAMPER
+    return OPERATIONS_FRAMED + rotation + 9 + shape + volume  # 9 for F - R
 
 
 def make(real, compiled=plain, material=FIXED, damped=False, blocks=False, kept=True, alone=True):

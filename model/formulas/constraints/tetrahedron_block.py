@@ -10,6 +10,9 @@ from __future__ import annotations
 from model.formulas.elastic.deformation import make_framed, make_rotation
 from model.formulas.lengths import make as make_lengths
 
+OPERATIONS = 18 + 75 + 39 + 45 + 33 + 24 + 9  # right side, H + alpha~, its inverse, x, corners, to apply, to keep
+OPERATIONS_DAMPER = 36 + 90 + 27  # besides a rotation: F of before, R R0' F0, the differences
+
 
 def make_block(real, compiled, damped):
     """block(points, before, weights, values, compliance, multipliers, gamma) -> (points, nine multipliers): F - R at once."""

@@ -33,6 +33,10 @@ from model.formulas.elastic.deformation import make_framed, make_gradient
 from model.formulas.lengths import make as make_lengths
 
 OPERATIONS = 27 + 5 + 19 + 33 + 12 + 24 + 36 + 17 + 17 + 27 + 17 + 12 + 24  # cof, J, G, R B, w, R:D, D, q, x, to apply
+OPERATIONS_COMBINED = 18
+OPERATIONS_KEPT = 3 * OPERATIONS_COMBINED  # multipliers: two to read, one to write
+# F of before, A, A0 and their difference, its stress, to add it; of q |D|^2, the slope and its square, D'D, its product, 5
+OPERATIONS_DAMPER = 36 + 60 + 6 + 45 + OPERATIONS_COMBINED + 17 + 66 + 12 + 30 + 12 + 5
 
 
 def make_hookean(real, compiled=plain, damped=False, kept=True):

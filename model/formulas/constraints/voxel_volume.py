@@ -28,6 +28,7 @@ CORNERS, COUNT = (
     4,
 )  # values: 1 / (6 V_0) [1/m^3]; the compliance 1 / (lambda V_0) [1/J]; J' at rest; a damper's time [s]
 OPERATIONS = 5 * (9 + 27 + 6 + 5) + 4 * 9 + 8 * 6 + 8 * 9 + 20
+OPERATIONS_DAMPER = 8 * 8 + 10  # how fast eight corners move along
 
 
 def make_gradients(real, compiled=plain):

@@ -1,7 +1,8 @@
 """Energy per volume W(F) of the materials of tetrahedra, and the first Piola-Kirchhoff stress P = dW/dF.
 
 W = k_D C_D^2 / 2 + k_H C_H^2 / 2, as formulas/constraints/tetrahedron.py tells for each material, whose two constraints are
-these two terms; `shape` is k_D, `pressure` k_H, `rest` what J is at rest in C_H. So
+these two terms, but of the neo-Hookean, whose W is divided here as its authors do: C_D = |F|, k_D = mu, C_H = J - alpha,
+k_H = lambda + mu (model/tetrahedra/material.py). `shape` is k_D, `pressure` k_H, `rest` the J at which C_H is 0. So
 
     fixed corotated   P = k_D (F - R) + k_H (J - 1) C              C the cofactors of F, R the rotation nearest to F
     corotated         P = k_D (F - R) + k_H (tr(R'F) - 3) R
