@@ -5,9 +5,9 @@ Physics for Real-Time Applications", SIGGRAPH 2014, sections 4 and 6 (eq. 24). A
 for masses that are split among their contacts, so that linear momentum is kept however many meet: R. Tonge et al., "Mass
 Splitting for Jitter-Free Parallel Rigid Body Simulation", SIGGRAPH 2012. Of n_i contacts each has a mass m_i / n_i of
 particle i, and the mean of its parts moves by the sum over j of w_i C n / (w_i n_i + w_j n_j), w = 1/m. Seen from j it is
-the same, the other way. Normal pushes keep angular momentum, too; friction moves the particles' middles,
-and what that changes by the distance times its impulse their clusters take back (shape_matching/couple.py). Adhesion pulls together what is just apart, at a bounded
-acceleration.
+the same, the other way. Normal pushes keep angular momentum, too; friction moves the particles' middles, and what that
+changes, by the distance times its impulse, their clusters take back (shape_matching/couple.py). Adhesion pulls together what
+is just apart, at a bounded acceleration.
 
 Restitution acts on velocities, once they follow from positions: M. Mueller et al., "Detailed Rigid Body Simulation with
 Extended Position Based Dynamics", SCA 2020, section 3.6 (eq. 34), for the same split masses.
