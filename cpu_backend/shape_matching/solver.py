@@ -124,8 +124,8 @@ class Bodies(ParticlesSimulation):
 
     def _stages(self) -> dict[str, StageRun]:
         """What runs each stage of the plan by itself."""
-        variant = self.real, self.options.math, self.plan.parts
-        stage, turn, settle = (make(*variant) for make in (make_bodies_stages, make_couples_stage, make_settle_stage))
+        makes: Any = make_bodies_stages, make_couples_stage, make_settle_stage
+        stage, turn, settle = (make(self.real, self.options.math, self.plan.parts) for make in makes)
         (travel, couples), keeps = self._material.touched, "rigid-motion" in self.plan.parts
         goals = make_matching_stages(self.real, self.options.math, shaping(self.plan.parts), keeps)
         bands, count = self._bands, self.layout.count

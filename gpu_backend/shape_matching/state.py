@@ -81,8 +81,8 @@ class BodiesState(SubstepSimulation):
             self._rebounds = Rebounds(*those, *variant, self.stream)
         self._couples: Couples | None = None
         if "couples" in self.plan.parts:
-            those = clusters, self._own, self.particle_count, self.plan.parts
-            self._couples = Couples(*those, *variant, self.stream)
+            masses = clusters, self._own, self.particle_count, self.plan.parts
+            self._couples = Couples(*masses, *variant, self.stream)
         self._lattices = Lattices(scene.body_set, *variant, self.stream)
         self._lattices.change(scene.method)
         given = scene.body_set, scene.method, *variant, self.stream
