@@ -28,8 +28,8 @@ def at_rebound(parts: frozenset[str]) -> int:
 
 
 def make_answer(compiler: Compiler, real: Any, place: int) -> Any:
-    """answer(c, position, count, arrays, scratch): the rigid motion that cluster c makes of what its particles got, and what it
-    was multiplied by; 0 of a cluster that does not come off as a whole."""
+    """answer(c, position, count, arrays, scratch): the rigid motion that cluster c makes of what its particles got, and what
+    it was multiplied by; 0 of a cluster that does not come off as a whole."""
     formulas, sum_of = rebound.make(real, compiler.compiled), make_lane_sum(compiler, real)
     weighed, rigid, enlarged, scaled = formulas.weighed, formulas.rigid, formulas.enlarged, formulas.scaled
     gather = make_damping(compiler, real, True, place).gather
@@ -115,8 +115,8 @@ def make_rebound(compiler: Compiler, real: Any, rebounds: bool, place: int) -> S
     """`note(first, last, velocity, count, arrays)`: before colliders; `strike(first, last, velocity, count, arrays)`: after
     them, what particles got; `answer(c, position, velocity, count, arrays, scratch)`: what cluster c makes of it, also of its
     particles where it is LONE; `go(first, last, position, velocity, count, arrays)`: particles of others. Arrays from `place`
-    on: as of damping, factors 1 of clusters that come off as a whole; limits (clusters,), 0 of the others; what particles got,
-    three planes; scales; kinds (layout.py). Not done unless a body `rebounds`."""
+    on: as of damping, factors 1 of clusters that come off as a whole; limits (clusters,), 0 of the others; what particles
+    got, three planes; scales; kinds (layout.py). Not done unless a body `rebounds`."""
     if not rebounds:
         return _without(compiler)
     formulas, made = rebound.make(real, compiler.compiled), make_answer(compiler, real, place)
