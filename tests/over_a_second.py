@@ -73,6 +73,7 @@ test_findings_costs.py test_a_wrong_answer_gets_no_ratio test_nothing_is_measure
 test_finite_elements_newton.py test_elastica?2-1.0-corotated? test_elastica?2-1.0-fixed-corotated?
     test_implicit_euler_comes_to_rest_and_falls?corotated?
 test_finite_elements_peer.py test_the_continuum
+test_flex_12.py *over_a_plane?cpu-fast-float32? *over_a_plane?cpu-fast-float64? *over_a_plane?cpu-exact-float64?
 test_fluid_cpu.py test_against_the_judge_and_the_same_bits?cup? test_against_the_judge_and_the_same_bits?free?column?
     test_against_the_judge_and_the_same_bits?averaged? test_against_the_judge_and_the_same_bits?column?
     test_against_the_judge_and_the_same_bits?two?fluids? test_live_fields_and_pressures

@@ -91,7 +91,16 @@ def make_bodies_bounce(real: Any, math: str, place: int) -> Any:
     strike_all, strike_scaled = (make_strikes(compiler, real, scaled) for scaled in (False, True))
     motions_made = make_motions(compiler, real, place)
     spread, join = motions_made.spread, motions_made.join
-    at_motions, at_limits, at_struck, at_scales, zero = place + 3, place + 4, place + 5, place + 6, real(0)
+    at_motions, at_limits, at_struck, at_scales = place + 3, place + 4, place + 5, place + 6
+    joined, zero, one = rebound.make(real, compiler.compiled).joined, real(0), real(1)
+
+    @compiler.compiled
+    def meet(bands, scratch, pitch):
+        """Whether anyone does: a band says so in the last number of its scratch."""
+        found = False
+        for band in range(bands):
+            found = found or scratch[pitch * (band + 1) - 1] != zero
+        return found
 
     @compiler.compiled
     def gather_all(team, member, bands, position, velocity, count, arrays, scratch, pitch):
@@ -99,37 +108,48 @@ def make_bodies_bounce(real: Any, math: str, place: int) -> Any:
         limits = arrays[at_limits]
         for band in shares(team, member, bands):
             room = row_at(scratch, np.int64(pitch * band))
-            for c in range(limits.size * band // bands, limits.size * (band + 1) // bands):
-                if limits[c] != zero:
-                    gather(c, position, velocity, count, arrays, room)
+            if meet(bands, scratch, pitch):
+                for c in range(limits.size * band // bands, limits.size * (band + 1) // bands):
+                    if limits[c] != zero:
+                        gather(c, position, velocity, count, arrays, room)
 
     @compiler.compiled
     def bounce_all(
         team, member, bands, position, old, velocity, weights, record, neighbours, contacts, arrays, scratch, pitch
     ):  # fmt: skip
+        """Where no one meets, phases only pass: all of them add nothing to velocities."""
         motions, struck, scales = arrays[at_motions], arrays[at_struck], arrays[at_scales]
         count, clusters = weights.size, arrays[at_limits].size
         for band in shares(team, member, bands):
-            low, high = count * band // bands, count * (band + 1) // bands
-            for axis in range(AXES):
-                for k in range(axis * count + low, axis * count + high):
-                    struck[k] = zero
+            met = tell(band, count, position, old, velocity, record, neighbours, contacts)
+            scratch[pitch * (band + 1) - 1] = one if met else zero
         for band in shares(team, member, bands):
-            tell(band, count, position, old, velocity, record, neighbours, contacts)
+            low, high = count * band // bands, count * (band + 1) // bands
+            if meet(bands, scratch, pitch):
+                for axis in range(AXES):
+                    for k in range(axis * count + low, axis * count + high):
+                        struck[k] = zero
         strike_all(team, member, bands, position, old, velocity, weights, record, neighbours, contacts, struck, scales)
         for band in shares(team, member, bands):
             room = row_at(scratch, np.int64(pitch * band))
-            for c in range(clusters * band // bands, clusters * (band + 1) // bands):
-                motions[MOTION * c] = answer(c, position, count, arrays, room)
+            if meet(bands, scratch, pitch):
+                for c in range(clusters * band // bands, clusters * (band + 1) // bands):
+                    motions[MOTION * c] = answer(c, position, count, arrays, room)
         for band in shares(team, member, bands):
-            spread(count * band // bands, count * (band + 1) // bands, arrays, scales)
+            if meet(bands, scratch, pitch):
+                spread(count * band // bands, count * (band + 1) // bands, arrays, scales)
         strike_scaled(
             team, member, bands, position, old, velocity, weights, record, neighbours, contacts, struck, scales
         )
         gather_all(team, member, bands, position, struck, count, arrays, scratch, pitch)
         for band in shares(team, member, bands):
             low, high = count * band // bands, count * (band + 1) // bands
-            join(low, high, position, velocity, count, arrays, struck)
+            if meet(bands, scratch, pitch):
+                join(low, high, position, velocity, count, arrays, struck)
+            else:
+                for axis in range(AXES):
+                    for k in range(axis * count + low, axis * count + high):
+                        velocity[k] = joined(velocity[k], zero)
 
     return bounce_all
 

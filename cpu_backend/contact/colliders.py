@@ -212,11 +212,9 @@ def make_collide_mass(compiler: Compiler, real: Any, parts: frozenset[str]) -> A
     return collide_mass
 
 
-def make_collide_row(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
-    """collide_row(bodies, kinds, step, parameters, blocks, source, here, plane, target, there, target_plane): a row of masses
-    and all colliders. `source` has it before the step from `here` on, `target` after it from `there` on."""
-    touches, instants = make_touches(compiler, real, parts), make_instants(compiler, real, parts)
-    block = block_of(real)
+def make_touch_rows(compiler: Compiler, real: Any, parts: frozenset[str]) -> tuple[Any, ...]:
+    """By kind: touch_row(blocks, body, begin, end, slow, ax, ay, az, x, y, z, vx, vy, vz), a row and one collider."""
+    touches, block = make_touches(compiler, real, parts), block_of(real)
 
     def make_loop(kind: str) -> Any:
         touch = getattr(touches, kind)
@@ -236,7 +234,42 @@ def make_collide_row(compiler: Compiler, real: Any, parts: frozenset[str]) -> An
         touch_row.__name__ = f"{kind}_touch_row"
         return compiler.row(touch_row)
 
-    plane_row, sphere_row, capsule_row, box_row, mesh_row, field_row = (make_loop(kind) for kind in COLLIDER_KINDS)
+    return tuple(make_loop(kind) for kind in COLLIDER_KINDS)
+
+
+def make_collide_planes(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
+    """collide_planes(bodies, kinds, step, parameters, blocks, ax, ay, az, x, y, z, vx, vy, vz): masses that lie one after the
+    other in planes, and all colliders."""
+    plane_row, sphere_row, capsule_row, box_row, mesh_row, field_row = make_touch_rows(compiler, real, parts)
+    instants = make_instants(compiler, real, parts)
+    has_plane, has_sphere, has_capsule, has_box, has_mesh, has_field = (kind in parts for kind in COLLIDER_KINDS)
+
+    @compiler.compiled
+    def collide_planes(bodies, kinds, step, parameters, blocks, ax, ay, az, x, y, z, vx, vy, vz):
+        begin, end, slow = instants(step, parameters)
+        for b in range(kinds.size):
+            body = row_at(bodies, np.int64(b * COLLIDER_FIELDS))
+            if has_plane and kinds[b] == PLANE:
+                plane_row(blocks, body, begin, end, slow, ax, ay, az, x, y, z, vx, vy, vz)
+            if has_sphere and kinds[b] == SPHERE:
+                sphere_row(blocks, body, begin, end, slow, ax, ay, az, x, y, z, vx, vy, vz)
+            if has_capsule and kinds[b] == CAPSULE:
+                capsule_row(blocks, body, begin, end, slow, ax, ay, az, x, y, z, vx, vy, vz)
+            if has_box and kinds[b] == BOX:
+                box_row(blocks, body, begin, end, slow, ax, ay, az, x, y, z, vx, vy, vz)
+            if has_mesh and kinds[b] == MESH:
+                mesh_row(blocks, body, begin, end, slow, ax, ay, az, x, y, z, vx, vy, vz)
+            if has_field and kinds[b] == FIELD:
+                field_row(blocks, body, begin, end, slow, ax, ay, az, x, y, z, vx, vy, vz)
+
+    return collide_planes
+
+
+def make_collide_row(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
+    """collide_row(bodies, kinds, step, parameters, blocks, source, here, plane, target, there, target_plane): a row of masses
+    and all colliders. `source` has it before the step from `here` on, `target` after it from `there` on."""
+    instants = make_instants(compiler, real, parts)
+    plane_row, sphere_row, capsule_row, box_row, mesh_row, field_row = make_touch_rows(compiler, real, parts)
     has_plane, has_sphere, has_capsule, has_box, has_mesh, has_field = (kind in parts for kind in COLLIDER_KINDS)
 
     @compiler.compiled

@@ -44,12 +44,13 @@ def make_passes(compiler: Compiler, real: Any, scaled: bool) -> SimpleNamespace:
     @compiler.compiled
     def tell(band, count, position, old, velocity, record, neighbours, contacts):
         """With whom each must part faster: their places, one particle's after the other's, into `acting`, how many into
-        `met`."""
+        `met`. Returned: whether anyone must."""
         who, numbers, entries, pairs, begins, active, _ = neighbours
         acting, met, _ = contacts
         first = begins[band]
         last = first + active[band]
         entry, place = np.int64(first) * MAX_NEIGHBOURS, np.int64(first) * MAX_NEIGHBOURS
+        start = place
         for n in range(first, last):
             i, begin = who[n], place
             for e in range(entry, entry + numbers[n]):
@@ -58,6 +59,7 @@ def make_passes(compiler: Compiler, real: Any, scaled: bool) -> SimpleNamespace:
                 place += 1 if lack > zero else 0
             entry += numbers[n]
             met[i] = real(place - begin)
+        return place > start
 
     @compiler.compiled
     def push(band, count, position, old, velocity, weights, record, neighbours, contacts, scales):

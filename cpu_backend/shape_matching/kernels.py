@@ -192,10 +192,10 @@ def make_goals(compiler: Compiler, real: Any, has_rigid: bool) -> SimpleNamespac
     `travel`: as of particles.py; its slacks are read where bodies are rigid, `has_rigid`."""
     formulas = cluster.make(real, compiler.compiled)
     goal, added_way, arrived = formulas.goal, formulas.added_way, formulas.arrived
-    settled, zero, there = rigid.make(real, compiler.compiled).settled, real(0), np.int64(has_rigid)
+    settled, zero = rigid.make(real, compiler.compiled).settled, real(0)
 
     @compiler.row
-    def move_rows(blocks, frame, factor, rest_x, rest_y, rest_z, x, y, z, slack):
+    def move_rows(blocks, frame, factor, least, rest_x, rest_y, rest_z, x, y, z):
         for block in range(blocks):
             for lane in range(LANES):
                 k = block * LANES + lane
@@ -204,18 +204,18 @@ def make_goals(compiler: Compiler, real: Any, has_rigid: bool) -> SimpleNamespac
                 v = added_way(zero, factor, goal(frame[10], frame[3], frame[4], frame[5], a, b, c), y[k])
                 w = added_way(zero, factor, goal(frame[11], frame[6], frame[7], frame[8], a, b, c), z[k])
                 if has_rigid:
-                    u, v, w = settled(u, slack[k], x[k]), settled(v, slack[k], y[k]), settled(w, slack[k], z[k])
+                    u, v, w = settled(u, least, x[k]), settled(v, least, y[k]), settled(w, least, z[k])
                 x[k], y[k], z[k] = arrived(x[k], u), arrived(y[k], v), arrived(z[k], w)
 
     @compiler.compiled
     def move_lone(c, position, count, arrays, factors, frames, travel):
         starts, firsts, members = arrays[0], arrays[1], arrays[4]
         start, entries, first = starts[c], members.size // 4, np.int64(firsts[c])
+        slack = travel[AXES * count + first] if has_rigid else zero
         move_rows(
-            (starts[c + 1] - start) // LANES, row_at(frames, np.int64(FRAME * c)), factors[start], row_at(members, start),
-            row_at(members, entries + start), row_at(members, 2 * entries + start), row_at(position, first),
-            row_at(position, count + first), row_at(position, 2 * count + first),
-            row_at(travel, there * (AXES * count + first)),
+            (starts[c + 1] - start) // LANES, row_at(frames, np.int64(FRAME * c)), factors[start], slack,
+            row_at(members, start), row_at(members, entries + start), row_at(members, 2 * entries + start),
+            row_at(position, first), row_at(position, count + first), row_at(position, 2 * count + first),
         )  # fmt: skip
 
     @compiler.compiled

@@ -111,8 +111,8 @@ def make_bodies_stages(real: Any, math: str, parts: frozenset[str]) -> SimpleNam
 
 def make_substep_end(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
     """`begin(first, last, c, ...)`, of the particles of a lone cluster c; `end(first, last, low, high, lone, number, before,
-    after, velocity, weights, arrays, room, parameters, bodies, kinds)`: the end of particles `first` to before `last`, of
-    the clusters `low` to before `high`, which may be a `lone` one, when they have come to their goals."""
+    after, velocity, weights, arrays, room, parameters, bodies, kinds)`: what becomes of particles `first` to before `last`,
+    of the clusters `low` to before `high`, which may be a `lone` one, when they have come to their goals."""
     of_one, has_damping = make_particles(compiler, real, parts), "cluster_damping" in parts
     begin_any, begin_rigid = of_one.begin, of_one.begin_rigid
     rate, collide, strike, has_bodies = of_one.rate, of_one.collide, of_one.strike, bool(parts & set(COLLIDER_KINDS))

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from cpu_backend.contact.colliders import make_collide_mass
+from cpu_backend.contact.colliders import make_collide_mass, make_collide_planes
 from cpu_backend.core.compile import Compiler
-from cpu_backend.core.layout import row_at
+from cpu_backend.core.layout import block_of, row_at
 from cpu_backend.core.own_forces import make_own_force
 from cpu_backend.shape_matching.kernels import AXES
 from model.formulas import distance
@@ -25,7 +25,8 @@ def make_particles(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simp
     `strike`: as `collide`, and what velocities got, into three planes `struck`."""
     formulas = distance.make(real, compiler.compiled)
     kicked, kept, predicted, rate_of = formulas.kicked, formulas.kept, formulas.predicted, formulas.rate
-    touch = make_collide_mass(compiler, real, parts)
+    touch, collide_planes = make_collide_mass(compiler, real, parts), make_collide_planes(compiler, real, parts)
+    block = block_of(real)
     own = make_own_force(compiler, real, AXES, parts | {"load"})  # every particle has its weight
     has_gravity, has_damping, no_step = "gravity" in parts, "damping" in parts, np.int64(0)
     has_spare, has_rigid, zero, one = "spare" in parts, "rigid-motion" in parts, real(0), real(1)
@@ -128,19 +129,29 @@ def make_particles(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simp
             after[k], after[count + k], after[2 * count + k] = px, py, pz
             velocity[k], velocity[count + k], velocity[2 * count + k] = vx, vy, vz
 
+    @compiler.row
+    def note_rows(n, vx, vy, vz, had_x, had_y, had_z):
+        for k in range(n):
+            had_x[k], had_y[k], had_z[k] = vx[k], vy[k], vz[k]
+
+    @compiler.row
+    def given_rows(n, vx, vy, vz, had_x, had_y, had_z):
+        for k in range(n):
+            had_x[k], had_y[k], had_z[k] = vx[k] - had_x[k], vy[k] - had_y[k], vz[k] - had_z[k]
+
     @compiler.compiled
     def strike(first, last, count, number, before, after, velocity, weights, parameters, bodies, kinds, struck):
-        for k in range(first, last):
-            if has_spare and weights[k] == zero:
-                struck[k], struck[count + k], struck[2 * count + k] = zero, zero, zero
-                continue
-            px, py, pz, vx, vy, vz = touch(
-                bodies, kinds, number, parameters, before[k], before[count + k], before[2 * count + k], after[k],
-                after[count + k], after[2 * count + k], velocity[k], velocity[count + k], velocity[2 * count + k],
+        x, y, z = first, count + first, 2 * count + first
+        vx, vy, vz = row_at(velocity, x), row_at(velocity, y), row_at(velocity, z)
+        had_x, had_y, had_z = row_at(struck, x), row_at(struck, y), row_at(struck, z)
+        note_rows(last - first, vx, vy, vz, had_x, had_y, had_z)
+        if has_spare:
+            collide(first, last, count, number, before, after, velocity, weights, parameters, bodies, kinds)
+        else:
+            collide_planes(
+                bodies, kinds, number, parameters, (last - first) // block, row_at(before, x), row_at(before, y),
+                row_at(before, z), row_at(after, x), row_at(after, y), row_at(after, z), vx, vy, vz,
             )  # fmt: skip
-            after[k], after[count + k], after[2 * count + k] = px, py, pz
-            struck[k], struck[count + k] = vx - velocity[k], vy - velocity[count + k]
-            struck[2 * count + k] = vz - velocity[2 * count + k]
-            velocity[k], velocity[count + k], velocity[2 * count + k] = vx, vy, vz
+        given_rows(last - first, vx, vy, vz, had_x, had_y, had_z)
 
     return SimpleNamespace(begin=begin, begin_rigid=begin_rigid, rate=rate, collide=collide, strike=strike)

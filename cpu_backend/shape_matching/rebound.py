@@ -115,8 +115,8 @@ def make_rebound(compiler: Compiler, real: Any, rebounds: bool, place: int) -> S
     """`note(first, last, velocity, count, arrays)`: before colliders; `strike(first, last, velocity, count, arrays)`: after
     them, what particles got; `answer(c, position, velocity, count, arrays, scratch)`: what cluster c makes of it, also of its
     particles where it is LONE; `go(first, last, position, velocity, count, arrays)`: particles of others. Arrays from `place`
-    on: as of damping, factors 1 of clusters that come off as a whole; limits (clusters,), 0 of others; what particles got,
-    three planes; scales; kinds (layout.py). Not done unless a body `rebounds`."""
+    on: as of damping, factors 1 of clusters that come off as a whole; limits (clusters,), 0 of the others; what particles
+    got, three planes; scales; kinds (layout.py). Not done unless a body `rebounds`."""
     if not rebounds:
         return _without(compiler)
     formulas, made = rebound.make(real, compiler.compiled), make_answer(compiler, real, place)
