@@ -66,9 +66,8 @@ def unsteady(row: Row) -> str:
 
 
 def of_rest(row: Row) -> Words:
-    """Unloaded, on each kind of collider, and after sliding, of what has no height to be sheared by friction."""
-    flat = row.lain or row.body in ("cloth", "mesh") or row.name == "soft_sheet"
-    slid = ("after sliding",) if flat and row.family != "world" else ()
+    """Unloaded, on each kind of collider, and after sliding."""
+    slid = ("after sliding",) if row.family != "world" else ()
     ball = "volume" in row.tables  # which stands on one vertex, and rolls
     return ("unloaded", *(() if unsteady(row) or ball else (*COLLIDERS, *slid)))
 
