@@ -201,7 +201,7 @@ LIMITS: tuple[Limit, ...] = (
     ),
     Limit(
         "lever of a substep", "angular momentum", lambda scene: not _integrates(*SYMPLECTIC)(scene),
-        "a substep changes it by h sum m |v| |dv| at most: a body that turns loses w^2 h of its spin a second",
+        "a substep changes it by h sum m |v| |dv| at most: a body that turns loses w^2 h of its spin a second (0.93 to 1 of that measured; taylor half, rk4 none)",
         "forces act where particles are within the substep, h v from where it ends: sum (x - x*) cross m dv; NUMERICS A8",
     ),
 )  # fmt: skip

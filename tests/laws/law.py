@@ -94,8 +94,9 @@ def without_damper(row: Row) -> str:
 
 
 def of_symmetry(row: Row) -> Words:
-    """Shifted, turned; mirrored where nothing is handed; renumbered where two bodies can change places."""
-    handed = row.solver == "shape-matching" or "volume" in row.tables  # goals are rotations, volumes have a sign
+    """Shifted, turned; mirrored where nothing is handed (goals are rotations, volumes of tetrahedra have a sign, so that
+    a mirrored state is one inside out); renumbered where two bodies can change places."""
+    handed = row.solver == "shape-matching" or "volume" in row.tables
     mirrored = (row.body in SHEETS or bool(row.bare.fluids)) and not handed and row.family != "world"
     return ("shifted", "turned", *(["mirrored"] * mirrored), *(["renumbered"] * (not alone(row))))
 

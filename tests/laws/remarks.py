@@ -40,8 +40,8 @@ REMARKS: tuple[Remark, ...] = (
         "tetrahedra, newton and vbd: damping",
         "a Kelvin-Voigt damper in Green's strain: at the stretch s its modulus is up to s^4 times that at rest, and 0 where a "
         "tetrahedron is flat",
-        "dE/dt = F' dF/dt has a factor s, as its force has: s^2 of the viscosity of the first Piola stress over the strain's rate, "
-        "and s^4 over that of the true strain, d(ln s)/dt",
+        "E = (s^2 - 1)/2, so that dE/dt = s^2 d(ln s)/dt, and the stress per volume at rest that goes with d(ln s)/dt is s^2 times "
+        "that which goes with dE/dt",
     ),
     Remark(
         "tetrahedra, vbd: friction",
@@ -68,12 +68,12 @@ REMARKS: tuple[Remark, ...] = (
     Remark(
         "tetrahedra, xpbd with few substeps",
         "some may turn inside out on an impact; a run counts those that are so at its end, and exits with 1",
-        "docs/method.md, A10 and B21: with their vertices anywhere they find their shape again",
+        "app/outcome.py; docs/method.md, A10: bodies that are turned inside out find their shape again",
     ),
     Remark(
         "tetrahedra, xpbd on a slope",
         "soft bodies that begin prestressed slide 24 to 27 mm further in a second than Coulomb's law lets a stiff one, at tan a = "
-        "1.1 mu (1e5 Pa, settled at mu = 5): the prestress is let go of as they begin to slide",
+        "1.1 mu (1e5 Pa, settled at mu = 5)",
         "measured; friction on positions, M. Mueller and others, Detailed rigid body simulation (2020), eq. 30",
     ),
     Remark(
@@ -92,14 +92,14 @@ REMARKS: tuple[Remark, ...] = (
         "model/contact/shortfalls.py, MAX_PARTICLES",
     ),
     Remark(
-        "position-based solvers in float32",
+        "position-based solvers",
         "lose gravity where a unit in the last place of a coordinate exceeds what it moves in a substep, g h^2 [m]; a note of the "
         "run says so",
-        "x + (v + g h) h rounds to x + v h",
+        "x + (v + g h) h rounds to x + v h; model/core/stability/resolution.py",
     ),
     Remark(
         "other processors",
         "states of `exact` math are the same to the bit; drawn skins, stresses and the step-size limit may differ by rounding",
-        "they are sums and eigenvalues of NumPy, whose order of operations is the processor's",
+        "the order of operations of NumPy's products and eigenvalues is the processor's; tests/machines",
     ),
 )  # fmt: skip
