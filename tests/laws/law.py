@@ -66,9 +66,8 @@ def unsteady(row: Row) -> str:
 
 
 def of_rest(row: Row) -> Words:
-    """Unloaded, on each kind of collider, and after sliding, of what has no height to be sheared by friction."""
-    flat = row.lain or row.body in ("cloth", "mesh") or row.name == "soft_sheet"
-    slid = ("after sliding",) if flat and row.family != "world" else ()
+    """Unloaded, on each kind of collider, and after sliding."""
+    slid = ("after sliding",) if row.family != "world" else ()
     ball = "volume" in row.tables  # which stands on one vertex, and rolls
     return ("unloaded", *(() if unsteady(row) or ball else (*COLLIDERS, *slid)))
 
@@ -95,8 +94,9 @@ def without_damper(row: Row) -> str:
 
 
 def of_symmetry(row: Row) -> Words:
-    """Shifted, turned; mirrored where nothing is handed; renumbered where two bodies can change places."""
-    handed = row.solver == "shape-matching" or "volume" in row.tables  # goals are rotations, volumes have a sign
+    """Shifted, turned; mirrored where nothing is handed (goals are rotations, volumes of tetrahedra have a sign, so that
+    a mirrored state is one inside out); renumbered where two bodies can change places."""
+    handed = row.solver == "shape-matching" or "volume" in row.tables
     mirrored = (row.body in SHEETS or bool(row.bare.fluids)) and not handed and row.family != "world"
     return ("shifted", "turned", *(["mirrored"] * mirrored), *(["renumbered"] * (not alone(row))))
 

@@ -12,6 +12,7 @@ sys.path[:0] = [folder for folder in (str(ROOT), str(ROOT / "tests" / "laws")) i
 from faults import FAULTS, Fault  # noqa: E402  # tools of the tests, found by the line above
 from lab import Lab  # noqa: E402
 from law import LAWS, Law, limit_of  # noqa: E402
+from remarks import REMARKS  # noqa: E402
 from rows import ALL, REFUSED, Row  # noqa: E402
 
 from model.core.limits import LIMITS  # noqa: E402
@@ -23,9 +24,9 @@ Every solver of the lab is held against the laws of mechanics by the tests in `t
 each family, solver, integrator, material and scheme, against one test body a law. This page is written from that table
 (`python -m tests.laws.limits_page`), and a test fails where it is out of date. *kept*: to rounding, or within the tolerance
 that the test derives, in float64 and float32. A number: the scheme cannot keep the law; its own law or bound stands below,
-with its source, and the test holds the solver to that. A letter: the law does not apply, for the reason below. **fault**: the
-solver breaks the law today, and should not.
+with its source, and the test holds the solver to that. A letter: the law does not apply, for the reason below.
 """
+FAULTY = "**fault**: the solver breaks the law today, and should not."
 
 
 def fault(law: Law, row: Row) -> Fault | None:
@@ -72,11 +73,13 @@ def page() -> str:
     lines += ["## Bounds", "", "| | law | the scheme's own | source |", "| --- | --- | --- | --- |"]
     for number, limit in enumerate(LIMITS, start=1):
         lines.append(in_cells(str(number), limit.law, f"{limit.name}: {limit.bound}", limit.source))
+    lines += ["", "## Measured beside the laws", "", "| of | measured or derived | source |", "| --- | --- | --- |"]
+    lines += [in_cells(one.subject, one.text, one.source) for one in REMARKS]
     lines += ["", "## Not applicable", "", *(f"- **{letter}**: {reason}." for reason, letter in reasons.items())]
     refused = [f"{one} {two}" for one, two in REFUSED]
     lines += ["", f"Combinations that a scene refuses, so that they have no row: {', '.join(refused)}."]
     if faults:
-        lines += ["", "## Faults", "", *(f"- **{number}**: {reason}." for reason, number in faults.items())]
+        lines += ["", "## Faults", "", FAULTY, "", *(f"- **{number}**: {reason}." for reason, number in faults.items())]
     return "\n".join(lines) + "\n"
 
 

@@ -17,7 +17,8 @@ def test_iterations_lead_to_the_implicit_solution(row: Row, case: str, lab: Lab)
     what is left of the first residual, grad E(y); after many it is less, and less than a tenth of the first: the
     lines along which positions were moved were taken at iterates, which turn by the strain of a step (5 %) until they
     stand still (Macklin and others 2016, section 4). Newton's method and descents, which follow E itself, leave no
-    such part: a thousandth, as does a step of order 2 against its own stage."""
+    such part: a thousandth, as does a step of order 2 against its own stage. Where the force is no gradient, one iteration
+    may by chance be nearer than many."""
     method = row.tables["method"]
     if "iterations" not in method:  # implicit Euler of a cloth, solved to the end, or linearised
         residuals = [residual(row, lab, None)]
@@ -27,7 +28,7 @@ def test_iterations_lead_to_the_implicit_solution(row: Row, case: str, lab: Lab)
     exact = row.solver in ("newton", "vbd") or row.name == "cloth, implicit-euler"
     limit = limit_of("limit", row)
     assert residuals[-1] <= (limit.part if limit else 1e-3 if exact else 0.1) * first, (first, residuals)
-    assert residuals[-1] <= residuals[0] * (1 + 1e-9), (first, residuals)
+    assert limit or residuals[-1] <= residuals[0] * (1 + 1e-9), (first, residuals)
 
 
 def residual(row: Row, lab: Lab, iterations: int | None) -> float:
