@@ -153,7 +153,8 @@ LIMITS: tuple[Limit, ...] = (
     ),
     Limit(
         "linear goals", "force", _is_linear,
-        "the force of goals with `linear` b is no gradient of an energy: it differs from the slope of the reported one by b (1 "
+        "the force of goals with `linear` b is no gradient of an energy: it differs from the slope of the "
+        "reported one by b (1 "
         "- b), 1/4 at most, of what the same shear makes without `linear`",
         "b F / cbrt(det F) has no symmetric derivative; to first order goals resist a shear with (1 - b) w^2, and w^2 |x - "
         "goal|^2 / 2 has (1 - b)^2", part=0.25,
@@ -201,7 +202,8 @@ LIMITS: tuple[Limit, ...] = (
     ),
     Limit(
         "lever of a substep", "angular momentum", lambda scene: not _integrates(*SYMPLECTIC)(scene),
-        "a substep changes it by h sum m |v| |dv| at most: a body that turns loses w^2 h of its spin a second (0.93 to 1 of that measured; taylor half, rk4 none)",
+        "a substep changes it by h sum m |v| |dv| at most: a body that turns loses w^2 h of its spin a second "
+        "(0.93 to 1 of that measured; taylor half, rk4 none)",
         "forces act where particles are within the substep, h v from where it ends: sum (x - x*) cross m dv; NUMERICS A8",
     ),
 )  # fmt: skip

@@ -21,13 +21,15 @@ CONTACT = "docs/method.md, contact"
 REMARKS: tuple[Remark, ...] = (
     Remark(
         "clusters of a grid",
-        "of a spin omega0 [1/s] omega0 / sqrt(1 + 2 omega0^2 h t) is left at t [s], h [s] the substep: twice the loss of a rigid "
+        "of a spin omega0 [1/s] omega0 / sqrt(1 + 2 omega0^2 h t) is left at t [s], h [s] the substep: twice "
+        "the loss of a rigid "
         "body, whose velocities come from its momenta",
         "tan(D') = sin D / (2 - cos D) of the angles of two substeps; NUMERICS A8",
     ),
     Remark(
         "rigid bodies that meet",
-        "with restitution 0 they part at up to 0.22 of the speed at which they met: what overlaps as the substep of the impact "
+        "with restitution 0 they part at up to 0.22 of the speed at which they met: what overlaps as the "
+        "substep of the impact "
         "ends is pushed out of the next ones, at up to `separation_speed`",
         "docs/method.md, restitution of particles: two bricks at 1 m/s",
     ),
@@ -38,14 +40,17 @@ REMARKS: tuple[Remark, ...] = (
     ),
     Remark(
         "tetrahedra, newton and vbd: damping",
-        "a Kelvin-Voigt damper in Green's strain: at the stretch s its modulus is up to s^4 times that at rest, and 0 where a "
+        "a Kelvin-Voigt damper in Green's strain: at the stretch s its modulus is up to s^4 times that at "
+        "rest, and 0 where a "
         "tetrahedron is flat",
-        "E = (s^2 - 1)/2, so that dE/dt = s^2 d(ln s)/dt, and the stress per volume at rest that goes with d(ln s)/dt is s^2 times "
+        "E = (s^2 - 1)/2, so that dE/dt = s^2 d(ln s)/dt, and the stress per volume at rest that goes with "
+        "d(ln s)/dt is s^2 times "
         "that which goes with dE/dt",
     ),
     Remark(
         "tetrahedra, vbd: friction",
-        "needs as many sweeps as the normal forces: on a slope of tan a = 1.5 mu, one substep a frame, a cube (1e5 Pa) sticks with "
+        "needs as many sweeps as the normal forces: on a slope of tan a = 1.5 mu, one substep a frame, a cube "
+        "(1e5 Pa) sticks with "
         "4 sweeps, gains half of its acceleration with 10 and all of it with 30",
         TETRAHEDRA,
     ),
@@ -56,7 +61,8 @@ REMARKS: tuple[Remark, ...] = (
     ),
     Remark(
         "tetrahedra, xpbd scalar rows of |F - R|",
-        "end some per cent off the step of implicit Euler, however many iterations: their one direction is taken at an iterate; "
+        "end some per cent off the step of implicit Euler, however many iterations: their one direction is "
+        "taken at an iterate; "
         "rows = \"blocks\" end at it",
         TETRAHEDRA,
     ),
@@ -72,7 +78,8 @@ REMARKS: tuple[Remark, ...] = (
     ),
     Remark(
         "tetrahedra, xpbd on a slope",
-        "soft bodies that begin prestressed slide 24 to 27 mm further in a second than Coulomb's law lets a stiff one, at tan a = "
+        "soft bodies that begin prestressed slide 24 to 27 mm further in a second than Coulomb's law lets a "
+        "stiff one, at tan a = "
         "1.1 mu (1e5 Pa, settled at mu = 5)",
         "measured; friction on positions, M. Mueller and others, Detailed rigid body simulation (2020), eq. 30",
     ),
@@ -93,13 +100,15 @@ REMARKS: tuple[Remark, ...] = (
     ),
     Remark(
         "position-based solvers",
-        "lose gravity where a unit in the last place of a coordinate exceeds what it moves in a substep, g h^2 [m]; a note of the "
+        "lose gravity where a unit in the last place of a coordinate exceeds what it moves in a substep, g "
+        "h^2 [m]; a note of the "
         "run says so",
         "x + (v + g h) h rounds to x + v h; model/core/stability/resolution.py",
     ),
     Remark(
         "other processors",
-        "states of `exact` math are the same to the bit; drawn skins, stresses and the step-size limit may differ by rounding",
+        "states of `exact` math are the same to the bit; drawn skins, stresses and the step-size limit may "
+        "differ by rounding",
         "the order of operations of NumPy's products and eigenvalues is the processor's; tests/machines",
     ),
 )  # fmt: skip

@@ -57,8 +57,8 @@ def test_angular_momentum(row: Row, case: str, lab: Lab) -> None:
     cross v' = sum m (x + h v') cross v' = sum m x cross v' differs from sum m x cross v by |sum (x - x*) cross m dv|,
     where x* is where the forces act, at most h |v| away. So a substep changes it by h sum m |v| |dv| at most, which
     is of first order in h; of a turning rigid body that is the law omega(t) = omega0 / sqrt(1 + omega0^2 h t)
-    (model/formulas/shape_matching/rigid.py). Two stages of order 2 and Runge-Kutta's four lose less. Explicit Euler and `taylor` move before
-    they are kicked: the same bound.
+    (model/formulas/shape_matching/rigid.py). Two stages of order 2 and Runge-Kutta's four lose less.
+    Explicit Euler and `taylor` move before they are kicked: the same bound.
 
     Asked of a stirred body, whose velocities have any direction, and of one that turns as a whole: there m dv points to
     the middle, across v, so that the bound is the loss itself, w^2 h t of the spin."""
