@@ -4,6 +4,7 @@ Nothing here depends on how long anything takes.
 """
 
 import threading
+from types import SimpleNamespace
 
 import numba
 import numpy as np
@@ -230,11 +231,16 @@ def test_auto_closes_what_it_opened_when_it_is_interrupted():
 
 def test_auto_goes_through_the_door(monkeypatch):
     asked = []
-    monkeypatch.setattr(driver, "_open", lambda scene, backend, options, threads: asked.append(threads) or threads)
+
+    def opened(scene, backend, options, threads):
+        asked.append(threads)
+        return SimpleNamespace(scene=scene, threads=threads)
+
+    monkeypatch.setattr(driver, "_open", opened)
     monkeypatch.setattr(driver, "open_quickest", lambda open_with, most: open_with(most))
     from cpu_backend.core.threads import core_count
 
-    assert driver.open_simulation("lab-grid", threads=AUTO) == core_count()
-    assert driver.open_simulation("lab-grid", threads="2x") == "2x"
-    assert driver.open_simulation("lab-grid", backend="gpu", threads=AUTO) == AUTO  # which has no use for it
+    assert driver.open_simulation("lab-grid", threads=AUTO).threads == core_count()
+    assert driver.open_simulation("lab-grid", threads="2x").threads == "2x"
+    assert driver.open_simulation("lab-grid", backend="gpu", threads=AUTO).threads == AUTO  # which has no use for it
     assert asked == [core_count(), "2x", AUTO]
