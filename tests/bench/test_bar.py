@@ -176,8 +176,8 @@ def test_bodies_keep_their_laws(backend: str) -> None:
     spun = hold(SPIN, law_scene(SPIN, 4), backend)
     assert value(spun, KEPT) == pytest.approx(spin_left(4), abs=480**2 * 1e-15)
     assert value(spun, KEPT) == pytest.approx(
-        1 / np.sqrt(1 + 2 * (2 * pi) ** 2 * FRAME / 4 * 2), rel=0.01
-    )  # A8's envelope
+        1 / np.sqrt(1 + (2 * pi) ** 2 * FRAME / 4 * 2), rel=0.01
+    )  # the law of rigid.py
     thrown = hold(FLIGHT, law_scene(FLIGHT, 4), backend)
     assert value(thrown, MOMENTUM) < 480 * 256 * 2.0**-53
     assert 0.5 < value(thrown, KEPT) < 1
