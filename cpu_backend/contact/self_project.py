@@ -50,7 +50,7 @@ def _make_now(compiler: Compiler, real: Any) -> SimpleNamespace:
 
 
 def _make_contact(
-    compiler: Compiler, real: Any, formulas: SimpleNamespace, friction: bool, surfaces: bool
+    compiler: Compiler, real: Any, formulas: SimpleNamespace, friction: bool, surfaces: bool, has_levers: bool
 ) -> tuple[Any, Any]:
     """(depth_of, push), of one contact."""
     current, zero = _make_now(compiler, real), real(0)
@@ -98,7 +98,7 @@ def _make_contact(
             forces[slot, F_X] = rubbed(depth, nx, part, x, scale)
             forces[slot, F_Y] = rubbed(depth, ny, part, y, scale)
             forces[slot, F_Z] = rubbed(depth, nz, part, z, scale)
-            if surfaces:
+            if has_levers:
                 turn(slot, points, corners, r, forces)
         else:
             forces[slot, F_X] = correction(depth, nx, scale)
@@ -207,14 +207,20 @@ def _make_gather(compiler: Compiler, real: Any, formulas: SimpleNamespace, lever
 
 
 @cache
-def make_project(real: Any, math: str, friction: bool, surfaces: bool = False) -> SimpleNamespace:
+def make_project(
+    real: Any, math: str, friction: bool, surfaces: bool = False, has_levers: bool = False
+) -> SimpleNamespace:
     """`link_contacts` and `project_contacts`; arrays as cpu_backend/contact/self_contact.py makes them. `surfaces`: contacts
-    look at where their triangle is now, and rub without a moment."""
-    variant = f"{np.dtype(real).name}_{math}_{'friction' if friction else 'smooth'}{'_surfaces' * surfaces}"
+    look at where their triangle is now; `has_levers`: and rub without a moment."""
+    words = ("friction" if friction else "smooth") + "_surfaces" * surfaces + "_levers" * has_levers
+    variant = f"{np.dtype(real).name}_{math}_{words}"
     compiler = Compiler(variant, math)
     formulas, zero = contact.make(real, compiler.compiled), real(0)
-    (depth_of, push), shifted = _make_contact(compiler, real, formulas, friction, surfaces), formulas.shifted
-    levered = friction and surfaces
+    (depth_of, push), shifted = (
+        _make_contact(compiler, real, formulas, friction, surfaces, has_levers),
+        formulas.shifted,
+    )
+    levered = friction and has_levers
     gather, load_of = _make_gather(compiler, real, formulas, levered)
 
     def project_contacts(

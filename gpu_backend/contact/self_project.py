@@ -122,10 +122,10 @@ def _make_now(real: Any, math: str) -> SimpleNamespace:
     return SimpleNamespace(shallower=shallower, turned=turned, lever=lever)
 
 
-def _move(real: Any, math: str, friction: bool, surfaces: bool) -> tuple[Any, ...]:
+def _move(real: Any, math: str, friction: bool, surfaces: bool, has_levers: bool) -> tuple[Any, ...]:
     current = _make_now(real, math)
     shallower, turned, lever = current.shallower, current.turned, current.lever
-    levered = friction and surfaces
+    levered = friction and has_levers
     corners_of, f, zero = _make_corners(real, math), device_formulas(contact.make, real, math), real(0)
     held, offset, share = corners_of.held, corners_of.offset, corners_of.share
     dot, length, along, stiffness, inverse, slip = f.dot, f.length, f.along, f.stiffness, f.inverse, f.slip
@@ -173,7 +173,7 @@ def _move(real: Any, math: str, friction: bool, surfaces: bool) -> tuple[Any, ..
                         x = rubbed(depth, n[0], part, x, scale)
                         y = rubbed(depth, n[1], part, y, scale)
                         z = rubbed(depth, n[2], part, z, scale)
-                        if surfaces:
+                        if has_levers:
                             d, e = turned(a, b, c, position, r, (x, y, z))
                             store_quad(turns, 2 * slot, d[0], d[1], d[2], zero)
                             store_quad(turns, 2 * slot + 1, e[0], e[1], e[2], zero)
@@ -207,8 +207,13 @@ def _move(real: Any, math: str, friction: bool, surfaces: bool) -> tuple[Any, ..
 
 
 @cache
-def make_project(real: Any, math: str, friction: bool, surfaces: bool = False) -> SimpleNamespace:
+def make_project(
+    real: Any, math: str, friction: bool, surfaces: bool = False, has_levers: bool = False
+) -> SimpleNamespace:
     """The kernels `fill_links` and `sort_links` (once a substep), `deepen`, `load_up`, `push` and `gather` (each sweep).
     `surfaces`: as on the CPU; `turns`: where they rub, two quads a contact, else nothing."""
-    variant = f"contacts_{variant_name(real, math, f'friction_{int(friction)}')}{'_surfaces' * surfaces}"
-    return make_kernels((*_link(real, math), *_move(real, math, friction, surfaces)), variant, **kernel_options(math))
+    words = "_surfaces" * surfaces + "_levers" * has_levers
+    variant = f"contacts_{variant_name(real, math, f'friction_{int(friction)}')}{words}"
+    return make_kernels(
+        (*_link(real, math), *_move(real, math, friction, surfaces, has_levers)), variant, **kernel_options(math)
+    )

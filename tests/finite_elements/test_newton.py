@@ -106,8 +106,9 @@ def test_energy_does_not_rise() -> None:
 
 @pytest.mark.parametrize("way", ["flat", "inverted", "random"])
 def test_a_cube_recovers(way: str) -> None:
-    """NUMERICS B21: fixed corotated, nu 0.3, flattened, mirrored, vertices anywhere: J > 0 everywhere within 2 s."""
-    scene = bar((0.3, 0.3, 0.3), beam__pinned=[], beam__damping=0.02, method__iterations=1, **STILL)
+    """NUMERICS B21: fixed corotated, nu 0.3, flattened, mirrored, vertices anywhere: J > 0 everywhere within 2 s. The
+    damper is weak: one in Green's strain grows with the fourth power of a stretch, and holds what is far out of shape."""
+    scene = bar((0.3, 0.3, 0.3), beam__pinned=[], beam__damping=0.005, method__iterations=1, **STILL)
     with opened(scene) as simulation:
         position = simulation.state().position
         if way == "random":

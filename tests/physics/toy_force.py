@@ -23,6 +23,13 @@ def lean(real, compiled, made, axes):
     return force
 
 
+def values(scene, poke, axes):
+    """Forces are told over the unit of mass that a scene's solvers use, grid.mass; all particles here weigh the same."""
+    from model.core.build import build
+
+    return {"lean": LEAN / (float(build(scene).inverse_mass.max()) * scene.grid.mass)}
+
+
 METHOD = {"dt": DT, "integrator": "semi-implicit-euler"}
 XPBD = {"solver": "xpbd", "dt": DT, "substeps": 1, "iterations": 2}
 SHEET = {"rows": 4, "columns": 5, "spacing": 0.5, "pinned": "none"}
@@ -41,9 +48,7 @@ SCENES = {
 
 def main() -> None:
     own_forces.OWN_FORCES += (
-        own_forces.OwnForce(
-            "lean", "lean", lambda scene, live: True, lean, ("lean",), lambda scene, poke, axes: {"lean": LEAN}, "lean"
-        ),
+        own_forces.OwnForce("lean", "lean", lambda scene, live: True, lean, ("lean",), values, "lean"),
     )
     import quicker  # the simulator without what costs most of its time
 

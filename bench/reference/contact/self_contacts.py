@@ -145,6 +145,7 @@ def project(
     position: np.ndarray,
     weight: np.ndarray,
     surfaces: Any = None,
+    levers: bool = True,
 ) -> np.ndarray:
     """(particles, 3) [m]: `position` after one sweep; `weight` (particles,): inverse masses, 0 where pinned; `surfaces`: the
     module surface_contacts where contacts are those of surfaces."""
@@ -172,7 +173,7 @@ def project(
     moved = np.zeros_like(position)
     np.add.at(moved, found.mass[on], push[on])
     np.subtract.at(moved, found.corners[on], found.weights[on][:, :, None] * push[on][:, None])
-    if surfaces is not None and part.static_friction > 0:
+    if surfaces is not None and levers and part.static_friction > 0:
         np.subtract.at(moved, found.corners[on], surfaces.levers(position[found.corners[on]], now[on], push[on]))
     return position + weight[:, None] * moved
 
