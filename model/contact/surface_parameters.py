@@ -76,8 +76,11 @@ _known: WeakKeyDictionary[TetrahedraSet, ContactSurface] = WeakKeyDictionary()
 
 
 def has_levers(scene: Scene) -> bool:
-    """True if friction between the surfaces of a scene takes back the angular momentum that it changes. False where a cloth is
-    among them: on triangles that light the displacements of the corners turned a box that lies on a cloth, faster and faster."""
+    """True if friction between the surfaces of a scene takes back the angular momentum that it changes.
+
+    False where a cloth is among them: displacements of its light triangles' corners turned a box that lay on it, faster and
+    faster.
+    """
     return scene.mesh is None
 
 
