@@ -90,7 +90,8 @@ REMARKS: tuple[Remark, ...] = (
     ),
     Remark(
         "surfaces that rub",
-        "angular momentum: a part of the moment is left where `distance` exceeds the height of a triangle that takes it back",
+        "angular momentum: a part of the moment is left where `distance` exceeds the height of a triangle that takes it "
+        "back, and all of it where a cloth is among the surfaces",
         MEETING,
     ),
     Remark(
