@@ -105,7 +105,8 @@ def test_a_ball_keeps_its_volume_where_its_edges_alone_would_not() -> None:
     floor = {"floor": {"kind": "plane", "point": [0.0, -0.1, 0.0]}, "gravity": {"acceleration": 300.0}}
     left = []
     for stiffness in (1e1, 1e4):
-        scene = mesh_scene("volume", **floor, volume={"stiffness": stiffness}).replace({"mesh.pinned": "none"})
+        soft = {"bending": {"model": "dihedral", "stiffness": 1e-6}}  # so that it is its edges that are asked
+        scene = mesh_scene("volume", **floor, **soft, volume={"stiffness": stiffness}).replace({"mesh.pinned": "none"})
         assert scene.mesh is not None
         corners = tetrahedra_within(mesh_of(scene.mesh))
         rest = sixfold_volumes(build(scene).position, corners).sum()
