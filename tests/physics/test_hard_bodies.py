@@ -97,7 +97,7 @@ SABOTAGE: dict[str, tuple[type[Trial], str]] = {  # what is done -> the number t
     "A10 mirrored": (Idle, "out of shape"), "A10 inside out": (Idle, "out of shape"), "A10 rigid": (Idle, "out of shape"),
     "B16 jelly": (NO_PLANE, "deepest"), "B16 brick": (NO_PLANE, "deepest"),
     "B16 box": (other({"method.substeps": 1}), "deepest"), "B16 body": (other({"bullet.avoids": (0,)}), "least height"),
-    "B17 jellies": (LIVELY, "energy gained"), "B17 bricks": (Idle, "nearest"),
+    "B17 jellies": (LIVELY, "energy gained"), "B17 bricks": (Idle, "nearest"), "B17 deep": (LIVELY, "energy gained"),
     "B17 ball": (Idle, "deepest"),
     "B18 stack": (other({"gravity.acceleration": 2 * 9.81}), "sinking"),
     "B18 load": (other({"method.substeps": 8}), "depth"), "B18 drop": (NO_PLANE, "kinetic energy"),
