@@ -38,6 +38,7 @@ from bench.scale_commands import scaling
 from bench.store.commands import keeping
 from bench.sweep_commands import sweeping
 from labbook.commands import telling
+from model.core.errors import SceneError
 from model.domains.launched import launched_ranks
 
 app = typer.Typer(
@@ -118,6 +119,19 @@ def run(
             "speed, density. Repeatable."
         ),
     ] = None,
+    size: Annotated[
+        str | None, typer.Option(metavar="WIDTHxHEIGHT", help="Pixels of the picture or clip (default 1280x960).")
+    ] = None,
+    fps: Annotated[float | None, typer.Option(help="Frames per second of the clip (default 60).")] = None,
+    camera: Annotated[
+        str | None,
+        typer.Option(
+            metavar="YAW,PITCH[,SIZE]", help="View of the picture: degrees, degrees, height seen in metres (in space)."
+        ),
+    ] = None,
+    hud: Annotated[
+        bool, typer.Option("--hud/--no-hud", help="Write the title and the legend into the picture.")
+    ] = True,
     allow_unstable: Annotated[bool, typer.Option("--allow-unstable", help="Run over the stability limit.")] = False,
     allow_incomplete: Annotated[
         bool, typer.Option("--allow-incomplete", help="Exit with 0 though contacts were lost or elements are inverted.")
@@ -137,6 +151,7 @@ def run(
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
 ) -> None:
     """Run a scene without a window."""
+    from app.command.pictures import parse_camera
     from app.command.ranks import among_ranks, start_ranks
     from app.command.run import Request, run_scene
     from app.command.run_length import parse_record
@@ -146,8 +161,11 @@ def run(
         backend, threads, precision, math, kernel, steps, time, initial, out_file,
         parse_record(record[:1]) if record else 0, record[1] if record else None, render, allow_unstable,
         export_to, export_every, gpus, ranks, exchange_every, link, tuple(look or ()), allow_incomplete,
+        size, fps, hud,
     )  # fmt: skip
-    wanted = scene_of(scene, settings)
+    if camera is not None and render is None:
+        raise SceneError("--camera", camera, "applies to a picture or a clip; add --render FILE.png")
+    wanted = parse_camera(scene_of(scene, settings), camera)
     request, processes = among_ranks(wanted, request)
     if processes:
         raise typer.Exit(start_ranks(processes, sys.argv))
@@ -190,7 +208,6 @@ def demo(
     """Show scenes in a window: G toggles gravity, the mouse pulls a mass or a body, H lists the keys."""
     from app.window.viewer import run_demo
     from bench.experiments.accuracy.judge import judge_run
-    from model.core.errors import SceneError
 
     if frames is not None and frames < 1:
         raise SceneError("--frames", frames, "must be at least 1")

@@ -17,9 +17,9 @@ def shows_foam(scene: Scene, look: Sequence[str]) -> bool:
     return bool(scene.fluids) and ("foam" in look or scene.foam is not None)
 
 
-def frame_steps(simulation: Simulation) -> int:
-    """That come nearest to a frame of a clip."""
-    return max(1, round(FRAME / simulation.scene.method.dt))
+def frame_steps(simulation: Simulation, frame: float = FRAME) -> int:
+    """Number of steps whose duration is nearest to `frame` [s], at least 1."""
+    return max(1, round(frame / simulation.scene.method.dt))
 
 
 class Foaming:

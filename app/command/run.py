@@ -10,7 +10,8 @@ from typing import Any, Protocol
 
 import psutil
 
-from app.command.foaming import Foaming, frame_steps, shows_foam
+from app.command.foaming import Foaming, shows_foam
+from app.command.pictures import USUAL_RATE, ClipView, check_rate, parse_size
 from app.command.run_length import step_count
 from app.command.run_parts import body_lines, collider_lines, fluid_notes, newton_notes
 from app.command.run_report import run_report
@@ -19,7 +20,7 @@ from app.outcome import INCOMPLETE, fault_lines, fault_words
 from app.output.export import Exporter, Target, check_export
 from app.output.files import check_state_target, read_state, write_state, write_trajectory
 from app.output.offscreen import check_look
-from app.output.video import Picture, check_render, render, true_rate
+from app.output.video import Picture, check_render, render
 from app.shared import USUAL_LINK, check_asked, check_cut, check_shared
 from cpu_backend.core.threads import core_count, wait_policy
 from model.core.errors import Diverged, Incomplete, InputError, SceneError
@@ -65,6 +66,14 @@ class Request:
     link: str | None = None
     look: tuple[str, ...] = ()
     allow_incomplete: bool = False
+    size: str | None = None
+    fps: float | None = None
+    hud: bool = True
+
+    def picture(self) -> Picture:
+        """What `--render` draws. Raises SceneError."""
+        size = parse_size(self.size) if self.size is not None else (Picture.width, Picture.height)
+        return Picture(*size, fps=self.fps or USUAL_RATE, look=self.look, legend=self.hud)
 
 
 @dataclass
@@ -92,8 +101,12 @@ def check_targets(scene: Scene, request: Request, steps: int, notes: list[str]) 
     if request.render:
         check_render(request.render)
     check_look(scene, request.look)
-    if request.look and not request.render:
-        raise InputError(f"--look {request.look[0]}: is of a picture or a clip; add --render FILE.png or FILE.mp4")
+    asked = {"--look": request.look, "--size": request.size, "--fps": request.fps, "--no-hud": not request.hud}
+    if not request.render and (unused := [name for name, value in asked.items() if value]):
+        raise InputError(f"{unused[0]}: applies to a picture or a clip; add --render FILE.png or FILE.mp4")
+    request.picture()
+    if request.fps is not None:
+        check_rate(request.fps)
     check_asked(request.backend, request.gpus, request.ranks, request.exchange_every, request.link)
     if request.gpus > 1:
         check_cut(scene, request.gpus, request.exchange_every, request.link, "--gpus")
@@ -136,7 +149,8 @@ def run_scene(scene: Scene, request: Request, *, progress: bool = True) -> Resul
         recorder = _Recorder(start, request.record_every if request.record else 0)
         exporter = Exporter(simulation, target) if target else None
         foaming = Foaming(simulation) if request.render and not clip and shows_foam(scene, request.look) else None
-        keepers = [keeper for keeper in (recorder, exporter, foaming) if keeper is not None]
+        view = ClipView(simulation, request.picture()) if clip and steps > 0 else None
+        keepers = [keeper for keeper in (recorder, exporter, foaming, view) if keeper is not None]
         try:
             seconds, diverged = _advance(simulation, steps, keepers, progress and simulation.rank == 0)
         except KeyboardInterrupt:
@@ -154,7 +168,7 @@ def run_scene(scene: Scene, request: Request, *, progress: bool = True) -> Resul
         notes += fault_lines(result.report) + fluid_notes(result.report) + newton_notes(result.report)
         if exporter:
             result.written += exporter.finish(simulation, notes)
-        _write_results(result, request, recorder, simulation, start, clip, foaming.points if foaming else None)
+        _write_results(result, request, recorder, simulation, start, view, foaming.points if foaming else None)
         if diverged is not None:
             notes.append(f"the state told of is the last one that was looked at and found good, of step {state.step}")
         if simulation.backend == "cpu" and simulation.threads > 1 and _spins() and _crowded():
@@ -250,14 +264,15 @@ def _advance(
 
 
 def _write_results(
-    result: Result, request: Request, recorder: _Recorder, simulation: Simulation, start: State, clip: bool,
+    result: Result, request: Request, recorder: _Recorder, simulation: Simulation, start: State, view: ClipView | None,
     foam: FoamPoints | None,
 ) -> None:  # fmt: skip
     if request.out:
         result.written.append(write_state(request.out, result.state))
     if request.record:
         result.written.append(write_trajectory(request.record, simulation.scene, recorder.states))
-    picture = Picture(look=request.look)
+    picture = request.picture()
+    clip = request.render is not None and request.render.suffix.lower() == ".mp4"
     if request.render and not clip:
         state = result.state
         how: dict[str, Any] = {"time": state.time, "inverse_mass": state.inverse_mass, "picture": picture}
@@ -265,11 +280,10 @@ def _write_results(
         result.written.append(render(state.position, request.render, scene=simulation.scene, **how))
     elif request.render:
         steps = result.state.step - start.step
-        if steps < 1:
+        if steps < 1 or view is None:
             raise InputError(f"{request.render}: nothing moved, so there is no clip to draw; give --steps")
         simulation.load(start)
-        per_frame = frame_steps(simulation)
-        picture = replace(picture, fps=true_rate(per_frame, simulation.scene.method.dt))
+        picture = replace(picture, fps=view.rate, fitted=view.finish())
         result.written.append(
-            render(simulation, request.render, steps=steps, steps_per_frame=per_frame, picture=picture)
+            render(simulation, request.render, steps=steps, steps_per_frame=view.every, picture=picture)
         )

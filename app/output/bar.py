@@ -2,14 +2,31 @@
 
 from __future__ import annotations
 
+import sys
+from time import monotonic
+from typing import Any
+
 from rich.console import Console
-from rich.progress import Progress, ProgressColumn
+from rich.progress import Progress, ProgressColumn, TaskID
+
+LINE_SECONDS = 10.0  # between two lines where standard error is not a terminal
 
 
 class Bar(Progress):
-    """On the standard error, gone when done; nothing unless `show`, or where that is no terminal: of a file it would leave an
-    empty line."""
+    """A progress bar on standard error that vanishes when done; a line every LINE_SECONDS where that is not a terminal;
+    nothing unless `show`."""
 
     def __init__(self, *columns: ProgressColumn, show: bool = True):
         console = Console(stderr=True)
         super().__init__(*columns, console=console, disable=not (show and console.is_interactive), transient=True)
+        self._lines = show and not console.is_interactive
+        self._next_line = monotonic() + LINE_SECONDS
+
+    def update(self, task_id: TaskID, **fields: Any) -> None:
+        """Update a task as `Progress.update` does; print a line where there is no bar."""
+        super().update(task_id, **fields)
+        if self._lines and monotonic() >= self._next_line:
+            task = self._tasks[task_id]
+            total = "" if task.total is None else f" of {task.total:g}"
+            print(f"{task.description}: {task.completed:g}{total}", file=sys.stderr, flush=True)
+            self._next_line = monotonic() + LINE_SECONDS

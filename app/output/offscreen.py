@@ -6,6 +6,7 @@ import ctypes
 import subprocess
 import sys
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +30,14 @@ from model.shape_matching.spare import present
 
 MARGINS = (40.0, 110.0, 40.0, 50.0)  # pixels at the left, bottom (legend), right, top (caption)
 MIN_SIZE, MAX_SIZE = 16, 16384  # pixels
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """A view and the largest strain of the range of colours, which hold every state they were fitted to."""
+
+    camera: Any
+    strain_range: float
 
 
 class OffscreenRenderer:
@@ -73,7 +82,7 @@ class OffscreenRenderer:
         except BaseException:
             self._window.close()
             raise
-        self._fitted = False
+        self._fitted, self._fixed = False, False
         self._weights: np.ndarray | None = None
         self._points: np.ndarray | None = None  # that the view goes by
         self.camera = camera_of(scene, width, height)
@@ -111,6 +120,7 @@ class OffscreenRenderer:
             points = np.concatenate([self._points, points])
         self.camera = self.camera.holding(points, margins, radius)
         self._points = self.camera.outermost(points, margins, radius)
+        self.camera.aim(self.scene.camera)
 
     def show_bodies(self, inverse_mass: np.ndarray | None) -> None:
         """Bodies that wait by these inverse masses (particles,), as in State, are not shown from now on; at first, and by
@@ -121,12 +131,23 @@ class OffscreenRenderer:
 
     def fit(self, position: np.ndarray, time: float = 0.0) -> None:
         """Make the view and the range of colours hold this state (particles, dimensions) [m] at `time` [s] as well as those
-        fitted before."""
+        fitted before. Does nothing after `fix`."""
+        if self._fixed:
+            return
         self._frame(position, time)
         if (self._legends and self._legends.needed(self._view)) or self.scene.springs:
             fitted = colours.strain_range(drawn_strain(self.scene, position))
             self.strain_range = max(fitted, self.strain_range) if self._fitted else fitted
         self._fitted = True
+
+    @property
+    def fitted(self) -> Fitted:
+        """The view and the range of colours that `fit` has arrived at."""
+        return Fitted(self.camera, self.strain_range)
+
+    def fix(self, fitted: Fitted) -> None:
+        """Draw with this view and range of colours from now on."""
+        self.camera, self.strain_range, self._fixed = fitted.camera, fitted.strain_range, True
 
     @property
     def wants_velocity(self) -> bool:

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from app.output.offscreen import OffscreenRenderer, render_frame
+from app.output.offscreen import Fitted, OffscreenRenderer, render_frame
 from app.render.fluid.framing import with_fluids
 from model.core.errors import BackendUnavailable, InputError
 from model.core.files import check_target, replacing
@@ -33,14 +33,17 @@ LEAST_ROOM = 1 << 16  # bytes: with less a disk is full
 
 @dataclass(frozen=True)
 class Picture:
-    """`width` x `height` pixels, of a clip rounded down to even numbers, under a `caption` (None: the scene's title); of a
-    clip `fps` frames a second, which need not be a whole number. `look`: how tetrahedra are drawn (see OffscreenRenderer)."""
+    """`width` x `height` pixels, rounded down to even numbers for a clip, under a `caption` (None: the scene's title); a clip
+    has `fps` frames a second, not necessarily a whole number. `look`: how tetrahedra are drawn (see OffscreenRenderer).
+    `legend` False: no text in the picture. `fitted`: the view of a clip (None: it widens as the motion needs)."""
 
     width: int = 1280
     height: int = 960
     caption: str | None = None
     fps: float = 60
     look: tuple[str, ...] = ()
+    legend: bool = True
+    fitted: Fitted | None = None
 
 
 # position [m], time [s], and a cloth's normals, velocities [m/s] and how wet particles are, if they are known
@@ -215,9 +218,12 @@ def _write_clip(
 ) -> Path:
     width, height = picture.width & ~1, picture.height & ~1
     writer = VideoWriter(path, width, height, picture.fps)
-    with OffscreenRenderer(scene, width, height, look=picture.look) as renderer, writer, ExitStack() as stack:
+    drawing = OffscreenRenderer(scene, width, height, legend=picture.legend, look=picture.look)
+    with drawing as renderer, writer, ExitStack() as stack:
         renderer.caption = scene.title if picture.caption is None else picture.caption
         renderer.show_bodies(inverse_mass)
+        if picture.fitted is not None:
+            renderer.fix(picture.fitted)
         start, bar, task = perf_counter(), None, None
         for position, time, normal, velocity, wetness in states:
             renderer.fit(position, time)
@@ -280,6 +286,7 @@ def render(
     if not clip:
         size, words = (picture.width, picture.height), picture.caption
         how: dict[str, Any] = {"time": time, "inverse_mass": inverse_mass, "look": picture.look}
+        how["legend"] = picture.legend
         how |= {"velocity": velocity, "foam": foam, "wetness": wetness}
         return render_frame(scene, position, path, *size, caption=words, **how)
     if position.ndim != 3:

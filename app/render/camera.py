@@ -13,6 +13,8 @@ from typing import Self
 
 import numpy as np
 
+from model.scene.camera import CameraPart
+
 MIN_SCALE, MAX_SCALE = 1e-6, 1e6  # pixels per metre: what float32 vertex coordinates still resolve
 BEHIND = 0.25  # pixels that a pixel's length of depth counts when masses compete for the pointer
 
@@ -86,6 +88,13 @@ class Camera(ABC):
     @abstractmethod
     def magnify(self, factor: float) -> None:
         """Show what lies at the target's depth so much larger, within what can be drawn."""
+
+    def aim(self, part: CameraPart | None) -> None:
+        """Look where a scene's `camera` table says, as far as it does."""
+        if part is not None and part.target is not None:
+            self._aim(np.array(part.target[: len(self.target)]))
+        if part is not None and part.size is not None:
+            self.magnify(self.height / part.size / self.scale)
 
     def to_window(self, position: np.ndarray) -> np.ndarray:
         """(..., dimensions) metres -> (..., 2) pixels; NaN for what is not in front."""

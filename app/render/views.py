@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import radians
 from typing import Any
 
 from app.render.camera import Camera2D
@@ -42,5 +43,13 @@ def _view_of_family(scene: Scene, detail: Detail, quick: bool, first_colour: int
 
 
 def camera_of(scene: Scene, width: int, height: int) -> Any:
-    """A Camera2D or, in space, a Camera3D for a window of `width` x `height` pixels, yet to be pointed at something."""
-    return (Camera3D if scene.dimensions == 3 else Camera2D)(width, height)
+    """A Camera2D or, in space, a Camera3D for a window of `width` x `height` pixels, turned as the scene's camera table says
+    and yet to be pointed at something."""
+    if scene.dimensions != 3:
+        return Camera2D(width, height)
+    camera, part = Camera3D(width, height), scene.camera
+    if part is not None and part.yaw is not None:
+        camera.yaw = radians(part.yaw)
+    if part is not None and part.pitch is not None:
+        camera.pitch = radians(part.pitch)
+    return camera

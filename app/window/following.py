@@ -58,7 +58,9 @@ class Following:
             return
         spacing = max(world.scene.grid.spacing for world in self.demo.worlds)
         camera = self.viewer.camera
-        camera.approach(camera.framing(kept, self._margins(), spacing), share)
+        wanted = camera.framing(kept, self._margins(), spacing)
+        wanted.aim(self.demo.world.scene.camera)
+        camera.approach(wanted, share)
 
     def stay_above_ground(self) -> None:
         """In space, above what is drawn as the ground."""

@@ -10,12 +10,13 @@ from pydantic.fields import FieldInfo
 
 from model.core.errors import SceneError
 from model.geometry.shapes import Shape
+from model.scene.camera import CAMERA, CameraPart
 from model.scene.kinds import KINDS
 from model.scene.mesh_source import MeshSource
 from model.scene.parts import Part
 from model.scene.words import notes_of, suggestion
 
-TOLD = KINDS | {"shape": Shape}  # which is no table of its own, but a body's
+TOLD = KINDS | {CAMERA: CameraPart, "shape": Shape}  # a shape is a field of a body or mesh, not a table of its own
 REQUIRED = "(must be given)"
 WIDE = 2**31 - 1  # a bound that nobody meets: what an index or a seed can hold
 
@@ -271,6 +272,7 @@ def document() -> str:
         "| fluid, emitter, sink, domain, foam, wetting | fluids by particles, where they come from and end, a box whose "
         "sides repeat, spray and foam as points, a cloth that drinks |",
         "| tetrahedral_body, region, material, attachment | bodies of Young's modulus and Poisson's ratio |",
+        "| camera | where pictures are taken from; changes nothing of what is simulated |",
     ]
     for kind in TOLD:
         lines += ["", f"## {kind}", about(kind), "", "| field | default | allowed | |", "|---|---|---|---|"]

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from model.core.errors import SceneError
+from model.scene.camera import CAMERA, CameraPart
 from model.scene.checks.fit import check_fit
 from model.scene.checks.solver import check_solver
 from model.scene.kinds import KINDS, SEVERAL, SHEETS
@@ -53,6 +54,8 @@ class Scene(SceneParts):
         if self.one("method") is None:
             self.parts["method"], self.kinds["method"] = Method(), "method"
         check_solver(self)
+        if self.camera is not None:
+            self.camera.check(self.dimensions)
 
     @classmethod
     def stored(cls, tables: Mapping[str, Any]) -> Scene:
@@ -81,10 +84,10 @@ class Scene(SceneParts):
             if not field or "." in field:
                 raise SceneError(path, value, f"the key {path!r} must be a dotted path, such as grid.rows or method.dt")
             kind = self.kinds.get(part_name, part_name)
-            if kind not in KINDS:
-                names = [*self.kinds, *(name for name in KINDS if name not in self.kinds)]
+            if kind not in KINDS and kind != CAMERA:
+                names = [*self.kinds, *(name for name in (*KINDS, CAMERA) if name not in self.kinds)]
                 raise SceneError(path, value, f"unknown part{suggestion(part_name, names)}; known: {', '.join(names)}")
-            known = KINDS[kind].model_fields
+            known = (CameraPart if kind == CAMERA else KINDS[kind]).model_fields
             if field not in known:
                 raise SceneError(path, value, f"unknown key{suggestion(field, known)}; known: {', '.join(known)}")
             table = tables.setdefault(part_name, {})
@@ -99,7 +102,7 @@ def _contradicted(kind: str, field: str, value: Any, table: Mapping[str, Any]) -
     """The fields of a part that no longer say anything once `field` gets a `value`: a solver has its own fields."""
     if kind == "method" and field == "solver" and isinstance(value, str) and value in FIELDS_OF_SOLVER:
         return [name for name in table if name not in FIELDS_OF_SOLVER[value]]
-    return list(KINDS[kind].contradicts.get(field, ()))
+    return [] if kind == CAMERA else list(KINDS[kind].contradicts.get(field, ()))
 
 
 def load_scene(name_or_path: str | Path) -> Scene:

@@ -17,6 +17,7 @@ from model.core.errors import InputError, SceneError
 from model.fluid.fluid_set import FluidSet, make_fluid_set
 from model.scene.attachment import Attachment, motion_with, pins
 from model.scene.bodies import BODY_KINDS, Placed
+from model.scene.camera import CAMERA, CameraPart
 from model.scene.cloth import (
     COLLIDER_KINDS,
     CONSTRAINT_KINDS,
@@ -56,6 +57,22 @@ from model.tetrahedra.body_set import TetrahedraSet, make_tetrahedra_set
 from model.world.world_set import WorldSet, make_world_set
 
 
+def _build_part(name: str, made: Any, fields: dict[str, Any]) -> Any:
+    """Return the part of class `made` with these fields. Raises SceneError or InputError that name the part."""
+    try:
+        return made(**fields)
+    except ValidationError as error:
+        raise scene_error(name, error, made) from None
+    except SceneError as error:  # of a mesh, which does not know its name
+        kind = next((kind for kind, known in KINDS.items() if known is made), name)
+        field = re.sub(rf"\b{kind}\.", f"{name}.", error.field)
+        raise SceneError(field, error.value, error.allowed) from None
+    except InputError as error:
+        raise InputError(f"{name}: {error}") from None
+    except TypeError:  # a key that is not even a name
+        raise SceneError(name, sorted(map(str, fields)), "its keys must be names") from None
+
+
 def _part(kind: str) -> Any:
     """A property: the scene's part of a kind of which it has one at most, or None."""
     return property(lambda scene: scene.one(kind))
@@ -76,13 +93,19 @@ class SceneParts:
         """The parts and their kinds, each checked by itself."""
         self.parts: dict[str, Part] = {}
         self.kinds: dict[str, str] = {}
+        self.camera: CameraPart | None = None
         for part_name, table in tables.items():
             if not isinstance(table, Mapping):
                 if part_name in KINDS:
                     raise SceneError(part_name, table, f"must be a table, such as [{part_name}]")
-                raise SceneError(part_name, table, f"unknown key; a scene has a title and tables: {', '.join(KINDS)}")
+                raise SceneError(
+                    part_name, table, f"unknown key; a scene has a title and tables: {', '.join((*KINDS, CAMERA))}"
+                )
             fields = dict(table)
             kind = fields.pop("kind", part_name)
+            if part_name == CAMERA and kind == CAMERA:
+                self.camera = _build_part(part_name, CameraPart, fields)
+                continue
             if not isinstance(kind, str) or kind not in KINDS:
                 known = f"{suggestion(str(kind), KINDS)}; known kinds: {', '.join(KINDS)}"
                 if "kind" in table:
@@ -90,17 +113,7 @@ class SceneParts:
                 raise SceneError(
                     part_name, table, f'unknown part{known}; or give the table a kind, such as kind = "soft_body"'
                 )
-            try:
-                self.parts[part_name] = KINDS[kind](**fields)
-            except ValidationError as error:
-                raise scene_error(part_name, error, KINDS[kind]) from None
-            except SceneError as error:  # of a mesh, which does not know its name
-                field = re.sub(rf"\b{kind}\.", f"{part_name}.", error.field)
-                raise SceneError(field, error.value, error.allowed) from None
-            except InputError as error:
-                raise InputError(f"{part_name}: {error}") from None
-            except TypeError:  # a key that is not even a name
-                raise SceneError(part_name, sorted(map(str, fields)), "its keys must be names") from None
+            self.parts[part_name] = _build_part(part_name, KINDS[kind], fields)
             self.kinds[part_name] = kind
 
     def all_of(self, *kinds: str) -> dict[str, Any]:
@@ -288,9 +301,11 @@ class SceneParts:
         for part_name, part in self.parts.items():
             kind = self.kinds[part_name]
             tables[part_name] = ({} if kind == part_name else {"kind": kind}) | part.model_dump(mode="json")
+        if self.camera is not None:
+            tables[CAMERA] = self.camera.model_dump(mode="json")
         return tables
 
     def canonical(self) -> str:
-        """Canonical JSON of what is simulated (no title): equal texts mean equal scenes."""
-        tables = {key: table for key, table in self.as_dict().items() if key != "title"}
+        """Canonical JSON of what is simulated (no title, no camera): equal texts mean equal scenes."""
+        tables = {key: table for key, table in self.as_dict().items() if key not in ("title", CAMERA)}
         return json.dumps(tables, sort_keys=True, separators=(",", ":"))

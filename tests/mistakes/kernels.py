@@ -150,8 +150,8 @@ CPU: tuple[Mistake, ...] = (
 GPU: tuple[Mistake, ...] = (
     *in_file(
         "model/core/own_forces.py",
-        SIMULATED_GRID,
-        {"the poke acts on the next mass (gpu)": ("poked = np.int64(integers[POKED]) == k + 1", "poked = np.int64(integers[POKED]) == k")},
+        "test_cpu_reference.py",
+        {"the poke acts on the next mass": ("poked = np.int64(integers[POKED]) == k + 1", "poked = np.int64(integers[POKED]) == k")},
     ),
     *in_file(
         "gpu_backend/mass_spring/grid/point.py",

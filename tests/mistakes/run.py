@@ -50,8 +50,8 @@ class Copy:
             elif (root / name).exists():
                 shutil.copy2(root / name, self.folder / name)
 
-    def run(self, tests: Sequence[str], timeout: float) -> tuple[int | None, str]:
-        """(pytest's exit status, what it said) of these tests, stopped at the first that fails; None: it took too long."""
+    def run(self, tests: Sequence[str], timeout: float, options: Sequence[str] = ()) -> tuple[int | None, str]:
+        """Run these tests up to the first that fails. Returns (pytest's exit status or None after the timeout, its output)."""
         simulated = [
             test for test in tests if test.startswith("simulator/")
         ]  # the simulator is chosen before numba starts
@@ -59,12 +59,12 @@ class Copy:
         parts = [(part, how) for part, how in ((simulated, "1"), (others, "0")) if part] or [([], "0")]
         status, said, end = 0, "", time.monotonic() + timeout
         for part, how in parts:
-            status, said = self._run(part, end - time.monotonic(), {"NUMBA_ENABLE_CUDASIM": how})
+            status, said = self._run([*options, *part], end - time.monotonic(), {"NUMBA_ENABLE_CUDASIM": how})
             if status != 0:
                 break
         return status, said
 
-    def _run(self, tests: Sequence[str], timeout: float, environment: dict[str, str]) -> tuple[int | None, str]:
+    def _run(self, arguments: Sequence[str], timeout: float, environment: dict[str, str]) -> tuple[int | None, str]:
         words = [sys.executable, "-m", "pytest", "-x", "-q", "--no-header", "-p", "no:cacheprovider"]
         words += ["-n0"] if importlib.util.find_spec("xdist") else []  # mistakes, not tests, are what runs side by side
         environment = (
@@ -80,7 +80,7 @@ class Copy:
             if self._ended:
                 return None, "stopped"
             self._running = running = subprocess.Popen(
-                [*words, *(path_of(test, self.folder) for test in tests)], cwd=self.folder, env=environment, text=True,
+                [*words, *(word if word.startswith("-") else path_of(word, self.folder) for word in arguments)], cwd=self.folder, env=environment, text=True,
                 stdout=subprocess.PIPE, stderr=subprocess.STDOUT, start_new_session=os.name == "posix",
             )  # fmt: skip
         try:
@@ -107,15 +107,17 @@ class Copy:
             running.kill()
 
     def try_out(self, mistake: Mistake, timeout: float, tests: Sequence[str] | None = None) -> Result:
-        """Make the mistake, run `tests` (None: those near by), put the text back."""
+        """Make the mistake, run `tests` (None: those near by, then what of them only `--rest` runs), put the text back."""
         begin, text = time.monotonic(), mistake.read(self.folder)
         file = self.folder / mistake.file
         file.write_text(mistake.applied(text), encoding="utf-8")
         try:
-            status, said = self.run(mistake.tests if tests is None else tests, timeout)
+            judged = _judged(*self.run(mistake.tests if tests is None else tests, timeout))
+            if tests is None and judged[0] in (SURVIVED, NO_TEST):
+                judged = _judged(*self.run(mistake.tests, timeout, ["--rest"]))
         finally:
             file.write_text(text, encoding="utf-8")
-        return Result(mistake, *_judged(status, said), time.monotonic() - begin)
+        return Result(mistake, *judged, time.monotonic() - begin)
 
     def remove(self) -> None:
         self.stop()

@@ -1,0 +1,76 @@
+"""Pictures and clips that `softlab run` draws: their size, their view, and the view of a clip, fitted to the whole run."""
+
+from __future__ import annotations
+
+from app.command.foaming import FRAME, frame_steps
+from app.output.offscreen import MAX_SIZE, MIN_SIZE, Fitted, OffscreenRenderer
+from app.output.video import Picture, true_rate
+from model.core.errors import SceneError
+from model.core.simulation import Simulation
+from model.scene.scene import Scene
+
+MAX_RATE = 240.0  # frames/s
+
+
+def parse_size(text: str) -> tuple[int, int]:
+    """Return (width, height) [pixels] of `WIDTHxHEIGHT`. Raises SceneError."""
+    words = text.lower().split("x")
+    known = len(words) == 2 and all(word.isascii() and word.isdigit() and len(word) < 7 for word in words)
+    width, height = (int(word) for word in words) if known else (0, 0)
+    if not (MIN_SIZE <= width <= MAX_SIZE and MIN_SIZE <= height <= MAX_SIZE):
+        raise SceneError(
+            "--size", text, f"must be WIDTHxHEIGHT, such as 1920x1080, each {MIN_SIZE} to {MAX_SIZE} pixels"
+        )
+    return width, height
+
+
+def parse_camera(scene: Scene, text: str | None) -> Scene:
+    """Return `scene` seen from `YAW,PITCH` or `YAW,PITCH,SIZE` (degrees, degrees, metres). Raises SceneError."""
+    if text is None:
+        return scene
+    try:
+        values = [float(word) for word in text.split(",")]
+    except ValueError:
+        values = []
+    if len(values) not in (2, 3):
+        raise SceneError(
+            "--camera", text, "must be YAW,PITCH or YAW,PITCH,SIZE, such as 30,15 (degrees) or 30,15,2 (2 m)"
+        )
+    fields = zip(("yaw", "pitch", "size"), values, strict=False)
+    return scene.replace({f"camera.{name}": value for name, value in fields})
+
+
+def check_rate(fps: float) -> None:
+    """Raise SceneError for a rate that no clip can have."""
+    if not 1 <= fps <= MAX_RATE:
+        raise SceneError("--fps", fps, f"must be 1 to {MAX_RATE:g} frames a second")
+
+
+class ClipView:
+    """Fits the view of a clip to each frame while the run goes on, so that the clip itself is drawn from one place."""
+
+    def __init__(self, simulation: Simulation, picture: Picture):
+        self.every = frame_steps(simulation, 1 / picture.fps)
+        self.rate = true_rate(self.every, simulation.scene.method.dt)
+        self._renderer = OffscreenRenderer(
+            simulation.scene, picture.width & ~1, picture.height & ~1, legend=picture.legend, look=picture.look
+        )
+        self._renderer.show_bodies(simulation.body.inverse_mass)
+        self.keep(simulation, 0)
+
+    def steps_to_next(self, done: int) -> int:
+        """Steps from step `done` to the next frame."""
+        return self.every - done % self.every
+
+    def keep(self, simulation: Simulation, done: int) -> None:
+        """Widen the view for the state now, if it is a frame."""
+        if done % self.every == 0:
+            self._renderer.fit(simulation.read("position"), simulation.time)
+
+    def finish(self) -> Fitted:
+        """Return the view that holds every frame, and free the renderer."""
+        self._renderer.close()
+        return self._renderer.fitted
+
+
+USUAL_RATE = 1 / FRAME  # frames/s
