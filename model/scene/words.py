@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 import inspect
 import re
-from typing import Any, get_args
+from typing import Any, get_args, get_origin
 
 from pydantic import ValidationError
 
@@ -45,9 +45,38 @@ def _kind_within(kind: type[Part], way: tuple[int | str, ...]) -> type[Part]:
     return kind
 
 
-def _holds_tables(kind: type[Part], location: list[str]) -> bool:
-    """Whether a part's field is a list of tables."""
-    return any(hasattr(choice, "model_fields") for choice in get_args(kind.model_fields[location[0]].annotation))
+def _names(kind: type[Part], place: tuple[int | str, ...]) -> list[str]:
+    """The fields that lead to a complaint's place: a field of a part, and of the tables within it."""
+    names: list[str] = []
+    for step in place:
+        if not isinstance(step, str) or step not in kind.model_fields:
+            break
+        names.append(step)
+        within = kind.model_fields[step].annotation
+        choices = [choice for choice in (within, *get_args(within)) if hasattr(choice, "model_fields")]
+        if not choices:
+            break
+        kind = choices[0]
+    return names
+
+
+def _list_wanted(kind: type[Part], complaint: Any) -> str:
+    """The list that a field must be where something else was given: of tables, words, or numbers, and how many."""
+    place = _names(kind, complaint["loc"])
+    if not place:
+        return "must be a list"
+    field = _kind_within(kind, tuple(place[:-1])).model_fields[place[-1]].annotation
+    value, lists = complaint["input"], [choice for choice in (field, *get_args(field)) if get_origin(choice) is tuple]
+    items = get_args(lists[0]) if lists else ()
+    if any(hasattr(item, "model_fields") for item in items):
+        return "must be a list of tables"
+    if items and items[0] is str:
+        return f'must be a list of words, such as ["{value if isinstance(value, str) else "left"}"]'
+    count = len(items)
+    if not items or Ellipsis in items or not isinstance(value, int | float) or isinstance(value, bool):
+        return "must be a list of numbers, such as [0.0, 1.0, 0.0]"
+    example = ", ".join([f"{value}"] * count)
+    return f"must be a list of {COUNTS[count] if count < len(COUNTS) else count} numbers, such as [{example}]"
 
 
 def _count_error(part: str, complaints: list[Any], first: Any) -> SceneError:
@@ -90,6 +119,8 @@ def scene_error(part: str, error: ValidationError, kind: type[Part]) -> SceneErr
             near = f" (did you mean {MEANT[location[-1]]}?)"
         if location[1:] and location[-1] in kind.model_fields:
             near = f" (did you mean {part}.{location[-1]}?)"
+        if not near and "shape" in known and location[-1] in _kind_within(kind, ("shape",)).model_fields:
+            near = f" (did you mean {part}.shape.{location[-1]}?)"
         return SceneError(".".join([part, *location]), first["input"], f"unknown key{near}; known: {', '.join(known)}")
     message = first["msg"].removeprefix("Value error, ")
     if not location and ": " in message:  # a check across fields names its field itself
@@ -99,7 +130,7 @@ def scene_error(part: str, error: ValidationError, kind: type[Part]) -> SceneErr
         )
     words = {
         "int_type": "must be a whole number",
-        "tuple_type": "must be a list of numbers, such as [0.0, 1.0, 0.0]",
+        "tuple_type": _list_wanted(kind, first),
         "int_from_float": "must be a whole number",
         "float_type": "must be a number",
         "finite_number": "must be a finite number",
@@ -107,8 +138,6 @@ def scene_error(part: str, error: ValidationError, kind: type[Part]) -> SceneErr
         "model_type": 'must be a table of its fields, such as { name = "star" }',
     }
     allowed = words.get(first["type"], message)
-    if first["type"] == "tuple_type" and _holds_tables(kind, location):
-        allowed = "must be a list of tables"
     if first["type"] == "greater_than":
         allowed = f"must be greater than {first['ctx']['gt']:g}"
     elif first["type"] == "greater_than_equal":
@@ -117,4 +146,5 @@ def scene_error(part: str, error: ValidationError, kind: type[Part]) -> SceneErr
         allowed = f"must be at most {first['ctx']['le']:.12g}"
     elif first["type"] == "literal_error":
         allowed = f"must be one of {first['ctx']['expected'].replace(chr(39), '')}"
-    return SceneError(".".join([part, *location[:1]]), first["input"], allowed)
+        allowed += " (a word, not a table)" if isinstance(first["input"], dict) else ""
+    return SceneError(".".join([part, *_names(kind, first["loc"])]), first["input"], allowed)

@@ -275,3 +275,22 @@ def test_steps_that_are_none_and_a_simulation_that_is_closed() -> None:
                 simulation.advance(wrong)  # type: ignore[arg-type]
     with pytest.raises(InputError, match="closed"):
         simulation.advance(1)
+
+
+BOX_OF_A_NUMBER = {"kind": "soft_body", "particle_spacing": 0.1, "shape": {"name": "box", "sides": 0.4}}
+BAR_HELD_BY_A_WORD = {"kind": "tetrahedral_body", "shape": {"name": "beam"}, "pinned": "right"}
+
+
+@pytest.mark.parametrize(
+    ("table", "words"),
+    [
+        (BAR_HELD_BY_A_WORD, "part.pinned = 'right': must be a list of words, such as [\"right\"]"),
+        (BOX_OF_A_NUMBER, "part.shape.sides = 0.4: must be a list of three numbers, such as [0.4, 0.4, 0.4]"),
+        ({"kind": "soft_body", "particle_spacing": 0.1, "sides": 0.4}, "did you mean part.shape.sides?"),
+        ({"kind": "fluid", "size": "big"}, "such as [0.0, 1.0, 0.0]"),
+        ({"kind": "mesh", "shape": {"name": "sheet"}}, "must be one of sheet (a word, not a table)"),
+    ],
+)
+def test_a_wrong_list_gets_an_example_of_the_right_one(table: dict[str, object], words: str) -> None:
+    with pytest.raises(SceneError, match=re.escape(words)):
+        Scene({"part": table})
