@@ -6,7 +6,7 @@ import numpy as np
 
 from app.render.camera import Margins, joined_bounds
 from app.render.collider_shapes import with_colliders
-from app.render.fluid.framing import main_part, with_tank
+from app.render.fluid.framing import main_part, with_fluids, with_tank
 from app.window.panes import IN_A_ROW
 from app.window.shown import Shown
 
@@ -23,6 +23,8 @@ class Following:
         starts = [main_part(world.scene, world.body.position) for world in self.demo.worlds]
         axes = self.demo.world.scene.dimensions
         ends = [(p.min(axis=0), p.max(axis=0)) for p in starts if len(p)] or [(np.zeros(axes), np.zeros(axes))]
+        self._widens = any(with_fluids(world.scene) for world in self.demo.worlds)
+        self._widest: tuple[float, ...] | None = None
         self._start = np.min([low for low, _ in ends], axis=0), np.max([high for _, high in ends], axis=0)
 
     def drop_place(self, x: float, y: float) -> tuple[float, float, float]:
@@ -52,10 +54,14 @@ class Following:
         )
 
     def approach(self, share: float) -> None:
-        """By so much of the way to the view that shows everything."""
+        """Go `share` of the way to the view that shows everything. With fluids it only widens until a share of 1: drops that
+        fly and land would change the size of the tank."""
         kept = self._everything()
         if kept is None:
             return
+        if self._widens:
+            kept = kept if self._widest is None or share == 1.0 else joined_bounds([self._widest, kept])
+            self._widest = kept
         spacing = max(world.scene.grid.spacing for world in self.demo.worlds)
         camera = self.viewer.camera
         wanted = camera.framing(kept, self._margins(), spacing)
