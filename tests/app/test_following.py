@@ -14,9 +14,7 @@ from model.scene.scene import Scene, load_scene
 
 
 def viewer_of(scene: Scene) -> Any:
-    world = SimpleNamespace(
-        scene=scene, body=SimpleNamespace(position=rest_positions(scene.grid), size=scene.grid.extent), time=0.0
-    )
+    world = SimpleNamespace(scene=scene, body=build(scene), time=0.0)
     demo = SimpleNamespace(worlds=[world], world=world, statistics=SimpleNamespace(bounds=None))
     view = SimpleNamespace(keep_above_ground=lambda height: None)
     return SimpleNamespace(
