@@ -143,7 +143,8 @@ def run_scene(scene: Scene, request: Request, *, progress: bool = True) -> Resul
     )  # fmt: skip
     with simulation:
         start = simulation.state()
-        _warm_up(simulation, start, steps)
+        if steps > 0:
+            simulation.warm_up(min(steps, WARM_UP_STEPS) if simulation.kernel in ("graph", "tiles") else 1)
         compile_seconds = time.perf_counter() - begin
         clip = request.render is not None and request.render.suffix.lower() == ".mp4"
         recorder = _Recorder(start, request.record_every if request.record else 0)
@@ -187,18 +188,6 @@ def _spins() -> bool:
 def _crowded() -> bool:
     """Whether more programs than there are cores have wanted one of late."""
     return psutil.getloadavg()[0] > core_count() + 0.5
-
-
-def _warm_up(simulation: Simulation, start: State, steps: int) -> None:
-    """Compile, and on a GPU capture, everything the run will use; then go back to the start."""
-    if steps == 0:
-        return
-    try:
-        simulation.advance(min(steps, WARM_UP_STEPS) if simulation.kernel in ("graph", "tiles") else 1)
-        simulation.check()
-    except Diverged:
-        pass  # the run itself will find and report it
-    simulation.load(start)
 
 
 class Keeper(Protocol):

@@ -130,6 +130,7 @@ class CpuSimulation(Simulation):
 
     def close(self) -> None:
         """Let go of the executor, whose way back to the simulation would keep its arrays until a garbage collection."""
+        super().close()
         self.__dict__.pop("_executor", None)
 
 

@@ -240,6 +240,7 @@ class CudaSimulation(Simulation):
             self.stream.synchronize()
 
     def close(self) -> None:
+        super().close()
         if self._graphs is not None:
             self.synchronize()
             self._graphs.close()

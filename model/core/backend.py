@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from model.core.errors import InputError
 from model.fluid.measure import pressures
 from model.scene.scene import Scene
 from model.scene.sheets import scene_normals
@@ -124,5 +125,15 @@ class Backend(ABC):
     def synchronize(self) -> None:
         """Return when every step asked for has been done."""
 
-    def close(self) -> None:  # noqa: B027 - nothing to free is a valid answer
-        """Free what the simulation holds; nothing else may be called after it."""
+    closed = False
+
+    def close(self) -> None:
+        """Free what the simulation holds. Nothing else may be called after it, which `require_open` sees to."""
+        self.closed = True
+
+    def require_open(self) -> None:
+        """Raise InputError if the simulation was closed."""
+        if self.closed:
+            raise InputError(
+                "this simulation is closed; open another one, or read its state before the `with` block ends"
+            )

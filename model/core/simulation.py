@@ -8,6 +8,7 @@ The state stays on the backend's device; nothing is allocated in `advance`.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from types import MappingProxyType
 from typing import Any
@@ -17,7 +18,7 @@ import numpy as np
 from model.core.build import Body, build
 from model.core.clock import START, Clock, clock_of
 from model.core.energy import energies, spring_strain
-from model.core.errors import InputError, SceneError
+from model.core.errors import Diverged, InputError, SceneError
 from model.core.families import family_of, stability_limit
 from model.core.options import PRECISIONS, Options, check_live
 from model.core.plan import Executor, Plan, StageRun
@@ -74,6 +75,15 @@ class Simulation(Stepping):
         """What runs each stage of the plan by itself, by name; of the kernel `stages` only."""
         return self._executor.stages
 
+    def warm_up(self, steps: int = 1) -> None:
+        """Compile, and on a GPU capture, what `steps` steps need, and keep the state: the first `advance` of a simulation
+        contains this otherwise, up to a minute."""
+        start = self.state()
+        with suppress(Diverged):  # the run itself will find and report it
+            self.advance(steps)
+            self.check()
+        self.load(start)
+
     def _make_record(self, scene: Scene, poke: Sequence[float], clock: Clock) -> np.ndarray:
         """(1,): the small record of constants that the kernels read."""
         return family_of(scene).record(scene, self.real, tuple(poke), clock)
@@ -85,10 +95,10 @@ class Simulation(Stepping):
 
     def __exit__(self, *_: object) -> None:
         self.close()
-        self.closed = True
 
     def state(self) -> State:
         """A copy of the state on the host. Raises Diverged rather than hand out a bad one."""
+        self.require_open()
         self.check()
         position, velocity = self._download()
         self._note_waiting(position)
@@ -104,6 +114,7 @@ class Simulation(Stepping):
         Raises InputError for arrays of another shape, non-finite values, pins other than the scene's, rotations that are
         no unit quaternions, or plastic strains that are not of volume 1 or of a scene without.
         """
+        self.require_open()
         arrays, inverse_mass = checked_arrays(state, self.body.position.shape, self.options.precision)
         self._note_waiting(arrays["position"])
         # as on every reset, where comparing millions takes a while; of fluids positions tell who waits
@@ -199,6 +210,7 @@ class Simulation(Stepping):
         anything with `__cuda_array_interface__`; None: a new one. Does not check for divergence: it is what the window
         draws.
         """
+        self.require_open()
         if name == "position":
             return self._read_position(into)
         if name == "normal":
@@ -240,6 +252,7 @@ class Simulation(Stepping):
 
         Raises SceneError for a value the scene refuses, or a field not named in `live` when the simulation was opened.
         """
+        self.require_open()
         check_live(self.scene, self.options.live, path, value)
         scene = self.scene.replace({path: value})
         clock = self._clock if scene.method.dt == self.scene.method.dt else Clock(self.step, self.time)
@@ -254,6 +267,7 @@ class Simulation(Stepping):
 
     def poke(self, particle: int | None, force: Sequence[float] = ()) -> None:
         """Hold a force [N] on one particle until the next call; `poke(None)` lets go. Needs `live` to name poke."""
+        self.require_open()
         if "poke" not in self.options.live:
             raise SceneError("poke", particle, "not live; open the simulation with live including 'poke'")
         if particle is None:

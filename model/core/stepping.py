@@ -11,7 +11,7 @@ from numbers import Integral
 
 from model.core.backend import Backend
 from model.core.clock import Clock
-from model.core.errors import Diverged, InputError, SceneError
+from model.core.errors import Diverged, SceneError
 from model.core.stability.diagnosis import diagnose
 
 
@@ -23,7 +23,6 @@ class Stepping(Backend):
     limit: float  # s, the largest stable dt
     check_interval: int  # steps
     kept: int  # how many states were put aside so far
-    closed = False  # left as a context manager
     _kept_step: int
     _kept_time: float
     _clock: Clock
@@ -35,8 +34,7 @@ class Stepping(Backend):
         then replayed to name the first bad step and particle. Raises SceneError for steps that are no number of them, and
         InputError when it was closed.
         """
-        if self.closed:
-            raise InputError("this simulation is closed; open another one")
+        self.require_open()
         if not isinstance(steps, Integral) or steps < 0:
             raise SceneError("steps", steps, "must be a whole number of at least 0")
         while steps > 0:

@@ -117,6 +117,7 @@ class WindowedSimulation(Simulation):
         self._each(lambda window: window.synchronize())
 
     def close(self) -> None:
+        super().close()
         self._each(lambda window: window.close())
         self.windows = []
         if "exchange" in self.__dict__:

@@ -189,6 +189,7 @@ class WorldSimulation(Simulation):
 
     def close(self) -> None:
         """And all members."""
+        super().close()
         self.__dict__.pop("_executor", None)
         for member in self.members.values():
             member.close()
