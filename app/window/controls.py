@@ -65,6 +65,7 @@ class Controls:
             key.MOTION_UP: (0, 1),
             key.MOTION_DOWN: (0, -1),
         }
+        self._while_compiling = (key.ESCAPE, key.H, key.N, key.V)  # ask nothing of a world
         self._pointer: tuple[float, float] | None = None  # window coordinates, while it is over the window
         self._corner = (0, 0)  # pixels, of the pane in which a button went down last
         self._enter_keys = (key.ENTER, key.NUM_ENTER)
@@ -88,6 +89,8 @@ class Controls:
         if self.viewer.panel.key(symbol, True):
             return True
         action = self._key_actions.get(symbol)
+        if self.demo.compiling is not None and symbol not in self._while_compiling:
+            return True
         key = self.key
         if action is not None and not modifiers & (key.MOD_CTRL | key.MOD_ALT | key.MOD_COMMAND):
             action()
@@ -100,11 +103,11 @@ class Controls:
 
     def _text(self, text: str) -> None:
         action = None if self.viewer.panel.text(text) else self._text_actions.get(text)
-        if action is not None:
+        if action is not None and self.demo.compiling is None:
             action()
 
     def _motion(self, motion: int) -> None:
-        if motion in self._motions and not self.viewer.panel.takes_keys:
+        if motion in self._motions and not self.viewer.panel.takes_keys and self.demo.compiling is None:
             way = self._motions[motion]
             self.demo.move_selection(*way, self.viewer.camera.direction(*way))
 
@@ -148,7 +151,7 @@ class Controls:
             return
         if self.mouse.pointer is None:  # a second button changes nothing of what is held
             number = self._enter(x, y)
-            if button == self.mouse.button.LEFT:
+            if button == self.mouse.button.LEFT and self.demo.compiling is None:
                 self.demo.turn_to(number)
         self.mouse.press(*self._in_pane(x, y), button)
 

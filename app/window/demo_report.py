@@ -32,6 +32,8 @@ def numbers_text(demo: Demo, frame_seconds: float, draw_seconds: float, way: str
     """Three lines, the most important first: when and how fast; what is set and what comes of it; who computes and draws.
     `frame_seconds`, `draw_seconds`: of a frame, smoothed. `way`: how it is drawn, where there is more than one. `brief`:
     without what the panel tells beside it."""
+    if demo.compiling is not None:
+        return f"compiling what this scene needs, {demo.compiling:.0f} s so far\nit is kept for the next time; Escape closes"
     world, scene = demo.world, demo.world.scene
     speed = 1 / max(frame_seconds, 1e-6)
     running = not (demo.paused or demo.frozen)

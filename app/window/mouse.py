@@ -59,7 +59,7 @@ class Mouse:
 
     def press(self, x: float, y: float, button: int) -> None:
         """A button went down."""
-        if button == self.button.LEFT and self._take(x, y):
+        if button == self.button.LEFT and self.demo.compiling is None and self._take(x, y):
             self.pointer = x, y
         elif button in (self.button.RIGHT, self.button.MIDDLE) or (self.viewer.space and button == self.button.LEFT):
             self._moving = button

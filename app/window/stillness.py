@@ -44,7 +44,7 @@ class Stillness:
         elif self._message_ends is not None and now > self._message_ends:
             self._message_ends = None
             self.touch()
-        moves = not (demo.paused or demo.frozen) or demo.hand.held is not None
+        moves = not (demo.paused or demo.frozen) or demo.hand.held is not None or demo.compiling is not None
         if moves or viewer.shots.recording or viewer.panel.takes_keys:
             self.touch()
         self._left -= 1

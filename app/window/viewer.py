@@ -5,6 +5,8 @@ pyglet is imported inside functions: this module can be imported where there is 
 
 from __future__ import annotations
 
+import os
+import sys
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -14,6 +16,7 @@ from app.render.detail import by_software
 from app.render.opengl import load_pyglet, open_window, renderer_name
 from app.render.panels import EDGE
 from app.render.views import camera_of, view_of
+from app.window.compiling import Compiling
 from app.window.controls import Controls
 from app.window.demo import Demo
 from app.window.demo_report import demo_state, write_state
@@ -29,6 +32,7 @@ from model.scene.scene import Scene
 
 WIDTH, HEIGHT = 1200, 900
 FOLLOW_SHARE = 0.12  # of the way to the view that shows everything, per frame
+COMPILING_INTERVAL = 0.25  # s between two frames while something is compiled
 STATE_FRAMES = 3  # frames between two writes of the state file
 
 
@@ -57,6 +61,7 @@ class Viewer:
         self.camera: Any = camera_of(demo.world.scene, WIDTH, HEIGHT)  # for every pane
         self._lay_out()
         self.follow = True
+        self.compiling = Compiling(demo)
         self.following = Following(self)
         self.frame_count = 0
         self.frame_seconds = 1 / 60
@@ -114,14 +119,14 @@ class Viewer:
         self.frame_seconds += 0.1 * (now - self._last_frame - self.frame_seconds)
         self._last_frame = now
         demo = self.demo
-        if self.panel.open:
+        if self.panel.open and not self.compiling.running:
             self.panel.lay_out()  # before the scene moves: what is pressed in it may change everything
         if demo.generation != self._generation:
             self._renew()
         self._lay_out()
+        if self._compile():
+            return
         self.controls.mouse.pull()
-        if not self.frame_count:
-            self._show_the_start()
         demo.frame()
         if self.follow:
             self.following.approach(FOLLOW_SHARE)
@@ -156,20 +161,29 @@ class Viewer:
             self._scenes = demo.scenes
             self.frame_everything()
 
-    def _show_the_start(self) -> None:
-        """The scene before its first step, which may compile for a minute: nobody should look at a black window so long."""
-        demo, said = self.demo, (self.demo.message, self.demo.message_count)
-        demo.say("compiling what this scene needs; it is kept for the next time")
-        if len(demo.worlds) > 1:  # under the numbers, whose height is known once they are drawn
+    def _compile(self) -> bool:
+        """Warm up worlds that are new. Returns True while that goes on, which may take a minute: the window then shows their
+        start, and how long it has been."""
+        if self.compiling.due:
+            self.demo.compiling = 0.0
+            if len(self.demo.worlds) > 1:  # under the numbers, whose height is known once they are drawn
+                self._paint()
+                self._lay_out()
+                self.following.approach(1.0)
             self._paint()
-            self._lay_out()
-            self.following.approach(1.0)
-        self._paint()
-        self.window.flip()
-        demo.message, demo.message_count = said
+            self.window.flip()
+        going = self.compiling.update()
+        self.demo.compiling = self.compiling.seconds if going else None
+        if going:
+            self._paint(upload=False)
+            if self.state_file is not None:
+                write_state(self.state_file, {"frame": 0, "compiling": self.demo.compiling})
+        else:
+            self._last_frame = max(self._last_frame, perf_counter() - self.frame_seconds)
+        return going
 
-    def _paint(self) -> float:
-        """Draw the worlds as they are; the seconds that it took."""
+    def _paint(self, upload: bool = True) -> float:
+        """Draw the worlds as they are, or with `upload` False as they were last; the seconds that it took."""
         from pyglet import gl
 
         demo, start = self.demo, perf_counter()
@@ -178,7 +192,8 @@ class Viewer:
         gl.glClearColor(*colours.BACKGROUND, 1.0)
         top = self.panes[0].bottom + self.panes[0].height + GAP
         self._clear(Pane(0, top, self.width, max(self.height - top, 0)))
-        self._upload()
+        if upload:
+            self._upload()
         for number, (view, world, pane) in enumerate(zip(self.views, demo.worlds, self.panes, strict=True)):
             gl.glViewport(pane.left, pane.bottom, pane.width, pane.height)
             self._clear(pane)
@@ -227,6 +242,8 @@ class Viewer:
 
     def _tick(self, passed: float) -> None:
         """A frame, if there is anything to draw, `passed` [s] after the last one."""
+        if self.compiling.running and perf_counter() < self._last_frame + COMPILING_INTERVAL:
+            return  # a processor that draws compiles more slowly
         if self.frames is not None or self.stillness.wanted(perf_counter()):
             self.window.draw(passed)
         else:
@@ -268,4 +285,9 @@ def run_demo(
     check_alike(scenes)
     load_pyglet(False)  # no display: say so before anything is compiled
     with Demo(scenes, backend=backend, threads=threads, precision=precision, math=math) as demo:
-        Viewer(demo, state_file, frames, judge).run()
+        viewer = Viewer(demo, state_file, frames, judge)
+        viewer.run()
+        if viewer.compiling.running:  # a thread in the compiler cannot be stopped, and Python would wait for it
+            sys.stdout.flush()
+            sys.stderr.flush()
+            os._exit(0)

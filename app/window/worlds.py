@@ -52,7 +52,8 @@ class Worlds:
     with the reason in `failure`: only `restart` goes on), `steps_per_frame`, `hand` (selected mass, held poke),
     `physics_seconds` of the last frame; `current`, the number of the world in which the hand is and whose numbers are shown,
     `alone`, whether it is the only one that is changed, `titles`, `disturbed`, why no reference knows their motion any more;
-    `wants_momentum`: whether somebody looks at it.
+    `wants_momentum`: whether somebody looks at it; `compiling`: seconds since warming up the worlds began, None once they
+    are warm.
 
     Clocks go together: `steps_per_frame` are of the world with the longest dt, others do as many as take them there.
     """
@@ -81,6 +82,7 @@ class Worlds:
         self.message = ""
         self.message_count = 0  # so that the same message twice is seen as new
         self.paused = self.wants_momentum = False
+        self.compiling: float | None = None
         self.physics_seconds = 0.0
         self._begin(scenes)
 
