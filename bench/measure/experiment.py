@@ -15,6 +15,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any, Self, TypeVar
 
+from bench.measure.compile_ahead import compile_ahead
 from bench.measure.gpu import gpu_or_reason, gpu_simulated
 from bench.measure.machine import enter_machine
 from bench.measure.progress import progress_bar
@@ -172,6 +173,7 @@ def resume(
         named = {group_name(k, group): k for k, group in enumerate(groups) if missing[k]}
         worths = {name: sum(worth(case) for case in missing[k]) for name, k in named.items()}
         share().planned(store, summary.machine, {name: (worths[name], str(groups[k][0])) for name, k in named.items()})
+        compile_ahead((case for group in missing for case in group), progress)
         with progress_bar(progress and bool(named)) as bar:
             task = bar.add_task(summary.name, total=sum(worths.values()) or 1)
             for name, k in named.items():

@@ -1,0 +1,97 @@
+"""Compiling the kernels of many cases before the first is measured, on several processes at once.
+
+Kernels are kept on disk by their content (model/core/kernel_cache.py), so that the process that measures only loads what
+others compiled. One after another, compiling is most of a first `softlab lab --quick`.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import multiprocessing
+import signal
+from collections.abc import Iterable, Sequence
+from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+from bench.measure.gpu import gpu_simulated
+from bench.measure.progress import progress_bar
+from cpu_backend.core.threads import core_count
+from model.core.errors import SoftlabError
+from model.core.files import replacing
+from model.core.kernel_cache import folder
+
+FEWEST = 4  # kinds of simulations: fewer are compiled before a process has started
+MAX_WORKERS = 12
+MAX_PARTICLES = 300_000  # of a case that is opened only to compile it
+KNOWN = "ahead.json"  # beside the machine code: the kinds that were compiled
+Kind = tuple[str, ...]
+
+
+def kind_of(case: Any) -> Kind:
+    """What decides the kernels of a case: parts of its scene, words of its method, its size, where and how it runs."""
+    scene, method = case.scene, case.scene.method
+    words = sorted(f"{name}={value}" for name, value in method.model_dump().items() if isinstance(value, str))
+    parts = sorted(f"{kind}:{name}" for name, kind in scene.kinds.items())
+    threads = str(case.description.get("threads"))
+    return (
+        case.backend, case.description["precision"], case.description["math"], threads, str(scene.grid.rows),
+        str(scene.grid.columns), case.sources, *words, *parts,
+    )  # fmt: skip
+
+
+def compile_case(case: Any) -> None:
+    """Open a case and compile its step; what goes wrong is told where the case is measured."""
+    with suppress(SoftlabError, MemoryError), case.open() as simulation:
+        simulation.warm_up()
+
+
+def compile_ahead(cases: Iterable[Any], progress: bool, workers: int | None = None) -> int:
+    """Compile one case of each kind that this machine has not compiled yet. Returns the number of kinds compiled: 0 where
+    that would not pay (one core, few kinds, no place for machine code, the CUDA simulator)."""
+    place, workers = folder(), min(core_count(), MAX_WORKERS) if workers is None else workers
+    if place is None or workers < 2 or gpu_simulated():
+        return 0
+    known = _known(place)
+    kinds: dict[str, Any] = {}
+    for case in cases:
+        if not hasattr(case, "open") or case.scene.grid.particle_count > MAX_PARTICLES:
+            continue
+        kinds.setdefault(hashlib.blake2b(repr(kind_of(case)).encode(), digest_size=12).hexdigest(), case)
+    missing = {key: case for key, case in kinds.items() if key not in known}
+    if len(missing) < FEWEST:
+        return 0
+    done = _compiled(missing, min(workers, len(missing)), progress)
+    with suppress(OSError), replacing(place / KNOWN) as file:
+        file.write_text(json.dumps(sorted(known | set(done))), encoding="utf-8")
+    return len(done)
+
+
+def _compiled(missing: dict[str, Any], workers: int, progress: bool) -> Sequence[str]:
+    """The keys of the cases that processes have compiled. Ctrl-C ends the processes and is raised."""
+    context = multiprocessing.get_context("spawn")  # a fork would share a CUDA context, which none survives
+    done: list[str] = []
+    pool = ProcessPoolExecutor(workers, context, signal.signal, (signal.SIGINT, signal.SIG_IGN))
+    try:
+        futures: dict[Future[None], str] = {pool.submit(compile_case, case): key for key, case in missing.items()}
+        with progress_bar(progress) as bar:
+            task = bar.add_task(f"compiling on {workers} processes", total=len(missing))
+            for future in as_completed(futures):
+                if future.exception() is None:
+                    done.append(futures[future])
+                bar.update(task, advance=1)
+    except BaseException:
+        for process in list((pool._processes or {}).values()):
+            process.terminate()
+        raise
+    finally:
+        pool.shutdown(cancel_futures=True)
+    return done
+
+
+def _known(place: Path) -> set[str]:
+    with suppress(OSError, ValueError, TypeError):
+        return set(json.loads((place / KNOWN).read_text(encoding="utf-8")))
+    return set()

@@ -1,0 +1,90 @@
+"""Kernels of many cases are compiled beforehand: once a kind, on other processes, and not again."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from bench.experiments.stability.experiment import QUICK, cases
+from bench.measure import compile_ahead as ahead
+from model.core.errors import SceneError
+from model.scene.scene import Scene, load_scene
+
+
+@dataclass(frozen=True)
+class Fake:
+    """Writes a file named after the process that opens it."""
+
+    scene: Scene
+    folder: Path
+    precision: str = "float32"
+    fails: bool = False
+    backend: str = "cpu"
+    sources: str = "s"
+
+    @property
+    def description(self) -> dict[str, Any]:
+        return {"precision": self.precision, "math": "fast"}
+
+    @contextmanager
+    def open(self) -> Iterator[Any]:
+        if self.fails:
+            raise SceneError("a", 1, "cannot be opened")
+        yield SimpleNamespace(warm_up=self.warm_up)
+
+    def warm_up(self) -> None:
+        name = f"{os.getpid()}-{self.scene.grid.rows}-{self.scene.method.dt}-{self.precision}"
+        (self.folder / name).write_text("")
+
+
+@pytest.fixture
+def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    kept = tmp_path / "kernels"
+    kept.mkdir()
+    monkeypatch.setattr(ahead, "folder", lambda: kept)
+    return kept
+
+
+def fakes(folder: Path) -> list[Fake]:
+    """Three sizes x two precisions, each with two step sizes, which share their kernels; one of the sizes is huge."""
+    grid = load_scene("lab-grid")
+    scenes = [grid.replace({"grid.rows": rows, "method.dt": dt}) for rows in (2, 3, 2**20) for dt in (0.01, 0.001)]
+    return [Fake(scene, folder, precision) for scene in scenes for precision in ("float32", "float64")]
+
+
+def test_each_kind_is_compiled_once_elsewhere_and_known_afterwards(place: Path, tmp_path: Path) -> None:
+    found = tmp_path / "found"
+    found.mkdir()
+    assert ahead.compile_ahead(fakes(found), False, workers=2) == 4
+    made = sorted(file.name.split("-", 1) for file in found.iterdir())
+    assert sorted(name for _, name in made) == [f"{rows}-0.01-{p}" for rows in (2, 3) for p in ("float32", "float64")]
+    assert str(os.getpid()) not in {process for process, _ in made}
+    assert ahead.compile_ahead(fakes(found), False, workers=2) == 0
+    changed = [replace(fake, sources="other") for fake in fakes(found)]
+    assert ahead.compile_ahead(changed, False, workers=2) == 4
+
+
+def test_what_cannot_be_opened_is_left_to_the_measurement(place: Path, tmp_path: Path) -> None:
+    assert ahead.compile_ahead([replace(fake, fails=True) for fake in fakes(tmp_path)], False, workers=2) == 4
+
+
+def test_nothing_is_started_where_it_does_not_pay(place: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(ahead, "_compiled", lambda *_: pytest.fail("started"))
+    assert ahead.compile_ahead(fakes(tmp_path), False, workers=1) == 0
+    assert ahead.compile_ahead(fakes(tmp_path)[:3], False, workers=8) == 0
+    monkeypatch.setattr(ahead, "folder", lambda: None)
+    assert ahead.compile_ahead(fakes(tmp_path), False, workers=8) == 0
+
+
+def test_a_map_has_few_kinds() -> None:
+    every = cases(QUICK, ["cpu"])
+    kinds = {ahead.kind_of(case) for case in every}
+    assert len(kinds) * 5 < len(every)
+    assert len({kind[1] for kind in kinds}) == 2
