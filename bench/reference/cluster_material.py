@@ -88,6 +88,15 @@ def steadied(clusters: Clusters, whole: np.ndarray, position: np.ndarray, veloci
     return found
 
 
+def unmoved(clusters: Clusters, before: np.ndarray, position: np.ndarray) -> np.ndarray:
+    """(particles, 1) bool: those that belong to no cluster with a particle that moved."""
+    moved = np.zeros(clusters.count, bool)
+    np.logical_or.at(moved, clusters.owner, (position != before).any(axis=1)[clusters.indices])
+    awake = np.zeros((len(position), 1), bool)
+    awake[clusters.indices[moved[clusters.owner]]] = True
+    return ~awake
+
+
 def damped(clusters: Clusters, position: np.ndarray, velocity: np.ndarray, h: float) -> np.ndarray:
     """(particles, 3) [m/s]: velocities after a substep h [s] of the clusters' damping."""
     rate = np.zeros(clusters.count) if clusters.material is None else clusters.material.damping

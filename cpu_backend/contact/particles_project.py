@@ -179,48 +179,34 @@ def make_settle(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
     formulas = particle_contact.make(real, compiler.compiled)
     far, shortened, rested = formulas.far, formulas.shortened, formulas.rested
     has_limit, has_sleeping, has_rigid = "speed-limit" in parts, "sleeping" in parts, "rigid-motion" in parts
-    keeping = rigid.make(real, compiler.compiled)
-    limited, no_travel = keeping.limited, keeping.rested
+    carried, zero = rigid.make(real, compiler.compiled).carried, np.int64(0)
 
     @compiler.row
-    def calm_rows(n, record, x, y, z, to_x, to_y, to_z, over_x, over_y, over_z):
-        """Travels, before places are changed."""
+    def settle_rows(n, record, x, y, z, to_x, to_y, to_z, over_x, over_y, over_z):
         for k in range(n):
             length = far(to_x[k] - x[k], to_y[k] - y[k], to_z[k] - z[k])
+            u, v, w = to_x[k], to_y[k], to_z[k]
             if has_limit:
-                over_x[k] = limited(over_x[k], length, record[H_FASTEST])
-                over_y[k] = limited(over_y[k], length, record[H_FASTEST])
-                over_z[k] = limited(over_z[k], length, record[H_FASTEST])
+                u = shortened(u, x[k], length, record[H_FASTEST])
+                v = shortened(v, y[k], length, record[H_FASTEST])
+                w = shortened(w, z[k], length, record[H_FASTEST])
             if has_sleeping:
-                over_x[k] = no_travel(over_x[k], length, record[H_ASLEEP])
-                over_y[k] = no_travel(over_y[k], length, record[H_ASLEEP])
-                over_z[k] = no_travel(over_z[k], length, record[H_ASLEEP])
-
-    @compiler.row
-    def settle_rows(n, record, x, y, z, to_x, to_y, to_z):
-        for k in range(n):
-            length = far(to_x[k] - x[k], to_y[k] - y[k], to_z[k] - z[k])
-            if has_limit:
-                to_x[k] = shortened(to_x[k], x[k], length, record[H_FASTEST])
-                to_y[k] = shortened(to_y[k], y[k], length, record[H_FASTEST])
-                to_z[k] = shortened(to_z[k], z[k], length, record[H_FASTEST])
-            if has_sleeping:
-                to_x[k] = rested(to_x[k], x[k], length, record[H_ASLEEP])
-                to_y[k] = rested(to_y[k], y[k], length, record[H_ASLEEP])
-                to_z[k] = rested(to_z[k], z[k], length, record[H_ASLEEP])
+                u = rested(u, x[k], length, record[H_ASLEEP])
+                v = rested(v, y[k], length, record[H_ASLEEP])
+                w = rested(w, z[k], length, record[H_ASLEEP])
+            if has_rigid:
+                over_x[k] = carried(over_x[k], u, to_x[k])
+                over_y[k] = carried(over_y[k], v, to_y[k])
+                over_z[k] = carried(over_z[k], w, to_z[k])
+            to_x[k], to_y[k], to_z[k] = u, v, w
 
     @compiler.compiled
     def settle(first, last, count, before, position, record, travel):
-        if has_rigid:
-            calm_rows(
-                last - first, record, row_at(before, first), row_at(before, count + first),
-                row_at(before, 2 * count + first), row_at(position, first), row_at(position, count + first),
-                row_at(position, 2 * count + first), row_at(travel, first), row_at(travel, count + first),
-                row_at(travel, 2 * count + first),
-            )  # fmt: skip
+        u, v, w = (first, count + first, 2 * count + first) if has_rigid else (zero, zero, zero)
         settle_rows(
             last - first, record, row_at(before, first), row_at(before, count + first), row_at(before, 2 * count + first),
             row_at(position, first), row_at(position, count + first), row_at(position, 2 * count + first),
+            row_at(travel, u), row_at(travel, v), row_at(travel, w),
         )  # fmt: skip
 
     return settle

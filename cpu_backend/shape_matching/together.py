@@ -23,7 +23,7 @@ from cpu_backend.shape_matching.kernels import AXES, SCRATCH, make_matching
 from cpu_backend.shape_matching.lattice import make_lattice_matching
 from cpu_backend.shape_matching.particles import make_particles
 from cpu_backend.shape_matching.rebound import at_rebound, make_rebound
-from cpu_backend.shape_matching.rigid import at_rigid, make_steadying
+from cpu_backend.shape_matching.rigid import at_rigid, make_rest, make_steadying
 from model.formulas.shape_matching.cluster import LANES
 from model.scene.cloth import COLLIDER_KINDS
 from model.shape_matching.cluster_tables import shaping
@@ -45,6 +45,8 @@ def make_substep_end(compiler: Compiler, real: Any, math: str, parts: frozenset[
     keeps, at_travel, at_scattered = "rigid-motion" in parts, at_rigid(parts) + 5, at_rigid(parts) + 6
     steadying = make_steadying(compiler, real, keeps, at_rigid(parts))
     gather_rigid, steady = steadying.gather, steadying.steady
+    rests = keeps and "sleeping" in parts
+    rest, begins_last = make_rest(compiler, real, rests, at_rigid(parts)), rebounds or rests
     turning, has_couples = make_couples(compiler, real, parts), "couples" in parts
     gather_couples, turn = turning.gather, turning.turn
     rates_apart = has_pace or bounces or has_damping or keeps or has_couples  # of what others look at before colliders
@@ -108,7 +110,7 @@ def make_substep_end(compiler: Compiler, real: Any, math: str, parts: frozenset[
                 strike(first, last, count, number, before, after, velocity, weights, parameters, bodies, kinds, struck)
             elif has_bodies:
                 collide(first, last, count, number, before, after, velocity, weights, parameters, bodies, kinds)
-            if not rebounds and goes_on:
+            if not begins_last and goes_on:
                 begin(first, last, count, after, before, velocity, weights, parameters, integers, travel)
         if rebounds:
             for band in shares(team, member, bands):
@@ -119,6 +121,14 @@ def make_substep_end(compiler: Compiler, real: Any, math: str, parts: frozenset[
                 first, last = LANES * (blocks * band // bands), LANES * (blocks * (band + 1) // bands)
                 if scattered:
                     go(first, last, after, velocity, count, arrays)
+                if goes_on and not rests:
+                    begin(first, last, count, after, before, velocity, weights, parameters, integers, travel)
+        if rests:
+            for band in shares(team, member, bands):
+                for c in range(clusters * band // bands, clusters * (band + 1) // bands):
+                    rest(c, before, after, velocity, count, arrays)
+            for band in shares(team, member, bands):
+                first, last = LANES * (blocks * band // bands), LANES * (blocks * (band + 1) // bands)
                 if goes_on:
                     begin(first, last, count, after, before, velocity, weights, parameters, integers, travel)
 

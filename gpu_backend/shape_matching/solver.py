@@ -126,6 +126,7 @@ class Bodies(BodiesState):
             if self._rebounds and self._rebounds.turns:
                 self._rebounds.strike[self._flat](before, now, new_velocity, self._rebounds.struck, *last)
                 self._rebound(now, new_velocity)
+            self._rigid.rest(before, now, new_velocity, self._entries)
         elif self._material.damped:
             self._damp(before, now, velocity, new_velocity)
             slowing = self._material.slowing(self._gathered)

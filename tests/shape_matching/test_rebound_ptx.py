@@ -16,10 +16,10 @@ BODIES = {"weigh": "RRIIRRR", "go": "RRRIIRR", "differ": "RR"}
 GIVEN = {"give": "RRRIIRIIiRRR", "spread": "IIRRR", "join": "RRRIIRR"}
 RIGID = {
     "begin": "RRRPUR", "predict": "RRRRPR", "move": "RIIRRR", "rate": "RRRIIRRPR", "update": "RRRPR",
-    "update_calmed": "RRRRPR", "steady": "RRIIRR",
+    "update_calmed": "RRRRPR", "rest": "RRRIII", "steady": "RRIIRR",
 }  # fmt: skip
 ENDS = {"collide": "RRRPRULlll", "strike": "RRRRPRULlll"}
-PARTS = frozenset({"gravity", "poke", "damping", "load", "plane", "friction", "restitution"})
+PARTS = frozenset({"gravity", "poke", "damping", "load", "plane", "friction", "restitution", "sleeping", "speed-limit"})
 
 pytestmark = pytest.mark.usefixtures("ptx_compiler")
 
