@@ -40,7 +40,7 @@ def _make_sweep(
     )  # fmt: skip
     depth_of, slip, grip = formulas.depth, formulas.slip, formulas.grip
     added, added_friction, moved = formulas.added, formulas.added_friction, formulas.moved
-    carried, zero = rigid.make(real, compiler.compiled).carried, real(0)
+    pressed_by, carried, zero = formulas.pressed, rigid.make(real, compiler.compiled).carried, real(0)
     levers = couple.make(real, compiler.compiled)
     levered, gathered = levers.levered, levers.gathered
 
@@ -49,7 +49,7 @@ def _make_sweep(
         """Which neighbours are contacts where particles are now: their places, one particle's after the other's, into
         `acting`, how many into `met`."""
         who, numbers, entries, pairs, begins, active, _ = neighbours
-        acting, met, _ = contacts
+        acting, met, _, _ = contacts
         first = begins[band]
         last = first + active[band]
         entry, place = np.int64(first) * MAX_NEIGHBOURS, np.int64(first) * MAX_NEIGHBOURS
@@ -70,7 +70,7 @@ def _make_sweep(
     def push(band, count, before, position, weights, record, neighbours, contacts, couples):
         """Where the particles that have contacts go, into `ways` by their places in `who`; couples added to."""
         who, _, entries, pairs, begins, active, _ = neighbours
-        acting, met, ways = contacts
+        acting, met, ways, pressed = contacts
         first = begins[band]
         last = first + active[band]
         place = np.int64(first) * MAX_NEIGHBOURS
@@ -97,6 +97,8 @@ def _make_sweep(
                 kept = held(distance, bx, by, bz, record[H_PUSH])
                 length, nx, ny, nz = direction(dx, dy, dz, distance, i < j)
                 depth = depth_of(length, kept, distance, pull)
+                if has_rigid:
+                    pressed[acting[a]] = pressed_by(pressed[acting[a]], share, depth)
                 if has_friction and (depth > zero or pull > zero):
                     sx, sy, sz = slip(dx, dy, dz, bx, by, bz, nx, ny, nz)
                     gripped = grip(sx, sy, sz, depth, pull, record[H_STATIC], record[H_DYNAMIC])
@@ -120,7 +122,7 @@ def _make_sweep(
     @compiler.compiled
     def put(band, count, position, travel, neighbours, contacts):
         who, _, _, _, begins, active, _ = neighbours
-        _, met, ways = contacts
+        _, met, ways, _ = contacts
         for n in range(begins[band], begins[band] + active[band]):
             i = who[n]
             if met[i] != zero:
@@ -171,6 +173,34 @@ def make_project_stage(
     project_all = make_project(real, math, has_friction, has_adhesion, has_rigid, has_couples)
 
     return Compiler(name, math).team(project_all)
+
+
+def make_clear(compiler: Compiler) -> Any:
+    """clear(band, neighbours, contacts): a substep begins, in which no contact of rigid bodies has pressed."""
+
+    @compiler.compiled
+    def clear(band, neighbours, contacts):
+        _, numbers, _, _, begins, active, _ = neighbours
+        pressed = contacts[3]
+        entry = np.int64(begins[band]) * MAX_NEIGHBOURS
+        for n in range(begins[band], begins[band] + active[band]):
+            for e in range(entry, entry + numbers[n]):
+                pressed[e] = 0
+            entry += numbers[n]
+
+    return clear
+
+
+@cache
+def make_clear_stage(real: Any, math: str) -> Any:
+    """clear(bands, neighbours, contacts): all particles, in parallel."""
+    compiler = Compiler(f"particles_clear_{np.dtype(real).name}_{math}", math)
+    clear_some = make_clear(compiler)
+
+    def clear(band, bands, neighbours, contacts):
+        clear_some(band, neighbours, contacts)
+
+    return compiler.banded(clear)
 
 
 def make_settle(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:

@@ -28,9 +28,8 @@ REMARKS: tuple[Remark, ...] = (
     ),
     Remark(
         "rigid bodies that meet",
-        "with restitution 0 they part at up to 0.22 of the speed at which they met: what overlaps as the "
-        "substep of the impact "
-        "ends is pushed out of the next ones, at up to `separation_speed`",
+        "with restitution 0 those that meet flat do not part; those whose particles lie between each other's part "
+        "at up to 0.02 of the speed at which they met",
         "docs/method.md, restitution of particles: two bricks at 1 m/s",
     ),
     Remark(

@@ -10,7 +10,7 @@ its turn, atan(omega h): tan D' = sin D of the turns D, omega = omega0 / sqrt(1 
 the arms at the substep's end.
 
 A speed limit and sleep move particles, too, and their travels go along: sum m u stays sum m (x' - x). A travel that is cut
-by itself keeps the weight of some particles and drops what contacts pushed others by, an impulse of up to 0.74 m g h a substep.
+by itself keeps the weight of some particles and drops what contacts pushed others by: up to 0.74 m g h were given a substep.
 Where sleep is asked for, a body none of whose particles moved in a substep, colliders included, has no velocity.
 
 A goal is known to some roundings of the body's size and of its place; what is nearer stays where it is, or the roundings
