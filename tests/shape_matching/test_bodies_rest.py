@@ -15,7 +15,6 @@ from bench.experiments.body_scenes import (
     GRAVITY,
     SEPARATION,
     SPACING,
-    ULP,
     centre,
     heap,
     kinetic,
@@ -27,6 +26,8 @@ from bench.experiments.body_scenes import (
     sunk,
 )
 from bench.stress.piles import LOWERED, bears, heaps_up, lies_still, stands
+from cpu_backend.contact.particles_project import make_settle_stage
+from model.contact.particle_parameters import H_ASLEEP, H_FASTEST, PAIRS
 from model.scene.scene import load_scene
 
 BOTH = pytest.mark.parametrize("precision", ["float64", "float32"])
@@ -86,21 +87,22 @@ def test_the_catalogues_stack_stands_for_ten_seconds() -> None:
     assert np.abs(moved[:, [0, 2]]).max() < 1e-4 and not state.velocity.any()
 
 
-@BOTH
-@pytest.mark.parametrize("contact", [{"sleeping_speed": 0.04}, {"maximum_speed": 0.04}])
-def test_what_sleeps_or_is_limited_keeps_the_momentum_of_its_way(contact: dict[str, float], precision: str) -> None:
-    """The upper one of two bricks that begin to settle, g h = 0.098 m/s: in a substep its mean moves by h times its mean
-    velocity, to roundings of places over h. Travels that were cut by themselves gave it up to 0.74 of g h on top."""
-    scene, h, differs = stack(1, bricks=2, **contact), 0.01, []
-    with opened(scene, precision=precision) as simulation:
-        before = simulation.state()
-        for _ in range(30):
-            simulation.advance(1)
-            state = simulation.state()
-            way = centre(scene, state.position.astype(float) - before.position, 1) / h
-            differs.append(np.abs(way - centre(scene, state.velocity.astype(float), 1)).max())
-            before = state
-    assert max(differs) < 8 * ULP[precision] / h
+@pytest.mark.parametrize("parts", [{"sleeping"}, {"speed-limit"}, {"sleeping", "speed-limit"}])
+@pytest.mark.parametrize("real", [np.float64, np.float32])
+def test_travels_go_along_with_what_sleeps_or_is_limited(parts: set[str], real: type) -> None:
+    """A particle of a rigid body that is put back takes its momentum along. Travels that were cut by themselves gave a brick
+    that settled on another one up to 0.74 of g h a substep."""
+    random, count = np.random.default_rng(3), 64
+    before, way = random.uniform(-1, 1, 3 * count), random.uniform(-0.01, 0.01, 3 * count)
+    way[::4] = 0.0
+    before, position = before.astype(real), (before + way).astype(real)
+    travel = random.uniform(-0.01, 0.01, 4 * count).astype(real)
+    at, had, record = position.copy(), travel.copy(), np.zeros(PAIRS, real)
+    record[H_ASLEEP], record[H_FASTEST] = 0.006, 0.009
+    make_settle_stage(real, "exact", frozenset(parts | {"rigid-motion"}))(2, count, before, position, record, travel)
+    moved = position - at
+    assert np.count_nonzero(moved) >= 12
+    assert np.array_equal(travel, had + np.append(moved, np.zeros(count, real)))
 
 
 # ---------------------------------------------------------------------- rest, and B18: heaps
