@@ -88,6 +88,15 @@ def steadied(clusters: Clusters, whole: np.ndarray, position: np.ndarray, veloci
     return found
 
 
+def unmoved(clusters: Clusters, before: np.ndarray, position: np.ndarray) -> np.ndarray:
+    """(particles, 1) bool: those that belong to no cluster with a particle that moved."""
+    moved = np.zeros(clusters.count, bool)
+    np.logical_or.at(moved, clusters.owner, (position != before).any(axis=1)[clusters.indices])
+    awake = np.zeros((len(position), 1), bool)
+    awake[clusters.indices[moved[clusters.owner]]] = True
+    return ~awake
+
+
 def damped(clusters: Clusters, position: np.ndarray, velocity: np.ndarray, h: float) -> np.ndarray:
     """(particles, 3) [m/s]: velocities after a substep h [s] of the clusters' damping."""
     rate = np.zeros(clusters.count) if clusters.material is None else clusters.material.damping
@@ -99,14 +108,13 @@ def damped(clusters: Clusters, position: np.ndarray, velocity: np.ndarray, h: fl
     return found
 
 
-def worth(clusters: Clusters, c: int, position: np.ndarray, struck: np.ndarray) -> tuple[float, np.ndarray]:
-    """(what the rigid motion is multiplied by, its velocities (entries, 3)) of what the particles of cluster c got, `struck`;
-    see model/shape_matching/rigid_rebound.py."""
+def worth(clusters: Clusters, c: int, position: np.ndarray, struck: np.ndarray) -> tuple[float, float, np.ndarray]:
+    """(sum m v^2 of what the particles of cluster c got, `struck`, the same of the rigid motion of its momenta, that motion's
+    velocities (entries, 3)); see model/shape_matching/rigid_rebound.py."""
     own = slice(clusters.offsets[c], clusters.offsets[c + 1])
     k, m = clusters.indices[own], clusters.masses[own]
     rigid = rigid_motion(clusters, c, position, struck)
-    asked, given = (m * (struck[k] ** 2).sum(axis=1)).sum(), (m * (rigid**2).sum(axis=1)).sum()
-    return (min(float(asked / given), float(m.sum() / m.min())) if given > 0 else 0.0), rigid
+    return float((m * (struck[k] ** 2).sum(axis=1)).sum()), float((m * (rigid**2).sum(axis=1)).sum()), rigid
 
 
 def rebounded(
@@ -117,8 +125,12 @@ def rebounded(
     found = velocity.copy()
     for c in map(int, np.flatnonzero(whole)):
         own = slice(clusters.offsets[c], clusters.offsets[c + 1])
-        k, (scale, rigid) = clusters.indices[own], worth(clusters, c, position, velocity - old)
-        found[k] = old[k] + scale * rigid
+        k, m, (got, given, rigid) = (
+            clusters.indices[own],
+            clusters.masses[own],
+            worth(clusters, c, position, velocity - old),
+        )
+        found[k] = old[k] + (min(got / given, m.sum() / m.min()) if given > 0 else 0.0) * rigid
     return found
 
 
@@ -131,9 +143,13 @@ def bounced(
     velocity: np.ndarray,
 ) -> np.ndarray:
     """(particles, 3) [m/s]: velocities after particles bounced off each other, those of `whole` clusters as rigid bodies."""
-    scale = np.ones(len(position))
-    got = contacts.given(position, old, velocity, scale)
+    scale, rigid = np.tile([1.0, 0.0, 0.0], (len(position), 1)), np.zeros(len(position), bool)
+    rigid[clusters.indices[whole[clusters.owner]]] = True
+    struck = contacts.given(position, old, velocity, scale, rigid)
     for c in map(int, np.flatnonzero(whole)):
-        scale[clusters.indices[clusters.offsets[c] : clusters.offsets[c + 1]]] = worth(clusters, c, position, got)[0]
-    got = contacts.given(position, old, velocity, scale)
+        own = slice(clusters.offsets[c], clusters.offsets[c + 1])
+        k, m, (total, given, _) = clusters.indices[own], clusters.masses[own], worth(clusters, c, position, struck)
+        asked, touching = (m * contacts.asked[k]).sum(), m[(struck[k] != 0).any(axis=1)].sum()
+        scale[k] = [m.sum() / touching * asked / total, asked, given] if total > 0 else 0.0
+    got = contacts.given(position, old, velocity, scale, rigid)
     return velocity + steadied(clusters, whole, position, got)

@@ -109,19 +109,20 @@ def motion(
                 p = yield before, p
             if contacts and contacts.part.static_friction > 0:
                 p = np.where(free, p + cluster_material.turned(scene.body_set.loose, p, contacts.couples), p)
-            travel, far = p - before - matched, np.linalg.norm(p - before, axis=1)[:, None]
             if contacts:
                 p = contacts.ended(before, p)
-                calmed = np.linalg.norm(p - before, axis=1)[:, None]
-                travel = travel * np.divide(calmed, far, out=np.ones_like(far), where=calmed != far)
-            old, v = v, np.where(free, np.where(of_whole, travel, p - before) / h, 0.0)
+            old, v = v, np.where(free, (p - before - of_whole * matched) / h, 0.0)
             v = cluster_material.steadied(clusters, whole, p, v)
-            if contacts and (contacts.part.restitution or whole.any()):
+            if contacts and contacts.part.restitution and not whole.any():
                 v = cluster_material.bounced(clusters, contacts, whole, p, old, v)
             v = cluster_material.damped(clusters, p, v, h)
             if scene.colliders:
-                rows, old = (before[None], p[None], v[None]), v
+                rows, fell = (before[None], p[None], v[None]), v
                 p, v = (array[0] for array in cloth.collide(fine, *rows, step * method.substeps + substep))
                 if whole.any():
-                    v = cluster_material.rebounded(clusters, whole, p, old, v)
+                    v = cluster_material.rebounded(clusters, whole, p, fell, v)
+            if contacts and whole.any():  # after colliders, which bear what lies on bodies that lie on them
+                v = cluster_material.bounced(clusters, contacts, whole, p, old, v)
+            if contacts and contacts.part.sleeping_speed:
+                v = np.where(of_whole & cluster_material.unmoved(clusters, before, p), 0.0, v)
     return p, v

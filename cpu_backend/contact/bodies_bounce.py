@@ -15,6 +15,7 @@ from cpu_backend.core.layout import row_at
 from cpu_backend.core.progress import shares
 from cpu_backend.shape_matching.damping import make_damping
 from cpu_backend.shape_matching.rebound import AXES, make_answer
+from cpu_backend.shape_matching.rigid import REBOUND
 from model.formulas.shape_matching import rebound
 from model.formulas.shape_matching.pace import MOTION
 
@@ -26,14 +27,16 @@ def make_motions(compiler: Compiler, real: Any, place: int) -> SimpleNamespace:
     at_clusters, at_factors, at_motions = place + 1, place + 2, place + 3
 
     @compiler.compiled
-    def spread(first, last, arrays, scales):
-        """The scales of particles from those of clusters, which are in their motions' first number."""
+    def spread(first, last, count, arrays, scales):
+        """The scales of particles from those of clusters, which are in their motions' first three numbers."""
         starts, clusters, factors, motions = arrays[place], arrays[at_clusters], arrays[at_factors], arrays[at_motions]
         for k in range(first, last):
-            scales[k] = one
+            x, y, z = k, count + k, 2 * count + k
+            scales[x], scales[y], scales[z] = one, zero, zero
             for n in range(starts[k], starts[k + 1]):
                 if factors[n] != zero:
-                    scales[k] = motions[MOTION * clusters[n]]
+                    g = row_at(motions, np.int64(MOTION) * clusters[n])
+                    scales[x], scales[y], scales[z] = g[0], g[1], g[2]
 
     @compiler.compiled
     def join(first, last, position, velocity, count, arrays, struck):
@@ -56,14 +59,14 @@ def make_motions(compiler: Compiler, real: Any, place: int) -> SimpleNamespace:
 
 
 def make_strikes(compiler: Compiler, real: Any, scaled: bool) -> Any:
-    """strike_all(team, member, bands, position, old, velocity, weights, record, neighbours, contacts, struck, scales): what
-    particles get that bounce, as particles_bounce.make_passes, into `struck`."""
-    push, zero = make_passes(compiler, real, scaled).push, real(0)
+    """strike_all(team, member, bands, position, old, velocity, weights, record, neighbours, contacts, struck, scales,
+    travel): what particles get that bounce, as particles_bounce.make_passes, into `struck`."""
+    push, zero = make_passes(compiler, real, scaled, True).push, real(0)
 
     @compiler.compiled
     def strike(band, count, neighbours, contacts, struck):
         who, _, _, _, begins, active, _ = neighbours
-        _, met, ways = contacts
+        _, met, ways, _ = contacts
         for n in range(begins[band], begins[band] + active[band]):
             i = who[n]
             for axis in range(AXES):
@@ -71,10 +74,11 @@ def make_strikes(compiler: Compiler, real: Any, scaled: bool) -> Any:
 
     @compiler.compiled
     def strike_all(
-        team, member, bands, position, old, velocity, weights, record, neighbours, contacts, struck, scales
+        team, member, bands, position, old, velocity, weights, record, neighbours, contacts, struck, scales,
+        travel,
     ):  # fmt: skip
         for band in shares(team, member, bands):
-            push(band, weights.size, position, old, velocity, weights, record, neighbours, contacts, scales)
+            push(band, weights.size, position, old, velocity, weights, record, neighbours, contacts, scales, travel)
             strike(band, weights.size, neighbours, contacts, struck)
 
     return strike_all
@@ -86,12 +90,13 @@ def make_bodies_bounce(real: Any, math: str, place: int) -> Any:
     what a member of a team does (core/progress.py), as `make_bounce` of contact/particles_bounce.py; `arrays` of clusters,
     from `place` on those of `make_rebound`, with a scale of each particle; `pitch`: numbers of a band's scratch."""
     compiler = Compiler(f"bodies_bounce_all_{np.dtype(real).name}_{math}_{place}", math)
-    answer = make_answer(compiler, real, place).answer
-    gather, tell = make_damping(compiler, real, True, place).gather, make_passes(compiler, real, False).tell
+    answer = make_answer(compiler, real, place, True).answer
+    gather, tell = make_damping(compiler, real, True, place).gather, make_passes(compiler, real, False, True).tell
     strike_all, strike_scaled = (make_strikes(compiler, real, scaled) for scaled in (False, True))
     motions_made = make_motions(compiler, real, place)
     spread, join = motions_made.spread, motions_made.join
-    at_motions, at_limits, at_struck, at_scales = place + 3, place + 4, place + 5, place + 6
+    at_limits, at_struck, at_scales = place + 4, place + 5, place + 6
+    at_travel = place + REBOUND + 5  # after what rebounds take: those of rigid motion (shape_matching/rigid.py)
     joined, zero, one = rebound.make(real, compiler.compiled).joined, real(0), real(1)
 
     @compiler.compiled
@@ -118,10 +123,10 @@ def make_bodies_bounce(real: Any, math: str, place: int) -> Any:
         team, member, bands, position, old, velocity, weights, record, neighbours, contacts, arrays, scratch, pitch
     ):  # fmt: skip
         """Where no one meets, phases only pass: all of them add nothing to velocities."""
-        motions, struck, scales = arrays[at_motions], arrays[at_struck], arrays[at_scales]
+        struck, scales, travel = arrays[at_struck], arrays[at_scales], arrays[at_travel]
         count, clusters = weights.size, arrays[at_limits].size
         for band in shares(team, member, bands):
-            met = tell(band, count, position, old, velocity, record, neighbours, contacts)
+            met = tell(band, count, position, old, velocity, record, neighbours, contacts, travel)
             scratch[pitch * (band + 1) - 1] = one if met else zero
         for band in shares(team, member, bands):
             low, high = count * band // bands, count * (band + 1) // bands
@@ -129,17 +134,19 @@ def make_bodies_bounce(real: Any, math: str, place: int) -> Any:
                 for axis in range(AXES):
                     for k in range(axis * count + low, axis * count + high):
                         struck[k] = zero
-        strike_all(team, member, bands, position, old, velocity, weights, record, neighbours, contacts, struck, scales)
+        strike_all(
+            team, member, bands, position, old, velocity, weights, record, neighbours, contacts, struck, scales, travel
+        )  # fmt: skip
         for band in shares(team, member, bands):
             room = row_at(scratch, np.int64(pitch * band))
             if meet(bands, scratch, pitch):
                 for c in range(clusters * band // bands, clusters * (band + 1) // bands):
-                    motions[MOTION * c] = answer(c, position, count, arrays, room)
+                    answer(c, position, count, arrays, room)
         for band in shares(team, member, bands):
             if meet(bands, scratch, pitch):
-                spread(count * band // bands, count * (band + 1) // bands, arrays, scales)
+                spread(count * band // bands, count * (band + 1) // bands, count, arrays, scales)
         strike_scaled(
-            team, member, bands, position, old, velocity, weights, record, neighbours, contacts, struck, scales
+            team, member, bands, position, old, velocity, weights, record, neighbours, contacts, struck, scales, travel
         )
         gather_all(team, member, bands, position, struck, count, arrays, scratch, pitch)
         for band in shares(team, member, bands):

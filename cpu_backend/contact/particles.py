@@ -10,7 +10,7 @@ import numpy as np
 from cpu_backend.contact.neighbours import Neighbours
 from cpu_backend.contact.particles_bounce import make_bounce_stage
 from cpu_backend.contact.particles_cells import AXES
-from cpu_backend.contact.particles_project import make_project_stage
+from cpu_backend.contact.particles_project import make_clear_stage, make_project_stage
 from cpu_backend.core.layout import aligned_zeros
 from model.contact.particle_parameters import (
     G_REACH,
@@ -43,10 +43,12 @@ class ParticleContacts:
         rest.reshape(AXES, -1)[:, slots] = scene.body_set.position.T
         self.neighbours = Neighbours(real, math, body, kind, rest, len(scene.bodies), bands)
         acting = np.zeros(count * MAX_NEIGHBOURS, np.uint32)  # unsigned: no index from the end
-        self._contacts = acting, np.zeros(count, real), np.zeros(AXES * count, real)
+        self._keeps = "rigid-motion" in parts
+        pressed = np.zeros(len(acting) if self._keeps else 0, real)
+        self._contacts = acting, np.zeros(count, real), np.zeros(AXES * count, real), pressed
         self.old = aligned_zeros(AXES * count if "contact-restitution" in parts else 0, real)
-        variant = "contact-friction" in parts, "contact-adhesion" in parts, "rigid-motion" in parts, "couples" in parts
-        self._project = make_project_stage(real, math, *variant)
+        variant = "contact-friction" in parts, "contact-adhesion" in parts, self._keeps, "couples" in parts
+        self._project, self._clear = make_project_stage(real, math, *variant), make_clear_stage(real, math)
         self._bounce = make_bounce_stage(real, math)
         self.change(scene)
 
@@ -68,6 +70,8 @@ class ParticleContacts:
 
     def find(self, position: np.ndarray, weights: np.ndarray) -> None:
         self.neighbours.find(position, weights, self.record, self.reach)
+        if self._keeps:
+            self._clear(self.bands, self.neighbours.found, self._contacts)
 
     def project(
         self,

@@ -12,22 +12,34 @@ import numpy as np
 from cpu_backend.core.compile import Compiler
 from cpu_backend.core.layout import row_at
 from cpu_backend.core.progress import shares
-from model.contact.particle_parameters import G_DISTANCE, G_OWN, H_RESTITUTION, H_SETTLING, MAX_NEIGHBOURS
+from model.contact.particle_parameters import (
+    G_DISTANCE,
+    G_OWN,
+    H_INVERSE_SUBSTEP,
+    H_RESTITUTION,
+    H_SETTLING,
+    MAX_NEIGHBOURS,
+)
 from model.formulas import particle_contact
 from model.formulas.shape_matching import rebound
 
 
-def make_passes(compiler: Compiler, real: Any, scaled: bool) -> SimpleNamespace:
+def make_passes(compiler: Compiler, real: Any, scaled: bool, has_rigid: bool = False) -> SimpleNamespace:
     """`tell`, `push`, `put`: see the inner functions; of a `band` of those that have neighbours. `scaled`: impulses of a pair
-    are multiplied by the lesser one of both particles' `scales`."""
+    are multiplied by the lesser one of both particles' `scales`. `has_rigid`: `travel` is read, as of
+    shape_matching/particles.py: two particles of rigid bodies, which have slacks, part as those do
+    (model/formulas/particle_contact.py, `parting`), also where nothing is given back."""
     formulas = particle_contact.make(real, compiler.compiled)
     squared, touching, direction = formulas.squared, formulas.touching, formulas.direction
     lacking, split, added, moved = formulas.lacking, formulas.split, formulas.added, formulas.moved
-    factor_of, zero = rebound.make(real, compiler.compiled).shared, real(0)
+    parting, impulse_of, struck = formulas.parting, formulas.impulse, formulas.struck
+    whole = rebound.make(real, compiler.compiled)
+    factor_of, squared_impulse, wanted, zero = whole.shared, whole.squared, whole.wanted, real(0)
 
     @compiler.compiled
-    def lack_of(i, j, pair, count, position, old, velocity, record):
-        """(how much faster particles i and j must part, the unit normal from j to i)."""
+    def lack_of(i, j, pair, count, position, old, velocity, record, travel, pressed):
+        """(how much faster particles i and j must part, the unit normal from j to i); `pressed`: their contact in the
+        substep."""
         x, y, z = position, row_at(position, np.int64(count)), row_at(position, np.int64(2 * count))
         distance = record[pair + G_DISTANCE] if pair >= 0 else record[-1 - pair + G_OWN]
         dx, dy, dz = x[i] - x[j], y[i] - y[j], z[i] - z[j]
@@ -38,15 +50,20 @@ def make_passes(compiler: Compiler, real: Any, scaled: bool) -> SimpleNamespace:
         u, v, w = velocity, row_at(velocity, np.int64(count)), row_at(velocity, np.int64(2 * count))
         bx, by, bz = u[i] - u[j], v[i] - v[j], w[i] - w[j]
         _, nx, ny, nz = direction(dx, dy, dz, distance, i < j)
-        lack = lacking(ax, ay, az, bx, by, bz, nx, ny, nz, record[H_RESTITUTION], record[H_SETTLING])
-        return lack, nx, ny, nz
+        e, settling = record[H_RESTITUTION], record[H_SETTLING]
+        if has_rigid:
+            if travel[3 * count + i] > zero and travel[3 * count + j] > zero:
+                return parting(ax, ay, az, bx, by, bz, nx, ny, nz, e, settling, pressed), nx, ny, nz
+            if e == zero:
+                return zero, nx, ny, nz
+        return lacking(ax, ay, az, bx, by, bz, nx, ny, nz, e, settling), nx, ny, nz
 
     @compiler.compiled
-    def tell(band, count, position, old, velocity, record, neighbours, contacts):
+    def tell(band, count, position, old, velocity, record, neighbours, contacts, travel):
         """With whom each must part faster: their places, one particle's after the other's, into `acting`, how many into
         `met`. Returned: whether anyone must."""
         who, numbers, entries, pairs, begins, active, _ = neighbours
-        acting, met, _ = contacts
+        acting, met, _, pressed = contacts
         first = begins[band]
         last = first + active[band]
         entry, place = np.int64(first) * MAX_NEIGHBOURS, np.int64(first) * MAX_NEIGHBOURS
@@ -54,18 +71,20 @@ def make_passes(compiler: Compiler, real: Any, scaled: bool) -> SimpleNamespace:
         for n in range(first, last):
             i, begin = who[n], place
             for e in range(entry, entry + numbers[n]):
-                lack, _, _, _ = lack_of(i, entries[e], pairs[e], count, position, old, velocity, record)
+                by = pressed[e] if has_rigid else zero
+                lack, _, _, _ = lack_of(i, entries[e], pairs[e], count, position, old, velocity, record, travel, by)
                 acting[place] = e
-                place += 1 if lack > zero else 0
+                place += 1 if lack != zero else 0
             entry += numbers[n]
             met[i] = real(place - begin)
         return place > start
 
     @compiler.compiled
-    def push(band, count, position, old, velocity, weights, record, neighbours, contacts, scales):
-        """What those get that bounce, into `ways` by their places in `who`."""
+    def push(band, count, position, old, velocity, weights, record, neighbours, contacts, scales, travel):
+        """What those get that bounce, into `ways` by their places in `who`; of rigid bodies at first also what their contacts
+        ask for by themselves, into `scales`."""
         who, _, entries, pairs, begins, active, _ = neighbours
-        acting, met, ways = contacts
+        acting, met, ways, pressed = contacts
         first = begins[band]
         last = first + active[band]
         place = np.int64(first) * MAX_NEIGHBOURS
@@ -74,22 +93,39 @@ def make_passes(compiler: Compiler, real: Any, scaled: bool) -> SimpleNamespace:
             mine, weight = met[i], weights[i]
             if mine == zero:
                 continue
-            x, y, z = zero, zero, zero
+            x, y, z, squares = zero, zero, zero, zero
             for a in range(place, place + np.int64(mine)):
                 j, pair = entries[acting[a]], pairs[acting[a]]
-                lack, nx, ny, nz = lack_of(i, j, pair, count, position, old, velocity, record)
+                by = pressed[acting[a]] if has_rigid else zero
+                lack, nx, ny, nz = lack_of(i, j, pair, count, position, old, velocity, record, travel, by)
                 share = split(weight, mine, weights[j], met[j])
                 if scaled:
-                    lack = lack * factor_of(scales[i], scales[j])
-                x, y, z = added(x, share, lack, nx), added(y, share, lack, ny), added(z, share, lack, nz)
+                    by_i, by_j = row_at(scales, np.int64(i)), row_at(scales, np.int64(j))
+                    lack = lack * factor_of(
+                        record[H_RESTITUTION],
+                        by_i[0],
+                        by_i[count],
+                        by_i[2 * count],
+                        by_j[0],
+                        by_j[count],
+                        by_j[2 * count],
+                    )
+                if has_rigid:
+                    given = impulse_of(share, lack, max(by, zero), record[H_INVERSE_SUBSTEP])
+                    x, y, z = struck(x, given, nx), struck(y, given, ny), struck(z, given, nz)
+                    squares = squared_impulse(squares, given)
+                else:
+                    x, y, z = added(x, share, lack, nx), added(y, share, lack, ny), added(z, share, lack, nz)
             place += np.int64(mine)
+            if has_rigid and not scaled:
+                scales[i] = wanted(weight, mine, squares)
             x, y, z = moved(zero, weight, x), moved(zero, weight, y), moved(zero, weight, z)
             ways[3 * n], ways[3 * n + 1], ways[3 * n + 2] = x, y, z
 
     @compiler.compiled
     def put(band, count, velocity, neighbours, contacts):
         who, _, _, _, begins, active, _ = neighbours
-        _, met, ways = contacts
+        _, met, ways, _ = contacts
         for n in range(begins[band], begins[band] + active[band]):
             i = who[n]
             if met[i] != zero:
@@ -111,9 +147,9 @@ def make_bounce(real: Any, math: str) -> Any:
     def bounce_all(team, member, bands, position, old, velocity, weights, record, neighbours, contacts):
         count = weights.size
         for band in shares(team, member, bands):
-            tell(band, count, position, old, velocity, record, neighbours, contacts)
+            tell(band, count, position, old, velocity, record, neighbours, contacts, velocity)
         for band in shares(team, member, bands):
-            push(band, count, position, old, velocity, weights, record, neighbours, contacts, velocity)
+            push(band, count, position, old, velocity, weights, record, neighbours, contacts, velocity, velocity)
         for band in shares(team, member, bands):
             put(band, count, velocity, neighbours, contacts)
 

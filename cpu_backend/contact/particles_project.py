@@ -40,7 +40,7 @@ def _make_sweep(
     )  # fmt: skip
     depth_of, slip, grip = formulas.depth, formulas.slip, formulas.grip
     added, added_friction, moved = formulas.added, formulas.added_friction, formulas.moved
-    carried, zero = rigid.make(real, compiler.compiled).carried, real(0)
+    pressed_by, carried, zero = formulas.pressed, rigid.make(real, compiler.compiled).carried, real(0)
     levers = couple.make(real, compiler.compiled)
     levered, gathered = levers.levered, levers.gathered
 
@@ -49,7 +49,7 @@ def _make_sweep(
         """Which neighbours are contacts where particles are now: their places, one particle's after the other's, into
         `acting`, how many into `met`."""
         who, numbers, entries, pairs, begins, active, _ = neighbours
-        acting, met, _ = contacts
+        acting, met, _, _ = contacts
         first = begins[band]
         last = first + active[band]
         entry, place = np.int64(first) * MAX_NEIGHBOURS, np.int64(first) * MAX_NEIGHBOURS
@@ -70,7 +70,7 @@ def _make_sweep(
     def push(band, count, before, position, weights, record, neighbours, contacts, couples):
         """Where the particles that have contacts go, into `ways` by their places in `who`; couples added to."""
         who, _, entries, pairs, begins, active, _ = neighbours
-        acting, met, ways = contacts
+        acting, met, ways, pressed = contacts
         first = begins[band]
         last = first + active[band]
         place = np.int64(first) * MAX_NEIGHBOURS
@@ -97,6 +97,8 @@ def _make_sweep(
                 kept = held(distance, bx, by, bz, record[H_PUSH])
                 length, nx, ny, nz = direction(dx, dy, dz, distance, i < j)
                 depth = depth_of(length, kept, distance, pull)
+                if has_rigid:
+                    pressed[acting[a]] = pressed_by(pressed[acting[a]], share, depth)
                 if has_friction and (depth > zero or pull > zero):
                     sx, sy, sz = slip(dx, dy, dz, bx, by, bz, nx, ny, nz)
                     gripped = grip(sx, sy, sz, depth, pull, record[H_STATIC], record[H_DYNAMIC])
@@ -120,7 +122,7 @@ def _make_sweep(
     @compiler.compiled
     def put(band, count, position, travel, neighbours, contacts):
         who, _, _, _, begins, active, _ = neighbours
-        _, met, ways = contacts
+        _, met, ways, _ = contacts
         for n in range(begins[band], begins[band] + active[band]):
             i = who[n]
             if met[i] != zero:
@@ -173,54 +175,68 @@ def make_project_stage(
     return Compiler(name, math).team(project_all)
 
 
+def make_clear(compiler: Compiler) -> Any:
+    """clear(band, neighbours, contacts): a substep begins, in which no contact of rigid bodies has pressed."""
+
+    @compiler.compiled
+    def clear(band, neighbours, contacts):
+        _, numbers, _, _, begins, active, _ = neighbours
+        pressed = contacts[3]
+        entry = np.int64(begins[band]) * MAX_NEIGHBOURS
+        for n in range(begins[band], begins[band] + active[band]):
+            for e in range(entry, entry + numbers[n]):
+                pressed[e] = 0
+            entry += numbers[n]
+
+    return clear
+
+
+@cache
+def make_clear_stage(real: Any, math: str) -> Any:
+    """clear(bands, neighbours, contacts): all particles, in parallel."""
+    compiler = Compiler(f"particles_clear_{np.dtype(real).name}_{math}", math)
+    clear_some = make_clear(compiler)
+
+    def clear(band, bands, neighbours, contacts):
+        clear_some(band, neighbours, contacts)
+
+    return compiler.banded(clear)
+
+
 def make_settle(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
     """settle(first, last, count, before, position, record, travel): particles at a substep's end that went too far, or
     hardly moved."""
     formulas = particle_contact.make(real, compiler.compiled)
     far, shortened, rested = formulas.far, formulas.shortened, formulas.rested
     has_limit, has_sleeping, has_rigid = "speed-limit" in parts, "sleeping" in parts, "rigid-motion" in parts
-    keeping = rigid.make(real, compiler.compiled)
-    limited, no_travel = keeping.limited, keeping.rested
+    carried, zero = rigid.make(real, compiler.compiled).carried, np.int64(0)
 
     @compiler.row
-    def calm_rows(n, record, x, y, z, to_x, to_y, to_z, over_x, over_y, over_z):
-        """Travels, before places are changed."""
+    def settle_rows(n, record, x, y, z, to_x, to_y, to_z, over_x, over_y, over_z):
         for k in range(n):
             length = far(to_x[k] - x[k], to_y[k] - y[k], to_z[k] - z[k])
+            u, v, w = to_x[k], to_y[k], to_z[k]
             if has_limit:
-                over_x[k] = limited(over_x[k], length, record[H_FASTEST])
-                over_y[k] = limited(over_y[k], length, record[H_FASTEST])
-                over_z[k] = limited(over_z[k], length, record[H_FASTEST])
+                u = shortened(u, x[k], length, record[H_FASTEST])
+                v = shortened(v, y[k], length, record[H_FASTEST])
+                w = shortened(w, z[k], length, record[H_FASTEST])
             if has_sleeping:
-                over_x[k] = no_travel(over_x[k], length, record[H_ASLEEP])
-                over_y[k] = no_travel(over_y[k], length, record[H_ASLEEP])
-                over_z[k] = no_travel(over_z[k], length, record[H_ASLEEP])
-
-    @compiler.row
-    def settle_rows(n, record, x, y, z, to_x, to_y, to_z):
-        for k in range(n):
-            length = far(to_x[k] - x[k], to_y[k] - y[k], to_z[k] - z[k])
-            if has_limit:
-                to_x[k] = shortened(to_x[k], x[k], length, record[H_FASTEST])
-                to_y[k] = shortened(to_y[k], y[k], length, record[H_FASTEST])
-                to_z[k] = shortened(to_z[k], z[k], length, record[H_FASTEST])
-            if has_sleeping:
-                to_x[k] = rested(to_x[k], x[k], length, record[H_ASLEEP])
-                to_y[k] = rested(to_y[k], y[k], length, record[H_ASLEEP])
-                to_z[k] = rested(to_z[k], z[k], length, record[H_ASLEEP])
+                u = rested(u, x[k], length, record[H_ASLEEP])
+                v = rested(v, y[k], length, record[H_ASLEEP])
+                w = rested(w, z[k], length, record[H_ASLEEP])
+            if has_rigid:
+                over_x[k] = carried(over_x[k], u, to_x[k])
+                over_y[k] = carried(over_y[k], v, to_y[k])
+                over_z[k] = carried(over_z[k], w, to_z[k])
+            to_x[k], to_y[k], to_z[k] = u, v, w
 
     @compiler.compiled
     def settle(first, last, count, before, position, record, travel):
-        if has_rigid:
-            calm_rows(
-                last - first, record, row_at(before, first), row_at(before, count + first),
-                row_at(before, 2 * count + first), row_at(position, first), row_at(position, count + first),
-                row_at(position, 2 * count + first), row_at(travel, first), row_at(travel, count + first),
-                row_at(travel, 2 * count + first),
-            )  # fmt: skip
+        u, v, w = (first, count + first, 2 * count + first) if has_rigid else (zero, zero, zero)
         settle_rows(
             last - first, record, row_at(before, first), row_at(before, count + first), row_at(before, 2 * count + first),
             row_at(position, first), row_at(position, count + first), row_at(position, 2 * count + first),
+            row_at(travel, u), row_at(travel, v), row_at(travel, w),
         )  # fmt: skip
 
     return settle

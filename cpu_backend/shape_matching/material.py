@@ -41,7 +41,7 @@ class ClusterArrays:
         factors, kinds = whole[clusters.owner][layout.of_own].astype(real), layout.kinds(whole)
         if parts & {"rigid-rebound", "rigid-bounce"}:
             limits, struck = rebound_limits(clusters).astype(real), np.zeros(3 * layout.count, real)
-            scales = np.ones(layout.count, real)
+            scales = np.zeros(3 * layout.count, real)
             motions = np.zeros(MOTION * clusters.count, real)
             rebounds = (*layout.own[:2], factors, motions, limits, struck, scales, kinds)
             steps, look = (*steps, *rebounds), (*look, *rebounds)

@@ -27,17 +27,20 @@ def at_rebound(parts: frozenset[str]) -> int:
     return at_damping(parts) + DAMPING * ("cluster_damping" in parts)
 
 
-def make_answer(compiler: Compiler, real: Any, place: int) -> Any:
-    """answer(c, position, count, arrays, scratch): the rigid motion that cluster c makes of what its particles got, and what
-    it was multiplied by; 0 of a cluster that does not come off as a whole."""
+def make_answer(compiler: Compiler, real: Any, place: int, meets: bool = False) -> Any:
+    """answer(c, position, count, arrays, scratch): the rigid motion that cluster c makes of what its particles got; none of a
+    cluster that does not come off as a whole. `meets`: of bodies that meet, in the place of its first three numbers what a
+    pair's factor is made of (rebound.py, `shared`)."""
     formulas, sum_of = rebound.make(real, compiler.compiled), make_lane_sum(compiler, real)
     weighed, rigid, enlarged, scaled = formulas.weighed, formulas.rigid, formulas.enlarged, formulas.scaled
     gather = make_damping(compiler, real, True, place).gather
+    touched_mass, asked, bound = formulas.touched, formulas.asked, formulas.bound
     at_motions, at_limits, at_struck, zero = place + 3, place + 4, place + 5, real(0)
+    at_wanted = place + 6  # the plane of scales, which come after it
 
     def make_rows(gathers: bool) -> Any:
-        def worth_rows(blocks, motion, slots, x, y, z, vx, vy, vz, mass, lanes):
-            for n in range(2 * LANES):
+        def worth_rows(blocks, motion, slots, x, y, z, vx, vy, vz, wanted, mass, lanes):
+            for n in range(4 * LANES):
                 lanes[n] = zero
             for block in range(blocks):
                 for lane in range(LANES):
@@ -49,6 +52,9 @@ def make_answer(compiler: Compiler, real: Any, place: int) -> Any:
                     w = rigid(motion[5], motion[6], dy, motion[7], dx)
                     lanes[lane] = weighed(lanes[lane], m, vx[k], vy[k], vz[k])
                     lanes[LANES + lane] = weighed(lanes[LANES + lane], m, u, v, w)
+                    if meets:
+                        lanes[2 * LANES + lane] = touched_mass(lanes[2 * LANES + lane], m, vx[k], vy[k], vz[k])
+                        lanes[3 * LANES + lane] = asked(lanes[3 * LANES + lane], m, wanted[k], vx[k], vy[k], vz[k])
 
         worth_rows.__name__ = "gather_worth" if gathers else "sum_worth"
         return compiler.row(worth_rows)
@@ -83,12 +89,12 @@ def make_answer(compiler: Compiler, real: Any, place: int) -> Any:
     def answer(c, position, count, arrays, scratch):
         limit = arrays[at_limits][c]
         if limit == zero:
-            return zero
+            return
         struck, motion = arrays[at_struck], row_at(arrays[at_motions], np.int64(MOTION * c))
         if not touched(c, count, arrays):
             for n in range(MOTION):
                 motion[n] = zero
-            return zero
+            return
         gather(c, position, struck, count, arrays, scratch)
         starts, slots, members, first = arrays[0], arrays[3], arrays[4], np.int64(arrays[1][c])
         start, blocks, mass = starts[c], (starts[c + 1] - starts[c]) // LANES, 3 * (members.size // 4)
@@ -96,17 +102,22 @@ def make_answer(compiler: Compiler, real: Any, place: int) -> Any:
             sum_worth(
                 blocks, motion, row_at(slots, start), row_at(position, first), row_at(position, count + first),
                 row_at(position, 2 * count + first), row_at(struck, first), row_at(struck, count + first),
-                row_at(struck, 2 * count + first), row_at(members, mass + start), scratch,
+                row_at(struck, 2 * count + first), row_at(arrays[at_wanted], first), row_at(members, mass + start), scratch,
             )  # fmt: skip
         else:
             gather_worth(
                 blocks, motion, row_at(slots, start), position, row_at(position, count), row_at(position, 2 * count),
-                struck, row_at(struck, count), row_at(struck, 2 * count), row_at(members, mass + start), scratch,
+                struck, row_at(struck, count), row_at(struck, 2 * count), arrays[at_wanted], row_at(members, mass + start),
+                scratch,
             )  # fmt: skip
+        if meets:
+            total = sum_of(scratch, 3)
+            motion[0] = bound(sum_of(scratch, 0), sum_of(scratch, 2), total, arrays[5][4 * c + 3])
+            motion[1], motion[2] = total, sum_of(scratch, 1)
+            return
         scale = enlarged(sum_of(scratch, 0), sum_of(scratch, 1), limit)
         for n in range(AXES, MOTION):
             motion[n] = scaled(motion[n], scale)
-        return scale
 
     return SimpleNamespace(answer=answer, touched=touched)
 

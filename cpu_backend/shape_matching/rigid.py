@@ -12,6 +12,7 @@ from cpu_backend.core.compile import Compiler
 from cpu_backend.core.layout import row_at
 from cpu_backend.core.progress import shares
 from cpu_backend.shape_matching.damping import make_damping
+from cpu_backend.shape_matching.kernels import AXES
 from cpu_backend.shape_matching.layout import LONE
 from cpu_backend.shape_matching.rebound import at_rebound
 from model.formulas.shape_matching import rebound
@@ -85,6 +86,46 @@ def _without(compiler: Compiler) -> SimpleNamespace:
         pass
 
     return SimpleNamespace(gather=gather, steady=steady)
+
+
+@cache
+def make_rest(compiler: Compiler, real: Any, rests: bool, place: int) -> Any:
+    """rest(c, before, position, velocity, count, arrays): stop the rigid cluster c if none of its particles has moved in the
+    substep. Nothing is done unless a body `rests`. `place`: as of make_steadying."""
+    zero, at_kinds = real(0), place + 4
+
+    @compiler.compiled
+    def rest(c, before, position, velocity, count, arrays):
+        if not rests:
+            return
+        starts, slots, members = arrays[0], arrays[3], arrays[4]
+        masses = 3 * (members.size // 4)
+        if arrays[at_kinds][c] == 0:
+            return
+        for e in range(starts[c], starts[c + 1]):
+            if members[masses + e] != zero:  # no ghost
+                x, y, z = slots[e], count + slots[e], 2 * count + slots[e]
+                if position[x] != before[x] or position[y] != before[y] or position[z] != before[z]:
+                    return
+        for e in range(starts[c], starts[c + 1]):
+            for axis in range(AXES):
+                velocity[axis * count + slots[e]] = zero
+
+    return rest
+
+
+@cache
+def make_rest_stage(real: Any, math: str, place: int) -> Any:
+    """rest(bands, before, position, velocity, count, arrays): all clusters, in parallel."""
+    compiler = Compiler(f"bodies_rest_{np.dtype(real).name}_{math}_{place}", math)
+    rest_one = make_rest(compiler, real, True, place)
+
+    def rest(band, bands, before, position, velocity, count, arrays):
+        clusters = arrays[5].size // 4
+        for c in range(clusters * band // bands, clusters * (band + 1) // bands):
+            rest_one(c, before, position, velocity, count, arrays)
+
+    return compiler.banded(rest)
 
 
 @cache

@@ -27,7 +27,7 @@ from cpu_backend.shape_matching.layout import bounds_of, layout_of
 from cpu_backend.shape_matching.loops import make_bodies_apart, make_bodies_stages, make_matching_stages
 from cpu_backend.shape_matching.material import ClusterArrays
 from cpu_backend.shape_matching.rebound import at_rebound, make_rebound_stages
-from cpu_backend.shape_matching.rigid import at_rigid, make_steadying_stage
+from cpu_backend.shape_matching.rigid import at_rigid, make_rest_stage, make_steadying_stage
 from cpu_backend.shape_matching.together import make_bodies_together
 from model.core.own_forces import POKED
 from model.core.plan import Executor, Moment, StageRun
@@ -168,6 +168,10 @@ class Bodies(ParticlesSimulation):
             run = make_steadying_stage(self.real, self.options.math, at_rigid(self.plan.parts))
             run(bands, position, velocity, *over_clusters)
 
+        def rest(moment: Moment) -> None:
+            run = make_rest_stage(self.real, self.options.math, at_rigid(self.plan.parts))
+            run(bands, before, position, velocity, count, self._material.steps)
+
         def damp(moment: Moment) -> None:
             run = make_damping_stage(self.real, self.options.math, at_damping(self.plan.parts))
             run(bands, position, velocity, *over_clusters)
@@ -198,6 +202,7 @@ class Bodies(ParticlesSimulation):
             "turn by friction": lambda moment: turn(bands, position, travel, self._weights, *over_clusters),
             "update velocity": update,
             "keep momenta": steady,
+            "rest": rest,
             "damp clusters": damp,
             "collide": collide,
             "rebound": rebound,

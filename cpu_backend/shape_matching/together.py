@@ -11,7 +11,7 @@ import numpy as np
 from cpu_backend.contact.bodies_bounce import make_bodies_bounce
 from cpu_backend.contact.particles_bounce import make_bounce
 from cpu_backend.contact.particles_find import make_find
-from cpu_backend.contact.particles_project import PACES, make_project, make_settle
+from cpu_backend.contact.particles_project import PACES, make_clear, make_project, make_settle
 from cpu_backend.core.compile import Compiler
 from cpu_backend.core.constraints import make_colours, make_planes, make_projections
 from cpu_backend.core.layout import row_at
@@ -23,7 +23,7 @@ from cpu_backend.shape_matching.kernels import AXES, SCRATCH, make_matching
 from cpu_backend.shape_matching.lattice import make_lattice_matching
 from cpu_backend.shape_matching.particles import make_particles
 from cpu_backend.shape_matching.rebound import at_rebound, make_rebound
-from cpu_backend.shape_matching.rigid import at_rigid, make_steadying
+from cpu_backend.shape_matching.rigid import at_rigid, make_rest, make_steadying
 from model.formulas.shape_matching.cluster import LANES
 from model.scene.cloth import COLLIDER_KINDS
 from model.shape_matching.cluster_tables import shaping
@@ -45,6 +45,8 @@ def make_substep_end(compiler: Compiler, real: Any, math: str, parts: frozenset[
     keeps, at_travel, at_scattered = "rigid-motion" in parts, at_rigid(parts) + 5, at_rigid(parts) + 6
     steadying = make_steadying(compiler, real, keeps, at_rigid(parts))
     gather_rigid, steady = steadying.gather, steadying.steady
+    rests = keeps and "sleeping" in parts
+    rest, begins_last = make_rest(compiler, real, rests, at_rigid(parts)), rebounds or rests or has_rigid
     turning, has_couples = make_couples(compiler, real, parts), "couples" in parts
     gather_couples, turn = turning.gather, turning.turn
     rates_apart = has_pace or bounces or has_damping or keeps or has_couples  # of what others look at before colliders
@@ -85,12 +87,7 @@ def make_substep_end(compiler: Compiler, real: Any, math: str, parts: frozenset[
                 for band in shares(team, member, bands):
                     first, last = LANES * (blocks * band // bands), LANES * (blocks * (band + 1) // bands)
                     steady(first, last, after, velocity, count, arrays)
-        if has_rigid:
-            bounce_bodies(
-                team, member, bands, after, olds[0], velocity, weights, numbers[0], neighbours, touching, arrays, scratch,
-                SCRATCH * LANES,
-            )  # fmt: skip
-        elif bounces:
+        if bounces and not has_rigid:
             bounce(team, member, bands, after, olds[0], velocity, weights, numbers[0], neighbours, touching)
         if has_damping:
             for band in shares(team, member, bands):
@@ -108,7 +105,7 @@ def make_substep_end(compiler: Compiler, real: Any, math: str, parts: frozenset[
                 strike(first, last, count, number, before, after, velocity, weights, parameters, bodies, kinds, struck)
             elif has_bodies:
                 collide(first, last, count, number, before, after, velocity, weights, parameters, bodies, kinds)
-            if not rebounds and goes_on:
+            if not begins_last and goes_on:
                 begin(first, last, count, after, before, velocity, weights, parameters, integers, travel)
         if rebounds:
             for band in shares(team, member, bands):
@@ -119,6 +116,20 @@ def make_substep_end(compiler: Compiler, real: Any, math: str, parts: frozenset[
                 first, last = LANES * (blocks * band // bands), LANES * (blocks * (band + 1) // bands)
                 if scattered:
                     go(first, last, after, velocity, count, arrays)
+                if goes_on and not has_rigid and not rests:
+                    begin(first, last, count, after, before, velocity, weights, parameters, integers, travel)
+        if has_rigid:
+            bounce_bodies(
+                team, member, bands, after, olds[0], velocity, weights, numbers[0], neighbours, touching, arrays, scratch,
+                SCRATCH * LANES,
+            )  # fmt: skip
+        if rests:
+            for band in shares(team, member, bands):
+                for c in range(clusters * band // bands, clusters * (band + 1) // bands):
+                    rest(c, before, after, velocity, count, arrays)
+        if has_rigid or rests:
+            for band in shares(team, member, bands):
+                first, last = LANES * (blocks * band // bands), LANES * (blocks * (band + 1) // bands)
                 if goes_on:
                     begin(first, last, count, after, before, velocity, weights, parameters, integers, travel)
 
@@ -140,6 +151,7 @@ def make_bodies_together(real: Any, math: str, parts: frozenset[str]) -> Any:
     sweep_links = make_colours(compiler, [project_links], [LINKS.run])
     find, has_contacts = make_find(real, math), "contacts" in parts
     has_couples, at_sums = "couples" in parts, at_couples(parts) + 4
+    clear = make_clear(compiler)
     take_out = make_project(real, math, "contact-friction" in parts, "contact-adhesion" in parts, keeps, has_couples)
     windows, has_lattices = make_lattice_matching(real, math), "lattices" in parts
     match_windows, move_windows = windows.match, windows.move
@@ -171,6 +183,9 @@ def make_bodies_together(real: Any, math: str, parts: frozenset[str]) -> Any:
                 find(
                     team, member, bands, after, weights, constants, reach, many, of_particle, tables, in_order, neighbours
                 )  # fmt: skip
+                if keeps:
+                    for band in shares(team, member, bands):
+                        clear(band, neighbours, touching)
             for iteration in range(iterations):
                 if has_links:
                     sweep_links(team, member, bands, after, weights, before, links, iteration == 0, parameters)

@@ -15,27 +15,29 @@ from gpu_backend.core.compile import kernel_options, make_kernel, make_kernels, 
 from gpu_backend.core.formulas import device_formulas
 from gpu_backend.core.quads import SIZE, load_quad, store_quad
 from gpu_backend.shape_matching.kernels import ROWS
-from model.contact.particle_parameters import MAX_NEIGHBOURS
+from model.contact.particle_parameters import H_INVERSE_SUBSTEP, H_RESTITUTION, MAX_NEIGHBOURS
 from model.formulas import particle_contact
 from model.formulas.shape_matching import rebound
 
 
 @cache
 def make_give(real: Any, math: str, own: bool, many: bool, scaled: bool) -> Any:
-    """give(position, old, velocity, found, neighbours, record, body, kind, kinds, touching, scales, struck): what they get of
-    those that they part from, into `struck`; else as `bounce` of contact/particles_bounce.py. `scaled`: times the lesser
-    one of both particles' `scales`."""
+    """give(position, old, velocity, found, neighbours, record, body, kind, kinds, touching, travel, pressed, scales, struck):
+    what they get of those that they part from, into `struck`; else as `bounce` of contact/particles_bounce.py. `scaled`:
+    times the lesser one of both particles' `scales`."""
     formulas = device_formulas(particle_contact.make, real, math)
-    split, added, moved = formulas.split, formulas.added, formulas.moved
-    factor_of = device_formulas(rebound.make, real, math).shared
-    product = device_formulas(rebound.make, real, math).scaled
-    lack_of, zero, one, most = make_lack(real, math, own, many), real(0), real(1), np.int32(MAX_NEIGHBOURS)
+    split, moved, impulse_of, add = formulas.split, formulas.moved, formulas.impulse, formulas.struck
+    whole = device_formulas(rebound.make, real, math)
+    factor_of, product, squared_impulse, wanted = whole.shared, whole.scaled, whole.squared, whole.wanted
+    lack_of, zero, one, most = make_lack(real, math, own, many, True), real(0), real(1), np.int32(MAX_NEIGHBOURS)
 
-    def give(position, old, velocity, found, neighbours, record, body, kind, kinds, touching, scales, struck):
+    def give(
+        position, old, velocity, found, neighbours, record, body, kind, kinds, touching, travel, pressed, scales, struck
+    ):  # fmt: skip
         i = np.int32(cuda.grid(1))
         if i < found.size:
             kept, particles = np.int32(min(found[i], most)), np.int64(found.size)
-            x, y, z, weight = zero, zero, zero, zero
+            x, y, z, weight, squares, contacts = zero, zero, zero, zero, zero, zero
             if kept > 0:
                 v = load_quad(touching, i)
                 if v[3] > zero:
@@ -44,13 +46,22 @@ def make_give(real: Any, math: str, own: bool, many: bool, scaled: bool) -> Any:
                     for s in range(kept):
                         j = neighbours[s * particles + i]
                         w = load_quad(touching, j)
-                        lack, nx, ny, nz = lack_of(i, j, p, o, v, w, position, old, record, body, kind, kinds)
-                        if lack > zero:
+                        by = pressed[s * particles + i]
+                        lack, nx, ny, nz = lack_of(
+                            i, j, p, o, v, w, position, old, record, body, kind, kinds, travel, by
+                        )
+                        if lack != zero:
                             share = split(v[3], one, w[3], one)
                             if scaled:
-                                lack = product(lack, factor_of(scales[i], scales[j]))
-                            x, y, z = added(x, share, lack, nx), added(y, share, lack, ny), added(z, share, lack, nz)
-            store_quad(struck, i, moved(zero, weight, x), moved(zero, weight, y), moved(zero, weight, z), zero)
+                                f, g = load_quad(scales, i), load_quad(scales, j)
+                                lack = product(
+                                    lack, factor_of(record[H_RESTITUTION], f[0], f[1], f[2], g[0], g[1], g[2])
+                                )
+                            given = impulse_of(share, lack, max(by, zero), record[H_INVERSE_SUBSTEP])
+                            x, y, z = add(x, given, nx), add(y, given, ny), add(z, given, nz)
+                            squares, contacts = squared_impulse(squares, given), contacts + one
+            asked = wanted(weight, contacts, squares)
+            store_quad(struck, i, moved(zero, weight, x), moved(zero, weight, y), moved(zero, weight, z), asked)
 
     name = variant_name(real, math, f"own{own:d}", f"many{many:d}", f"scaled{scaled:d}")
     return make_kernel(give, f"bodies_bounce_{name}", **kernel_options(math))
@@ -67,12 +78,13 @@ def make_bodies_bounce(real: Any, math: str) -> SimpleNamespace:
 
     def spread(own_starts, own_clusters, limits, motions, scales):
         k = np.int32(cuda.grid(1))
-        if k < scales.size:
-            scale = unit
+        if k < scales.size // SIZE:
+            most, asked, worth = unit, zero, zero
             for n in range(own_starts[k], own_starts[k + one]):
                 if limits[own_clusters[n]] != zero:
-                    scale = load_quad(motions, np.int32(ROWS * own_clusters[n]))[3]
-            scales[k] = scale
+                    o = load_quad(motions, np.int32(ROWS * own_clusters[n]))
+                    most, asked, worth = o[0], o[1], o[2]
+            store_quad(scales, k, most, asked, worth, zero)
 
     def join(position, velocity, struck, own_starts, own_clusters, limits, motions):
         k = np.int32(cuda.grid(1))

@@ -15,6 +15,7 @@ from gpu_backend.core.quads import SIZE
 from model.contact.particle_parameters import (
     G_OWN,
     G_REACH,
+    MAX_NEIGHBOURS,
     contact_parts,
     kinds_of_particles,
     pair_rows,
@@ -30,7 +31,8 @@ def _meets_itself(scene: Scene) -> bool:
 def particle_contact_bytes(scene: Scene, item: int) -> int:
     """Device memory for the contacts of a scene's particles, `item` bytes a scalar."""
     particles = scene.body_set.particle_count
-    return neighbour_bytes(particles, _meets_itself(scene), item) + SIZE * item * particles
+    pressed = MAX_NEIGHBOURS * item * particles  # of rigid bodies
+    return neighbour_bytes(particles, _meets_itself(scene), item) + SIZE * item * particles + pressed
 
 
 class ParticleContacts:
@@ -53,9 +55,11 @@ class ParticleContacts:
         self._touching = self._new(np.zeros(SIZE * particles, real))
         self._flat = self.neighbours.flat
         self.variant = own, many
-        self.bounces, self._bounce = "contact-restitution" in parts, make_bounce(real, math, own, many)
-        keeps, has_couples = "rigid-motion" in parts, "couples" in parts
-        variant = "contact-friction" in parts, "contact-adhesion" in parts, own, many, keeps, has_couples
+        self._keeps, has_couples = "rigid-motion" in parts, "couples" in parts
+        self.bounces = "contact-restitution" in parts
+        self._bounce = make_bounce(real, math, own, many, self._keeps)
+        self._pressed = self._new(np.zeros(MAX_NEIGHBOURS * particles if self._keeps else 0, real))
+        variant = "contact-friction" in parts, "contact-adhesion" in parts, own, many, self._keeps, has_couples
         self._project = make_project(real, math, *variant)
 
     def _new(self, array: np.ndarray) -> Any:
@@ -69,7 +73,7 @@ class ParticleContacts:
     @property
     def finding(self) -> int:
         """Launches of `find`."""
-        return self.neighbours.launches
+        return self.neighbours.launches + self._keeps
 
     @property
     def projecting(self) -> int:
@@ -97,26 +101,31 @@ class ParticleContacts:
     def find(self, position: Any) -> None:
         """The neighbours of all particles where they are predicted to be."""
         self.neighbours.find(position, self.record)
+        if self._keeps:
+            self._project.clear[self._flat](self.neighbours.found, self._pressed)
 
     def project(self, before: Any, position: Any, travel: Any = None, couples: Any = None) -> None:
         """All sweeps over the contacts of the substep that began at `before`; `travel`: where bodies are rigid; `couples`:
         where friction turns clusters."""
         arguments = self.neighbours.found, self.neighbours.table, self.record, *self._pairs, self._touching
-        travels = tuple(one for one in (travel, couples) if one is not None)
+        pressed = None if travel is None else self._pressed
+        travels = tuple(one for one in (travel, pressed, couples) if one is not None)
         for _ in range(self._sweeps):
             self._project.count[self._flat](position, *arguments)
             self._project.project[self._flat](before, position, *arguments, *travels)
 
-    def count_impacts(self, position: Any, old: Any, velocity: Any) -> tuple[Any, ...]:
-        """What `bounce` begins with, for those that go on in another way: what their kernels take of contacts."""
-        arguments = (
-            position, old, velocity, self.neighbours.found, self.neighbours.table, self.record, *self._pairs,
-            self._touching,
-        )  # fmt: skip
+    def count_impacts(self, position: Any, old: Any, velocity: Any, travel: Any) -> tuple[Any, ...]:
+        """What rigid bodies begin with that bounce: what their kernels take of contacts."""
+        arguments = *self._impacts(position, old, velocity), travel, self._pressed
         self._bounce.count[self._flat](*arguments)
         return arguments
 
+    def _impacts(self, *states: Any) -> tuple[Any, ...]:
+        found, table = self.neighbours.found, self.neighbours.table
+        return *states, found, table, self.record, *self._pairs, self._touching
+
     def bounce(self, position: Any, old: Any, velocity: Any) -> None:
         """Of those that touch at `position`: with `old` velocities the substep began, with `velocity` it ends."""
-        arguments = self.count_impacts(position, old, velocity)
+        arguments = self._impacts(position, old, velocity)
+        self._bounce.count[self._flat](*arguments)
         self._bounce.bounce[self._flat](*arguments)

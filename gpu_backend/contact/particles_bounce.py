@@ -15,21 +15,30 @@ from gpu_backend.contact.particles_find import make_pairs
 from gpu_backend.core.compile import inlined, kernel_options, make_kernels, variant_name
 from gpu_backend.core.formulas import device_formulas
 from gpu_backend.core.quads import load_quad, store_quad
-from model.contact.particle_parameters import G_DISTANCE, G_OWN, H_RESTITUTION, H_SETTLING, MAX_NEIGHBOURS
+from model.contact.particle_parameters import (
+    G_DISTANCE,
+    G_OWN,
+    H_RESTITUTION,
+    H_SETTLING,
+    MAX_NEIGHBOURS,
+)
 from model.formulas import particle_contact
 
 
 @cache
-def make_lack(real: Any, math: str, own: bool, many: bool) -> Any:
-    """lack_of(i, j, p, o, v, w, position, old, record, body, kind, kinds): see the inner function."""
+def make_lack(real: Any, math: str, own: bool, many: bool, has_rigid: bool = False) -> Any:
+    """lack_of(i, j, p, o, v, w, position, old, record, body, kind, kinds, travel, pressed): see the inner function.
+    `has_rigid`: `travel` is read, as of shape_matching/rigid.py: two particles of rigid bodies, which have slacks, part as
+    those do (model/formulas/particle_contact.py, `parting`), also where nothing is given back."""
     formulas = device_formulas(particle_contact.make, real, math)
     squared, touches = formulas.squared, formulas.touching
-    direction, lacking = formulas.direction, formulas.lacking
+    direction, lacking, parting = formulas.direction, formulas.lacking, formulas.parting
     pair_of, zero = make_pairs(own, many), real(0)
 
     @inlined(math)
-    def lack_of(i, j, p, o, v, w, position, old, record, body, kind, kinds):
-        """(how much faster particle i, at p and at o and v, must part from j, at w, the unit normal from j)."""
+    def lack_of(i, j, p, o, v, w, position, old, record, body, kind, kinds, travel, pressed):
+        """(how much faster particle i, at p and at o and v, must part from j, at w, the unit normal from j); `pressed`: their
+        contact in the substep."""
         q, (row, same) = load_quad(position, j), pair_of(i, j, body, kind, kinds)
         distance = record[row + G_OWN] if same else record[row + G_DISTANCE]
         dx, dy, dz = p[0] - q[0], p[1] - q[1], p[2] - q[2]
@@ -37,27 +46,33 @@ def make_lack(real: Any, math: str, own: bool, many: bool) -> Any:
         if touches(squared(dx, dy, dz), distance):
             u = load_quad(old, j)
             _, nx, ny, nz = direction(dx, dy, dz, distance, i < j)
-            lack = lacking(
-                o[0] - u[0], o[1] - u[1], o[2] - u[2], v[0] - w[0], v[1] - w[1], v[2] - w[2], nx, ny, nz,
-                record[H_RESTITUTION], record[H_SETTLING],
-            )  # fmt: skip
+            ax, ay, az, bx, by, bz = o[0] - u[0], o[1] - u[1], o[2] - u[2], v[0] - w[0], v[1] - w[1], v[2] - w[2]
+            e, settling = record[H_RESTITUTION], record[H_SETTLING]
+            if has_rigid:
+                if load_quad(travel, i)[3] > zero and load_quad(travel, j)[3] > zero:
+                    lack = parting(ax, ay, az, bx, by, bz, nx, ny, nz, e, settling, pressed)
+                elif e > zero:
+                    lack = lacking(ax, ay, az, bx, by, bz, nx, ny, nz, e, settling)
+            else:
+                lack = lacking(ax, ay, az, bx, by, bz, nx, ny, nz, e, settling)
         return lack, nx, ny, nz
 
     return lack_of
 
 
 @cache
-def make_bounce(real: Any, math: str, own: bool, many: bool) -> SimpleNamespace:
+def make_bounce(real: Any, math: str, own: bool, many: bool, has_rigid: bool = False) -> SimpleNamespace:
     """`count(position, old, velocity, found, neighbours, record, body, kind, kinds, touching)`: of each particle that has
     neighbours a quad of its velocity and of its weight times the pairs that are to part faster; `bounce(position, old,
     velocity, found, neighbours, record, body, kind, kinds, touching)`: velocities, in place. `old`: with which the substep
-    began; `own`, `many`: as in `make_pairs`."""
+    began; `own`, `many`: as in `make_pairs`. Where there is code for rigid bodies, `has_rigid`, `count` alone, which takes
+    `travel` and `pressed` last, as of `make_lack` and contact/particles_project.py."""
     formulas = device_formulas(particle_contact.make, real, math)
     split, added, moved = formulas.split, formulas.added, formulas.moved
-    lack_of, zero, one, most = make_lack(real, math, own, many), real(0), real(1), np.int32(MAX_NEIGHBOURS)
+    lack_of, zero, one, most = make_lack(real, math, own, many, has_rigid), real(0), real(1), np.int32(MAX_NEIGHBOURS)
 
-    def count(position, old, velocity, found, neighbours, record, body, kind, kinds, touching):
-        i = np.int32(cuda.grid(1))
+    @inlined(math)
+    def count_one(i, position, old, velocity, found, neighbours, record, body, kind, kinds, touching, travel, pressed):
         if i < found.size:
             kept, particles = np.int32(min(found[i], most)), np.int64(found.size)
             if kept > 0:
@@ -65,10 +80,21 @@ def make_bounce(real: Any, math: str, own: bool, many: bool) -> SimpleNamespace:
                 for s in range(kept):
                     j = neighbours[s * particles + i]
                     w = load_quad(velocity, j)
-                    lack, _, _, _ = lack_of(i, j, p, o, v, w, position, old, record, body, kind, kinds)
-                    if lack > zero:
+                    by = pressed[s * particles + i] if has_rigid else zero
+                    lack, _, _, _ = lack_of(i, j, p, o, v, w, position, old, record, body, kind, kinds, travel, by)
+                    if lack != zero:
                         pairs = np.int32(pairs + 1)
                 store_quad(touching, i, v[0], v[1], v[2], p[3] * real(pairs))
+
+    def count_soft(position, old, velocity, found, neighbours, record, body, kind, kinds, touching):
+        i = np.int32(cuda.grid(1))
+        count_one(
+            i, position, old, velocity, found, neighbours, record, body, kind, kinds, touching, touching, touching
+        )
+
+    def count_rigid(position, old, velocity, found, neighbours, record, body, kind, kinds, touching, travel, pressed):
+        i = np.int32(cuda.grid(1))
+        count_one(i, position, old, velocity, found, neighbours, record, body, kind, kinds, touching, travel, pressed)
 
     def bounce(position, old, velocity, found, neighbours, record, body, kind, kinds, touching):
         i = np.int32(cuda.grid(1))
@@ -81,7 +107,9 @@ def make_bounce(real: Any, math: str, own: bool, many: bool) -> SimpleNamespace:
                     for s in range(kept):
                         j = neighbours[s * particles + i]
                         w = load_quad(touching, j)
-                        lack, nx, ny, nz = lack_of(i, j, p, o, v, w, position, old, record, body, kind, kinds)
+                        lack, nx, ny, nz = lack_of(
+                            i, j, p, o, v, w, position, old, record, body, kind, kinds, touching, zero
+                        )
                         if lack > zero:
                             share = split(v[3], one, w[3], one)
                             x, y, z = added(x, share, lack, nx), added(y, share, lack, ny), added(z, share, lack, nz)
@@ -90,5 +118,7 @@ def make_bounce(real: Any, math: str, own: bool, many: bool) -> SimpleNamespace:
                         velocity, i, moved(v[0], weight, x), moved(v[1], weight, y), moved(v[2], weight, z), zero
                     )
 
-    variant = f"particle_contacts_{variant_name(real, math, f'own{own:d}', f'many{many:d}')}"
-    return make_kernels((count, bounce), variant, **kernel_options(math))
+    count = count_rigid if has_rigid else count_soft
+    count.__name__ = "count"
+    variant = f"particle_contacts_{variant_name(real, math, f'own{own:d}', f'many{many:d}', 'rigid' * has_rigid)}"
+    return make_kernels((count,) if has_rigid else (count, bounce), variant, **kernel_options(math))

@@ -50,8 +50,9 @@ def make_project(
 ) -> SimpleNamespace:
     """`count(position, found, neighbours, record, body, kind, kinds, touching)`: of each particle that has neighbours a quad
     of its position and of its weight times the contacts it has now; `project(before, position, found, neighbours, record,
-    body, kind, kinds, touching, travel)`: particles, in place, and where there is code for rigid bodies, `has_rigid`, their
-    travels (shape_matching/rigid.py); where friction turns clusters, `has_couples`, it takes the particles' `couples` last
+    body, kind, kinds, touching, travel, pressed)`: particles, in place, and where bodies are rigid, `has_rigid`,
+    their travels (shape_matching/rigid.py) and what neighbours were pressed apart with, in the places of `neighbours`, which
+    `clear(found, pressed)` has made 0; where friction turns clusters, `has_couples`, it takes the particles' `couples` last
     (shape_matching/couples.py). `has_friction`, `has_adhesion`: whether code for those is there; `own`, `many`: as in
     `make_pairs`."""
     formulas = device_formulas(particle_contact.make, real, math)
@@ -59,6 +60,7 @@ def make_project(
     direction, depth_of, slip, grip = formulas.direction, formulas.depth, formulas.slip, formulas.grip
     added, added_friction, moved = formulas.added, formulas.added_friction, formulas.moved
     pair_of, zero, one, most = make_pairs(own, many), real(0), real(1), np.int32(MAX_NEIGHBOURS)
+    pressed_by = formulas.pressed
     carried, levers = device_formulas(rigid.make, real, math).carried, device_formulas(couple.make, real, math)
     levered, gathered = levers.levered, levers.gathered
 
@@ -103,7 +105,9 @@ def make_project(
                 store_quad(touching, i, p[0], p[1], p[2], p[3] * real(contacts))
 
     @inlined(math)
-    def project_one(i, before, position, found, neighbours, record, body, kind, kinds, touching, travel, couples):
+    def project_one(
+        i, before, position, found, neighbours, record, body, kind, kinds, touching, travel, pressed, couples
+    ):
         if i < found.size:
             kept, particles = np.int32(min(found[i], most)), np.int64(found.size)
             if kept > 0:
@@ -128,6 +132,9 @@ def make_project(
                             length, nx, ny, nz = direction(d[0], d[1], d[2], distance, i < j)
                             kept_length = held(distance, b[0], b[1], b[2], record[H_PUSH])
                             depth = depth_of(length, kept_length, distance, pull)
+                            if has_rigid:
+                                k = s * particles + i
+                                pressed[k] = pressed_by(pressed[k], share, depth)
                             x, y, z = added_way(x, y, z, share, d, b, depth, pull, nx, ny, nz, record)
                             if has_couples:
                                 u, v, w = lever(u, v, w, share, length, d, b, depth, pull, nx, ny, nz, record)
@@ -152,19 +159,34 @@ def make_project(
 
     def project_soft(before, position, found, neighbours, record, body, kind, kinds, touching):
         i = np.int32(cuda.grid(1))
-        project_one(i, before, position, found, neighbours, record, body, kind, kinds, touching, touching, touching)
+        project_one(
+            i, before, position, found, neighbours, record, body, kind, kinds, touching, touching, touching, touching
+        )
 
-    def project_rigid(before, position, found, neighbours, record, body, kind, kinds, touching, travel):
+    def project_rigid(before, position, found, neighbours, record, body, kind, kinds, touching, travel, pressed):
         i = np.int32(cuda.grid(1))
-        project_one(i, before, position, found, neighbours, record, body, kind, kinds, touching, travel, touching)
+        project_one(
+            i, before, position, found, neighbours, record, body, kind, kinds, touching, travel, pressed, touching
+        )
 
     def project_coupled(before, position, found, neighbours, record, body, kind, kinds, touching, couples):
         i = np.int32(cuda.grid(1))
-        project_one(i, before, position, found, neighbours, record, body, kind, kinds, touching, touching, couples)
+        project_one(
+            i, before, position, found, neighbours, record, body, kind, kinds, touching, touching, touching, couples
+        )
 
-    def project_all(before, position, found, neighbours, record, body, kind, kinds, touching, travel, couples):
+    def project_all(before, position, found, neighbours, record, body, kind, kinds, touching, travel, pressed, couples):
         i = np.int32(cuda.grid(1))
-        project_one(i, before, position, found, neighbours, record, body, kind, kinds, touching, travel, couples)
+        project_one(
+            i, before, position, found, neighbours, record, body, kind, kinds, touching, travel, pressed, couples
+        )
+
+    def clear(found, pressed):
+        i = np.int32(cuda.grid(1))
+        if i < found.size:
+            particles = np.int64(found.size)
+            for s in range(np.int32(min(found[i], most))):
+                pressed[s * particles + i] = zero
 
     if has_couples:
         project = project_all if has_rigid else project_coupled
@@ -174,7 +196,7 @@ def make_project(
     words = ("friction" * has_friction, "adhesion" * has_adhesion, f"own{own:d}", f"many{many:d}", "rigid" * has_rigid)
     words = *words, "couples" * has_couples
     variant = f"particle_contacts_{variant_name(real, math, *words)}"
-    return make_kernels((count, project), variant, **kernel_options(math))
+    return make_kernels((count, project, clear), variant, **kernel_options(math))
 
 
 @cache

@@ -31,22 +31,25 @@ SHARED = TOGETHER * SUMS * PITCH  # numbers of a block
 
 
 @cache
-def make_rebound(real: Any, math: str) -> SimpleNamespace:
-    """`weigh(position, struck, starts, indices, members, limits, motions)`: what motions clusters get, in blocks of THREADS,
+def make_rebound(real: Any, math: str, meets: bool = False) -> SimpleNamespace:
+    """`weigh(position, struck, starts, indices, members, leans, limits, motions)`: what motions clusters get, in
+    blocks of THREADS,
     from those of what their particles got, `struck`; `go(position, velocity, struck, own_starts, own_clusters, limits,
     motions)`: particles; `differ(velocity, struck)`: `struck` from velocities after and, in it, before colliders. `limits`
-    (clusters,): 0 of those that do not come off as a whole."""
+    (clusters,): 0 of those that do not come off as a whole. `meets`: bounded as of bodies that meet."""
     formulas, total = device_formulas(rebound.make, real, math), device_formulas(cluster.make, real, math).total
     weighed, rigid, enlarged = formulas.weighed, formulas.rigid, formulas.enlarged
-    scaled, rebounded = formulas.scaled, formulas.rebounded
+    scaled, rebounded, touched, wanted, bound = (
+        formulas.scaled, formulas.rebounded, formulas.touched, formulas.asked, formulas.bound
+    )  # fmt: skip
     zero, one, lanes, pitch, sums = real(0), np.int32(1), np.int32(LANES), np.int32(PITCH), np.int32(SUMS)
 
-    def weigh(position, struck, starts, indices, members, limits, motions):
+    def weigh(position, struck, starts, indices, members, leans, limits, motions):
         shared = cuda.shared.array(SHARED, real)
         lane, place = np.int32(cuda.threadIdx.x % lanes), np.int32(cuda.threadIdx.x // lanes)
         c = np.int32(cuda.blockIdx.x * TOGETHER + place)
         clusters = np.int32(limits.size)
-        asked, worth, row = zero, zero, np.int32(ROWS * c)
+        got, worth, mass, asked, row = zero, zero, zero, zero, np.int32(ROWS * c)
         if c < clusters:
             o, t, s = load_quad(motions, row), load_quad(motions, row + 1), load_quad(motions, row + 2)
             for e in range(np.int32(starts[c] + lane), starts[c + one], lanes):
@@ -55,11 +58,13 @@ def make_rebound(real: Any, math: str) -> SimpleNamespace:
                 u = rigid(t[0], s[1], dz, s[2], dy)
                 v = rigid(t[1], s[2], dx, s[0], dz)
                 w = rigid(t[2], s[0], dy, s[1], dx)
-                asked = weighed(asked, m[3], q[0], q[1], q[2])
+                got = weighed(got, m[3], q[0], q[1], q[2])
                 worth = weighed(worth, m[3], u, v, w)
+                mass = touched(mass, m[3], q[0], q[1], q[2])
+                asked = wanted(asked, m[3], q[3], q[0], q[1], q[2])
         base = np.int32(place * sums * pitch)
         at = np.int32(base + lane)
-        shared[at], shared[at + pitch] = asked, worth
+        shared[at], shared[at + pitch], shared[at + 2 * pitch], shared[at + 3 * pitch] = got, worth, mass, asked
         cuda.syncthreads()
         if lane < sums:
             k = np.int32(base + lane * pitch)
@@ -70,10 +75,18 @@ def make_rebound(real: Any, math: str) -> SimpleNamespace:
             )  # fmt: skip
         cuda.syncthreads()
         if c < clusters and lane == 0:
-            by = enlarged(shared[base], shared[base + pitch], limits[c])
+            got, worth, mass, asked = (
+                shared[base],
+                shared[base + pitch],
+                shared[base + 2 * pitch],
+                shared[base + 3 * pitch],
+            )
+            by = enlarged(got, worth, limits[c])
             t, s = load_quad(motions, row + 1), load_quad(motions, row + 2)
             o = load_quad(motions, row)
-            store_quad(motions, row, o[0], o[1], o[2], by)
+            if meets:
+                o = bound(got, mass, asked, load_quad(leans, c)[3]), asked, worth, zero
+            store_quad(motions, row, o[0], o[1], o[2], zero)
             store_quad(motions, row + 1, scaled(t[0], by), scaled(t[1], by), scaled(t[2], by), zero)
             store_quad(motions, row + 2, scaled(s[0], by), scaled(s[1], by), scaled(s[2], by), zero)
 
@@ -98,7 +111,8 @@ def make_rebound(real: Any, math: str) -> SimpleNamespace:
             v, u = load_quad(velocity, k), load_quad(struck, k)
             store_quad(struck, k, v[0] - u[0], v[1] - u[1], v[2] - u[2], zero)
 
-    return make_kernels((weigh, go, differ), f"bodies_rebound_{variant_name(real, math)}", **kernel_options(math))
+    name = f"bodies_rebound_{variant_name(real, math, 'meets' * meets)}"
+    return make_kernels((weigh, go, differ), name, **kernel_options(math))
 
 
 @cache
@@ -136,11 +150,11 @@ class Rebounds:
         self.turns, self.contacts = "rigid-rebound" in parts, contacts if "rigid-bounce" in parts else None
         self._clusters, self._stream, self._flat = clusters, stream, (max(1, -(-particles // THREADS)), THREADS, stream)
         self._kernels, self._gather = make_rebound(real, math), make_gather(real, math)
-        self.strike = make_strike(real, math, parts)
+        self.strike, self._meeting = make_strike(real, math, parts), make_rebound(real, math, True)
         if self.contacts:
             self._bounce = make_bodies_bounce(real, math)
             self._gives = [make_give(real, math, *contacts.variant, scaled) for scaled in (False, True)]
-            self._scales = cuda.to_device(np.ones(particles, real), stream=stream)
+            self._scales = cuda.to_device(np.zeros(SIZE * particles, real), stream=stream)
         limits = rebound_limits(clusters).astype(real)
         zeros = np.zeros(SIZE * particles, real), np.zeros(ROWS * SIZE * clusters.count, real)
         self._limits, self.struck, self._motions = (cuda.to_device(array, stream=stream) for array in (limits, *zeros))
@@ -154,27 +168,28 @@ class Rebounds:
     ) -> None:
         """The velocities after it; other arrays as of the solver's other kernels."""
         blocks = max(1, -(-self._clusters.count // TOGETHER)), THREADS, self._stream
-        self._weigh(blocks, position, entries, leans)
+        self._weigh(self._kernels, blocks, position, entries, leans)
         self._kernels.go[self._flat](position, velocity, self.struck, *gathered[:2], self._limits, self._motions)
 
     def bounce(
-        self, position: Any, old: Any, velocity: Any, entries: tuple[Any, ...], leans: Any, gathered: tuple[Any, ...]
-    ) -> None:
+        self, position: Any, old: Any, velocity: Any, travel: Any, entries: tuple[Any, ...], leans: Any,
+        gathered: tuple[Any, ...],
+    ) -> None:  # fmt: skip
         """The velocities after particles bounced off each other: of bodies as wholes, whose velocities are rigid motions,
         with impulses that are enlarged for each pair by the lesser one of what both bodies ask for."""
         blocks, flat = (max(1, -(-self._clusters.count // TOGETHER)), THREADS, self._stream), self._flat
         own, motions = gathered[:2], self._motions
-        arguments = *self.contacts.count_impacts(position, old, velocity), self._scales, self.struck
+        arguments = *self.contacts.count_impacts(position, old, velocity, travel), self._scales, self.struck
         plain, scaled = self._gives
         plain[flat](*arguments)
-        self._weigh(blocks, position, entries, leans)
+        self._weigh(self._meeting, blocks, position, entries, leans)
         self._bounce.spread[flat](*own, self._limits, motions, self._scales)
         scaled[flat](*arguments)
         self._gather[blocks](position, self.struck, *entries, leans, motions)
         self._bounce.join[flat](position, velocity, self.struck, *own, self._limits, motions)
 
-    def _weigh(self, blocks: Any, position: Any, entries: tuple[Any, ...], leans: Any) -> None:
+    def _weigh(self, kernels: Any, blocks: Any, position: Any, entries: tuple[Any, ...], leans: Any) -> None:
         """The motions that clusters make of what their particles got."""
         starts, _, indices, members = entries
         self._gather[blocks](position, self.struck, *entries, leans, self._motions)
-        self._kernels.weigh[blocks](position, self.struck, starts, indices, members, self._limits, self._motions)
+        kernels.weigh[blocks](position, self.struck, starts, indices, members, leans, self._limits, self._motions)

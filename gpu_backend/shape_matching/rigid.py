@@ -23,6 +23,7 @@ from gpu_backend.xpbd.point import make_motion
 from model.contact.particle_parameters import H_ASLEEP, H_FASTEST
 from model.formulas import particle_contact
 from model.formulas.shape_matching import rebound, rigid
+from model.formulas.shape_matching.cluster import LANES
 from model.shape_matching.clusters import Clusters
 from model.shape_matching.rigid_motion import goal_slack
 from model.shape_matching.rigid_rebound import whole_clusters
@@ -69,13 +70,14 @@ def make_ends(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
     `rate(before, position, velocity, own_starts, own_clusters, own_members, frames, record, travel)`: that, and velocities;
     `update(before, position, velocity, record, travel)`: these alone, of rigid bodies those of their travels;
     `update_calmed(before, position, velocity, contact_record, record, travel)`: of particles that go no farther than they
-    may, or less than they must; `steady(position, velocity, own_starts, own_clusters, factors, motions)`: velocities, of
-    the bodies' motions."""
+    may, or less than they must; `rest(before, position, velocity, starts, indices, whole)`, in blocks of THREADS: stop each
+    `whole` cluster (clusters,) none of whose particles has moved; `steady(position, velocity, own_starts, own_clusters,
+    factors, motions)`: velocities, of the bodies' motions."""
     keeping, near = device_formulas(rigid.make, real, math), device_formulas(particle_contact.make, real, math)
-    settled, rate_over, limited, no_travel = keeping.settled, keeping.rate_over, keeping.limited, keeping.rested
+    settled, rate_over, carried = keeping.settled, keeping.rate_over, keeping.carried
     far, shortened, rested = near.far, near.shortened, near.rested
     of_body, rate_of = device_formulas(rebound.make, real, math).rigid, make_motion(real, math, parts, AXES).rate_of
-    goals, zero, one = make_move(real, math, True), real(0), np.int32(1)
+    goals, zero, one, lanes = make_move(real, math, True), real(0), np.int32(1), np.int32(LANES)
     has_pins, has_limit, has_sleeping = "pins" in parts, "speed-limit" in parts, "sleeping" in parts
 
     @inlined(math)
@@ -124,14 +126,13 @@ def make_ends(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
                 length = far(x - b[0], y - b[1], z - b[2])
                 if has_limit:
                     most = contact_record[H_FASTEST]
-                    u, v, w = limited(u, length, most), limited(v, length, most), limited(w, length, most)
                     x, y = shortened(x, b[0], length, most), shortened(y, b[1], length, most)
                     z = shortened(z, b[2], length, most)
                 if has_sleeping:
                     least = contact_record[H_ASLEEP]
-                    u, v, w = no_travel(u, length, least), no_travel(v, length, least), no_travel(w, length, least)
                     x, y = rested(x, b[0], length, least), rested(y, b[1], length, least)
                     z = rested(z, b[2], length, least)
+                u, v, w = carried(u, x, p[0]), carried(v, y, p[1]), carried(w, z, p[2])
             leave(k, b, x, y, z, position, velocity, record[0], u, v, w, t[3])
 
     def steady(position, velocity, own_starts, own_clusters, factors, motions):
@@ -148,14 +149,32 @@ def make_ends(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
                         of_body(t[2], s[0], dy, s[1], dx), zero,
                     )  # fmt: skip
 
-    made = move, rate, update, update_calmed, steady
+    def rest(before, position, velocity, starts, indices, whole):
+        shared = cuda.shared.array(THREADS, np.int32)
+        thread = np.int32(cuda.threadIdx.x)
+        lane, c = np.int32(thread % lanes), np.int32(cuda.blockIdx.x * TOGETHER + thread // lanes)
+        has_moved, stops = np.int32(0), False
+        if c < whole.size:
+            stops = whole[c] != 0
+        if stops:
+            for e in range(np.int32(starts[c] + lane), starts[c + one], lanes):
+                b, p = load_quad(before, indices[e]), load_quad(position, indices[e])
+                if p[0] != b[0] or p[1] != b[1] or p[2] != b[2]:
+                    has_moved = one
+        shared[thread] = has_moved
+        cuda.syncthreads()
+        for n in range(LANES):
+            has_moved = np.int32(has_moved | shared[thread - lane + n])
+        if stops and has_moved == 0:
+            for e in range(np.int32(starts[c] + lane), starts[c + one], lanes):
+                store_quad(velocity, indices[e], zero, zero, zero, zero)
+
+    made = move, rate, update, update_calmed, rest, steady
     return make_kernels(made, f"bodies_rigid_{variant_name(real, math, parts)}", **kernel_options(math))
 
 
 class RigidMotion:
     """Of the rigid ones of `clusters`; `own` (entries,): entries in the particles' order. `travel`: quads of particles."""
-
-    launches = 2  # `steady`
 
     def __init__(
         self, clusters: Clusters, own: np.ndarray, particles: int, parts: frozenset[str], real: Any, math: str, stream: Any
@@ -171,7 +190,14 @@ class RigidMotion:
             cuda.to_device(array, stream=stream) for array in (pack(travel), factors, motions)
         )
         self.begins, self.ends = make_begin(real, math, parts), make_ends(real, math, parts)
-        self._gather = make_gather(real, math)
+        self._gather, self._sleeps = make_gather(real, math), "sleeping" in parts
+        self._whole = cuda.to_device(whole_clusters(clusters).astype(np.int32), stream=stream)
+        self.launches = 2 + self._sleeps  # of `steady` and `rest`
+
+    def rest(self, before: Any, position: Any, velocity: Any, entries: tuple[Any, ...]) -> None:
+        """No velocities of bodies that sleep, at the substep's end."""
+        if self._sleeps:
+            self.ends.rest[self._blocks](before, position, velocity, entries[0], entries[2], self._whole)
 
     def steady(
         self, position: Any, velocity: Any, entries: tuple[Any, ...], leans: Any, gathered: tuple[Any, ...]

@@ -122,10 +122,13 @@ class Bodies(BodiesState):
         if self._couples:
             self._couples.turn(now, self._entries, self._leans, self._gathered, self.inertial)
         if self._rigid:
-            self._end_rigid(before, now, velocity, new_velocity)
+            self._end_rigid(before, now, new_velocity)
             if self._rebounds and self._rebounds.turns:
                 self._rebounds.strike[self._flat](before, now, new_velocity, self._rebounds.struck, *last)
                 self._rebound(now, new_velocity)
+            if self.contacts:
+                self._bounce(now, velocity, new_velocity)
+            self._rigid.rest(before, now, new_velocity, self._entries)
         elif self._material.damped:
             self._damp(before, now, velocity, new_velocity)
             slowing = self._material.slowing(self._gathered)
@@ -138,7 +141,7 @@ class Bodies(BodiesState):
         else:
             self._ends.finish[self._flat](before, now, new_velocity, *self._gathered, *last)
 
-    def _end_rigid(self, before: Any, now: Any, old: Any, velocity: Any) -> None:
+    def _end_rigid(self, before: Any, now: Any, velocity: Any) -> None:
         """Velocities before colliders, of a scene with rigid bodies."""
         assert self._rigid is not None
         last = self.record, self._rigid.travel
@@ -147,8 +150,6 @@ class Bodies(BodiesState):
         else:
             self._rigid.ends.rate[self._flat](before, now, velocity, *self._gathered, *last)
         self._rigid.steady(now, velocity, self._entries, self._leans, self._gathered)
-        if self.contacts and self.contacts.bounces:
-            self._bounce(now, old, velocity)
         if self._material.damped:
             self._material.gather(now, velocity, self._entries, self._leans)
             self._material.ends.slow[self._flat](now, velocity, *self._material.slowing(self._gathered))
@@ -169,7 +170,10 @@ class Bodies(BodiesState):
         """Particles off each other, rigid bodies as wholes."""
         assert self.contacts is not None
         if self._rebounds and self._rebounds.contacts:
-            self._rebounds.bounce(position, old, velocity, self._entries, self._leans, self._gathered)
+            assert self._rigid is not None
+            self._rebounds.bounce(
+                position, old, velocity, self._rigid.travel, self._entries, self._leans, self._gathered
+            )
         else:
             self.contacts.bounce(position, old, velocity)
 

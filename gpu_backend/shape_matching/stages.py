@@ -64,6 +64,9 @@ def bind_bodies_stages(sim: Any) -> dict[str, StageRun]:
     def steady(moment: Moment) -> None:
         sim._rigid.steady(position, velocity, sim._entries, sim._leans, sim._gathered)
 
+    def rest(moment: Moment) -> None:
+        sim._rigid.rest(before, position, velocity, sim._entries)
+
     def damp(moment: Moment) -> None:
         sim._material.gather(position, velocity, sim._entries, sim._leans)
         sim._material.ends.slow[flat](position, velocity, *sim._material.slowing(sim._gathered))
@@ -89,6 +92,7 @@ def bind_bodies_stages(sim: Any) -> dict[str, StageRun]:
             "turn by friction": turn,
             "update velocity": update,
             "keep momenta": steady,
+            "rest": rest,
             "damp clusters": damp,
             "collide": collide,
             "rebound": rebound,

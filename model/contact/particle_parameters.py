@@ -21,9 +21,11 @@ PARTICLE_CONTACT_PARAMETERS = (
     "asleep",  # m: what goes less in a substep stays
     "restitution",
     "settling",  # m/s: who comes no faster does not bounce
+    "inverse_substep",  # 1/s
 )
 (
     H_INVERSE_CELL, H_PUSH, H_STATIC, H_DYNAMIC, H_FASTEST, H_ASLEEP, H_RESTITUTION, H_SETTLING,
+    H_INVERSE_SUBSTEP,
 ) = range(len(PARTICLE_CONTACT_PARAMETERS))  # fmt: skip
 # After them a row for each pair of kinds of bodies, kind i's with kind j in place i * kinds + j:
 PAIRS = len(PARTICLE_CONTACT_PARAMETERS)  # where the first one begins
@@ -72,6 +74,7 @@ def particle_contact_record(scene: Scene, real: type) -> np.ndarray:
         "asleep": part.sleeping_speed * h,
         "restitution": part.restitution,
         "settling": 2 * scene.gravity.acceleration * h if scene.gravity and scene.gravity.enabled else 0.0,
+        "inverse_substep": 1 / h,
     }
     assert tuple(values) == PARTICLE_CONTACT_PARAMETERS, (
         f"{set(values) ^ set(PARTICLE_CONTACT_PARAMETERS)} or their order differ"
@@ -82,6 +85,7 @@ def particle_contact_record(scene: Scene, real: type) -> np.ndarray:
         "asleep": "contact.sleeping_speed",
         "restitution": "contact.restitution",
         "settling": "gravity.acceleration",
+        "inverse_substep": "method.dt",
     }
     head: np.ndarray = np.array(rounded_record(scene, values, fields, real)[0].tolist(), real)
     return np.concatenate([head, rows.reshape(-1).astype(real)])

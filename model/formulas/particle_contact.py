@@ -21,6 +21,7 @@ from types import SimpleNamespace
 from model.formulas import joined, plain
 from model.formulas.lengths import make as make_lengths
 
+LEFT = 2.0**-8  # of the speed at which bodies settle: what two rigid ones that were pressed apart may part with
 OPERATIONS_SEARCH = 9  # a particle that is looked at: the distance's square and its comparison
 OPERATIONS_COUNT = 9  # a neighbour
 OPERATIONS_PROJECT = 60  # a contact: two lengths, the normal, friction, three sums
@@ -95,6 +96,11 @@ def make(real, compiled=plain):
         return total + share * (depth * n)
 
     @compiled
+    def pressed(total, share, depth):
+        """The impulse, times h, of a contact of two rigid bodies in a substep so far, along its normal."""
+        return total + share * depth
+
+    @compiled
     def added_friction(total, share, depth, n, gripped, s):
         """The same with friction."""
         return total + share * (depth * n - gripped * s)
@@ -106,14 +112,14 @@ def make(real, compiled=plain):
 
     contacts = SimpleNamespace(
         squared=squared, scaled=scaled, within=within, split=split, held=held, direction=direction, depth=depth, slip=slip,
-        grip=grip, added=added, added_friction=added_friction, moved=moved,
+        grip=grip, added=added, pressed=pressed, added_friction=added_friction, moved=moved,
     )  # fmt: skip
     return joined(contacts, make_end(real, compiled, squared_length_3d))
 
 
 def make_end(real, compiled, squared_length_3d):
     """At a substep's end: who bounces, goes too fast, or sleeps; in the arithmetic `real`."""
-    zero = real(0)
+    zero, left = real(0), real(LEFT)
     beside = real(1.001)  # of the distance: what was moved apart to it is a rounding nearer or farther
 
     @compiled
@@ -131,6 +137,30 @@ def make_end(real, compiled, squared_length_3d):
         return max(lack, zero) if came > settling else zero
 
     @compiled
+    def parting(ax, ay, az, bx, by, bz, nx, ny, nz, restitution, settling, pressed):
+        """As `lacking`, of two rigid bodies, also for what others did to them within the substep. Negative where they part
+        faster than that, or than they did, and were `pressed` apart in the substep: an overlap is pushed out of it, and no
+        speed made of it."""
+        came = -((ax * nx + ay * ny) + az * nz)
+        parts = (bx * nx + by * ny) + bz * nz
+        came = max(came, -parts)
+        goal = restitution * came if came > settling else max(-came, zero)
+        lack = goal - parts
+        if lack > zero:
+            return lack if came > settling else zero
+        return lack if pressed > zero and -lack > left * settling else zero
+
+    @compiled
+    def impulse(share, lack, pressed, inverse_h):
+        """That of a contact of two rigid bodies: it takes back no more than it `pressed` them apart with."""
+        return max(share * lack, -(pressed * inverse_h))
+
+    @compiled
+    def struck(total, impulse, n):
+        """A sum of impulses with that of a contact, one axis."""
+        return total + impulse * n
+
+    @compiled
     def far(dx, dy, dz):
         """How far a particle went in a substep [m]."""
         return sqrt(squared_length_3d(dx, dy, dz))
@@ -145,4 +175,7 @@ def make_end(real, compiled, squared_length_3d):
         """A particle at the substep's end that stays where it was if it hardly moved, one axis."""
         return before if length < asleep else position
 
-    return SimpleNamespace(touching=touching, lacking=lacking, far=far, shortened=shortened, rested=rested)
+    return SimpleNamespace(
+        touching=touching, lacking=lacking, parting=parting, impulse=impulse, struck=struck, far=far, shortened=shortened,
+        rested=rested,
+    )  # fmt: skip

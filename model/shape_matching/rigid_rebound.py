@@ -9,9 +9,13 @@ e) sum m u_n^2 and D = (1 + e)^2 sum m u_n^2, so the kinetic energy changes by s
 u_n^2: never a gain, and no loss with e = 1. This needs velocities that are a rigid motion, as those of rigid bodies are
 (model/formulas/shape_matching/rigid.py).
 
-Bodies that meet: particles' impulses for split masses (model/formulas/particle_contact.py) are those p, and an impulse is
-multiplied by the lesser s of its two bodies, the same for both, so that momenta stay. For two alone that are alike, or meet
-flat, this is the s of both.
+Bodies that meet: particles' impulses p for split masses (model/formulas/particle_contact.py) ask for A = sum over contacts of
+p times what lacks, of which a body has sum m n w^2 p^2, n contacts of a particle of inverse mass w. For two bodies the factor
+that changes the energy most is s = (A_1 + A_2) / (Q_1 + Q_2), the same for both, so that momenta stay. A body among several
+others has other factors at other contacts, and a Q of impulses that cancel. So s is no more than the mean, weighted by Q, of
+both bodies' M / (mass that touches) A / D, which is A / Q of what meets flat, nor than 2 / (1 + e) of the lesser one: the
+largest Q of any impulses on particles that touch is near (mass that touches) / M of their D, and an impact gains no energy up
+to twice the factor that stops it.
 """
 
 from __future__ import annotations

@@ -263,8 +263,13 @@ def xpbd_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
     bodies = scene.colliders
     touch = (Stage("collide", 2, 2, sum(colliders.OPERATIONS[kind] for kind, _ in bodies), 1.0),) if bodies else ()
     turned_round = (rebound_stage(scene),) if "rigid-rebound" in parts else ()
+    rest = (
+        (Stage("rest", 2, 1, 3),) if {"rigid-motion", "sleeping"} <= parts else ()
+    )  # compares places of a substep's ends
     iteration = Node("iteration", colours, method.iterations)
-    stages = (*outside, predict, *search, iteration, *turned, update, *steady, *bounce, *slow, *touch, *turned_round)
+    late = bounce if "rigid-bounce" in parts else ()  # after colliders, which bear what lies on bodies that lie on them
+    ends = (*steady, *(() if late else bounce), *slow, *touch, *turned_round, *late, *rest)
+    stages = (*outside, predict, *search, iteration, *turned, update, *ends)
     substep = Node("substep", stages, method.substeps)
     root = Node("step", (substep,))
     if scene.bodies:  # a pass ends where particles wait for clusters: nothing of an iteration stays in registers

@@ -65,7 +65,10 @@ def test_velocities_are_the_references_and_keep_momenta() -> None:
         contacts.old[:], found = planes[1], planes[2].copy()
         contacts.bounce(planes[0], found, checked.weight)
         checked.find(place)
-        expected, now = velocity + checked.given(place, old, velocity, np.ones(particles)), found.reshape(3, -1).T
+        expected, now = (
+            velocity + checked.given(place, old, velocity, np.tile([1.0, 0.0, 0.0], (particles, 1))),
+            found.reshape(3, -1).T,
+        )
         assert (np.abs(expected - velocity).max(axis=1) > 0.5).sum() > 5 and contacts.lost == 0
         np.testing.assert_allclose(now, expected, rtol=0, atol=32 * 10 * 10 * 2.0**-53)
         change = (now - velocity) / checked.weight[:, None]

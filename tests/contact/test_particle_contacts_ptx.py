@@ -61,7 +61,7 @@ def test_projecting_rigid_bodies(math: str) -> None:
     from gpu_backend.contact.particles_project import make_project
 
     kernel = make_project(np.float32, math, True, True, True, True, True).project
-    text = kernel_text(kernel, f"{PROJECT['project']}R", np.float32, math)
+    text = kernel_text(kernel, f"{PROJECT['project']}RR", np.float32, math)
     assert stays_in_registers(text) and text.count("st.global.v4.f32") == 2
 
 
@@ -72,7 +72,7 @@ def test_projecting_with_couples(math: str, has_rigid: bool, quads: int) -> None
     from gpu_backend.contact.particles_project import make_project
 
     kernel = make_project(np.float32, math, True, True, True, True, has_rigid, True).project
-    text = kernel_text(kernel, f"{PROJECT['project']}{'R' * (quads - 1)}", np.float32, math)
+    text = kernel_text(kernel, f"{PROJECT['project']}{'R' * (2 * quads - 3)}", np.float32, math)
     assert stays_in_registers(text) and text.count("st.global.v4.f32") == quads
 
 

@@ -60,7 +60,16 @@ def test_a_bodys_rebound_is_its_rigid_share_no_larger_than_allowed() -> None:
     assert made.weighed(1.0, 2.0, *D) == pytest.approx(1 + 2 * 1.69)
     assert made.rigid(1.0, 2.0, 3.0, 4.0, 0.5) == 1 + 6 - 2
     assert made.enlarged(6.0, 3.0, 5.0) == 2 and made.enlarged(6.0, 1.0, 5.0) == 5 and made.enlarged(6.0, 0.0, 5.0) == 0
-    assert made.shared(2.0, 3.0) == 2 == made.shared(3.0, 2.0) and made.scaled(3.0, 2.0) == 6
+    assert made.touched(1.0, 2.0, 0.0, 0.0, 0.0) == 1 and made.touched(1.0, 2.0, 0.0, -1.0, 0.0) == 3
+    assert made.asked(1.0, 2.0, 3.0, 0.0, 0.0, 0.0) == 1 and made.asked(1.0, 2.0, 3.0, 0.0, 0.0, 1.0) == 7
+    assert made.wanted(0.5, 3.0, made.squared(1.0, -2.0)) == 3 * 0.25 * 5
+    assert made.bound(4.0, 2.0, 6.0, 0.125) == 4 * 6 / 4 and made.bound(0.0, 2.0, 6.0, 0.125) == 0
+    one, other, alone = (5.0, 6.0, 3.0), (2.0, 3.0, 1.0), (1.0, 0.0, 0.0)
+    assert made.shared(0.0, *one, *other) == 9 / 4 == made.shared(0.0, *other, *one)  # best for both
+    assert made.shared(1.0, *one, *other) == 2  # no energy gained
+    assert made.shared(0.0, *(2.0, 60.0, 3.0), *other) == 2  # no more than the mean of their bounds
+    assert made.shared(0.0, *one, *alone) == 1  # of no rigid body
+    assert made.scaled(3.0, 2.0) == 6
     assert made.joined(1.0, 2.0) == 3 and made.rebounded(1.0, 0.25, 2.0) == 2.75
 
 

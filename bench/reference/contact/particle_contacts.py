@@ -11,6 +11,7 @@ from model.scene.scene import Scene
 
 MARGIN = 0.2  # of the distance: how much farther neighbours are looked for
 BESIDE = 1.001  # distances: nearer than that at the substep's end they touch
+LEFT = 2.0**-8  # of the speed at which bodies settle: what two that were pushed apart may part with
 REST = 1.25  # distances: particles of a body nearer than that at rest do not meet
 
 
@@ -37,12 +38,15 @@ class Contacts:
         self.active = self.distance * (1 + part.adhesion_reach * (self.pull > 0))
         self.gravity = scene.gravity.acceleration if scene.gravity and scene.gravity.enabled else 0.0
         self.pairs = np.zeros((0, 2), np.int64)
+        self.pressed = np.zeros((0, 0))  # what pairs (i, j) were pushed apart with in the substep so far, times h
+        self.asked = np.zeros(len(body_set.position))
         self.couples = np.zeros_like(body_set.position)  # of the substep so far, per unit of mass, times h
 
     def find(self, predicted: np.ndarray) -> None:
         """Keep who may meet whom within the substep, each pair once. `predicted` (particles, 3) [m]."""
         between = np.linalg.norm(predicted[:, None] - predicted, axis=2)
         self.couples[:] = 0.0
+        self.pressed = np.zeros((len(predicted), len(predicted)))
         one, other = np.nonzero(np.triu(self.meets & (between < self.active * (1 + MARGIN))))
         self.pairs = np.stack([one, other], axis=1)
 
@@ -70,7 +74,9 @@ class Contacts:
         sliding, pressed = np.linalg.norm(slip, axis=1), np.maximum(depth, 0.0) + pull
         held = sliding <= self.part.static_friction * pressed
         grip = np.where(held, 1.0, self.part.dynamic_friction * pressed / np.where(sliding > 0, sliding, 1.0))
-        way = (depth[:, None] * normal - grip[:, None] * slip) / np.where(stiffness > 0, stiffness, np.inf)[:, None]
+        softness = np.where(stiffness > 0, stiffness, np.inf)
+        self.pressed[i, j] += depth / softness
+        way = (depth[:, None] * normal - grip[:, None] * slip) / softness[:, None]
         moved = now.copy()
         np.add.at(moved, i, self.weight[i][:, None] * way)
         np.add.at(moved, j, -self.weight[j][:, None] * way)
@@ -79,23 +85,47 @@ class Contacts:
         np.add.at(self.couples, j, self.weight[j][:, None] * couple)
         return moved
 
-    def given(self, now: np.ndarray, old: np.ndarray, velocity: np.ndarray, scale: np.ndarray) -> np.ndarray:
+    def given(
+        self, now: np.ndarray, old: np.ndarray, velocity: np.ndarray, scale: np.ndarray, rigid: np.ndarray | None = None
+    ) -> np.ndarray:
         """What particles get [m/s] so that those that touch at `now` part with the restitution of the speed at which they
-        came near, all at once. `old`: with which the substep began; `scale` (particles,): a pair gets the lesser."""
+        came near, all at once. `old`: with which the substep began; `scale` (particles, 3): the most that its impulses
+        are multiplied by, what its body asked for and makes of it. Two
+        `rigid` (particles,) ones part no faster than that, or than they did, by what they were pushed apart with."""
         i, j = self.pairs.T
         d = now[i] - now[j]
         length = np.linalg.norm(d, axis=1)
         normal = d / length[:, None]
         came = -((old[i] - old[j]) * normal).sum(axis=1)
-        lack = self.part.restitution * came - ((velocity[i] - velocity[j]) * normal).sum(axis=1)
-        acting = (length < BESIDE * self.distance[i, j]) & (came > 2 * self.gravity * self.h) & (lack > 0)
-        i, j, normal, lack = i[acting], j[acting], normal[acting], lack[acting]
+        settling = 2 * self.gravity * self.h
+        both = np.zeros(len(i), bool) if rigid is None else rigid[i] & rigid[j]
+        comes = -((velocity[i] - velocity[j]) * normal).sum(axis=1)
+        came = np.where(both, np.maximum(came, comes), came)
+        meets, e = came > settling, self.part.restitution
+        lack = np.where(meets, e * came, np.maximum(-came, 0.0)) + comes
+        pressed = self.pressed[i, j]
+        needs = meets & (lack > 0) & (both | (e > 0))
+        acting = needs | (both & (pressed > 0) & (-lack > LEFT * settling))
+        acting &= length < BESIDE * self.distance[i, j]
+        i, j, normal, lack, pressed = i[acting], j[acting], normal[acting], lack[acting], pressed[acting]
         number = np.bincount(np.concatenate([i, j]), minlength=len(now))
-        share = np.minimum(scale[i], scale[j]) * lack / (self.weight[i] * number[i] + self.weight[j] * number[j])
-        found = np.zeros_like(velocity)
+        share = self.factor(scale[i], scale[j]) * lack / (self.weight[i] * number[i] + self.weight[j] * number[j])
+        share = np.maximum(share, np.minimum(-pressed / self.h, 0.0))
+        found, self.asked = np.zeros_like(velocity), np.zeros(len(now))
+        for k in (i, j):  # of each particle, over its mass: what its contacts ask of it by themselves
+            np.add.at(self.asked, k, self.weight[k] ** 2 * number[k] * share**2)
         np.add.at(found, i, (self.weight[i] * share)[:, None] * normal)
         np.add.at(found, j, -(self.weight[j] * share)[:, None] * normal)
         return found
+
+    def factor(self, one: np.ndarray, other: np.ndarray) -> np.ndarray:
+        """(n,): what the impulses of pairs are multiplied by, of (n, 3) of either: see `given`."""
+        least, worth = np.minimum(one[:, 0], other[:, 0]), one[:, 2] + other[:, 2]
+        two = (one[:, 2] > 0) & (other[:, 2] > 0)
+        worth = np.where(two, worth, 1.0)
+        best, mean = (one[:, 1] + other[:, 1]) / worth, (one[:, 0] * one[:, 2] + other[:, 0] * other[:, 2]) / worth
+        most = 2 / (1 + self.part.restitution) * least
+        return np.asarray(np.where(two, np.minimum(np.minimum(best, mean), most), least))
 
     def ended(self, before: np.ndarray, now: np.ndarray) -> np.ndarray:
         """The positions [m] at the substep's end: nobody went faster than allowed, and what hardly moved stays."""
