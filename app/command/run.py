@@ -28,6 +28,7 @@ from model.core.limits import limit_notes
 from model.core.memory import available_bytes, require
 from model.core.options import PRECISIONS
 from model.core.simulation import Simulation, State
+from model.core.stability.damping import damping_lines
 from model.core.stability.divergence import MIN_INTERVAL
 from model.core.stability.resolution import resolution_line
 from model.domains.launched import launched_ranks
@@ -126,7 +127,7 @@ def check_targets(scene: Scene, request: Request, steps: int, notes: list[str]) 
 
 def run_scene(scene: Scene, request: Request, *, progress: bool = True) -> Result:
     """Run `scene` as asked. Raises SceneError, InputError, BackendUnavailable; a divergence is part of the result."""
-    lines = mesh_lines, rest_lines, body_lines, collider_lines, overlap_lines, limit_notes
+    lines = mesh_lines, rest_lines, body_lines, collider_lines, overlap_lines, limit_notes, damping_lines
     notes = [line for told in lines for line in told(scene)]
     coarse = (
         resolution_line(scene, request.precision) if request.precision in PRECISIONS else None

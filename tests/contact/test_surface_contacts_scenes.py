@@ -9,6 +9,7 @@ import numpy as np
 from app.driver import open_simulation
 from cpu_backend.contact.surfaces_find import V_DISTANCE, V_INSIDE
 from model.contact.self_contact_parameters import MAX_CONTACTS
+from model.contact.shortfalls import shortfalls
 from model.contact.surface_parameters import contact_distance, contact_surface
 from model.scene.scene import Scene, load_scene
 from model.tetrahedra.body_set import cut
@@ -18,11 +19,10 @@ MIDDLE = {"star", "ball", "beam", "letter-o", "tile", "short-pipe", "column"}
 
 
 def test_a_heap_comes_to_rest_and_stays() -> None:
-    """Four seconds and one more: half of its particles go slower than 2 cm/s (of all twenty bodies after five: 9 mm/s with
-    voxels' order, 7 with greedy colours); the mean square is that of a few dozen which are caught, and jitter
-    (docs/method.md: 1 to 6 cm/s, from second to second); one body may still roll or slip (a column that lies on the others),
+    """Four seconds and one more: half of its particles go slower than 1 cm/s (measured: 3 mm/s, the mean square 9 mm/s);
+    one body may still roll or slip (a column that lies on the others),
     not as far as the heap is high, no other goes farther than two voxels; nothing was left out of the contacts, and what is
-    inside another body lies there by no more than half a voxel."""
+    inside another body lies there by no more than half a voxel. No tetrahedron ends inside out, no vertex caught."""
     tables = load_scene("fem-drop").as_dict()
     others = {name for name, table in tables.items() if isinstance(table, dict) and "young_modulus" in table} - MIDDLE
     scene = Scene({name: table for name, table in tables.items() if name not in others})
@@ -32,8 +32,10 @@ def test_a_heap_comes_to_rest_and_stays() -> None:
         before = simulation.read("position").astype(np.float64)
         simulation.advance(60)
         state, contacts = simulation.state(), simulation.contacts  # type: ignore[attr-defined]
+        faults = shortfalls(simulation, state.position, state.inverse_mass)
+    assert faults == {"contacts_lost": 0, "inverted": 0, "caught": 0}
     found, speed = scene.tetrahedra_set, np.linalg.norm(state.velocity, axis=1)
-    assert np.median(speed) < 0.02 and np.sqrt((speed**2).mean()) < 0.1
+    assert np.median(speed) < 0.01 and np.sqrt((speed**2).mean()) < 0.03
     ends = np.append(found.first_particle, found.particle_count)
     shift = state.position - before
     moved = sorted(float(np.linalg.norm(shift[first:last].mean(axis=0))) for first, last in pairwise(ends))
@@ -43,7 +45,7 @@ def test_a_heap_comes_to_rest_and_stays() -> None:
     values = contacts.values[held]
     depths = values[values[:, V_INSIDE] > 0, V_DISTANCE]
     print(np.median(speed), np.sqrt((speed**2).mean()), moved, len(values), depths)
-    assert len(values) > 100 and len(depths) < 20 and depths.max(initial=0.0) < 0.03
+    assert len(values) > 20 and len(depths) < 20 and depths.max(initial=0.0) < 0.03
 
 
 def test_the_catalogues_heap_has_a_few_dozen_contacts_at_most_where_it_begins() -> None:
