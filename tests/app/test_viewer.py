@@ -61,7 +61,9 @@ def test_a_frame_does_so_many_steps_of_every_world() -> None:
 def test_gravity_goes_on_and_off(demo: Demo) -> None:
     demo.frame()
     rest = demo.positions[0].copy()
-    np.testing.assert_allclose(rest, demo.world.body.position, atol=1e-6)  # fast math: roots are estimated on some processors
+    np.testing.assert_allclose(
+        rest, demo.world.body.position, atol=1e-6
+    )  # fast math: roots are estimated on some processors
     demo.toggle_gravity()
     demo.frame()
     assert demo.gravity and "gravity on" in demo.message
