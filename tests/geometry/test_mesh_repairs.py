@@ -8,7 +8,8 @@ from meshes import octahedron, sheet, strip
 from test_mesh import INF, NAN, check_sound, refused
 
 from model.core.errors import InputError
-from model.geometry.mesh import FLAT, TriangleMesh, triangle_mesh
+from model.geometry.formats.polygons import FLAT
+from model.geometry.mesh import TriangleMesh, triangle_mesh
 
 # ---------------------------------------------------------------------- repairs
 
