@@ -31,7 +31,7 @@ from model.geometry.mesh import TriangleMesh, mesh_bytes, read_mesh, triangle_me
 from model.geometry.mesh_files import FORMATS, read_arrays
 from model.geometry.repair import simplified, united
 from model.geometry.shapes import Shape, ShapeName
-from model.geometry.solid import as_mesh
+from model.geometry.solid import as_mesh, filled
 from model.geometry.tetrahedra.embedding import Embedding
 from model.geometry.tetrahedra.files import READERS, files_of, holds_tetrahedra, read_tetrahedra, write_arrays
 from model.geometry.tetrahedra.mesh import TetrahedralMesh, check_density

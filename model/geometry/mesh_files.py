@@ -74,11 +74,13 @@ def read_arrays(path: str | Path, scale: float = 1.0) -> MeshArrays:
         hint = CONVERSIONS.get(suffix, "export it as one").replace("FILE", path.name)
         raise InputError(f"{path}: {WHAT}; {hint}")
     data = read_bytes(path, WHAT, BYTES_PER_FILE_BYTE)
+    if not data.strip():
+        raise InputError(f"{path} is empty: it holds no triangle; export the mesh again")
     try:
         with warnings.catch_warnings():
             warnings.filterwarnings("ignore", category=RuntimeWarning)  # numbers beyond float32 are refused below
             faces = READERS[suffix](data, path)
-            return _checked(faces, len(data), scale)
+            return _checked(faces, scale)
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
     except MemoryError:
@@ -91,11 +93,10 @@ def read_arrays(path: str | Path, scale: float = 1.0) -> MeshArrays:
         ) from None
 
 
-def _checked(faces: Faces, size: int, scale: float) -> MeshArrays:
+def _checked(faces: Faces, scale: float) -> MeshArrays:
     if not len(faces.sizes):
         what = f"{len(faces.position)} points, but no triangle" if len(faces.position) else "no triangle"
-        empty = " (the file is empty)" if size == 0 else ""
-        raise InputError(f"it holds {what}{empty}; a mesh needs faces: export it with them")
+        raise InputError(f"it holds {what}; a mesh needs faces: export it with them")
     with np.errstate(over="ignore"):
         position = faces.position * scale
     beyond = (faces.corners < 0) | (faces.corners >= len(position))

@@ -144,7 +144,7 @@ TRIANGLE = [[0, 0, 0], [1, 0, 0], [0, 1, 0]]
 BAD_FILES = {
     "empty.obj": ("", "no triangle"),
     "empty.stl": ("", "no triangle"),
-    "empty.ply": ("", "cannot be read as PLY"),
+    "empty.ply": ("", "no triangle"),
     "points.obj": (obj(TRIANGLE, []), "3 points, but no triangle"),
     "points.ply": (text_ply(TRIANGLE, []), "3 points, but no triangle"),
     "zero.obj": ("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 0 1 2\n", "vertex 0, and OBJ counts from 1"),

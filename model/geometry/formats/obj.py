@@ -41,7 +41,7 @@ def read_obj(data: bytes) -> Faces:
         raise InputError(
             f"it cannot be read as OBJ: {error.message} ({vertex_line(error.number // 3)}); export it again"
         ) from None
-    tokens = [re.sub(rb"/\S*", b"", line).split() for line in faces]
+    tokens = [line.split() for line in re.sub(rb"/[^\s]*", b"", b"\n".join(faces)).split(b"\n")] if faces else []
     sizes = np.fromiter(map(len, tokens), np.int64, len(tokens))
     if len(sizes) and sizes.min() < 3:
         raise InputError(

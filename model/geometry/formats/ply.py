@@ -23,6 +23,9 @@ LISTS = ("vertex_indices", "vertex_index")
 END = re.compile(rb"^end_header[ \t]*(\r\n|\n|\r)", re.MULTILINE)
 
 
+_Lists = tuple[str, np.ndarray, np.ndarray]  # name of an element, vertices of its lists (sum of sizes,), sizes (rows,)
+
+
 @dataclass
 class _Property:
     name: str
@@ -44,8 +47,6 @@ class _Element:
 
 def read_ply(data: bytes) -> Faces:
     """Return the faces of a PLY file. Raises InputError: no header, cut short, no coordinates."""
-    if not data:
-        raise InputError("it cannot be read as PLY: it is empty; export it again")
     head = data[: 1 << 20]
     if b"\n" not in head.split(b"end_header")[0]:  # line ends of old Macs
         end = re.search(rb"\rend_header[ \t]*\r", head)
@@ -140,9 +141,7 @@ def _text_vertices(element: _Element, lines: list[bytes], numbers: list[int], he
         raise InputError(f"it cannot be read as PLY: {error.message} (line {where}); export it again") from None
 
 
-def _text_lists(
-    element: _Element, lines: list[bytes], numbers: list[int], header: int
-) -> tuple[str, list[np.ndarray] | np.ndarray]:
+def _text_lists(element: _Element, lines: list[bytes], numbers: list[int], header: int) -> _Lists:
     """Return the lists of vertices of an element's rows."""
     place = _list_of(element)
     found: list[list[bytes]] = []
@@ -169,7 +168,7 @@ def _text_lists(
         row = int(np.searchsorted(np.cumsum(sizes), error.number, "right"))
         where = header + numbers[row] + 1
         raise InputError(f"it cannot be read as PLY: {error.message} (line {where}); export it again") from None
-    return element.name, np.split(flat, np.cumsum(sizes)[:-1]) if len(sizes) else []
+    return element.name, flat, sizes
 
 
 def _short(element: _Element, found: int) -> str:
@@ -206,7 +205,7 @@ def _binary(body: bytes, elements: list[_Element], order: str) -> Faces:
             raise InputError("it cannot be read as PLY: its vertices hold lists; export it without them")
         lists, at = _binary_lists(element, body, at, order)
         if element.name in ("face", "tristrips"):
-            parts.append((element.name, lists))
+            parts.append(lists)
     corners, sizes = _gathered(parts)
     return Faces(position, corners, sizes)
 
@@ -219,7 +218,7 @@ def _check_rest(element: _Element, body: bytes, at: int, needed: int) -> None:
         )
 
 
-def _binary_lists(element: _Element, body: bytes, at: int, order: str) -> tuple[list[np.ndarray] | np.ndarray, int]:
+def _binary_lists(element: _Element, body: bytes, at: int, order: str) -> tuple[_Lists, int]:
     """Return (lists of vertices of the element's rows, where the next element begins). Rows of one length at once."""
     wanted = _list_of(element)
     if element.length:
@@ -228,7 +227,9 @@ def _binary_lists(element: _Element, body: bytes, at: int, order: str) -> tuple[
             rows = np.frombuffer(body, row, element.length, at)
             counts = [name for name in row.names or () if name.startswith("n")]
             if all((rows[name] == rows[name][0]).all() for name in counts):
-                return rows[f"p{wanted}"].astype(np.int64), at + row.itemsize * element.length
+                same = rows[f"p{wanted}"].astype(np.int64)
+                sizes = np.full(len(same), same.shape[1], np.int64)
+                return (element.name, same.ravel(), sizes), at + row.itemsize * element.length
     found = []
     kinds = [
         (np.dtype(order + one.kind), np.dtype(order + one.count) if one.count else None) for one in element.properties
@@ -246,7 +247,8 @@ def _binary_lists(element: _Element, body: bytes, at: int, order: str) -> tuple[
             if k == wanted:
                 found.append(np.frombuffer(body, kind, length, at).astype(np.int64))
             at += kind.itemsize * length
-    return found, at
+    sizes = np.fromiter(map(len, found), np.int64, len(found))
+    return (element.name, np.concatenate([np.zeros(0, np.int64), *found]), sizes), at
 
 
 def _row_like_the_first(element: _Element, body: bytes, at: int, order: str) -> np.dtype | None:
@@ -267,25 +269,23 @@ def _row_like_the_first(element: _Element, body: bytes, at: int, order: str) -> 
     return np.dtype(fields)
 
 
-def _gathered(parts: list[tuple[str, list[np.ndarray] | np.ndarray]]) -> tuple[np.ndarray, np.ndarray]:
+def _gathered(parts: list[_Lists]) -> tuple[np.ndarray, np.ndarray]:
     """Return (corners, sizes) of faces and of strips, whose triangles -1 separates."""
     corners, sizes = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
-    for name, lists in parts:
+    for name, flat, lengths in parts:
         if name == "tristrips":
-            lists = [triangle for strip in lists for triangle in _strip(strip)]
-        if isinstance(lists, np.ndarray):
-            corners.append(lists.ravel())
-            sizes.append(np.full(len(lists), lists.shape[1], np.int64))
-        else:
-            corners += lists
-            sizes.append(np.fromiter(map(len, lists), np.int64, len(lists)))
+            strips = np.split(flat, np.cumsum(lengths)[:-1])
+            triangles = [triangle for strip in strips for triangle in _strip(strip)]
+            flat, lengths = np.concatenate([np.zeros(0, np.int64), *triangles]), np.full(len(triangles), 3)
+        corners.append(flat)
+        sizes.append(lengths)
     size = np.concatenate(sizes)
     if len(size) and size.min() < 3:
         raise InputError(
             f"{len(size)} faces, of which {int((size > 2).sum())} can be read: it has faces of fewer than three corners; "
             "export it again"
         )
-    return np.concatenate(corners).astype(np.int64), size
+    return np.concatenate(corners), size
 
 
 def _strip(strip: np.ndarray) -> list[np.ndarray]:

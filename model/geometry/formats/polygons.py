@@ -108,7 +108,7 @@ def _covers(flat: np.ndarray, fan: np.ndarray) -> np.ndarray:
     """Return (n,) bool: whether a fan covers each polygon (n, k, 2) once: its triangles have areas and all turn left, and
     their angles at its corner add up to less than a whole turn."""
     a, b, c = (flat[:, fan[:, k]] for k in range(3))
-    left: np.ndarray = (_shape(a, b, c) > FLAT).all(axis=1)
+    left = np.asarray((_shape(a, b, c) > FLAT).all(axis=1))
     apex, first, last = flat[:, fan[0, 0]], flat[:, fan[0, 1]], flat[:, fan[-1, 2]]
     if len(fan) > 2:  # two angles under half a turn each are less than a whole one
         one, two = b - a, c - a
