@@ -18,7 +18,7 @@ from model.core.errors import InputError
 from model.geometry.edges import MeshEdges, edge_uses, mesh_edges
 from model.geometry.mending.hull import bounding
 from model.geometry.mending.welding import many, tell, turned, welded
-from model.geometry.mesh_files import check_indices, check_vertices, read_arrays
+from model.geometry.mesh_files import check_indices, check_vertices, read_arrays, rows_of_three
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,8 +83,8 @@ def triangle_mesh(
     Raises InputError: a coordinate that is not finite or over LARGEST, an index out of range, no triangle with an area,
     non-manifold edges (NonManifold), a surface that cannot have an outer side.
     """
-    position = np.asarray(position, dtype=np.float64).reshape(-1, 3)
-    triangles = np.asarray(triangles, dtype=np.int64).reshape(-1, 3)
+    position = rows_of_three("position", position, np.float64)
+    triangles = rows_of_three("triangles", triangles, np.int64)
     check_vertices(position)
     check_indices(len(position), triangles)
     told = list(repairs or [])

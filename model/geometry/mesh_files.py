@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from model.core.errors import InputError, SceneError
 from model.geometry.formats.faces import Faces
@@ -148,6 +149,16 @@ def check_vertices(position: np.ndarray, line: Callable[[int], str] = lambda _: 
             f"a coordinate of {size[vertex]:.3g} m{_at(line(vertex))}; at most {LARGEST:g}: give a scale that turns the "
             "file's unit to m"
         )
+
+
+def rows_of_three(name: str, array: ArrayLike, dtype: type) -> np.ndarray:
+    """Return an array (n, 3) of a caller; none at all is (0, 3). Raises InputError for another shape."""
+    found = np.asarray(array)
+    if found.size == 0:
+        return np.zeros((0, 3), dtype)
+    if found.ndim != 2 or found.shape[1] != 3:
+        raise InputError(f"{name} has the shape {found.shape}; must be (n, 3)")
+    return found.astype(dtype)
 
 
 def check_indices(vertices: int, triangles: np.ndarray) -> None:

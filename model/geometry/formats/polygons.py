@@ -7,6 +7,7 @@ import numpy as np
 from model.geometry.arithmetic.ordered import dot, norm
 
 FLAT = 2.0**-20  # height over longest side of a triangle without an area: what float32, as in STL, cannot tell from 0
+FANNED = 6  # corners: larger polygons are cut into better triangles than those of a fan, which all meet at one vertex
 LEVEL = 1e-12  # of the squared extent: a polygon with a smaller area vector has no plane
 MOST_PAIRS = 1 << 22  # pairs of edges that are checked for a crossing at once
 
@@ -15,9 +16,9 @@ def triangulated(position: np.ndarray, corners: np.ndarray, sizes: np.ndarray) -
     """Cut polygons into triangles that cover them once, whatever their first corner.
 
     Each polygon is projected on the plane of its area vector (M. Newell: half the sum of the cross products of successive
-    corners). Where a fan from the first corner covers it, it becomes that fan; a quadrilateral else becomes the other fan;
-    any other polygon is cut by ear clipping (G. H. Meisters, "Polygons have ears", Amer. Math. Monthly 82 (1975); O(n^2)),
-    the best-shaped ear first.
+    corners). Where it has at most FANNED corners and a fan from the first one covers it, it becomes that fan; a quadrilateral
+    else becomes the other fan; any other polygon is cut by ear clipping (G. H. Meisters, "Polygons have ears", Amer. Math.
+    Monthly 82 (1975); O(n^2)), the ear with the shortest diagonal first, so that no vertex gets many edges.
 
     Parameters
     ----------
@@ -42,7 +43,7 @@ def triangulated(position: np.ndarray, corners: np.ndarray, sizes: np.ndarray) -
         if size == 3:
             continue
         flat, has_plane = _projected(position[polygon])
-        rest = has_plane & ~_covers(flat, _fan(size))
+        rest = has_plane.copy() if size > FANNED else has_plane & ~_covers(flat, _fan(size))
         if size == 4:
             other = rest & _covers(flat, _fan(4, 1))
             triangles[rows[other]] = polygon[other][:, _fan(4, 1)]
@@ -126,7 +127,8 @@ def ears(flat: np.ndarray) -> np.ndarray | None:
         ring = flat[left]
         before, after = np.roll(ring, 1, axis=0), np.roll(ring, -1, axis=0)
         quality = _shape(before, ring, after)
-        ear = next((k for k in np.argsort(-quality, kind="stable").tolist() if _is_ear(ring, k, quality[k])), None)
+        order = np.lexsort((_squares(after - before), quality <= FLAT))  # flat ones last
+        ear = next((k for k in order.tolist() if _is_ear(ring, k, quality[k])), None)
         if ear is None:
             return None
         found.append((left[ear - 1], left[ear], left[(ear + 1) % len(left)]))

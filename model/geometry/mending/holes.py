@@ -8,6 +8,8 @@ from model.geometry.arithmetic.ordered import mean, norm
 from model.geometry.edges import edge_uses
 from model.geometry.formats.polygons import triangulated
 
+LONGEST = 500  # edges of a rim that is cut as a polygon, in O(n^2)
+
 
 def rims(triangles: np.ndarray, bare: np.ndarray) -> list[np.ndarray]:
     """Return the rims of `triangles` (n, 3), whose sides `bare` (n, 3) bool have nothing beside them: loops of vertices that
@@ -46,11 +48,12 @@ def caps(position: np.ndarray, triangles: np.ndarray, loops: list[np.ndarray]) -
     """Return (position with what was added, triangles that close the rims `loops`).
 
     A rim is a polygon and is cut as one (model/geometry/formats/polygons.py); one that crosses itself in its best-fit plane,
-    or whose diagonal is an edge already, gets a vertex at its middle.
+    or whose diagonal is an edge already, or of more than LONGEST edges, gets a vertex at its middle.
     """
-    sizes = np.array([len(loop) for loop in loops])
-    cut, crossing = triangulated(position, np.concatenate(loops), sizes)
-    each = np.repeat(np.arange(len(loops)), sizes - 2)
+    short = [loop for loop in loops if len(loop) <= LONGEST]
+    sizes = np.array([len(loop) for loop in short], dtype=np.int64)
+    cut, crossing = triangulated(position, np.concatenate([np.zeros(0, np.int64), *short]), sizes)
+    each = np.repeat(np.arange(len(short)), sizes - 2)
     ends, uses = edge_uses(len(position), np.concatenate([triangles, cut]))
     over = ends[uses > 2]
     key = np.sort(np.stack([cut, cut[:, [1, 2, 0]]], axis=-1), axis=-1)
@@ -58,8 +61,8 @@ def caps(position: np.ndarray, triangles: np.ndarray, loops: list[np.ndarray]) -
     bad = np.isin(key[..., 0] * count + key[..., 1], over[:, 0] * count + over[:, 1]).any(axis=1)
     middle = np.union1d(crossing, each[bad])
     made, points = [cut[~np.isin(each, middle)]], [position]
-    for number, which in enumerate(middle.tolist()):
-        loop = loops[which]
+    around = [short[k] for k in middle.tolist()] + [loop for loop in loops if len(loop) > LONGEST]
+    for number, loop in enumerate(around):
         points.append(mean(position[loop])[None])
         made.append(np.stack([np.full(len(loop), count + number), loop, np.roll(loop, -1)], axis=1))
     return np.concatenate(points), np.concatenate(made)

@@ -57,7 +57,7 @@ def _bounds(position: np.ndarray, triangles: np.ndarray, sheet: np.ndarray) -> n
     if len(numbers) == 1:
         return np.ones(len(triangles), dtype=bool)
     bounds = np.zeros(len(triangles), dtype=bool)
-    for begin, many_of in steps(zip(first, count, strict=True), len(numbers), "finding the inside"):
+    for begin, many_of in steps(zip(first, count, strict=True), len(numbers), "inside by winding numbers"):
         members = order[begin : begin + many_of]
         ends = np.cumsum(area[members])
         parts = (np.arange(PROBES) + 0.5) / PROBES if many_of > SMALL else np.array([0.5])
