@@ -23,10 +23,17 @@ def read_gltf(data: bytes, path: Path) -> Faces:
     if any(name in data for name in COMPRESSED):
         raise InputError("its meshes are compressed (Draco or meshopt); export it without compression")
     kind = path.suffix.lower()[1:]
-    loaded: Any = trimesh.load_scene(
-        io.BytesIO(data), file_type=kind, resolver=FilePathResolver(str(path.absolute())), skip_materials=True,
-        process=False, merge_primitives=False,
-    )  # fmt: skip
+    try:
+        loaded: Any = trimesh.load_scene(
+            io.BytesIO(data), file_type=kind, resolver=FilePathResolver(str(path.absolute())), skip_materials=True,
+            process=False, merge_primitives=False,
+        )  # fmt: skip
+    except FileNotFoundError as error:
+        raise InputError(f"its buffer {error} is not beside it; put it there, or export it as .glb") from None
+    except MemoryError:
+        raise
+    except Exception:  # whatever the parser trips over is the file's fault
+        raise InputError("it is no glTF 2.0 file, or damaged or cut short; export it again") from None
     position, triangles, count = [np.zeros((0, 3))], [np.zeros((0, 3), np.int64)], 0
     for node in loaded.graph.nodes_geometry:
         transform, name = loaded.graph[node]

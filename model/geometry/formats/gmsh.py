@@ -11,7 +11,7 @@ import numpy as np
 
 from model.core.errors import InputError
 from model.geometry.formats.elements import Elements
-from model.geometry.formats.source import plain
+from model.geometry.formats.source import NotANumber, plain, wholes
 from model.geometry.formats.words import Words
 
 NODES = {
@@ -116,11 +116,15 @@ def _element_lines(text: str) -> list[tuple[int, np.ndarray]]:
     if count < 0 or len(rows) < count or any(len(row) < 4 for row in rows):
         raise InputError(f"{count} elements promised, {len(rows)} lines found: cut short or damaged; export it again")
     found = []
-    for kind, corners in CORNERS.items():
-        taken = [row[3 + int(row[2]) :][:corners] for row in rows if row[1] == str(kind)]
-        if any(len(row) < corners for row in taken):
-            raise InputError("an element has fewer nodes than its type: cut short or damaged; export it again")
-        found.append((kind, np.array(taken, dtype=np.int64).reshape(len(taken), corners)))
+    try:
+        for kind, corners in CORNERS.items():
+            taken = [row[3 + int(wholes(row[2:3], 1)[0]) :][:corners] for row in rows if row[1] == str(kind)]
+            if any(len(row) < corners for row in taken):
+                raise InputError("an element has fewer nodes than its type: cut short or damaged; export it again")
+            flat = wholes([word for row in taken for word in row], len(taken) * corners)
+            found.append((kind, flat.reshape(len(taken), corners)))
+    except NotANumber as error:
+        raise InputError(f"among its elements, {error.message}; export it again") from None
     return found
 
 

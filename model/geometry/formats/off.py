@@ -8,21 +8,21 @@ import numpy as np
 
 from model.core.errors import InputError
 from model.geometry.formats.faces import Faces
-from model.geometry.formats.source import NotANumber, plain, reals, wholes, word
+from model.geometry.formats.source import NotANumber, plain, reals, wholes, without_comments, word
 
 KEYWORD = re.compile(rb"\s*(?:ST)?C?N?OFF\b\s*|\s*OFF(?=\d)", re.IGNORECASE)
 
 
 def read_off(data: bytes) -> Faces:
     """Return the faces of an OFF file. Raises InputError: binary or of four dimensions, cut short, words for numbers."""
-    text = plain(data)
+    text = without_comments(plain(data))
     keyword = KEYWORD.match(text)
     if keyword is None or text[keyword.end() :].lstrip()[:6].upper() == b"BINARY":
         raise InputError("it cannot be read as OFF: it does not begin with OFF, or is binary; export it as text")
-    lines = [(number, line.partition(b"#")[0].split()) for number, line in enumerate(text.split(b"\n"), 1)]
+    lines = [(number, line.split()) for number, line in enumerate(text.split(b"\n"), 1)]
     if lines:
         skipped = text.count(b"\n", 0, keyword.end())
-        rest = text[keyword.end() :].split(b"\n", 1)[0].partition(b"#")[0].split()
+        rest = text[keyword.end() :].split(b"\n", 1)[0].split()
         lines = [(skipped + 1, rest), *lines[skipped + 1 :]]
     rows = [(number, words) for number, words in lines if words]
     if not rows or len(rows[0][1]) < 2:
