@@ -36,7 +36,7 @@ class Solid:
     told: tuple[str, ...]
 
 
-CLOTH = 'a cloth: kind = "soft_sheet" or "mesh"'  # what a mesh without an inside can be instead
+CLOTH = 'a cloth: kind = "soft_sheet" or "mesh", or a mesh_collider'  # what a mesh without an inside can be instead
 OTHERWISE = "set fill_holes = true (softlab cook: --fill-holes), or close it in the program that made it"
 
 

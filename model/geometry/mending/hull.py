@@ -17,7 +17,8 @@ from model.geometry.mending.welding import many, turned
 from model.geometry.voxels import winding_numbers
 
 PROBES = 3  # triangles of a sheet at which the winding number is taken
-SMALL = 4  # triangles: of a sheet with so few, one
+SMALL = 4  # triangles: of a sheet with so few, one; none where it hangs on the others by less than half of its outline
+TOGETHER = 16  # probes between two reports
 
 
 def bounding(position: np.ndarray, triangles: np.ndarray, told: list[str]) -> tuple[np.ndarray, np.ndarray]:
@@ -51,24 +52,60 @@ def _bounds(position: np.ndarray, triangles: np.ndarray, sheet: np.ndarray) -> n
     On a triangle itself, which has no part in it there, the winding number of the others is the mean of both sides': 1/2 of a
     surface with an inside, a whole number of a wall or a fin; near to 1/2 (plus a whole number) where holes are small.
     """
-    area = triangle_areas(position, triangles)
     order = np.argsort(sheet, kind="stable")
     numbers, first, count = np.unique(sheet[order], return_index=True, return_counts=True)
     if len(numbers) == 1:
         return np.ones(len(triangles), dtype=bool)
-    bounds = np.zeros(len(triangles), dtype=bool)
-    for begin, many_of in steps(zip(first, count, strict=True), len(numbers), "inside by winding numbers"):
-        members = order[begin : begin + many_of]
+    number = np.searchsorted(numbers, sheet)
+    asked = np.flatnonzero(~(_hangs(position, triangles, number) & (count <= SMALL)))
+    area = triangle_areas(position, triangles)
+    probes, of = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
+    for k in asked.tolist():
+        members = order[first[k] : first[k] + count[k]]
         ends = np.cumsum(area[members])
-        parts = (np.arange(PROBES) + 0.5) / PROBES if many_of > SMALL else np.array([0.5])
-        probes = members[np.minimum(np.searchsorted(ends, parts * ends[-1]), many_of - 1)]
-        around = []
-        for probe in probes:
-            others = np.delete(triangles, probe, axis=0)
-            around.append(winding_numbers(position[triangles[probe]].mean(axis=0)[None], position, others)[0])
-        off = np.abs(np.median(around) % 1 - 0.5)
-        bounds[members] = off < 0.25
-    return bounds
+        parts = (np.arange(PROBES) + 0.5) / PROBES if count[k] > SMALL else np.array([0.5])
+        probes.append(members[np.minimum(np.searchsorted(ends, parts * ends[-1]), count[k] - 1)])
+        of.append(np.full(len(parts), k))
+    around = _winding_of_others(position, triangles, np.concatenate(probes))
+    bounds = np.zeros(len(numbers), dtype=bool)
+    for k in asked.tolist():
+        bounds[k] = np.abs(np.median(around[np.concatenate(of) == k]) % 1 - 0.5) < 0.25
+    return bounds[number]
+
+
+def _hangs(position: np.ndarray, triangles: np.ndarray, number: np.ndarray) -> np.ndarray:
+    """Return (sheets,) bool: whether nothing lies beside more than half of a sheet's outline; `number` (triangles,): its."""
+    start, end = triangles.ravel(), triangles[:, [1, 2, 0]].ravel()
+    _, side, uses = np.unique(
+        np.minimum(start, end) * len(position) + np.maximum(start, end), return_inverse=True, return_counts=True
+    )
+    length = norm(position[end] - position[start])
+    beside = uses[side]
+    sheets = np.repeat(number, 3)
+    free = np.bincount(sheets[beside == 1], length[beside == 1], number.max() + 1)
+    outline = np.bincount(sheets[beside != 2], length[beside != 2], number.max() + 1)
+    return np.asarray(free > outline / 2)
+
+
+def _winding_of_others(position: np.ndarray, triangles: np.ndarray, probes: np.ndarray) -> np.ndarray:
+    """Return (probes,): at the middle of each of these triangles, the winding number of all others."""
+    middles = _middles(position, triangles[probes])
+    found = np.empty(len(probes))
+    begins = range(0, len(probes), TOGETHER)
+    for begin in steps(begins, len(begins), "inside by winding numbers"):
+        some = slice(begin, begin + TOGETHER)
+        found[some] = winding_numbers(middles[some], position, triangles)
+    own = [
+        winding_numbers(middle[None], position, triangles[k : k + 1])[0]
+        for middle, k in zip(middles, probes, strict=True)
+    ]
+    return np.asarray(found - own)
+
+
+def _middles(position: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """Return (n, 3): the middles of `triangles` (n, 3)."""
+    a, b, c = (position[corner] for corner in triangles.T)
+    return np.asarray((a + b + c) / 3)
 
 
 def _pairs(vertex_count: int, triangles: np.ndarray, position: np.ndarray | None = None) -> np.ndarray:

@@ -190,7 +190,7 @@ def turned(edges: MeshEdges) -> np.ndarray:
         triangle = int(np.argmax(as_is == reverse))
         raise InputError(
             f"the surface of triangle {triangle} has one side only (a Moebius strip): walking across its edges leads back to "
-            "it the other way round; cut it open along a row of edges"
+            "it the other way round; cut it open along a row of edges, or make it a mesh_collider, which takes it as it is"
         )
     over = as_is > reverse  # the sheet with the surface's first triangle has the lowest label
     surface = np.minimum(as_is, reverse)
