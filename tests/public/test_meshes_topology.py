@@ -89,6 +89,16 @@ def test_merging_never_makes_an_edge_of_three_triangles() -> None:
     assert (mesh.pieces, mesh.repairs) == (2, ())
 
 
+def test_a_seam_closes_beside_a_fin() -> None:
+    """An edge of three triangles elsewhere is no reason to leave the seam open."""
+    position, triangles = with_fins(surface("torus"), (3, 3, 3))
+    with pytest.raises(NonManifold, match="1 edge has more than two"):
+        triangle_mesh(position, triangles)
+    closed = triangle_mesh(*surface("torus"))
+    body = solid(triangle_mesh(position, triangles, inside=True), 0.0)
+    assert body.volume == pytest.approx(abs(volume_of((closed.position, closed.triangles))), rel=1e-12)
+
+
 # ---------------------------------------------------------------------- numberings that are closed
 
 

@@ -95,7 +95,7 @@ def _seams_closed(
     """Return (place, triangles) with near vertices of rims merged, each group only where an edge gets its second triangle."""
     ends, uses = edge_uses(len(position), triangles)
     rim = np.unique(ends[uses == 1])
-    if not len(rim) or (uses > 2).any():
+    if not len(rim):
         return place, triangles
     near = NEAR * float(norm(np.ptp(position[triangles].reshape(-1, 3), axis=0)))
     group = _groups(position[rim], near)
@@ -107,7 +107,7 @@ def _seams_closed(
         notes: list[str] = []
         found = _cleaned(position, represent[triangles], notes)
         now, uses_now = edge_uses(len(position), found)
-        if (uses_now > 2).any():
+        if (uses_now > 2).sum() > (uses > 2).sum():
             return place, triangles
         closed = _closed_vertices(position, represent, ends[uses == 1], now[uses_now == 1])
         useful = np.zeros(len(position), dtype=bool)
