@@ -8,6 +8,7 @@ import os
 import signal
 import sys
 import threading
+import time
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -44,6 +45,7 @@ Threads = Annotated[
 Precision = Annotated[str, typer.Option(help="float32 or float64.")]
 Math = Annotated[str, typer.Option(help="fast, or exact (the same bits on every backend and thread count).")]
 StorePath = Annotated[Path, typer.Option("--store", help="The store of measurements.")]
+SHOWN_AFTER = 0.5  # s: work that goes on for longer gets a bar
 DEFAULT_STORE = Path("softlab-results") / "results.sqlite"
 
 
@@ -52,7 +54,8 @@ def scene_of(name: str, settings: list[str] | None) -> Any:
     from model.scene.reader import parse_settings
     from model.scene.scene import load_scene
 
-    return load_scene(name).replace(parse_settings(settings))
+    with waiting_shown():
+        return load_scene(name).replace(parse_settings(settings))
 
 
 def tell_of_no_store(store: Path, whose: str) -> None:
@@ -161,8 +164,47 @@ def compilations_told(console: Console = errors) -> Iterator[None]:
             last = "for the first time here" if seconds is None else f"took {seconds:.0f} s last time"
             console.print(f"compiling {label}: {last}", markup=False)
 
-    with watched(tell):
+    with watched(tell), waiting_shown():
         yield
+
+
+@contextmanager
+def waiting_shown() -> Iterator[None]:
+    """Within it, a terminal shows a bar for work of the model that takes longer than a second: distance fields, meshes."""
+    from rich.progress import BarColumn, TextColumn, TimeRemainingColumn
+
+    from app.output.bar import Bar
+    from model.core.waiting import waiting_watched
+
+    bar: Bar | None = None
+    begun: dict[str, float] = {}
+    tasks: dict[str, Any] = {}
+
+    def watch(label: str, fraction: float) -> None:
+        nonlocal bar
+        now = time.monotonic()
+        if fraction >= 1:
+            begun.pop(label, None)
+            if bar is not None and label in tasks:
+                bar.remove_task(tasks.pop(label))
+            if bar is not None and not tasks:
+                bar.stop()
+                bar = None
+            return
+        if bar is None and now - begun.setdefault(label, now) > SHOWN_AFTER:
+            bar = Bar(TextColumn("{task.description}"), BarColumn(), TimeRemainingColumn())
+            bar.start()
+        if bar is not None:
+            if label not in tasks:
+                tasks[label] = bar.add_task(label, total=1.0)
+            bar.update(tasks[label], completed=fraction)
+
+    try:
+        with waiting_watched(watch):
+            yield
+    finally:
+        if bar is not None:
+            bar.stop()
 
 
 def typed() -> str:

@@ -27,6 +27,7 @@ def cook_body(
     tetrahedra: str = "5",
     unite: bool = False,
     simplify: int | None = None,
+    fill_holes: bool = False,
     scale: float = 1.0,
     density: float = DENSITY,
 ) -> None:
@@ -41,8 +42,8 @@ def cook_body(
             status.update(f"{source}: {what}")
 
         body = cooked(
-            source, edge=edge, voxels=voxels, per_voxel=CHOICES[tetrahedra], unite=unite, simplify=simplify, scale=scale,
-            density=density, tell=tell,
+            source, edge=edge, voxels=voxels, per_voxel=CHOICES[tetrahedra], unite=unite, simplify=simplify,
+            fill_holes=fill_holes, scale=scale, density=density, tell=tell,
         )  # fmt: skip
         status.update(f"{source}: writing {target}")
         save(target, body)

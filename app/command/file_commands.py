@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from app.command.command_line import errors, out
+from app.command.command_line import errors, out, waiting_shown
 
 filing = typer.Typer()
 
@@ -19,7 +19,7 @@ def cook(
     source: Annotated[
         str,
         typer.Argument(
-            metavar="MESH", help="A closed .obj, .stl or .ply mesh, a shape (blob), or a file of tetrahedra."
+            metavar="MESH", help="A closed mesh (.obj, .stl, .ply ...), a shape (blob), or a file of tetrahedra."
         ),
     ],
     target: Annotated[Path, typer.Argument(metavar="BODY.npz", help="The file to write.")],
@@ -34,6 +34,7 @@ def cook(
     simplify: Annotated[
         int | None, typer.Option(help="Then leave at most so many triangles (extra: meshing).", metavar="N")
     ] = None,
+    fill_holes: Annotated[bool, typer.Option("--fill-holes", help="Close the holes of the surface.")] = False,
     scale: Annotated[float, typer.Option(help="Metres per unit of the file; a shape times so much.")] = 1.0,
     density: Annotated[float, typer.Option(help="Of the reported mass, in kg/m^3.")] = 1000.0,
 ) -> None:
@@ -42,5 +43,18 @@ def cook(
 
     cook_body(
         source, target, out, errors, edge=edge, voxels=voxels, tetrahedra=tetrahedra, unite=unite, simplify=simplify,
-        scale=scale, density=density,
+        fill_holes=fill_holes, scale=scale, density=density,
     )  # fmt: skip
+
+
+@filing.command(epilog="Example: softlab inspect scan.ply   (CAD, in mm: softlab inspect part.stl --scale 0.001)")
+def inspect(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="A mesh or a file of tetrahedra of your own.")],
+    scale: Annotated[float, typer.Option(help="Metres per unit of the file.")] = 1.0,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
+) -> None:
+    """Say what a mesh file holds: size, area, volume, pieces, rims, repairs, its unit, and what it can be used as."""
+    from app.command.inspect import inspect_file
+
+    with waiting_shown():
+        inspect_file(file, out, scale=scale, as_json=as_json)

@@ -17,6 +17,7 @@ import numpy as np
 from model.assets.baked_body import BakedBody, Report
 from model.assets.skin import INFLUENCES, Skin
 from model.assets.soft_body import MATERIAL, Meshes, RigidBody
+from model.assets.soft_sheet import SoftSheet
 from model.core.digest import ROOT, source_digest
 from model.core.disk_cache import cache_folder, kept
 from model.core.errors import InputError, SoftlabError
@@ -40,11 +41,12 @@ def baked(
     The same bits either way. A file that is older, damaged or cannot be written costs the time to make the body again.
     `keep` False: neither read nor written. Raises what `read_mesh` and `from_mesh` raise.
     """
+    inside = not isinstance(parameters, SoftSheet)  # which is a cloth
     if not keep:
-        return parameters.with_material(parameters.bake(_mesh(mesh, scale)))
+        return parameters.with_material(parameters.bake(_mesh(mesh, scale, inside)))
     key = body_key(parameters, mesh, scale)
     file = (folder or cache_folder("bodies")) / f"body-{key}.npz"
-    found = kept(file, key, _unpacked, lambda: parameters.bake(_mesh(mesh, scale)), _packed)
+    found = kept(file, key, _unpacked, lambda: parameters.bake(_mesh(mesh, scale, inside)), _packed)
     return parameters.with_material(found)
 
 
@@ -74,11 +76,11 @@ def _bytes(file: Path) -> bytes:
         raise InputError(f"{file} cannot be read: {error.strerror}") from None
 
 
-def _mesh(mesh: Source, scale: float) -> Meshes:
+def _mesh(mesh: Source, scale: float, inside: bool) -> Meshes:
     if isinstance(mesh, Shape):
         return mesh.mesh()
     if isinstance(mesh, str | Path):
-        return read_mesh(mesh, scale)
+        return read_mesh(mesh, scale, inside)
     return mesh
 
 

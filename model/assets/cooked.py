@@ -8,6 +8,7 @@ import json
 from collections.abc import Callable
 from dataclasses import asdict
 from functools import cache
+from math import inf
 from pathlib import Path
 from typing import Literal, get_args
 
@@ -30,8 +31,9 @@ from model.geometry.mesh import TriangleMesh, mesh_bytes, read_mesh, triangle_me
 from model.geometry.mesh_files import FORMATS, read_arrays
 from model.geometry.repair import simplified, united
 from model.geometry.shapes import Shape, ShapeName
+from model.geometry.solid import as_mesh, filled
 from model.geometry.tetrahedra.embedding import Embedding
-from model.geometry.tetrahedra.files import READERS, files_of, read_tetrahedra, write_arrays
+from model.geometry.tetrahedra.files import READERS, files_of, holds_tetrahedra, read_tetrahedra, write_arrays
 from model.geometry.tetrahedra.mesh import TetrahedralMesh, check_density
 from model.geometry.tetrahedra.report import Report
 from model.geometry.tetrahedra.voxels import PerVoxel
@@ -41,7 +43,8 @@ SHAPES = tuple(
     name for name in get_args(ShapeName) if name not in ("letters", "sheet", "terrain")
 )  # closed, of no text
 WHAT = (
-    "a body comes from a .obj, .stl or .ply mesh, a file of tetrahedra (.msh, .vtk, .ele, .node, .npz), or is one of "
+    "a body comes from a .obj, .stl or .ply mesh (or .off, .glb, .gltf, .mesh, .msh), a file of tetrahedra (.msh, .mesh, "
+    ".vtk, .ele, .node, .npz), or is one of "
 )
 
 Source = Shape | str | Path | TriangleMesh | tuple[np.ndarray, np.ndarray]
@@ -55,6 +58,7 @@ def cooked(
     per_voxel: PerVoxel | Literal["conforming"] = 5,
     unite: bool = False,
     simplify: int | None = None,
+    fill_holes: bool = False,
     scale: float = 1.0,
     density: float = DENSITY,
     folder: Path | None = None,
@@ -63,7 +67,8 @@ def cooked(
 ) -> CookedBody:
     """The tetrahedral body of a closed mesh (`voxel_mesh` tells `edge`, `voxels`, `per_voxel`; "conforming": tetrahedra of
     that edge which follow the surface, closed or not, by `conforming_mesh`): one of the lab's shapes, by name or as a Shape,
-    a file, or the mesh itself; or of a file of tetrahedra, as they are. `unite`: pieces that overlap become one first;
+    a file, or the mesh itself; or of a file of tetrahedra, as they are. `fill_holes`: of the surface; `unite`: pieces that
+    overlap become one first;
     `simplify`: then no more than so many triangles are left (geometry/repair.py). Coordinates of files, and shapes, times
     `scale`. From
     `folder` (the user's cache) where it was made before, else made and put there: the same bits (which of "conforming" ones
@@ -86,14 +91,16 @@ def cooked(
 
     def make() -> CookedBody:
         if tell:
-            filled = "filling the surface, which can take minutes" if per_voxel == "conforming" else ""
-            tell("reading the tetrahedra" if settled else filled or "cutting the body into voxels")
+            filling = "filling the surface, which can take minutes" if per_voxel == "conforming" else ""
+            tell("reading the tetrahedra" if settled else filling or "cutting the body into voxels")
         if settled:
             return _body_of_file(Path(source), scale)  # type: ignore[arg-type]
         mesh = _triangles(source, scale, raw=unite or (per_voxel == "conforming" and not prepared))
         try:
             if prepared:
                 mesh = _prepared(mesh, unite, simplify)
+            if fill_holes:
+                mesh = filled(as_mesh(mesh, inside=True), inf)
             if per_voxel == "conforming":
                 return body_of_surface(mesh, edge, voxels)
             return body_of_voxels(mesh, edge, voxels, per_voxel)
@@ -103,6 +110,7 @@ def cooked(
     if not keep:
         return make().with_density(density)
     cut = f"{edge!r} {voxels!r} {per_voxel!r}" + (f" {unite!r} {simplify!r}" if prepared else "")
+    cut += " filled" if fill_holes else ""
     key = body_key(source, scale, "as it is" if settled else cut)
     file = (folder or cache_folder("tetrahedra")) / f"body-{key}.npz"
     return kept(file, key, _unpacked, make, _packed).with_density(density)
@@ -163,7 +171,7 @@ def _named(source: Source, scale: float) -> Source:
 
 def is_settled(source: Source) -> bool:
     """Whether it is a file of tetrahedra, which are taken as they are."""
-    return isinstance(source, str | Path) and Path(source).suffix.lower() in READERS
+    return isinstance(source, str | Path) and holds_tetrahedra(source)
 
 
 def _triangles(source: Source, scale: float, raw: bool) -> TriangleMesh | tuple[np.ndarray, np.ndarray]:
@@ -172,9 +180,8 @@ def _triangles(source: Source, scale: float, raw: bool) -> TriangleMesh | tuple[
         return source.model_copy(update={"scale": source.scale * scale}).mesh()
     if isinstance(source, str | Path):
         if raw:
-            position, triangles, _ = read_arrays(Path(source))
-            return position * scale, triangles
-        return read_mesh(source, scale)
+            return read_arrays(source, scale)[:2]
+        return read_mesh(source, scale, inside=True)
     return source
 
 

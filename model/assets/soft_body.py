@@ -19,7 +19,7 @@ from model.core.errors import SceneError
 from model.geometry.mesh import TriangleMesh
 from model.geometry.neighbours import TooMany, close_pairs
 from model.geometry.solid import as_mesh, solid
-from model.scene.parts import NotNegative, Part, Positive
+from model.scene.parts import Flag, NotNegative, Part, Positive
 from model.scene.words import scene_error
 from model.shape_matching.clustering import check, gather, one_cluster
 from model.shape_matching.clusters import Clusters
@@ -54,6 +54,7 @@ class RigidBody(Part):
     surface_sampling: NotNegative = 4.0
     density: Positive = DENSITY  # kg/m^3
     mass: Positive | None = None  # kg
+    fill_holes: Flag = False  # of the mesh, also those wider than the particle spacing
 
     @model_validator(mode="before")
     @classmethod
@@ -87,7 +88,10 @@ class RigidBody(Part):
 
     def bake(self, mesh: Meshes) -> BakedBody:
         """What `from_mesh` makes with these parameters, but for its material."""
-        spacing, body = self.particle_spacing, solid(as_mesh(mesh), self.particle_spacing)
+        spacing, body = (
+            self.particle_spacing,
+            solid(as_mesh(mesh, inside=True), self.particle_spacing, fill_holes=self.fill_holes),
+        )
         samples = sample(body, spacing, self.volume_sampling, self.surface_sampling)
         total = self.density * samples.total if self.mass is None else self.mass
         with np.errstate(all="ignore"):

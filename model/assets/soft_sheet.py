@@ -22,7 +22,7 @@ class SoftSheet(SoftBody):
     of `cluster_stiffness`, against bending. `density` is of its area; `particle_spacing`, what the clusters' spacing and the
     particles' radius follow from, should be about the length of its edges."""
 
-    lacks: ClassVar[tuple[str, ...]] = ("volume_sampling", "surface_sampling", "link_radius")
+    lacks: ClassVar[tuple[str, ...]] = ("volume_sampling", "surface_sampling", "link_radius", "fill_holes")
     lacks_reason: ClassVar[str] = "does not go with a sheet, whose particles are its mesh's vertices"
 
     density: Positive = 0.2  # kg/m^2: a shirt's

@@ -9,7 +9,8 @@ import numpy as np
 
 from model.core.errors import InputError
 from model.geometry.arithmetic.ordered import dot, mean, total
-from model.geometry.mesh import TriangleMesh, check_vertices
+from model.geometry.mesh import TriangleMesh
+from model.geometry.mesh_files import check_vertices
 from model.geometry.solid import as_mesh, solid
 from model.geometry.tetrahedra.conforming import conforming_mesh
 from model.geometry.tetrahedra.embedding import Embedding
@@ -75,7 +76,7 @@ def body_of_surface(
     made, embedding = conforming_mesh(position, triangles, edge_of(position, edge, voxels))
     told: tuple[str, ...] = ()
     try:
-        volume = solid(as_mesh((position, triangles)), 0.0).volume
+        volume = solid(as_mesh((position, triangles), inside=True), 0.0).volume
     except InputError as error:
         volume, told = total(made.volumes), (f"its surface has no volume of its own: {error}",)
     none = np.zeros(0, np.int32)

@@ -11,7 +11,7 @@ from model.contact.surface_collider import SurfaceCollider
 from model.core.errors import InputError
 from model.formulas.triangle_tree import CORNERS, NODE
 from model.geometry.measures import triangle_areas
-from model.geometry.mesh import check_vertices, without_flat
+from model.geometry.mending.welding import without_flat
 from model.geometry.mesh_files import read_arrays
 from model.geometry.topology import mesh_path
 from model.geometry.triangle_tree import order_of, tree_numbers
@@ -32,13 +32,12 @@ class MeshCollider(SurfaceCollider):
         told: list[str] = []
         if self.shape is not None:
             made = self.shape.mesh()
-            position, triangles = made.position, made.triangles
+            position, triangles = made.position, made.triangles.astype(np.int64)
         else:
             path = mesh_path(self.file or "")
-            read, triangles, _ = read_arrays(path)
+            position, triangles, notes = read_arrays(path, self.scale)
+            told += notes
             try:
-                position = read * self.scale
-                check_vertices(position)
                 triangles = without_flat(position, triangles, told)
             except InputError as error:
                 raise InputError(f"{path}: {error}") from None

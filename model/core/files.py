@@ -19,6 +19,8 @@ from model.core.memory import available_bytes, readable
 
 LONGEST_TEXT = 2**24  # bytes of a scene: a hundred thousand pinned masses, told one by one, are a tenth of it
 OLD_SECONDS = 3600.0  # nothing is written for so long: what is older was left by a process that is no more
+SAMPLE = 64  # bytes at the head of a file by which its kind is told
+POINTER = b"version https://git-lfs.github.com/spec/"
 NAME_SHOWN = 40  # characters of a file's name in its temporary one, which must not be too long for a file system
 
 
@@ -159,11 +161,19 @@ def _still_writes(process: int, left: Path) -> bool:
     return True
 
 
+def check_pointer(path: Path | str, head: bytes) -> None:
+    """Raise InputError for a file that begins as a Git LFS pointer does. `head`: its first SAMPLE bytes or more."""
+    if head.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(POINTER):
+        raise InputError(f"{path} is a Git LFS pointer, not the mesh: fetch it with `git lfs pull`")
+
+
 def read_archive(path: Path | str, what: str) -> dict[str, np.ndarray]:
     """The arrays of an .npz file by name; `what`: see `check_source`. Raises InputError: no such file, no archive, cut short,
     or larger than the memory that is free."""
     source = check_source(path, what)
     try:
+        with source.open("rb") as opened:
+            check_pointer(path, opened.read(SAMPLE))
         with zipfile.ZipFile(source) as archive:
             needed = sum(held.file_size for held in archive.infolist())
         free = available_bytes()

@@ -16,7 +16,7 @@ from model.geometry.mesh import read_mesh
 from model.geometry.signed_distance import sampled
 from model.geometry.solid import solid
 from model.geometry.topology import mesh_path
-from model.scene.parts import Positive
+from model.scene.parts import Flag, Positive
 
 MAX_SAMPLES = 2**24 - 2**12  # 256 along each side, which takes minutes to sample; float32 counts to 2^24
 ALONG, ACROSS = 64, 4  # cells along a mesh's longest side, and at least across its shortest, where none are told
@@ -54,6 +54,7 @@ class DistanceField(SurfaceCollider):
     """
 
     spacing: Positive | None = None  # m, of the grid; a 64th of the mesh's longest side, or a quarter of its shortest
+    fill_holes: Flag = False  # also those wider than the spacing
 
     @model_validator(mode="after")
     def _has_an_inside(self) -> DistanceField:
@@ -63,10 +64,12 @@ class DistanceField(SurfaceCollider):
 
     def _read(self) -> tuple[np.ndarray, np.ndarray, tuple[str, ...]]:
         path = None if self.file is None else mesh_path(self.file)
-        mesh = self.shape.mesh() if self.shape is not None else read_mesh(path or "", self.scale)
+        mesh = self.shape.mesh() if self.shape is not None else read_mesh(path or "", self.scale, inside=True)
         size = np.ptp(mesh.position, axis=0)
         try:
-            body = solid(mesh, self.spacing or float(size.max()) / ALONG, "a mesh_collider, which may be open")
+            body = solid(
+                mesh, self.spacing or float(size.max()) / ALONG, "a mesh_collider, which may be open", self.fill_holes
+            )
         except InputError as error:
             raise InputError(f"{path}: {error}" if path else str(error)) from None
         return body.position, body.triangles, body.told

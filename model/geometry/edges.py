@@ -14,6 +14,10 @@ from model.core.errors import InputError
 from model.geometry.lists import Lists, grouped
 
 
+class NonManifold(InputError):
+    """An edge has more than two triangles."""
+
+
 @dataclass(frozen=True)
 class MeshEdges:
     """The edges of a triangle mesh, each between two vertices and beside one triangle or two.
@@ -67,7 +71,7 @@ class MeshEdges:
 def mesh_edges(vertex_count: int, triangles: np.ndarray) -> MeshEdges:
     """The edges of `triangles` (n, 3), each of three different vertices 0 ... vertex_count - 1.
 
-    Raises InputError where more than two triangles meet at an edge: what bends there has no two sides.
+    Raises NonManifold where more than two triangles meet at an edge: what bends there has no two sides.
     """
     corners = np.ascontiguousarray(triangles, dtype=np.int32).reshape(-1, 3)
     start, end = corners.ravel(), corners[:, [1, 2, 0]].ravel()
@@ -103,11 +107,20 @@ def mesh_edges(vertex_count: int, triangles: np.ndarray) -> MeshEdges:
 def _refuse_fins(places: np.ndarray, beside: np.ndarray, order: np.ndarray, low: np.ndarray, high: np.ndarray) -> None:
     count, side = len(places), order[places[0]]
     edges = "1 edge has" if count == 1 else f"{count} edges have"
-    raise InputError(
+    raise NonManifold(
         f"{edges} more than two triangles (non-manifold), first the edge between vertices {low[side]} and {high[side]} "
-        f"with {beside[beside > 2][0]}; leave the extra ones out, or split the mesh there into sheets with vertices of "
-        "their own, a little apart"
+        f"with {beside[beside > 2][0]}; a cloth needs two at most: leave the extra ones out, or split the mesh there into "
+        "sheets with vertices of their own, a little apart. rigid_body, soft_body, tetrahedral_body, distance_field and "
+        "mesh_collider take the file as it is"
     )
+
+
+def edge_uses(vertex_count: int, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return (ends (edges, 2) int64, the lower first; (edges,) int64: how many of `triangles` (n, 3) each edge has)."""
+    start, end = triangles.ravel(), triangles[:, [1, 2, 0]].ravel()
+    key = np.minimum(start, end).astype(np.int64) * vertex_count + np.maximum(start, end)
+    key, count = np.unique(key, return_counts=True)
+    return np.stack(np.divmod(key, vertex_count), axis=1), count
 
 
 def components(count: int, ends: np.ndarray) -> np.ndarray:

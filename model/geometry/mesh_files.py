@@ -1,181 +1,172 @@
-"""Files of triangle meshes -> raw arrays, as they stand in the file: OBJ, STL and PLY, through trimesh.
+"""Files of surfaces as arrays of triangles: OBJ, STL, PLY, OFF, glTF, Medit and Gmsh.
 
-trimesh reads what it can and drops the rest without a word. So what a file promises is counted here, and a file that
-yields less is refused. Nothing is mended: that is model/geometry/mesh.py.
+Coordinates and indices are checked here, and polygons are cut into triangles. What is mended beyond that, and how it is
+reported: model/geometry/mesh.py. The readers of the formats: model/geometry/formats.
 """
 
 from __future__ import annotations
 
-import io
-import re
 import warnings
+from collections.abc import Callable
+from math import isfinite
 from pathlib import Path
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from model.core.errors import InputError
-from model.core.memory import available_bytes, readable
+from model.core.errors import InputError, SceneError
+from model.geometry.formats.faces import Faces
+from model.geometry.formats.gltf import read_gltf
+from model.geometry.formats.gmsh import read_gmsh
+from model.geometry.formats.medit import read_medit
+from model.geometry.formats.obj import read_obj
+from model.geometry.formats.off import read_off
+from model.geometry.formats.ply import read_ply
+from model.geometry.formats.polygons import triangulated
+from model.geometry.formats.source import BYTES_PER_FILE_BYTE, read_bytes
+from model.geometry.formats.stl import read_stl
 
-FORMATS = (".obj", ".stl", ".ply")
-BYTES_PER_FILE_BYTE = 25  # of memory while a file is read and mended: 8 to 18 seen, with a million vertices
+LARGEST = 1e9  # m: products of four lengths, as in squared areas, stay inside float32
+MAX_VERTICES = 2**31 // 6  # indices of half edges are 32-bit
 
-STL_HEADER, STL_TRIANGLE = 84, 50  # bytes of a binary STL
+READERS: dict[str, Callable[[bytes, Path], Faces]] = {
+    ".obj": lambda data, _: read_obj(data),
+    ".stl": lambda data, _: read_stl(data),
+    ".ply": lambda data, _: read_ply(data),
+    ".off": lambda data, _: read_off(data),
+    ".glb": read_gltf,
+    ".gltf": read_gltf,
+    ".mesh": lambda data, _: read_medit(data).surface(),
+    ".msh": lambda data, _: read_gmsh(data).surface(),
+}
+FORMATS = tuple(READERS)
+WHAT = "a mesh is a file of triangles that ends in .obj, .stl or .ply (or .off, .glb, .gltf, .mesh, .msh)"
+CONVERSIONS = {
+    **dict.fromkeys((".step", ".stp", ".iges", ".igs", ".brep"), "mesh the CAD part: gmsh FILE -2 -o part.stl"),
+    **dict.fromkeys((".fbx", ".blend", ".dae", ".3ds", ".abc", ".usd", ".usdz", ".usda", ".usdc", ".x3d", ".wrl"),
+                    "open it in Blender and export it as .obj or .glb"),
+    ".3mf": "python -c \"import trimesh; trimesh.load_mesh('FILE').export('part.stl')\" (pip install lxml networkx)",
+    **dict.fromkeys((".vtk", ".vtu", ".vtp", ".med", ".inp", ".xdmf", ".meshb"),
+                    "pip install meshio && meshio convert FILE part.ply"),
+    **dict.fromkeys((".gz", ".zip", ".bz2", ".xz", ".7z"), "unpack it first"),
+}  # fmt: skip
 
 
-def read_arrays(path: Path) -> tuple[np.ndarray, np.ndarray, int]:
-    """(vertices (n, 3) float64, triangles (m, 3) int64, how many more triangles than faces in the file: polygons are split).
+class MeshArrays(NamedTuple):
+    """`position` (vertices, 3) float64 [m], `triangles` (n, 3) int64, `notes`: a sentence for each thing that was decided."""
 
-    Raises InputError: no such file, no mesh format, cut short, not a mesh, no triangle (a point cloud).
+    position: np.ndarray
+    triangles: np.ndarray
+    notes: tuple[str, ...]
+
+
+def read_arrays(path: str | Path, scale: float = 1.0) -> MeshArrays:
+    """Return the vertices, times `scale` [m per unit of the file], and triangles of a file, in the file's order.
+
+    Raises InputError: no such file, another format, cut short, no triangle, a coordinate that is not finite or beyond
+    LARGEST, an index out of range, each with its line where the file is text; SceneError (scale).
     """
     path = Path(path)
+    if not (isfinite(scale) and scale > 0):
+        raise SceneError("scale", scale, "must be a finite number greater than 0")
     suffix = path.suffix.lower()
-    if suffix not in FORMATS:
-        raise InputError(f"{path}: a mesh is a file of triangles that ends in .obj, .stl or .ply; export it as one")
-    data = _bytes(path)
-    read = {".obj": _read_obj, ".stl": _read_stl, ".ply": _read_ply}[suffix]
+    if suffix not in READERS:
+        hint = CONVERSIONS.get(suffix, "export it as one").replace("FILE", path.name)
+        raise InputError(f"{path}: {WHAT}; {hint}")
+    data = read_bytes(path, WHAT, BYTES_PER_FILE_BYTE)
+    if not data.strip():
+        raise InputError(f"{path} is empty: it holds no triangle; export the mesh again")
     try:
         with warnings.catch_warnings():
-            # numpy below 2.3 only warns where a number ends in something else
-            warnings.filterwarnings("error", message="string or file could not be read")
-            warnings.filterwarnings("ignore", category=RuntimeWarning)  # of numbers beyond float32: looked at later
-            vertices, triangles, more = read(data)
+            warnings.filterwarnings("ignore", category=RuntimeWarning)  # numbers beyond float32 are refused below
+            faces = READERS[suffix](data, path)
+            return _checked(faces, scale)
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
+    except MemoryError:
+        raise
     except Exception as error:  # whatever a parser of a foreign file trips over is the file's fault
         reason = " ".join(str(error).split())[:120] or type(error).__name__
         raise InputError(
             f"{path} cannot be read as {suffix[1:].upper()} ({reason}); it is damaged, cut short or of another format: "
             "export it again"
         ) from None
-    if len(triangles) == 0:
-        what = f"{len(vertices)} points, but no triangle" if len(vertices) else "no triangle"
-        raise InputError(f"{path} holds {what}; a mesh needs faces: export it with them")
-    least, most = int(triangles.min()), int(triangles.max())
-    if least < 0 or most >= len(vertices):
-        raise InputError(f"{path}: {_beyond(least if least < 0 else most, 'from 0', len(vertices))}")
-    return vertices, triangles, more
 
 
-def _beyond(vertex: int, counted: str, there: int) -> str:
-    return (
-        f"a face names vertex {vertex}, counted {counted}, and there are {there}; the file is damaged or cut short: export "
-        "it again"
-    )
-
-
-def _bytes(path: Path) -> bytes:
-    try:
-        needed, free = path.stat().st_size * BYTES_PER_FILE_BYTE, available_bytes()
-        if needed > free:
-            raise InputError(
-                f"{path} needs about {readable(needed)} of memory, of which {readable(free)} is free; decimate the mesh"
-            )
-        return path.read_bytes()
-    except FileNotFoundError:
-        raise InputError(f"{path}: no such file") from None
-    except IsADirectoryError:
-        raise InputError(f"{path} is a directory; a mesh is a .obj, .stl or .ply file") from None
-    except (OSError, ValueError) as error:
-        raise InputError(f"{path} cannot be read: {getattr(error, 'strerror', None) or error}") from None
-
-
-def _triangles(faces: Any) -> np.ndarray:
-    """(n, 3) int64 of faces with any number of corners, polygons as fans from their first corner."""
-    from trimesh.geometry import triangulate_quads
-
-    if isinstance(faces, np.ndarray) and faces.ndim == 2 and faces.shape[1] == 3:
-        return faces.astype(np.int64)
-    return np.asarray(triangulate_quads(faces), dtype=np.int64).reshape(-1, 3)
-
-
-def _read_obj(data: bytes) -> tuple[np.ndarray, np.ndarray, int]:
-    """Vertices and faces alone: with texture coordinates or materials trimesh splits and reorders vertices."""
-    from trimesh.exchange.obj import load_obj
-
-    data = re.sub(rb"\\\r?\n", b" ", data)
-    lines = len(re.findall(rb"^[ \t]*v[ \t]", data, re.MULTILINE))
-    points = re.findall(rb"^[ \t]*v[ \t]+(\S+[ \t]+\S+[ \t]+\S+)", data, re.MULTILINE)
-    if len(points) != lines:
-        raise InputError(f"vertices of fewer than three coordinates: {lines - len(points)}; export it again")
-    faces = re.findall(rb"^[ \t]*f[ \t]+(.*)$", data, re.MULTILINE)
-    if not faces:
-        return np.zeros((lines, 3)), np.zeros((0, 3), dtype=np.int64), 0
-    corners = re.sub(rb"/\S*", b"", b"\nf ".join(faces))
-    if re.search(rb"(?:^|\s)[-+]?0+(?:\s|$)", corners):
-        raise InputError("a face names vertex 0, and OBJ counts from 1; export it again")
-    if b"-" in corners:
-        _refuse_interleaved(data)
-    text = b"v " + b"\nv ".join(points) + b"\nf " + corners
-    try:
-        loaded = load_obj(io.StringIO(text.decode("latin-1")), maintain_order=True, skip_materials=True)
-    except IndexError:  # trimesh looks the vertices up itself, so that no array of faces comes out to be checked
-        named = (int(corner) for corner in re.findall(rb"(?<!\S)[-+]?\d+(?!\S)", corners))
-        vertex = next((vertex for vertex in named if abs(vertex) > lines), None)
-        if vertex is None:
-            raise
-        raise InputError(_beyond(vertex, "from 1" if vertex > 0 else "from the end", lines)) from None
-    (mesh,) = loaded["geometry"].values()
-    if len(mesh["vertices"]) != lines:
-        raise InputError(f"{lines} vertices, of which {len(mesh['vertices'])} can be read; export it again")
-    triangles = _triangles(mesh["faces"])
-    return np.asarray(mesh["vertices"], dtype=np.float64), triangles, _more(len(faces), triangles)
-
-
-def _refuse_interleaved(data: bytes) -> None:
-    first_face = re.search(rb"^[ \t]*f[ \t]", data, re.MULTILINE)
-    if first_face and re.search(rb"^[ \t]*v[ \t]", data[first_face.end() :], re.MULTILINE):
+def _checked(faces: Faces, scale: float) -> MeshArrays:
+    if not len(faces.sizes):
+        what = f"{len(faces.position)} points, but no triangle" if len(faces.position) else "no triangle"
+        raise InputError(f"it holds {what}; a mesh needs faces: export it with them")
+    with np.errstate(over="ignore"):
+        position = faces.position * scale
+    beyond = (faces.corners < 0) | (faces.corners >= len(position))
+    if beyond.any():
+        place = int(np.argmax(beyond))
+        face = int(np.searchsorted(np.cumsum(faces.sizes), place, "right"))
         raise InputError(
-            "faces count vertices backwards (negative indices) and vertices follow them; export it with vertices counted "
-            "from the start"
+            f"a face names vertex {faces.corners[place] + faces.first}, counted from {faces.first}, and there are "
+            f"{len(position)}{_at(faces.face_line(face))}; the file is damaged or cut short: export it again"
+        )
+    check_vertices(position, faces.vertex_line)
+    triangles, crossing = triangulated(position, faces.corners, faces.sizes)
+    notes = list(faces.notes)
+    if len(triangles) > len(faces.sizes):
+        notes.append(
+            f"faces of more than three corners were split: {len(faces.sizes)} faces, {len(triangles)} triangles"
+        )
+    if len(crossing):
+        first = int(crossing[0])
+        many = "1 face crosses itself" if len(crossing) == 1 else f"{len(crossing)} faces cross themselves"
+        notes.append(
+            f"{many} (first face {first}, counted from 0{_at(faces.face_line(first), '; ', '')}) and has no area of its "
+            "own: it was split from its first corner"
+        )
+    return MeshArrays(position, triangles, tuple(notes))
+
+
+def _at(line: str, before: str = " (", after: str = ")") -> str:
+    return f"{before}{line}{after}" if line else ""
+
+
+def check_vertices(position: np.ndarray, line: Callable[[int], str] = lambda _: "") -> None:
+    """Raise InputError for coordinates (vertices, 3) that are not finite or beyond LARGEST, or more than MAX_VERTICES.
+    `line`: returns where a vertex stands in its file."""
+    if len(position) > MAX_VERTICES:
+        raise InputError(f"{len(position)} vertices; at most {MAX_VERTICES} (32-bit indices): decimate the mesh")
+    wrong = ~np.isfinite(position).all(axis=1)
+    if wrong.any():
+        vertex, count = int(np.argmax(wrong)), int(wrong.sum())
+        many = "1 vertex" if count == 1 else f"{count} vertices"
+        raise InputError(
+            f"{many} without finite coordinates, first vertex {vertex} (counted from 0{_at(line(vertex), '; ', '')}), "
+            f"{position[vertex].tolist()}; export the mesh again"
+        )
+    size = np.abs(position).max(axis=1, initial=0.0)
+    if (size > LARGEST).any():
+        vertex = int(np.argmax(size))
+        raise InputError(
+            f"a coordinate of {size[vertex]:.3g} m{_at(line(vertex))}; at most {LARGEST:g}: give a scale that turns the "
+            "file's unit to m"
         )
 
 
-def _read_stl(data: bytes) -> tuple[np.ndarray, np.ndarray, int]:
-    """Three vertices of its own for each triangle. Of text, every solid."""
-    from trimesh.exchange.stl import load_stl_ascii, load_stl_binary
-
-    promised = int.from_bytes(data[STL_HEADER - 4 : STL_HEADER], "little") if len(data) >= STL_HEADER else 0
-    binary = len(data) == STL_HEADER + STL_TRIANGLE * promised
-    loaded: dict[str, Any]
-    if binary:
-        loaded = load_stl_binary(io.BytesIO(data))
-    else:  # exporters begin binary files with `solid`, too: the word tells nothing
-        facets = len(re.findall(rb"^[ \t]*facet\b", data, re.MULTILINE | re.IGNORECASE))
-        if facets == 0 and len(data) >= STL_HEADER:
-            raise InputError(
-                f"{promised} triangles promised, which take {STL_HEADER + STL_TRIANGLE * promised} bytes, but there are "
-                f"{len(data)}: damaged or cut short; export it again"
-            )
-        promised = facets
-        loaded = load_stl_ascii(io.StringIO(data.decode("latin-1").replace("\r\n", "\n")))
-    solids = [loaded] if "vertices" in loaded else list(loaded["geometry"].values())
-    vertices = np.concatenate([np.zeros((0, 3)), *(solid["vertices"] for solid in solids)]).astype(np.float64)
-    if promised * 3 != len(vertices):
-        raise InputError(f"{promised} triangles begin, {len(vertices) // 3} are whole: cut short; export it again")
-    return vertices, np.arange(len(vertices)).reshape(-1, 3), 0
+def rows_of_three(name: str, array: ArrayLike, dtype: type) -> np.ndarray:
+    """Return an array (n, 3) of a caller; none at all is (0, 3). Raises InputError for another shape."""
+    found = np.asarray(array)
+    if found.size == 0:
+        return np.zeros((0, 3), dtype)
+    if found.ndim != 2 or found.shape[1] != 3:
+        raise InputError(f"{name} has the shape {found.shape}; must be (n, 3)")
+    return found.astype(dtype)
 
 
-def _read_ply(data: bytes) -> tuple[np.ndarray, np.ndarray, int]:
-    from trimesh.exchange.ply import load_ply
-
-    loaded: dict[str, Any] = load_ply(io.BytesIO(data), fix_texture=False, skip_materials=True)
-    promised = {name: element["length"] for name, element in loaded["metadata"]["_ply_raw"].items()}
-    vertices = np.asarray(loaded.get("vertices", np.zeros((0, 3))), dtype=np.float64)
-    faces = loaded.get("faces")
-    triangles = np.zeros((0, 3), dtype=np.int64) if faces is None else _triangles(faces)
-    if len(vertices) != promised.get("vertex", 0):
+def check_indices(vertices: int, triangles: np.ndarray) -> None:
+    """Raise InputError for indices in `triangles` (n, 3) that are not 0 to `vertices` - 1."""
+    wrong = ((triangles < 0) | (triangles >= vertices)).any(axis=1)
+    if wrong.any():
+        triangle = int(np.argmax(wrong))
         raise InputError(
-            f"{promised['vertex']} vertices promised, {len(vertices)} found: it is cut short; export it again"
+            f"triangle {triangle} (counted from 0) names the vertices {triangles[triangle].tolist()}, and there are "
+            f"{vertices}; the mesh is damaged or cut short: export it again"
         )
-    return vertices, triangles, _more(promised.get("face", 0), triangles)
-
-
-def _more(faces: int, found: np.ndarray) -> int:
-    """How many triangles came out more than `faces` went in; InputError where it is fewer."""
-    if len(found) < faces:
-        raise InputError(
-            f"{faces} faces, of which {len(found)} can be read: it is cut short, or has faces of fewer than three corners; "
-            "export it again"
-        )
-    return len(found) - faces

@@ -63,11 +63,11 @@ def _pieces(position: np.ndarray, triangles: np.ndarray) -> list[TriangleMesh]:
     number = components(len(position), triangles[:, [0, 1, 1, 2]].reshape(-1, 2))[triangles[:, 0]]
     first, count = np.unique(number, return_counts=True)
     if count.min() < FEWEST:
-        whole = triangle_mesh(position, triangles)
+        whole = triangle_mesh(position, triangles, inside=True)
         if whole.pieces == 1:
             return [whole]
         return _pieces(whole.position, whole.triangles.astype(np.int64))
-    return [triangle_mesh(position, triangles[number == k]) for k in first]
+    return [triangle_mesh(position, triangles[number == k], inside=True) for k in first]
 
 
 def simplified(mesh: TriangleMesh, most: int) -> TriangleMesh:

@@ -1,7 +1,7 @@
-"""The inside of a triangle mesh: what a mesh needs to be a body, made good where that is safe, and said.
+"""The inside of a triangle mesh: what a mesh needs to be a body, made good where that is safe, and reported.
 
-Small holes are filled, pieces that are inside out are turned over. A piece whose outer side looks inwards and that lies
-within the rest is a cavity, and stays one.
+Small holes are filled, wide ones on request; pieces that are inside out are turned over. A piece whose outer side looks
+inwards and that lies within the rest is a cavity, and stays one.
 """
 
 from __future__ import annotations
@@ -11,10 +11,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from model.core.errors import InputError
-from model.geometry.arithmetic.ordered import dot, mean, norm, total
-from model.geometry.edges import MeshEdges, components, mesh_edges
+from model.geometry.arithmetic.ordered import dot, mean, total
+from model.geometry.edges import MeshEdges, NonManifold, components
 from model.geometry.measures import triangle_areas
-from model.geometry.mesh import TriangleMesh, triangle_mesh
+from model.geometry.mending.holes import caps, rims, width
+from model.geometry.mesh import TriangleMesh, triangle_mesh, with_triangles
 from model.geometry.voxels import winding_numbers
 
 PROBES = 16  # vertices of a piece that are asked whether they lie within the others
@@ -35,21 +36,19 @@ class Solid:
     told: tuple[str, ...]
 
 
-CLOTH = 'a cloth: kind = "soft_sheet"'  # what a mesh without an inside can be instead
+CLOTH = 'a cloth: kind = "soft_sheet" or "mesh", or a mesh_collider'  # what a mesh without an inside can be instead
+OTHERWISE = "set fill_holes = true (softlab cook: --fill-holes), or close it in the program that made it"
 
 
-def solid(mesh: TriangleMesh, widest: float, instead: str = CLOTH) -> Solid:
-    """The body of a mesh. Holes across which `widest` [m] reaches are filled: no particle lies nearer to another. `instead`:
-    what to make of a mesh that is none.
+def solid(mesh: TriangleMesh, widest: float, instead: str = CLOTH, fill_holes: bool = False) -> Solid:
+    """Return the body of a mesh. Holes up to `widest` [m] across are filled: no particle lies nearer to another; with
+    `fill_holes` all of them. `instead`: what to make of a mesh that is none.
 
     Raises InputError: wider holes, nothing inside.
     """
+    mesh = filled(mesh, np.inf if fill_holes else widest, instead)
     told = list(mesh.repairs)
-    triangles, edges = mesh.triangles, mesh.edges
-    if mesh.edges.boundary.any():
-        triangles = _filled(mesh, widest, instead, told)
-        edges = mesh_edges(len(mesh.position), triangles)
-    triangles, pieces = _outwards(mesh.position, triangles, edges, told)
+    triangles, pieces = _outwards(mesh.position, mesh.triangles, mesh.edges, told)
     volume = total(_volumes(mesh.position, triangles))
     box = float(np.prod(np.ptp(mesh.position, axis=0)))
     if volume <= EMPTY * box:
@@ -61,9 +60,10 @@ def solid(mesh: TriangleMesh, widest: float, instead: str = CLOTH) -> Solid:
     return Solid(mesh.position, np.ascontiguousarray(triangles, dtype=np.int32), volume, area, pieces, tuple(told))
 
 
-def as_mesh(mesh: TriangleMesh | tuple[np.ndarray, np.ndarray]) -> TriangleMesh:
-    """The mesh, or that of (position (vertices, 3) [m], triangles (n, 3)), judged and mended. Raises InputError."""
-    return mesh if isinstance(mesh, TriangleMesh) else triangle_mesh(*mesh)
+def as_mesh(mesh: TriangleMesh | tuple[np.ndarray, np.ndarray], inside: bool = False) -> TriangleMesh:
+    """Return the mesh, or that of (position (vertices, 3) [m], triangles (n, 3)), checked and mended; `inside`: see
+    `triangle_mesh`. Raises InputError."""
+    return mesh if isinstance(mesh, TriangleMesh) else triangle_mesh(*mesh, inside=inside)
 
 
 def _volumes(position: np.ndarray, triangles: np.ndarray) -> np.ndarray:
@@ -72,47 +72,45 @@ def _volumes(position: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     return dot(a, np.cross(b, c)) / 6
 
 
-def _filled(mesh: TriangleMesh, widest: float, instead: str, told: list[str]) -> np.ndarray:
-    """(triangles, 3): with a fan from the first vertex of every rim, which may be no wider than `widest` [m]."""
+def filled(mesh: TriangleMesh, widest: float, instead: str = CLOTH) -> TriangleMesh:
+    """Return the mesh with every hole closed, none of which may be wider than `widest` [m]. Raises InputError."""
     edges = mesh.edges
-    # sides of triangles that have nothing beside them, the other way round: so a fan's triangles pass them
-    bare = edges.boundary[edges.sides]
-    end, start = mesh.triangles[bare], mesh.triangles[:, [1, 2, 0]][bare]
-    label = components(len(mesh.position), np.stack([start, end], axis=1))[start]
-    order = np.argsort(label, kind="stable")
-    start, end, label = start[order], end[order], label[order]
-    rims, first, count = np.unique(label, return_index=True, return_counts=True)
-    low = np.minimum.reduceat(mesh.position[start], first)
-    high = np.maximum.reduceat(mesh.position[start], first)
-    across = norm(high - low)
+    if not edges.boundary.any():
+        return mesh
+    loops = rims(mesh.triangles, edges.boundary[edges.sides])
+    across = [width(mesh.position, loop) for loop in loops]
     worst = int(np.argmax(across))
     if across[worst] > widest:
-        others = f"{len(rims)} holes, the widest" if len(rims) > 1 else "a hole,"
-        where = ", ".join(f"{x:.4g}" for x in (low[worst] + high[worst]) / 2)
+        edges_of = f"{len(loops[worst])} edges"
+        others = f"{len(loops)} holes, the widest" if len(loops) > 1 else "a hole,"
+        middle = (mesh.position[loops[worst]].min(axis=0) + mesh.position[loops[worst]].max(axis=0)) / 2
+        where = ", ".join(f"{x:.4g}" for x in middle)
+        limit = f" (holes up to {widest:.3g} m are filled)" if widest > 0 else ""
         raise InputError(
-            f"the mesh is not closed ({others} {across[worst]:.3g} m across, with {count[worst]} edges, at ({where})), so it "
-            f"has no inside; close it (holes up to the spacing, {widest:.3g} m, are filled), or make it {instead}"
+            f"the mesh is not closed ({others} {across[worst]:.3g} m across, with {edges_of}, at ({where})), so "
+            f"it has no inside{limit}: {OTHERWISE}, or make it {instead}"
         )
-    fan = np.stack([rims[np.searchsorted(rims, label)], start, end], axis=1)  # a rim's label is its lowest vertex
-    fan = fan[(fan[:, 0] != fan[:, 1]) & (fan[:, 0] != fan[:, 2])]
-    told.append(
-        f"{len(rims)} hole{'s' if len(rims) > 1 else ''}, up to {across[worst]:.3g} m across, "
-        f"{'were' if len(rims) > 1 else 'was'} filled with {len(fan)} triangle{'s' if len(fan) > 1 else ''}"
+    position, made = caps(mesh.position, mesh.triangles, loops)
+    one = len(loops) == 1
+    told = (
+        f"{len(loops)} hole{'' if one else 's'}, up to {across[worst]:.3g} m across, {'was' if one else 'were'} filled with "
+        f"{len(made)} triangle{'s' if len(made) > 1 else ''}"
     )
     try:
-        filled = np.concatenate([mesh.triangles, fan])
-        mesh_edges(len(mesh.position), filled)
-    except InputError:
+        return with_triangles(mesh, position, np.concatenate([mesh.triangles, made]), [*mesh.repairs, told])
+    except NonManifold:
         raise InputError(
-            "the mesh is not closed, and its holes touch each other or run into a thin edge; close them"
+            "the mesh is not closed, and its holes touch each other or run into a thin edge; close them in the program that "
+            "made it"
         ) from None
-    return filled
 
 
 def _outwards(position: np.ndarray, triangles: np.ndarray, edges: MeshEdges, told: list[str]) -> tuple[np.ndarray, int]:
     """(triangles with outer sides outwards, pieces that are no cavities)."""
     if edges.boundary.any():
-        raise InputError("the mesh is not closed, and its holes touch each other; close them")
+        raise InputError(
+            "the mesh is not closed, and its holes touch each other; close them in the program that made it"
+        )
     label = components(len(position), edges.edges)[triangles[:, 0]]
     pieces, piece = np.unique(label, return_inverse=True)
     # about each piece's own corner, so that the sum is exact to its own size

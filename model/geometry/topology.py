@@ -105,8 +105,7 @@ def describe(part: MeshPart) -> dict[str, Any]:
         if part.digest not in (None, digest):
             raise SceneError("mesh.digest", part.digest, f"{part.file} is another file by now ({digest}); leave it out")
         found |= {"digest": digest, "columns": len(mesh.position), "spacing": _mean_edge(mesh)}
-        if isinstance(part.pinned, list):
-            pinned_vertices(part)
+        pinned_vertices(part)
     elif min(part.rows, part.columns) < 2:
         raise SceneError(
             "mesh.rows x mesh.columns", f"{part.rows} x {part.columns}", "at least 2 x 2: a mesh has triangles"
@@ -137,7 +136,14 @@ def pinned_vertices(part: MeshPart) -> np.ndarray:
     mesh = mesh_of(part)
     if part.pinned == "top":
         height = mesh.position[:, 1]
-        return np.flatnonzero(height >= height.max() - TOP * _mean_edge(mesh))
+        found = np.flatnonzero(height >= height.max() - TOP * _mean_edge(mesh))
+        if len(found) == len(height):
+            raise SceneError(
+                "mesh.pinned", "top",
+                f"the mesh is level (its heights differ by {np.ptp(height):.3g} m), so that all {len(height)} vertices "
+                "would be pinned; give a list of vertices, or turn the mesh until y points up",
+            )  # fmt: skip
+        return found
     if part.pinned == "none":
         return np.zeros(0, np.int64)
     told = np.array(part.pinned, dtype=np.int64)

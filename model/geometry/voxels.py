@@ -14,7 +14,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from model.geometry.arithmetic.ordered import dot, norm
 from model.geometry.lists import ranges
 
 BATCH = 1 << 20  # points at once
@@ -147,13 +146,18 @@ def winding_numbers(points: np.ndarray, position: np.ndarray, triangles: np.ndar
     Takes points x triangles; for whole lattices there is `runs_inside`.
     """
     total = np.zeros(len(points))
+    corners = np.ascontiguousarray(position[triangles].transpose(1, 2, 0))[:, :, None]  # an axis is a row
     step = max(1, BATCH // 8 // max(1, len(triangles)))
     for begin in range(0, len(points), step):
-        some = points[begin : begin + step, None]
-        a, b, c = (position[corner] - some for corner in triangles.T)
-        la, lb, lc = (norm(side) for side in (a, b, c))
-        volume = dot(a, np.cross(b, c))
-        ab, bc, ca = (dot(one, two) for one, two in ((a, b), (b, c), (c, a)))
-        angle = np.arctan2(volume, la * lb * lc + ab * lc + bc * la + ca * lb)
+        a, b, c = corners - points[begin : begin + step].T[:, :, None]
+        la, lb, lc = (np.sqrt(_dot(side, side)) for side in (a, b, c))
+        normal = b[1] * c[2] - b[2] * c[1], b[2] * c[0] - b[0] * c[2], b[0] * c[1] - b[1] * c[0]
+        volume = a[0] * normal[0] + a[1] * normal[1] + a[2] * normal[2]
+        angle = np.arctan2(volume, la * lb * lc + _dot(a, b) * lc + _dot(b, c) * la + _dot(c, a) * lb)
         total[begin : begin + step] = angle.sum(axis=1) / (2 * np.pi)
     return total
+
+
+def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    found: np.ndarray = a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+    return found

@@ -23,11 +23,11 @@ Pins = str | list[int] | list[tuple[int, int]]
 class Mesh(Cloth):
     """A cloth whose edges are those of a triangle mesh, solved position-based: `[method] solver = "xpbd"`.
 
-    From a `file` (.obj, .stl, .ply; one of model/catalogue/meshes, or a path), or `shape = "sheet"`: a cloth's rows and
-    columns, every cell split along the diagonal from its first mass (`one`), or cells in turn along the one and the other
-    (`alternating`). Each vertex weighs `mass`, or a third of every triangle at it times `density`. The other fields are a
-    cloth's; of a file `rows` is 1, `columns` the number of vertices, `spacing` the mean edge, `mass` the mean mass. Beside
-    tetrahedral bodies it meets them where the scene has a `[contact]`, with both sides, and attachments hold it.
+    From a `file` (.obj, .stl, .ply, .off, .glb ...; one of model/catalogue/meshes, or a path), or `shape = "sheet"`: a
+    cloth's rows and columns, every cell split along the diagonal from its first mass (`one`), or cells in turn along the one
+    and the other (`alternating`). Each vertex weighs `mass`, or a third of every triangle at it times `density`. The other
+    fields are a cloth's; of a file `rows` is 1, `columns` the number of vertices, `spacing` the mean edge, `mass` the mean
+    mass. Beside tetrahedral bodies it meets them where the scene has a `[contact]`, with both sides, and attachments hold it.
     """
 
     contradicts: ClassVar[Mapping[str, tuple[str, ...]]] = {

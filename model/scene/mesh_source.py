@@ -36,7 +36,7 @@ class MeshSource(Part):
     contradicts: ClassVar[Mapping[str, tuple[str, ...]]] = {"shape": OF_FILES, "file": ("shape", "digest")}
 
     shape: Shape | None = None  # of the lab's own
-    file: str | None = None  # .obj, .stl or .ply
+    file: str | None = None  # .obj, .stl, .ply, .off, .glb, .gltf, .mesh or .msh
     digest: str | None = None  # of the file's bytes, written where the scene is: it must still be that file
     scale: Positive = 1.0  # m per unit of the file
     origin: Vector = ZERO  # m
@@ -49,6 +49,8 @@ class MeshSource(Part):
             raise ValueError(f'file: give either a file or a shape, such as shape = {{ name = "{self.such_as}" }}')
         if self.shape is not None and (self.digest is not None or self.scale != 1):
             raise ValueError("scale: belongs to a file; a shape has a scale of its own")
+        if self.shape is not None and getattr(self, "fill_holes", False):
+            raise ValueError("fill_holes: belongs to a file; the lab's shapes have none")
         check_axis(self)
         check_digest(self)
         return self
@@ -56,4 +58,5 @@ class MeshSource(Part):
     def _idle_fields(self) -> set[str]:
         """Only what can be given: a scene that is written can be read."""
         idle = set(OF_FILES) if self.shape is not None else {"shape"}
+        idle |= set() if getattr(self, "fill_holes", None) else {"fill_holes"}
         return super()._idle_fields() | idle | {name for name in type(self).model_fields if getattr(self, name) is None}

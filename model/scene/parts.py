@@ -22,6 +22,7 @@ Number = Annotated[float, Field(allow_inf_nan=False, strict=True)]
 Vector = tuple[Number, Number, Number]  # x, y (up), z
 ZERO: Vector = (0.0, 0.0, 0.0)
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False, strict=True)]
+Flag = Annotated[bool, Field(strict=True)]
 NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False, strict=True)]
 AtLeastOne = Annotated[float, Field(ge=1, allow_inf_nan=False, strict=True)]
 MAX_COUNTED = 2**31 - 1  # masses along a side: their indices are 32-bit

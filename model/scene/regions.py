@@ -18,13 +18,13 @@ from model.geometry.solid import solid
 from model.geometry.topology import mesh_path
 from model.geometry.voxels import winding_numbers
 from model.scene.mesh_source import check_axis, check_digest
-from model.scene.parts import ZERO, Number, Part, Positive, Vector
+from model.scene.parts import ZERO, Flag, Number, Part, Positive, Vector
 
 Side = Literal["left", "right", "bottom", "top", "back", "front"]  # of x, y and z: the lower one first
 SIDES: tuple[Side, ...] = ("left", "right", "bottom", "top", "back", "front")
 WORDS = (*SIDES, "all")
 WAYS = (("low", "high"), ("center",), ("start", "end"), ("point", "normal"), ("shape",), ("file",))  # to tell a region
-OF_MESHES = ("scale", "origin", "angle", "axis")
+OF_MESHES = ("scale", "fill_holes", "origin", "angle", "axis")
 
 
 class Region(Part):
@@ -47,9 +47,10 @@ class Region(Part):
     point: Vector | None = None  # m
     normal: Vector | None = None
     shape: Shape | None = None  # of the lab's own
-    file: str | None = None  # .obj, .stl or .ply
+    file: str | None = None  # .obj, .stl, .ply, .off, .glb, .gltf, .mesh or .msh
     digest: str | None = None  # of the file's bytes, written where the scene is: it must still be that file
     scale: Positive = 1.0  # m per unit of the file
+    fill_holes: Flag = False  # of a file
     origin: Vector = ZERO  # m
     angle: Number = 0.0  # degrees
     axis: Vector = (0.0, 1.0, 0.0)
@@ -74,11 +75,14 @@ class Region(Part):
             raise ValueError(f"shape: a {self.shape.name} has no inside; take a box, a beam, a torus ...")
         if self.file is None and self.scale != 1:
             raise ValueError("scale: belongs to a file; a shape has a scale of its own")
+        if self.file is None and self.fill_holes:
+            raise ValueError("fill_holes: belongs to a file; the lab's shapes have none")
         check_digest(self)
         return self
 
     def _idle_fields(self) -> set[str]:
         idle = {name for name in type(self).model_fields if getattr(self, name) is None}
+        idle |= set() if self.fill_holes else {"fill_holes"}
         return idle if self.shape or self.file else idle | set(OF_MESHES)
 
     def holds(self, position: np.ndarray, near: float) -> np.ndarray:
@@ -104,9 +108,11 @@ class Region(Part):
     @cached_property
     def _surface(self) -> tuple[np.ndarray, np.ndarray]:
         """(vertices (n, 3) [m], triangles), where the scene has it. Raises InputError."""
-        mesh: TriangleMesh = self.shape.mesh() if self.shape else read_mesh(mesh_path(self.file or ""), self.scale)
+        mesh: TriangleMesh = (
+            self.shape.mesh() if self.shape else read_mesh(mesh_path(self.file or ""), self.scale, True)
+        )
         try:
-            found = solid(mesh, 0.0, "a box, a ball or a capsule")
+            found = solid(mesh, 0.0, "a box, a ball or a capsule", self.fill_holes)
         except InputError as error:
             raise InputError(f"{self.file or 'shape'}: {error}") from None
         return applied(turned_about(self.axis, self.angle), found.position) + self.origin, found.triangles

@@ -8,7 +8,7 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import Field, model_validator
 
 from model.scene.mesh_source import MeshSource
-from model.scene.parts import ZERO, AtLeastOne, Count, NotNegative, Part, Positive, Vector
+from model.scene.parts import ZERO, AtLeastOne, Count, Flag, NotNegative, Part, Positive, Vector
 
 MaterialName = Literal["fixed-corotated", "corotated", "neo-hookean"]
 LARGEST_RATIO = 0.499  # above it lambda / mu is over 500, and a linear tetrahedron does nothing but lock
@@ -24,7 +24,7 @@ class TetrahedralBody(MeshSource):
     """A soft body whose stiffness is Young's modulus and Poisson's ratio: tetrahedra cut from a lattice of voxels.
 
     Voxels `edge` long, or `voxels` of them along the longest side, each cut into `tetrahedra`; or those of a file of
-    tetrahedra (.msh, .vtk, .ele with .node, .npz) as they are. Of `material`: energies per
+    tetrahedra (.msh, .mesh, .vtk, .ele with .node, .npz) as they are. Of `material`: energies per
     volume of the stretches s and the volume ratio J, mu sum (s - 1)^2 + lambda / 2 (J - 1)^2 (`fixed-corotated`), with
     (sum (s - 1))^2 in place of (J - 1)^2 (`corotated`), or the stable neo-Hookean one. `damping` is a time: a stress damping
     * the rate at which the elastic one changes. `pinned`: sides of the mesh's box, regions or `all`, whose vertices stay
@@ -39,7 +39,8 @@ class TetrahedralBody(MeshSource):
         **MeshSource.contradicts, "edge": ("voxels",), "voxels": ("edge",),
     }  # fmt: skip
 
-    file: str | None = None  # .obj, .stl, .ply; of tetrahedra as they are .msh, .vtk, .ele with .node, .npz
+    file: str | None = None  # as of other bodies; of tetrahedra as they are .msh, .mesh, .vtk, .ele with .node, .npz
+    fill_holes: Flag = False  # of the surface
     edge: Positive | None = None  # m, of a voxel
     voxels: Count = 10  # along the longest side, unless an edge is given
     tetrahedra: Literal[5, 6, "conforming"] = 5  # to a voxel; six lock sooner; or conforming, which follow the surface
@@ -50,7 +51,7 @@ class TetrahedralBody(MeshSource):
     poisson_ratio: Poisson = 0.45
     density: Positive = 1000.0  # kg/m^3
     damping: NotNegative = 0.0  # s
-    self_collision: Annotated[bool, Field(strict=True)] = False  # its far parts meet
+    self_collision: Flag = False  # its far parts meet
     mass_damping: NotNegative = 0.0  # 1/s: the rate at which velocities decay, of all masses alike
     mass_ratio: AtLeastOne | None = None  # of two neighbours' masses, at most; the body's stays; any, unless given
     pinned: tuple[str, ...] = ()  # of left, right (x), bottom, top (y), back, front (z), all, and names of regions

@@ -278,8 +278,9 @@ def cut(part: TetrahedralBody) -> CookedBody:
     source = part.shape or mesh_path(part.file or "")
     voxels = None if part.edge is not None or is_settled(source) else part.voxels
     return cooked(
-        source, edge=part.edge, voxels=voxels, per_voxel=part.tetrahedra, scale=part.scale, density=part.density
-    )
+        source, edge=part.edge, voxels=voxels, per_voxel=part.tetrahedra, scale=part.scale, density=part.density,
+        fill_holes=part.fill_holes,
+    )  # fmt: skip
 
 
 def _placed(part: TetrahedralBody, mesh: TetrahedralMesh) -> TetrahedralMesh:

@@ -17,7 +17,7 @@ import numpy as np
 from model.core.errors import SceneError
 from model.geometry.lists import offsets_of
 
-MAX_COLOURS = 1024  # each is a launch or a barrier: a vertex with more constraints than that needs another solver
+MAX_COLOURS = 1024  # each is a launch or a barrier: a vertex with more constraints than that takes another solver
 PASSES = 32  # of saving colours; later ones were seen to save none
 WORD = 63  # colours that fit one signed word of used colours
 
@@ -49,8 +49,8 @@ def colour(constraints: np.ndarray, vertex_count: int, seed: int = 0) -> Colouri
         raise SceneError(
             "constraints",
             least,
-            f"meet at vertex {int(np.argmax(valence))}; at most {MAX_COLOURS} at a vertex can be coloured: refine the mesh "
-            "there, or solve without colours",
+            f"meet at vertex {int(np.argmax(valence))} (counted from 0), and at most {MAX_COLOURS} can: divide the triangles "
+            "around it into rings, so that fewer edges end there",
         )
     generator = np.random.default_rng(seed)
     given = _greedy(vertices, vertex_count, generator.permutation(len(vertices)))

@@ -94,6 +94,7 @@ def test_what_differs_is_made_anew(tmp_path):
         "cluster_stiffness": 1.0,
         "link_radius": 0.3,
         "link_stiffness": 11.0,
+        "fill_holes": True,
     }.items():
         fields = PARAMETERS.model_dump() | {name: value}
         if name == "mass":

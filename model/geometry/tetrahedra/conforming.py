@@ -19,7 +19,8 @@ import numpy as np
 from model.core.disk_cache import read_arrays
 from model.core.errors import BackendUnavailable, InputError, SceneError
 from model.geometry.arithmetic.ordered import norm
-from model.geometry.mesh import check_vertices, without_flat
+from model.geometry.mending.welding import without_flat
+from model.geometry.mesh_files import check_vertices
 from model.geometry.tetrahedra.embedding import Embedding, carriers
 from model.geometry.tetrahedra.mesh import TetrahedralMesh, signed_volumes
 

@@ -20,9 +20,10 @@ from model.core.errors import InputError, SceneError
 from model.core.memory import available_bytes, readable
 from model.geometry.arithmetic.ordered import applied, determinant, dot
 from model.geometry.edges import components
-from model.geometry.mesh import LARGEST, TriangleMesh
+from model.geometry.mesh import TriangleMesh
+from model.geometry.mesh_files import LARGEST
 from model.geometry.normals import mesh_normals
-from model.geometry.solid import Solid, as_mesh, solid
+from model.geometry.solid import CLOTH, OTHERWISE, Solid, as_mesh, solid
 from model.geometry.tetrahedra.embedding import Embedding
 from model.geometry.tetrahedra.meeting import Cells
 from model.geometry.tetrahedra.mesh import TetrahedralMesh
@@ -94,7 +95,7 @@ def voxel_mesh(
 
     Raises SceneError (a parameter) and InputError (an open mesh, nothing inside, coordinates beyond those of a body).
     """
-    mesh = as_mesh(mesh)
+    mesh = as_mesh(mesh, inside=True)
     _refuse_open(mesh)
     hull = solid(mesh, 0.0)
     low, high = hull.position.min(axis=0), hull.position.max(axis=0)
@@ -118,8 +119,8 @@ def _refuse_open(mesh: TriangleMesh) -> None:
         rim = mesh.position[mesh.edges.edges[int(np.argmax(mesh.edges.boundary))]].mean(axis=0)
         raise InputError(
             f"the mesh is open, it has {rims} rim{'' if rims == 1 else 's'} ({int(mesh.edges.boundary.sum())} edges with a "
-            f"triangle on one side only, the first at ({', '.join(f'{x:.4g}' for x in rim)})), so it has no inside; fill its "
-            'holes in the program that made it, or make it a cloth: kind = "soft_sheet"'
+            f"triangle on one side only, the first at ({', '.join(f'{x:.4g}' for x in rim)})), so it has no inside: "
+            f'{OTHERWISE}, take tetrahedra = "conforming", which closes holes, or make it {CLOTH}'
         )
 
 

@@ -114,7 +114,7 @@ def test_inverted_ones_are_refused_by_number(tmp_path):
 def test_what_is_refused(tmp_path):
     texts = {
         "two.msh": (
-            ("2.2 0 8", "2.2 1 8", "it is binary; export it as text"),
+            ("2.2 0 8", "2.2 1 8", "it says that it is binary"),
             ("2.2 0 8", "4.0 0 8", "version 4.0; export it as 2.2 or 4.1"),
             ("$MeshFormat", "$Format", "no .MeshFormat"),
             ("$Nodes\n", "$Nodes\n9", "promised"),
@@ -130,7 +130,7 @@ def test_what_is_refused(tmp_path):
             ("CELL_TYPES", "CELL_DATA", "no CELL_TYPES"),
             (X, "nan", "no finite coordinates"),
             (X, "1e300", "give a scale"),
-            (X, "x", "cannot be read as vtk"),
+            (X, "x", "'x' is not a number"),
         ),
         "four.msh": (("\n3 1 4 ", "\n3 1 99 ", "elements of type 99"),),
     }

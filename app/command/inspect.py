@@ -1,0 +1,20 @@
+"""softlab inspect: what a mesh file holds and which roles it fits."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from rich.console import Console
+
+from model.assets.inspection import inspected
+
+
+def inspect_file(file: Path, out: Console, *, scale: float = 1.0, as_json: bool = False) -> None:
+    """Print the inspection of `file`. Raises SceneError and InputError."""
+    found = inspected(file, scale)
+    if as_json:
+        print(json.dumps(found.as_dict()))
+        return
+    for line in found.lines():
+        out.print(line, markup=False, soft_wrap=True)

@@ -1,0 +1,298 @@
+"""PLY (G. Turk, 1994), text and binary in either byte order: vertices, faces of any size, triangle strips.
+
+Other elements and properties are skipped.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from model.core.errors import InputError
+from model.geometry.formats.faces import Faces
+from model.geometry.formats.source import NotANumber, plain, reals, wholes
+
+TYPES = {
+    "char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4", "float": "f4", "double": "f8",
+    "int8": "i1", "uint8": "u1", "int16": "i2", "uint16": "u2", "int32": "i4", "uint32": "u4", "int64": "i8",
+    "uint64": "u8", "float32": "f4", "float64": "f8",
+}  # fmt: skip
+LISTS = ("vertex_indices", "vertex_index")
+END = re.compile(rb"^end_header[ \t]*(\r\n|\n|\r)", re.MULTILINE)
+
+
+_Lists = tuple[str, np.ndarray, np.ndarray]  # name of an element, vertices of its lists (sum of sizes,), sizes (rows,)
+
+
+@dataclass
+class _Property:
+    name: str
+    kind: str
+    count: str = ""  # type of a list's length; empty: one number
+
+
+@dataclass
+class _Element:
+    name: str
+    length: int
+    properties: list[_Property] = field(default_factory=list)
+
+    def at(self, names: tuple[str, ...]) -> list[int]:
+        """Return the places of the properties of these names, in the order of `names`."""
+        known = {one.name.lower(): place for place, one in enumerate(self.properties)}
+        return [known[name] for name in names if name in known]
+
+
+def read_ply(data: bytes) -> Faces:
+    """Return the faces of a PLY file. Raises InputError: no header, cut short, no coordinates."""
+    head = data[: 1 << 20]
+    if b"\n" not in head.split(b"end_header")[0]:  # line ends of old Macs
+        end = re.search(rb"\rend_header[ \t]*\r", head)
+    else:
+        end = re.search(rb"\nend_header[ \t]*(?:\r\n|\n)", head)
+    if not data.startswith(b"ply") or end is None:
+        raise InputError("it cannot be read as PLY: it has no header from `ply` to `end_header`; export it again")
+    lines = plain(data[: end.end()]).decode("latin-1").splitlines()
+    form, elements = _header(lines)
+    if form == "ascii":
+        return _text(plain(data[end.end() :]), elements, len(lines))
+    return _binary(data[end.end() :], elements, "<" if form == "binary_little_endian" else ">")
+
+
+def _header(lines: list[str]) -> tuple[str, list[_Element]]:
+    form, elements = "", list[_Element]()
+    for number, line in enumerate(lines, 1):
+        words = line.split()
+        try:
+            if words[:1] == ["format"]:
+                form = words[1]
+            elif words[:1] == ["element"]:
+                elements.append(_Element(words[1], int(words[2])))
+            elif words[:2] == ["property", "list"]:
+                elements[-1].properties.append(_Property(words[4], TYPES[words[3]], TYPES[words[2]]))
+            elif words[:1] == ["property"]:
+                elements[-1].properties.append(_Property(words[2], TYPES[words[1]]))
+        except (IndexError, KeyError, ValueError):
+            raise InputError(
+                f"it cannot be read as PLY: line {number} is no line of a header; export it again"
+            ) from None
+    if form not in ("ascii", "binary_little_endian", "binary_big_endian"):
+        raise InputError(f"it cannot be read as PLY: its format is {form or 'not given'}; export it again")
+    if any(element.length < 0 for element in elements):
+        raise InputError("it cannot be read as PLY: an element has a negative length; export it again")
+    return form, elements
+
+
+def _coordinates(element: _Element) -> list[int]:
+    places = element.at(("x", "y", "z"))
+    if len(places) < 3 or any(element.properties[place].count for place in places):
+        raise InputError("it cannot be read as PLY: its vertices have no x, y and z; export it again")
+    return places
+
+
+# ---------------------------------------------------------------------- text
+
+
+def _text(body: bytes, elements: list[_Element], header: int) -> Faces:
+    """Every row is a line; empty lines are skipped."""
+    lines = body.split(b"\n")
+    filled = [number for number, line in enumerate(lines) if line.strip()]
+    position, parts, at, first_vertex, first_face = np.zeros((0, 3)), [], 0, 0, 0
+    for element in elements:
+        numbers = filled[at : at + element.length]
+        if element.name == "vertex":
+            if len(numbers) < element.length:
+                raise InputError(
+                    f"{element.length} vertices promised, {len(numbers)} found: it is cut short; export it again"
+                )
+            position, first_vertex = _text_vertices(element, lines, numbers, header), at
+        elif element.name in ("face", "tristrips"):
+            parts.append(_text_lists(element, lines, numbers, header))
+            first_face = at if element.name == "face" else first_face
+        at += element.length
+
+    def line(first: int, number: int) -> str:
+        return f"line {header + filled[first + number] + 1}" if first + number < len(filled) else ""
+
+    corners, sizes = _gathered(parts)
+    return Faces(
+        position, corners, sizes, lambda number: line(first_vertex, number), lambda number: line(first_face, number)
+    )
+
+
+def _text_vertices(element: _Element, lines: list[bytes], numbers: list[int], header: int) -> np.ndarray:
+    places = _coordinates(element)
+    if any(one.count for one in element.properties):
+        raise InputError("it cannot be read as PLY: its vertices hold lists; export it without them")
+    rows = [lines[number].split() for number in numbers]
+    wanted = len(element.properties)
+    for number, row in zip(numbers, rows, strict=True):
+        if len(row) < wanted:
+            raise InputError(
+                f"line {header + number + 1} has {len(row)} numbers of {wanted} of a vertex: damaged or cut short; export "
+                "it again"
+            )
+    try:
+        return reals([row[place] for row in rows for place in places], 3 * len(rows)).reshape(-1, 3)
+    except NotANumber as error:
+        where = header + numbers[error.number // 3] + 1
+        raise InputError(f"it cannot be read as PLY: {error.message} (line {where}); export it again") from None
+
+
+def _text_lists(element: _Element, lines: list[bytes], numbers: list[int], header: int) -> _Lists:
+    """Return the lists of vertices of an element's rows."""
+    place = _list_of(element)
+    found: list[list[bytes]] = []
+    for number in numbers:
+        words, at = lines[number].split(), 0
+        for which, one in enumerate(element.properties):
+            length = 1
+            if one.count:
+                count = words[at] if at < len(words) else b""
+                length = int(count) if count.isdigit() else len(words) + 1
+                at += 1
+            if which == place:
+                if at + length > len(words):
+                    raise InputError(_short(element, len(found)) + f" (line {header + number + 1})")
+                found.append(words[at : at + length])
+                break
+            at += length
+    if len(found) < element.length:
+        raise InputError(_short(element, len(found)))
+    sizes = np.fromiter(map(len, found), np.int64, len(found))
+    try:
+        flat = wholes([word for row in found for word in row], int(sizes.sum()))
+    except NotANumber as error:
+        row = int(np.searchsorted(np.cumsum(sizes), error.number, "right"))
+        where = header + numbers[row] + 1
+        raise InputError(f"it cannot be read as PLY: {error.message} (line {where}); export it again") from None
+    return element.name, flat, sizes
+
+
+def _short(element: _Element, found: int) -> str:
+    return (
+        f"{element.length} faces, of which {found} can be read: it is cut short, or has faces of fewer than three corners; "
+        "export it again"
+    )
+
+
+def _list_of(element: _Element) -> int:
+    place = next((k for k, one in enumerate(element.properties) if one.count and one.name in LISTS), None)
+    if place is None:
+        place = next((k for k, one in enumerate(element.properties) if one.count), None)
+    if place is None and element.length:
+        raise InputError("it cannot be read as PLY: its faces have no list of vertices; export it again")
+    return -1 if place is None else place
+
+
+# ---------------------------------------------------------------------- binary
+
+
+def _binary(body: bytes, elements: list[_Element], order: str) -> Faces:
+    position, parts, at = np.zeros((0, 3)), [], 0
+    for element in elements:
+        if not any(one.count for one in element.properties):
+            row = np.dtype([(f"p{k}", order + one.kind) for k, one in enumerate(element.properties)])
+            _check_rest(element, body, at, row.itemsize * element.length)
+            if element.name == "vertex":
+                rows = np.frombuffer(body, row, element.length, at)
+                position = np.stack([rows[f"p{k}"].astype(np.float64) for k in _coordinates(element)], axis=1)
+            at += row.itemsize * element.length
+            continue
+        if element.name == "vertex":
+            raise InputError("it cannot be read as PLY: its vertices hold lists; export it without them")
+        lists, at = _binary_lists(element, body, at, order)
+        if element.name in ("face", "tristrips"):
+            parts.append(lists)
+    corners, sizes = _gathered(parts)
+    return Faces(position, corners, sizes)
+
+
+def _check_rest(element: _Element, body: bytes, at: int, needed: int) -> None:
+    if at + needed > len(body):
+        raise InputError(
+            f"it cannot be read as PLY: {element.length} rows of `{element.name}` take {needed} bytes, and {len(body) - at} "
+            "are left: cut short or damaged; export it again"
+        )
+
+
+def _binary_lists(element: _Element, body: bytes, at: int, order: str) -> tuple[_Lists, int]:
+    """Return (lists of vertices of the element's rows, where the next element begins). Rows of one length at once."""
+    wanted = _list_of(element)
+    if element.length:
+        row = _row_like_the_first(element, body, at, order)
+        if row is not None and at + row.itemsize * element.length <= len(body):
+            rows = np.frombuffer(body, row, element.length, at)
+            counts = [name for name in row.names or () if name.startswith("n")]
+            if all((rows[name] == rows[name][0]).all() for name in counts):
+                same = rows[f"p{wanted}"].astype(np.int64)
+                sizes = np.full(len(same), same.shape[1], np.int64)
+                return (element.name, same.ravel(), sizes), at + row.itemsize * element.length
+    found = []
+    kinds = [
+        (np.dtype(order + one.kind), np.dtype(order + one.count) if one.count else None) for one in element.properties
+    ]
+    for _ in range(element.length):
+        for k, (kind, count) in enumerate(kinds):
+            length = 1
+            if count is not None:
+                _check_rest(element, body, at, count.itemsize)
+                length = int(np.frombuffer(body, count, 1, at)[0])
+                at += count.itemsize
+            if length < 0:
+                raise InputError("it cannot be read as PLY: a list has a negative length: damaged; export it again")
+            _check_rest(element, body, at, kind.itemsize * length)
+            if k == wanted:
+                found.append(np.frombuffer(body, kind, length, at).astype(np.int64))
+            at += kind.itemsize * length
+    sizes = np.fromiter(map(len, found), np.int64, len(found))
+    return (element.name, np.concatenate([np.zeros(0, np.int64), *found]), sizes), at
+
+
+def _row_like_the_first(element: _Element, body: bytes, at: int, order: str) -> np.dtype | None:
+    fields: list[tuple] = []
+    for k, one in enumerate(element.properties):
+        if not one.count:
+            fields.append((f"p{k}", order + one.kind))
+            at += np.dtype(one.kind).itemsize
+            continue
+        count = np.dtype(order + one.count)
+        if at + count.itemsize > len(body):
+            return None
+        length = int(np.frombuffer(body, count, 1, at)[0])
+        if not 0 <= length <= len(body):
+            return None
+        fields += [(f"n{k}", count), (f"p{k}", order + one.kind, (length,))]
+        at += count.itemsize + length * np.dtype(one.kind).itemsize
+    return np.dtype(fields)
+
+
+def _gathered(parts: list[_Lists]) -> tuple[np.ndarray, np.ndarray]:
+    """Return (corners, sizes) of faces and of strips, whose triangles -1 separates."""
+    corners, sizes = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
+    for name, flat, lengths in parts:
+        if name == "tristrips":
+            strips = np.split(flat, np.cumsum(lengths)[:-1])
+            triangles = [triangle for strip in strips for triangle in _strip(strip)]
+            flat, lengths = np.concatenate([np.zeros(0, np.int64), *triangles]), np.full(len(triangles), 3)
+        corners.append(flat)
+        sizes.append(lengths)
+    size = np.concatenate(sizes)
+    if len(size) and size.min() < 3:
+        raise InputError(
+            f"{len(size)} faces, of which {int((size > 2).sum())} can be read: it has faces of fewer than three corners; "
+            "export it again"
+        )
+    return np.concatenate(corners), size
+
+
+def _strip(strip: np.ndarray) -> list[np.ndarray]:
+    """Return the triangles of strips of vertices: every second one the other way round."""
+    found = []
+    for run in np.split(strip, np.flatnonzero(strip < 0)):
+        run = run[run >= 0]
+        for k in range(len(run) - 2):
+            found.append(run[[k, k + 1, k + 2]] if k % 2 == 0 else run[[k + 1, k, k + 2]])
+    return found

@@ -1,0 +1,51 @@
+"""The words of a text, taken in order."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from model.core.errors import InputError
+from model.geometry.formats.source import NotANumber, reals, wholes
+
+
+class Words:
+    """The words of a text and a place among them."""
+
+    def __init__(self, text: str) -> None:
+        self.words, self.at = text.split(), 0
+
+    def take(self, count: int, what: str) -> list[str]:
+        """Return the next `count` words. Raises InputError: fewer are left."""
+        if not 0 <= count <= len(self.words) - self.at:
+            raise InputError(
+                f"{count} numbers of {what} promised, {len(self.words) - self.at} found: cut short or damaged; export it "
+                "again"
+            )
+        self.at += count
+        return self.words[self.at - count : self.at]
+
+    def counts(self, count: int, what: str) -> list[int]:
+        """Return the next `count` words as whole numbers."""
+        return [int(number) for number in self.whole(count, what)]
+
+    def whole(self, count: int, what: str) -> np.ndarray:
+        """Return the next `count` words as (count,) int64."""
+        try:
+            return wholes(self.take(count, what), count)
+        except NotANumber as error:
+            raise InputError(f"among its {what}, {error.message}; export it again") from None
+
+    def real(self, count: int, what: str) -> np.ndarray:
+        """Return the next `count` words as (count,) float64."""
+        try:
+            return reals(self.take(count, what), count)
+        except NotANumber as error:
+            raise InputError(f"among its {what}, {error.message}; export it again") from None
+
+    def upto(self, word: str) -> bool:
+        """Go behind the next `word`; return whether there is one."""
+        try:
+            self.at = self.words.index(word, self.at) + 1
+        except ValueError:
+            return False
+        return True

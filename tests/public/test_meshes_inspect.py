@@ -1,0 +1,156 @@
+"""softlab inspect: what a file holds, what it can be used as, and why not; progress of work on meshes."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from closed_meshes import ball, blocks, box
+from meshes import sheet
+from test_cli import command, refused  # noqa: F401
+from test_mesh import binary_stl, obj, write
+
+from app.command.command_line import waiting_shown
+from model.assets.inspection import SURFACE_ROLES, inspected, unit
+from model.core.waiting import steps, waiting_watched
+from model.geometry.signed_distance import squared_distances
+from model.geometry.tetrahedra.voxels import voxel_mesh
+
+
+def test_a_closed_mesh_fits_everything(tmp_path: Path) -> None:
+    found = inspected(write(tmp_path, "box.obj", obj(*box((1.0, 2.0, 3.0)))))
+    assert (found.vertices, found.triangles, found.pieces, found.rims, found.non_manifold_edges) == (8, 12, 1, 0, 0)
+    assert found.size == (1.0, 2.0, 3.0) and found.low == (-0.5, -1.0, -1.5)
+    assert (found.area, found.volume) == (pytest.approx(22.0), pytest.approx(6.0))
+    fits = {name for name, reason in found.roles.items() if not reason}
+    assert fits | {"tetrahedral_body_conforming"} == set(SURFACE_ROLES)
+
+
+def test_an_open_sheet_fits_cloth_and_colliders(tmp_path: Path) -> None:
+    found = inspected(write(tmp_path, "sheet.obj", obj(*sheet(3, 5, 0.5))), scale=2.0)
+    assert found.volume is None and found.rims == 1 and found.area == pytest.approx(8.0)
+    assert found.widest_rim == pytest.approx(np.hypot(2.0, 4.0))
+    assert not found.roles["cloth"] and not found.roles["mesh_collider"]
+    for role in ("soft_body", "rigid_body", "tetrahedral_body", "distance_field"):
+        assert "not closed" in found.roles[role] and "fill_holes = true" in found.roles[role]
+    assert found.unit == "given by the scale: 2 m"
+
+
+def test_a_soup_fits_bodies_but_no_cloth(tmp_path: Path) -> None:
+    """Cubes that touch along edges."""
+    found = inspected(write(tmp_path, "a.obj", obj(*blocks([(0, 0, 0), (1, 1, 0)]))))
+    assert found.non_manifold_edges == 1 and found.volume == pytest.approx(2.0) and found.pieces == 2
+    assert "1 edge has more than two triangles" in found.roles["cloth"]
+    assert not found.roles["soft_body"] and not found.roles["tetrahedral_body"] and not found.roles["distance_field"]
+    assert any("winding numbers" in repair for repair in found.repairs)
+
+
+def test_tetrahedra(tmp_path: Path) -> None:
+    mesh = voxel_mesh(box((0.3, 0.2, 0.1)), edge=0.1).mesh
+    rows = "".join(f"{k} {' '.join(map(repr, map(float, point)))}\n" for k, point in enumerate(mesh.position))
+    write(tmp_path, "a.node", f"{len(mesh.position)} 3 0 0\n{rows}")
+    cells = "".join(f"{k} {' '.join(map(str, corners))}\n" for k, corners in enumerate(mesh.tetrahedra))
+    found = inspected(write(tmp_path, "a.ele", f"{len(mesh.tetrahedra)} 4 0\n{cells}"))
+    assert found.tetrahedra == 30 and found.volume == pytest.approx(0.006) and found.rims == 0
+    assert not found.roles["tetrahedral_body"] and "read as tetrahedra alone" in found.roles["cloth"]
+
+
+@pytest.mark.parametrize(
+    "name,longest,words",
+    [
+        ("a.obj", 1.7, "probably m"),
+        ("a.obj", 170.0, "probably cm .*scale = 0.01; or mm: scale = 0.001"),
+        ("a.obj", 1700.0, "probably mm .*scale = 0.001"),
+        ("a.stl", 25.0, "probably mm .*scale = 0.001"),
+        ("a.glb", 25.0, "m, as .glb has it"),
+        ("a.obj", 1e6, "unknown"),
+        ("a.ply", 1e-4, "probably m .*if that is too small, give a scale"),
+    ],
+)
+def test_units_are_guessed(name: str, longest: float, words: str) -> None:
+    import re
+
+    assert re.search(words, unit(Path(name), longest, 1.0))
+
+
+def test_far_from_its_origin(tmp_path: Path) -> None:
+    """As maps have it."""
+    position, triangles = ball()
+    found = inspected(write(tmp_path, "a.obj", obj(position + np.array([5e6, 0, 0]), triangles)))
+    assert "times its size: move it to the origin" in found.notes[0]
+
+
+def test_the_command(command, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]  # noqa: F811
+    write(tmp_path, "ball.stl", binary_stl(*ball()))
+    shown = command("inspect ball.stl --scale 0.001")
+    assert shown.status == 0, shown.err
+    for words in (
+        "66 vertices, 128 triangles, 1 piece",
+        "closed",
+        "repair: ",
+        "fits cloth, soft_body, rigid_body",
+        "m^3",
+    ):
+        assert words in shown.out
+    held = json.loads(command("inspect ball.stl --json").out)
+    assert held["triangles"] == 128 and held["roles"]["cloth"] == {"fits": True, "reason": ""}
+    assert set(held) >= {"size", "area", "volume", "pieces", "rims", "non_manifold_edges", "unit", "repairs", "roles"}
+    helped = command("inspect --help").out
+    assert "Example: softlab inspect scan.ply" in " ".join(helped.split())
+    refused(command("inspect none.obj"), 2, "no such file")
+    refused(command("inspect ball.stl --scale 0"), 2, "scale")
+    write(tmp_path, "line.obj", "v 0 0 0\nv 1 1 1\nv 2 2 2\nf 1 2 3\n")
+    refused(command("inspect line.obj"), 2, "line.obj: none of its 1 triangles has an area")
+
+
+def test_holes_are_filled_by_cook(command, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]  # noqa: F811
+    position, triangles = ball(halvings=1)
+    write(tmp_path, "open.obj", obj(position, triangles[1:]))
+    refused(command("cook open.obj a.npz --voxels 4"), 2, "--fill-holes")
+    cut = command("cook open.obj a.npz --voxels 4 --fill-holes")
+    assert cut.status == 0 and "1 hole" in cut.out and (tmp_path / "a.npz").exists()
+
+
+# ---------------------------------------------------------------------- progress
+
+
+def test_long_work_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Fractions that rise to 1; short work says nothing."""
+    seen: list[tuple[str, float]] = []
+    with waiting_watched(lambda label, fraction: seen.append((label, fraction))):
+        assert list(steps(range(3), 3, "quick")) == [0, 1, 2]
+        assert not seen
+        monkeypatch.setattr("model.core.waiting.INTERVAL", -1.0)
+        assert list(steps("abcd", 4, "slow")) == list("abcd")
+        assert [fraction for _, fraction in seen] == [0.25, 0.5, 0.75, 1.0, 1.0] and seen[0][0] == "slow"
+        seen.clear()
+        position, triangles = ball()
+        squared_distances(position[triangles], np.full(3, -1.0), np.array([21, 21, 21]), 0.1)
+        assert {label for label, _ in seen} == {"distance field"}
+
+
+def test_ctrl_c_ends_long_work(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As the signal does it, between two batches; the bar is gone then."""
+    monkeypatch.setattr("model.core.waiting.INTERVAL", -1.0)
+    position, triangles = ball()
+
+    def stop(_label: str, _fraction: float) -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt), waiting_shown(), waiting_watched(stop):
+        squared_distances(position[triangles], np.full(3, -1.0), np.array([21, 21, 21]), 0.1)
+    list(steps(range(3), 3, "after"))  # nobody is watching any more
+
+
+def test_distances_to_small_triangles_and_large_ones() -> None:
+    """The nearest middle is not the nearest triangle: beside a large square lie small ones."""
+    large = np.array([[[0, 0, 0], [10, 0, 0], [0, 10, 0.0]]])
+    small = np.array([[0, 0, 0], [0.1, 0, 0], [0, 0.1, 0]]) + np.array([[[-1, -1, 1.0]], [[-1, 0, 1]], [[0, -1, 1]]])
+    low, spacing = np.array([-1.5, -1.5, 0.5]), 0.5
+    found = squared_distances(np.concatenate([large, small]), low, np.array([9, 9, 3]), spacing)
+    one = np.minimum.reduce(
+        [squared_distances(np.array([t]), low, np.array([9, 9, 3]), spacing) for t in [*large, *small]]
+    )
+    assert np.array_equal(found, one)
