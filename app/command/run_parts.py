@@ -9,17 +9,25 @@ import numpy as np
 from model.contact.surface_collider import SurfaceCollider, naming
 from model.core.simulation import Simulation, State
 from model.fluid.measure import compression, height
+from model.geometry.arithmetic.ordered import total
 from model.scene.scene import Scene
 from model.shape_matching.spare import counts
+from model.tetrahedra.placed import cut
 
 
 def body_lines(scene: Scene) -> list[str]:
-    """What became of the meshes of a scene's bodies, each told once for all its copies."""
+    """What the meshes of a scene's bodies became: of each, once for all its copies, what was built and what it weighs."""
     lines = []
     for name, part in scene.bodies.items():
         times = f" (x {part.count})" if part.count > 1 else ""
         times += f" and {part.spare} waiting" if part.spare else ""
         lines += [f"{name}{times}: {line}" for line in part.baked.report.lines()]
+    if scene.tetrahedra:
+        found = (scene.members["tetrahedra"] if scene.is_world else scene).tetrahedra_set
+        ends = [*found.first_particle, found.particle_count]
+        for first, end, (name, body) in zip(ends, ends[1:], scene.tetrahedra.items(), strict=False):
+            mass = float(total(found.masses[first:end]))
+            lines += [f"{name}: {line}" for line in cut(body).report.brief(mass)]
     return lines
 
 

@@ -10,7 +10,7 @@ from dataclasses import asdict
 from functools import cache
 from math import inf
 from pathlib import Path
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
 
@@ -38,7 +38,7 @@ from model.geometry.tetrahedra.mesh import TetrahedralMesh, check_density
 from model.geometry.tetrahedra.report import Report
 from model.geometry.tetrahedra.voxels import PerVoxel
 
-VERSION = 1  # of the files: what is in them, and how
+VERSION = 2  # of the files: what is in them, and how
 SHAPES = tuple(
     name for name in get_args(ShapeName) if name not in ("letters", "sheet", "terrain")
 )  # closed, of no text
@@ -221,6 +221,7 @@ def _packed(body: CookedBody) -> dict[str, np.ndarray]:
         "hull_triangles": body.hull_triangles,
         "embedding_tetrahedron": body.embedding.tetrahedron,
         "embedding_weights": body.embedding.weights,
+        "fractions": body.fractions,
     }
 
 
@@ -230,11 +231,12 @@ def _unpacked(held: dict[str, np.ndarray]) -> CookedBody | None:
         if int(held["version"]) != VERSION:
             return None
         told = json.loads(str(held["report"]))
-        report = Report(**{**told, "worst_place": tuple(told["worst_place"]), "told": tuple(told["told"])})
+        fields: dict[str, Any] = {name: tuple(one) if isinstance(one, list) else one for name, one in told.items()}
+        report = Report(**fields)
         mesh = TetrahedralMesh(held["position"], held["tetrahedra"])
         embedding = Embedding(held["embedding_tetrahedron"], held["embedding_weights"])
         voxel, colour, starts = held["voxel"], held["colour"], held["starts"]
-        hull, triangles = held["hull_position"], held["hull_triangles"]
+        hull, triangles, fractions = held["hull_position"], held["hull_triangles"], held["fractions"]
         count, points = len(mesh.tetrahedra), len(hull)
         cells = count if report.voxels else 0
         whole = (
@@ -245,6 +247,8 @@ def _unpacked(held: dict[str, np.ndarray]) -> CookedBody | None:
             and hull.shape == (points, 3)
             and embedding.tetrahedron.shape == (points,)
             and embedding.weights.shape == (points, 4)
+            and fractions.shape == (count, 4)
+            and bool(np.isfinite(fractions).all() and (fractions > 0).all())
             and bool(np.isfinite(hull).all() and np.isfinite(embedding.weights).all())
             and (triangles.ndim, triangles.shape[1]) == (2, 3)
             and all(array.dtype == np.int32 for array in (voxel, colour, starts, triangles, embedding.tetrahedron))
@@ -253,4 +257,4 @@ def _unpacked(held: dict[str, np.ndarray]) -> CookedBody | None:
         )
     except (KeyError, IndexError, TypeError, ValueError, AttributeError, SoftlabError):
         return None
-    return CookedBody(mesh, voxel, colour, starts, hull, triangles, embedding, report) if whole else None
+    return CookedBody(mesh, voxel, colour, starts, hull, triangles, embedding, report, fractions) if whole else None

@@ -14,6 +14,7 @@ from model.geometry.mesh_files import check_vertices
 from model.geometry.solid import as_mesh, solid
 from model.geometry.tetrahedra.conforming import conforming_mesh
 from model.geometry.tetrahedra.embedding import Embedding
+from model.geometry.tetrahedra.fractions import mean_of_four
 from model.geometry.tetrahedra.mesh import TetrahedralMesh, check_density
 from model.geometry.tetrahedra.report import Report, report_of
 from model.geometry.tetrahedra.voxels import PerVoxel, edge_of, voxel_mesh
@@ -27,7 +28,7 @@ class CookedBody:
 
     `voxel` (n, 3), `colour` (n,), `starts` (voxels + 1,) int32: as of VoxelMesh; empty of a body that is not of voxels.
     `hull_position` (points, 3) float64 [m] and `hull_triangles` (m, 3) int32: the closed surface; `embedding`: what carries
-    its points.
+    its points. `fractions` (n, 4): what of each tetrahedron is within the surface, for each of its corners (fractions.py).
     """
 
     mesh: TetrahedralMesh
@@ -38,6 +39,12 @@ class CookedBody:
     hull_triangles: np.ndarray
     embedding: Embedding
     report: Report
+    fractions: np.ndarray
+
+    @property
+    def fraction(self) -> np.ndarray:
+        """(n,) float64: the volume of each tetrahedron's part within the surface over that of all of it."""
+        return mean_of_four(self.fractions)
 
     @property
     def per_voxel(self) -> int:
@@ -58,12 +65,11 @@ def body_of_voxels(
 ) -> CookedBody:
     """Of voxels. Raises SceneError and InputError."""
     made = voxel_mesh(mesh, edge=edge, voxels=voxels, per_voxel=per_voxel)
-    size = len(made.starts) - 1, made.edge, made.doubled
-    report = report_of(made.mesh, made.embedding, made.hull.volume, DENSITY, made.hull.told, size)
-    hull = made.hull
-    return CookedBody(
-        made.mesh, made.voxel, made.colour, made.starts, hull.position, hull.triangles, made.embedding, report
-    )
+    size = len(made.starts) - 1, made.edges, made.doubled
+    hull, fractions = made.hull, made.fractions
+    surface = hull.position, hull.triangles
+    report = report_of(made.mesh, made.embedding, hull.volume, DENSITY, hull.told, size, fractions, surface)
+    return CookedBody(made.mesh, made.voxel, made.colour, made.starts, *surface, made.embedding, report, fractions)
 
 
 def body_of_surface(
@@ -81,7 +87,8 @@ def body_of_surface(
         volume, told = total(made.volumes), (f"its surface has no volume of its own: {error}",)
     none = np.zeros(0, np.int32)
     report = report_of(made, embedding, volume, DENSITY, told)
-    return CookedBody(made, none.reshape(0, 3), none, none, position, triangles, embedding, report)
+    whole = np.ones((len(made.tetrahedra), 4))
+    return CookedBody(made, none.reshape(0, 3), none, none, position, triangles, embedding, report, whole)
 
 
 def body_of_tetrahedra(mesh: TetrahedralMesh, told: tuple[str, ...]) -> CookedBody:
@@ -96,7 +103,8 @@ def body_of_tetrahedra(mesh: TetrahedralMesh, told: tuple[str, ...]) -> CookedBo
     local = position[triangles] - mean(position)
     volume = total(dot(local[:, 0], np.cross(local[:, 1], local[:, 2]))) / 6
     report = report_of(mesh, embedding, volume, DENSITY, told)
-    return CookedBody(mesh, none.reshape(0, 3), none, none, position, triangles, embedding, report)
+    whole = np.ones((len(mesh.tetrahedra), 4))
+    return CookedBody(mesh, none.reshape(0, 3), none, none, position, triangles, embedding, report, whole)
 
 
 def scaled(body: CookedBody, scale: float) -> CookedBody:
@@ -106,6 +114,7 @@ def scaled(body: CookedBody, scale: float) -> CookedBody:
     told, was = body.report.told, body.report
     with np.errstate(all="ignore"):
         mesh = TetrahedralMesh(body.mesh.position * scale, body.mesh.tetrahedra)
-        size = was.voxels, was.edge * scale, was.doubled
-        report = report_of(mesh, body.embedding, was.hull_volume * scale**3, was.density, told, size)
-    return replace(body, mesh=mesh, hull_position=body.hull_position * scale, report=report)
+        size, hull = (was.voxels, np.array(was.edges) * scale, was.doubled), body.hull_position * scale
+        surface, volume = (hull, body.hull_triangles) if was.voxels else None, was.hull_volume * scale**3
+        report = report_of(mesh, body.embedding, volume, was.density, told, size, body.fractions, surface)
+    return replace(body, mesh=mesh, hull_position=hull, report=report)

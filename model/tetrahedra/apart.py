@@ -67,6 +67,7 @@ def some_tetrahedra(whole: TetrahedraSet, particles: np.ndarray, tetrahedra: np.
         tetrahedra=numbered(whole.tetrahedra[tetrahedra]),
         rest_inverse=whole.rest_inverse[tetrahedra],
         volume=whole.volume[tetrahedra],
+        fraction=whole.fraction[tetrahedra],
         surface=numbered(whole.surface[inside]),
         first_particle=first,
         voxel=whole.voxel[tetrahedra],

@@ -8,22 +8,20 @@ from functools import cached_property
 
 import numpy as np
 
-from model.assets.cooked import cooked, is_settled
-from model.assets.tetrahedral_body import CookedBody
-from model.core.errors import InputError, SceneError
+from model.core.errors import SceneError
 from model.core.memory import MAX_PARTICLES, available_bytes, require
-from model.geometry.arithmetic.ordered import applied, mean, total
+from model.geometry.arithmetic.ordered import mean
 from model.geometry.lists import Lists, grouped
-from model.geometry.measures import edge_lengths, turned_about
+from model.geometry.measures import edge_lengths
 from model.geometry.particle_row import ParticleRow
-from model.geometry.tetrahedra.mesh import TetrahedralMesh, rest_inverse
-from model.geometry.topology import mesh_path
+from model.geometry.tetrahedra.mesh import rest_inverse
 from model.scene.attachment import Attachment, pins
 from model.scene.mesh import Mesh
 from model.scene.motion import Motion
 from model.scene.regions import Region
 from model.scene.tetrahedra import Material, TetrahedralBody
-from model.tetrahedra.matter import Matter, joined, matter_of
+from model.tetrahedra.matter import Matter, joined
+from model.tetrahedra.placed import PlacedBody, placed_body
 from model.tetrahedra.selection import body_numbers, check_word, motion_numbers, vertices_of
 from model.tetrahedra.sheet import Sheet, sheet_of
 from model.tetrahedra.skin import Skin, plain_skin, skin_of
@@ -48,13 +46,14 @@ class TetrahedraSet(ParticleRow):
     [kg]; `pinned_vertices`, ascending; `body` (tetrahedra,) int32: which of `parts` each is of; `tetrahedra` (tetrahedra, 4)
     int32; `names`: of the bodies, and of the cloth; `own` (particles, 3) [m]: where the meshes themselves have them, neither
     turned nor moved; `matter`; `regions`, `attachments`: of the scene; `rest_inverse` (tetrahedra, 3, 3): of the matrix with
-    the edges from the first corner as columns; `volume` (tetrahedra,) [m^3]; `surface` (triangles, 3) int32, the cloth's
-    last; `first_particle` of each of `names`; `skin`; `voxel` (tetrahedra, 3) int32: the place of each one's voxel in its
-    body, along the longest side first, 0 of those that are of none; `run` (tetrahedra,) int32: how many tetrahedra, itself
-    among them, its voxel is, which stand one after the other; 1 of those of none; `sheet`: the cloth; `whole`: the set of
-    which this is a share (model/tetrahedra/apart.py), None: it is none; `of_whole`: which particles and which tetrahedra of
-    it these are, both ascending int64. To the rest of the lab it is a row of masses: `rows` 1, `columns` all, `spacing` the
-    mean edge [m], `mass` the mean one.
+    the edges from the first corner as columns; `volume` (tetrahedra,) [m^3]: of the part of each within the body's surface,
+    which scales its mass and stiffness, and `fraction` (tetrahedra,) of all of it; `surface` (triangles, 3) int32, the
+    cloth's last; `first_particle` of each of `names`; `skin`; `voxel` (tetrahedra, 3) int32: the place of each one's
+    voxel in its body, along the longest side first, 0 of those that are of none; `run` (tetrahedra,) int32: how many
+    tetrahedra, itself among them, its voxel is, which stand one after the other; 1 of those of none; `sheet`: the
+    cloth; `whole`: the set of which this is a share (model/tetrahedra/apart.py), None: it is none; `of_whole`: which
+    particles and which tetrahedra of it these are, both ascending int64. To the rest of the lab it is a row of masses:
+    `rows` 1, `columns` all, `spacing` the mean edge [m], `mass` the mean one.
     """
 
     names: tuple[str, ...]
@@ -67,6 +66,7 @@ class TetrahedraSet(ParticleRow):
     tetrahedra: np.ndarray
     rest_inverse: np.ndarray
     volume: np.ndarray
+    fraction: np.ndarray
     surface: np.ndarray
     first_particle: np.ndarray
     skin: Skin
@@ -108,6 +108,12 @@ class TetrahedraSet(ParticleRow):
     def spacing(self) -> float:
         """The mean edge [m]."""
         return mean(self.edges[1])
+
+    @property
+    def whole_volume(self) -> np.ndarray:
+        """(tetrahedra,) [m^3]: of all of each tetrahedron, within the body's surface or not."""
+        whole: np.ndarray = self.volume / self.fraction
+        return whole
 
     @cached_property
     def vertex_triangles(self) -> Lists:
@@ -181,65 +187,53 @@ def make_tetrahedra_set(
 ) -> TetrahedraSet:
     """The set of a scene's bodies, by name; `regions`, `attachments`, `materials`, `cloths` (one at most): the scene's.
     Raises SceneError, InputError, which name the body."""
-    made: list[tuple[TetrahedralMesh, np.ndarray, np.ndarray]] = []
-    bodies: list[CookedBody] = []
-    matter: list[Matter] = []
     names = (*parts, *cloths)
-    for name, part in parts.items():
-        try:
-            bodies.append(cut(part))
-            here = _placed(part, bodies[-1].mesh)
-            matter.append(matter_of(name, part, here, materials, regions))
-            attached = [held.vertices for held in attachments.values() if held.body == name and pins(held, names)]
-            held = [
-                vertices_of(word, bodies[-1].mesh.position, here.position, regions)
-                for word in (*part.pinned, *attached)
-            ]
-            pinned = np.unique(np.concatenate([np.zeros(0, np.int64), *held]))
-            made.append((here, _moving(part, here.position, matter[-1].masses(bodies[-1].mesh), pinned), pinned))
-            if part.volume == "voxels" and not bodies[-1].per_voxel:
-                raise SceneError("volume", part.volume, "is of bodies cut into voxels; this file has tetrahedra alone")
-        except SceneError as error:
-            raise SceneError(f"{name}.{error.field}", error.value, error.allowed) from None
-        except InputError as error:
-            raise InputError(f"{name}: {error}") from None
-    particles = sum(len(mesh.position) for mesh, _, _ in made)
-    elements = sum(len(mesh.tetrahedra) for mesh, _, _ in made)
-    if particles > MAX_PARTICLES:
-        raise SceneError("edge", particles, f"at most {MAX_PARTICLES} particles (32-bit indices)")
-    require(elements * ELEMENT_BYTES, available_bytes(), "edge", elements, "main memory")
-    first = np.concatenate([[0], np.cumsum([len(mesh.position) for mesh, _, _ in made])])
-    meshes = [mesh for mesh, _, _ in made]
-    found = TetrahedraSet(
+    words = {
+        name: [one.vertices for one in attachments.values() if one.body == name and pins(one, names)] for name in names
+    }
+    bodies = [placed_body(name, part, materials, regions, words[name]) for name, part in parts.items()]
+    found = _joined(parts, bodies, regions, attachments)
+    for name, cloth in cloths.items():
+        found = _beside(found, sheet_of(name, cloth, words[name], regions))
+    return found
+
+
+def _joined(
+    parts: Mapping[str, TetrahedralBody],
+    bodies: list[PlacedBody],
+    regions: Mapping[str, Region],
+    attachments: Mapping[str, Attachment],
+) -> TetrahedraSet:
+    """The `bodies` of `parts`, one after the other."""
+    particles, elements = [len(one.mesh.position) for one in bodies], [len(one.mesh.tetrahedra) for one in bodies]
+    if sum(particles) > MAX_PARTICLES:
+        raise SceneError("edge", sum(particles), f"at most {MAX_PARTICLES} particles (32-bit indices)")
+    require(sum(elements) * ELEMENT_BYTES, available_bytes(), "edge", sum(elements), "main memory")
+    first = np.concatenate([[0], np.cumsum(particles)])
+    numbered = list(zip(bodies, first, strict=False))
+    fraction = np.concatenate([one.body.fraction for one in bodies])
+    return TetrahedraSet(
         tuple(parts),
         tuple(parts.values()),
-        np.concatenate([mesh.position for mesh in meshes]),
-        np.concatenate([velocity for _, velocity, _ in made]),
-        np.concatenate(
-            [one.masses(mesh, part.mass_ratio) for one, mesh, part in zip(matter, meshes, parts.values(), strict=True)]
-        ),
-        np.concatenate([pinned + start for (_, _, pinned), start in zip(made, first, strict=False)]).astype(np.int64),
-        np.repeat(np.arange(len(made), dtype=np.int32), [len(mesh.tetrahedra) for mesh in meshes]),
-        np.concatenate([mesh.tetrahedra + start for mesh, start in zip(meshes, first, strict=False)]).astype(np.int32),
-        np.concatenate([rest_inverse(mesh.position, mesh.tetrahedra) for mesh in meshes]),
-        np.concatenate([mesh.volumes for mesh in meshes]),
-        np.concatenate([mesh.surface + start for mesh, start in zip(meshes, first, strict=False)]).astype(np.int32),
-        first[:-1],
-        skin_of(bodies, first),
-        np.concatenate([_voxels(one) for one in bodies]),
-        np.repeat(
-            np.array([_run_of(*both) for both in zip(parts.values(), bodies, strict=True)], np.int32),
-            [len(one.mesh.tetrahedra) for one in bodies],
-        ),
         np.concatenate([one.mesh.position for one in bodies]),
-        joined(matter),
+        np.concatenate([one.velocity for one in bodies]),
+        np.concatenate([one.masses for one in bodies]),
+        np.concatenate([one.pinned + start for one, start in numbered]).astype(np.int64),
+        np.repeat(np.arange(len(bodies), dtype=np.int32), elements),
+        np.concatenate([one.mesh.tetrahedra + start for one, start in numbered]).astype(np.int32),
+        np.concatenate([rest_inverse(one.mesh.position, one.mesh.tetrahedra) for one in bodies]),
+        np.concatenate([one.mesh.volumes for one in bodies]) * fraction,
+        fraction,
+        np.concatenate([one.mesh.surface + start for one, start in numbered]).astype(np.int32),
+        first[:-1],
+        skin_of([one.body for one in bodies], first),
+        np.concatenate([one.voxels for one in bodies]),
+        np.repeat(np.array([one.run for one in bodies], np.int32), elements),
+        np.concatenate([one.body.mesh.position for one in bodies]),
+        joined([one.matter for one in bodies]),
         regions,
         attachments,
     )
-    for name, cloth in cloths.items():
-        words = [one.vertices for one in attachments.values() if one.body == name and pins(one, names)]
-        found = _beside(found, sheet_of(name, cloth, words, regions))
-    return found
 
 
 def _beside(found: TetrahedraSet, sheet: Sheet) -> TetrahedraSet:
@@ -258,40 +252,3 @@ def _beside(found: TetrahedraSet, sheet: Sheet) -> TetrahedraSet:
         own=np.concatenate([found.own, sheet.mesh.position]),
         sheet=sheet,
     )
-
-
-def _run_of(part: TetrahedralBody, body: CookedBody) -> int:
-    return max(1, body.per_voxel) if part.sweep == "voxels" else 1
-
-
-def _voxels(body: CookedBody) -> np.ndarray:
-    """(tetrahedra, 3) int32: the place of each one's voxel, along the longest side first; 0 where there are none."""
-    if not body.per_voxel:
-        return np.zeros((len(body.mesh.tetrahedra), 3), np.int32)
-    longest_first = np.argsort(-np.ptp(body.voxel, axis=0), kind="stable")
-    found: np.ndarray = body.voxel[:, longest_first]
-    return found
-
-
-def cut(part: TetrahedralBody) -> CookedBody:
-    """The body where its mesh lies, neither turned nor moved; kept on disk. Raises InputError, SceneError."""
-    source = part.shape or mesh_path(part.file or "")
-    voxels = None if part.edge is not None or is_settled(source) else part.voxels
-    return cooked(
-        source, edge=part.edge, voxels=voxels, per_voxel=part.tetrahedra, scale=part.scale, density=part.density,
-        fill_holes=part.fill_holes,
-    )  # fmt: skip
-
-
-def _placed(part: TetrahedralBody, mesh: TetrahedralMesh) -> TetrahedralMesh:
-    """The mesh where the scene has it."""
-    return TetrahedralMesh(applied(turned_about(part.axis, part.angle), mesh.position) + part.origin, mesh.tetrahedra)
-
-
-def _moving(part: TetrahedralBody, here: np.ndarray, masses: np.ndarray, pinned: np.ndarray) -> np.ndarray:
-    """(particles, 3) [m/s]: how fast those `here` (particles, 3) [m] are at the start, where they are not `pinned`."""
-    mass = masses[:, None]
-    centre = total(mass * here) / total(masses)
-    moving = np.asarray(part.velocity) + np.cross(np.asarray(part.spin), here - centre)
-    moving[pinned] = 0.0
-    return moving

@@ -42,8 +42,9 @@ def volume_ratios(found: TetrahedraSet, ratio: np.ndarray) -> np.ndarray:
     volume."""
     if found.patch[-1] == len(ratio) - 1:
         return ratio
-    whole = np.bincount(found.patch, found.volume)
-    mean: np.ndarray = (np.bincount(found.patch, found.volume * ratio) / whole)[found.patch]
+    volume = found.whole_volume
+    whole = np.bincount(found.patch, volume)
+    mean: np.ndarray = (np.bincount(found.patch, volume * ratio) / whole)[found.patch]
     return mean
 
 
@@ -163,8 +164,8 @@ def voxel_values(found: TetrahedraSet, chosen: np.ndarray, run: int) -> np.ndarr
     """(voxels, COUNT) float64: what the constraint of each voxel's volume reads (voxel_volume.py), the `chosen` tetrahedra
     (n,) being `run` after `run` of a voxel; of several materials in one their mean."""
     stiff, volume = row_stiffnesses(found, chosen).reshape(-1, run, 4), found.volume[chosen].reshape(-1, run)
-    whole, pressure = volume.sum(axis=1), stiff[..., 1].sum(axis=1)
-    rest, time = ((volume * stiff[..., k]).sum(axis=1) / whole for k in (2, 3))
+    whole, pressure = found.whole_volume[chosen].reshape(-1, run).sum(axis=1), stiff[..., 1].sum(axis=1)
+    rest, time = ((volume * stiff[..., k]).sum(axis=1) / volume.sum(axis=1) for k in (2, 3))
     values = np.column_stack([1 / (6 * whole), 1 / pressure, rest, time])
     assert values.shape[1] == VOXEL_COUNT
     return values

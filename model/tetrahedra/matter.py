@@ -34,10 +34,10 @@ class Matter:
         """Of the `chosen` tetrahedra."""
         return Matter(*(getattr(self, name)[chosen] for name in NAMES))
 
-    def masses(self, mesh: TetrahedralMesh, ratio: float | None = None) -> np.ndarray:
-        """(vertices,) [kg]: a quarter of each tetrahedron at each of its corners (lumped); neighbours at most `ratio`
-        apart."""
-        quarter = np.repeat(mesh.volumes * (self.density / 4), 4)
+    def masses(self, mesh: TetrahedralMesh, fractions: np.ndarray, ratio: float | None = None) -> np.ndarray:
+        """(vertices,) [kg]: a quarter of each tetrahedron at each of its corners (lumped), times the corner's fraction of it
+        (tetrahedra, 4) (model/geometry/tetrahedra/fractions.py); neighbours at most `ratio` apart."""
+        quarter = np.repeat(mesh.volumes * (self.density / 4), 4) * fractions.ravel()
         count = len(mesh.position)
         found = np.bincount(mesh.tetrahedra.ravel(), quarter, minlength=count)
         return found if ratio is None else limited(found, neighbours(mesh.tetrahedra, count), ratio)

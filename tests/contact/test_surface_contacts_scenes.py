@@ -12,7 +12,7 @@ from model.contact.self_contact_parameters import MAX_CONTACTS
 from model.contact.shortfalls import shortfalls
 from model.contact.surface_parameters import contact_distance, contact_surface
 from model.scene.scene import Scene, load_scene
-from model.tetrahedra.body_set import cut
+from model.tetrahedra.placed import cut
 
 # Of fem-drop's twenty bodies those along its middle, three layers high, of every material.
 MIDDLE = {"star", "ball", "beam", "letter-o", "tile", "short-pipe", "column"}

@@ -67,7 +67,7 @@ def largest_ratio(found: TetrahedraSet) -> float:
     return float((found.masses[owner] / found.masses[near.indices]).max())
 
 
-@pytest.mark.parametrize("ratio", [1.0, 1.01, 1.5, 2.0, 4.0, 1e4])
+@pytest.mark.parametrize("ratio", [1.0, 1.01, 1.5, 2.0, 4.0, 1e7])
 def test_a_limit_of_masses_keeps_the_total(ratio: float) -> None:
     """Both to rounding, of a body of which one half is 50 times as dense."""
     body = {"kind": "tetrahedral_body", "shape": {"name": "star", "resolution": 24}, "voxels": 8}
@@ -78,7 +78,7 @@ def test_a_limit_of_masses_keeps_the_total(ratio: float) -> None:
     assert largest_ratio(held) <= ratio * (1 + 1e-13) and (held.masses > 0).all()
     if ratio == 1.0:
         np.testing.assert_allclose(held.masses, free.masses.mean(), rtol=1e-12)
-    if ratio == 1e4:
+    if ratio == 1e7:
         np.testing.assert_allclose(held.masses, free.masses, rtol=1e-12)
     else:
         assert largest_ratio(free) > 4

@@ -109,14 +109,17 @@ def bodies(scene: Scene) -> tuple[list[Stiff], str]:
     for number, (part, first, last) in enumerate(zip(found.parts, found.first_particle, ends, strict=True)):
         own = found.body == number
         mesh = found.position[first:last], found.tetrahedra[own] - first
+        inside = found.fraction[own]
         waves = sqrt(part.young_modulus / part.density) / float(np.ptp(mesh[0], axis=0).max())  # 1/s, from end to end
         frequency = pi * waves
         if own.sum() <= FACTORED:
-            some = mode_shapes(*mesh, part.young_modulus, part.poisson_ratio, part.density, fixed[first:last], 7)[0]
+            some = mode_shapes(
+                *mesh, part.young_modulus * inside, part.poisson_ratio, part.density * inside, fixed[first:last], 7
+            )[0]
             frequency = 2 * pi * next((f for f in some if f > RIGID * waves), waves / 2)
         else:
             coarser += 1
-        edge = float(np.cbrt(PER_VOXEL * found.volume[own].mean()))
+        edge = float(np.cbrt(PER_VOXEL * found.whole_volume[own].mean()))
         stiff = Stiff(
             part.young_modulus, part.poisson_ratio, part.density, edge, part.damping, float(frequency),
             bool(surface[first:last].all()),

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from model.geometry.arithmetic.ordered import dot
 from model.geometry.edges import MeshEdges, components
 from model.geometry.lists import ranges
 from model.geometry.tetrahedra.meeting import Cells, across_edges, over_edges, positions
@@ -26,14 +27,59 @@ LOOKS = 4  # triangles of a part that no line meets, from which is looked
 
 
 @dataclass(frozen=True, eq=False)
+class Chords:
+    """The inside along the lines of probes of one axis, in cut voxels: `piece` (n,) int64 that each lies in; `line` (n, 2):
+    where, along the two axes that follow, `low` and `high` (n,): from where to where, all in voxels from the voxel's first
+    corner; `ends` (n,): how many of the two ends, 0 to 2, are the surface."""
+
+    piece: np.ndarray
+    line: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+    ends: np.ndarray
+
+    def nearest(self, chosen: np.ndarray, axis: int, local: np.ndarray) -> np.ndarray:
+        """(n, 3): of the `chosen` chords (n,), which lie along `axis`, the points nearest to `local` (n, 3)."""
+        found = np.empty((len(chosen), 3))
+        found[:, [(axis + 1) % 3, (axis + 2) % 3]] = self.line[chosen]
+        found[:, axis] = np.clip(local[:, axis], self.low[chosen], self.high[chosen])
+        return found
+
+
+@dataclass(frozen=True, eq=False)
 class Pieces:
     """`voxel` (pieces,) int64: the voxel that each piece lies in, ascending. `of_pair` (pairs,) int64: the piece of each
     triangle in a voxel. `joined`: of each axis (n, 2) int64, pieces that hang together across a side, the lower voxel's
-    first."""
+    first. `cut` (pieces,) bool: the surface passes through its voxel; `chords`: of each axis; `overlapping`: the body
+    overlaps itself somewhere."""
 
     voxel: np.ndarray
     of_pair: np.ndarray
     joined: tuple[np.ndarray, np.ndarray, np.ndarray]
+    cut: np.ndarray
+    chords: tuple[Chords, Chords, Chords]
+    overlapping: bool
+
+    def nearest(self, voxel: np.ndarray, local: np.ndarray) -> np.ndarray:
+        """(points,) int64: the piece of each point's `voxel` (points,) whose inside, along the lines, is nearest to the point
+        at `local` (points, 3), in voxels from the voxel's first corner."""
+        first, end = np.searchsorted(self.voxel, voxel), np.searchsorted(self.voxel, voxel, "right")
+        found, away = first.copy(), np.full(len(voxel), np.inf)
+        several = np.flatnonzero(end - first > 1)
+        for axis, chords in enumerate(self.chords):
+            order = np.argsort(chords.piece, kind="stable")
+            owner = chords.piece[order]
+            begin, stop = np.searchsorted(owner, first[several]), np.searchsorted(owner, end[several])
+            number, entry = ranges(begin, stop - begin)
+            point, chord = several[number], order[entry]
+            off = local[point] - chords.nearest(chord, axis, local[point])
+            square = dot(off, off)
+            closest = np.full(len(voxel), np.inf)
+            np.minimum.at(closest, point, square)
+            better = (square == closest[point]) & (square < away[point])
+            found[point[better]] = chords.piece[chord[better]]
+            away = np.minimum(away, closest)
+        return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,6 +88,7 @@ class _Stretches:
 
     `voxel` (parts,): it; `stretch` (parts,): ascending; `line` (parts, 2): of probes, in the two axes that follow `axis`;
     `low`, `high` (parts,): the ends, in voxels; `first`, `last` (parts,): the triangle that it begins and ends with, or -1.
+    `overlapping`: some of the inside is there several times.
     """
 
     axis: int
@@ -52,6 +99,7 @@ class _Stretches:
     high: np.ndarray
     first: np.ndarray
     last: np.ndarray
+    overlapping: bool
 
 
 def pieces_of(
@@ -69,12 +117,13 @@ def pieces_of(
     ends = [patches, np.stack([np.flatnonzero(single), whole[voxel[single]]], axis=1)]
     owner = [voxel, np.arange(len(cells))]
     counted = [several[voxel], ~several]
-    used, crossing, seen = count + len(cells), [], []
+    used, crossing, seen, lines = count + len(cells), [], [], []
     probe = np.cumsum(several) - 1  # of the voxels with several patches
     for axis in range(3):
         parts = _stretches(place, triangles, cells, axis)
         own = several[parts.voxel]
         node = np.where(own, used + np.cumsum(own) - 1, whole[parts.voxel])
+        lines.append((parts, node))
         for of in (parts.first, parts.last):
             at, found = positions(key, np.where(of >= 0, of * len(cells) + parts.voxel, -1))
             ends.append(np.stack([node[found], at[found]], axis=1))
@@ -100,7 +149,7 @@ def pieces_of(
     more = in_sight(place, triangles, cells.index, pairs, (lonely, label[lonely]), (middles[0], middles[1], middles[2]))
     if len(more):
         label = components(nodes, np.concatenate([*ends, more]))[:used]
-    return _numbered(label, np.concatenate(owner), np.concatenate(counted), crossing, cells, pairs)
+    return _numbered(label, np.concatenate(owner), np.concatenate(counted), crossing, cells, pairs, lines)
 
 
 def _some_of_each(pairs: np.ndarray, label: np.ndarray) -> np.ndarray:
@@ -118,6 +167,7 @@ def _numbered(
     crossing: list[np.ndarray],
     cells: Cells,
     pairs: tuple[np.ndarray, np.ndarray],
+    lines: list[tuple[_Stretches, np.ndarray]],
 ) -> Pieces:
     """Of nodes with a `label` and a voxel that is their `owner` (nodes,), pieces being those of `counted` ones."""
     place, number = np.unique(label[counted], return_inverse=True)
@@ -138,7 +188,22 @@ def _numbered(
         ends = np.concatenate([through, piece[crossing[axis]]])
         both = np.unique(ends[:, 0] * len(place) + ends[:, 1])
         joined.append(np.stack(np.divmod(both, len(place)), axis=1))
-    return Pieces(voxel[order], of_pair, (joined[0], joined[1], joined[2]))
+    passed = np.zeros(len(cells), dtype=bool)
+    passed[cell] = True
+    x, y, z = (_chords(parts, piece[node], passed, cells) for parts, node in lines)
+    overlapping = any(parts.overlapping for parts, _ in lines)
+    return Pieces(
+        voxel[order], of_pair, (joined[0], joined[1], joined[2]), passed[voxel[order]], (x, y, z), overlapping
+    )
+
+
+def _chords(parts: _Stretches, piece: np.ndarray, passed: np.ndarray, cells: Cells) -> Chords:
+    """Of the parts of stretches in voxels that the surface has `passed` (voxels,) through, of such a `piece` (parts,)."""
+    own = np.flatnonzero(passed[parts.voxel])
+    start = cells.index[parts.voxel[own], parts.axis]
+    low, high = (np.clip(ends[own] - start, 0.0, 1.0) for ends in (parts.low, parts.high))
+    ends = (parts.first[own] >= 0).astype(np.float64) + (parts.last[own] >= 0)
+    return Chords(piece[own], (parts.line[own] % PROBES + 0.5) / PROBES, low, high, ends)
 
 
 def _stretches(place: np.ndarray, triangles: np.ndarray, cells: Cells, axis: int) -> _Stretches:
@@ -171,6 +236,7 @@ def _stretches(place: np.ndarray, triangles: np.ndarray, cells: Cells, axis: int
         high[stretch][some],
         np.where(starts, triangle[begin][stretch], -1)[some],
         np.where(ends, triangle[begin + 1][stretch], -1)[some],
+        bool((winding[begin] > 1).any()),
     )
 
 

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
+from model.geometry.arithmetic.ordered import dot
+from model.geometry.moments import point_moments, surface_moments, tetrahedra_moments
 from model.geometry.tetrahedra.embedding import Embedding
 from model.geometry.tetrahedra.mesh import TetrahedralMesh, check_density
 
@@ -14,20 +17,29 @@ SAME = 1e-9  # of a volume: two that differ by less are the same
 
 @dataclass(frozen=True)
 class Report:
-    """`voxels` of `edge` [m], 0 and 0.0 of a body that is not of voxels, `doubled` of them several times there; `pieces` that
-    hang together; `volume` and `hull_volume` [m^3], of the tetrahedra and within the surface; `worst_quality` and
-    `mean_quality`: see TetrahedralMesh, the worst being tetrahedron `worst` at `worst_place` [m]; `points` of the surface,
-    `outside` of which lie beyond their tetrahedron, by `farthest` [m] at most; `density` [kg/m^3], `mass` [kg]; `told`: what
-    was mended and what to mind."""
+    """Size and quality of a body.
+
+    `voxels` of `edges` (3) [m], the longest of them `edge`, 0 of a body that is not of voxels, `doubled` of them several
+    times there, `cut` of the tetrahedra partly outside the surface; `pieces` that hang together. `volume` and `hull_volume`
+    [m^3]: of what the tetrahedra hold and within the surface, with second moments about the axes through the centre (3)
+    [m^5]: `moments` of the tetrahedra, `vertex_moments` of the vertices' masses over the density, `hull_moments`.
+    `worst_quality` and `mean_quality`: see TetrahedralMesh, the worst being tetrahedron `worst` at `worst_place` [m];
+    `points` of the surface, `outside` of which lie beyond their tetrahedron, by `farthest` [m] at most; `density` [kg/m^3],
+    `mass` [kg]; `told`: what was mended and what to mind."""
 
     vertices: int
     tetrahedra: int
     voxels: int
     edge: float
+    edges: tuple[float, ...]
     doubled: int
+    cut: int
     pieces: int
     volume: float
     hull_volume: float
+    moments: tuple[float, ...]
+    vertex_moments: tuple[float, ...]
+    hull_moments: tuple[float, ...]
     worst_quality: float
     worst: int
     worst_place: tuple[float, float, float]
@@ -46,14 +58,7 @@ class Report:
 
     def lines(self) -> list[str]:
         """What to tell a user of it."""
-        voxels = ""
-        if self.voxels:
-            doubled = f" ({self.doubled} doubled for pieces that do not touch)" if self.doubled else ""
-            voxels = f", {_many(self.voxels, 'voxel')} of {self.edge:.4g} m{doubled}"
         place = ", ".join(f"{x:.4g}" for x in self.worst_place)
-        ratio = "that within the surface"
-        if abs(self.volume_ratio - 1) > SAME:
-            ratio = f"{self.volume_ratio:.4g} times that within the surface, {self.hull_volume:.6g} m^3"
         points = f"{_many(self.points, 'point')} of the surface, none outside its tetrahedron"
         if self.outside:
             points = (
@@ -65,15 +70,51 @@ class Report:
             within = f"; what lies within the surface would have {self.density * self.hull_volume:.6g} kg"
             within += f", as the body has with density = {self.density / self.volume_ratio:.4g}"
         return [
-            f"{_many(self.tetrahedra, 'tetrahedron', 'tetrahedra')}, {_many(self.vertices, 'vertex', 'vertices')}{voxels}, "
-            f"{_many(self.pieces, 'piece')}",
-            f"volume {self.volume:.6g} m^3, {ratio}",
+            self._built(),
+            self._volume(),
             f"quality (mean ratio, 1 of a regular one) {self.worst_quality:.4g} at worst, tetrahedron {self.worst} at "
             f"({place}); {self.mean_quality:.4g} on average",
             points,
             f"mass {self.mass:.6g} kg at {self.density:g} kg/m^3{within}",
+            self._moments_line(self.density),
             *self.told,
         ]
+
+    def brief(self, mass: float) -> list[str]:
+        """What a run says of a body that weighs `mass` [kg], materials of regions included."""
+        return [
+            f"{self._built()}; {mass:.6g} kg, {self._volume()}",
+            self._moments_line(mass / self.volume),
+            *self.told,
+        ]
+
+    def _built(self) -> str:
+        voxels = ""
+        if self.voxels:
+            doubled = f" ({self.doubled} doubled for pieces that do not touch)" if self.doubled else ""
+            voxels = f", {_many(self.voxels, 'voxel')} of {_size(self.edges)}{doubled}"
+        return (
+            f"{_many(self.tetrahedra, 'tetrahedron', 'tetrahedra')}, {_many(self.vertices, 'vertex', 'vertices')}{voxels}, "
+            f"{_many(self.pieces, 'piece')}"
+        )
+
+    def _volume(self) -> str:
+        ratio = "that within the surface"
+        if abs(self.volume_ratio - 1) > SAME:
+            ratio = f"{self.volume_ratio:.4g} times that within the surface, {self.hull_volume:.6g} m^3"
+        cut = f"; {self.cut} tetrahedra are partly outside and count by their part inside" if self.cut else ""
+        return f"volume {self.volume:.6g} m^3, {ratio}{cut}"
+
+    def _moments_line(self, density: float) -> str:
+        """Moments of inertia at a `density` [kg/m^3]."""
+        tetrahedra, vertices, hull = (
+            ", ".join(f"{density * moment:.4g}" for moment in moments)
+            for moments in (self.moments, self.vertex_moments, self.hull_moments)
+        )
+        return (
+            f"moments of inertia about x, y, z through the centre: {tetrahedra} kg m^2 of the tetrahedra, {vertices} of the "
+            f"masses at the vertices, {hull} within the surface"
+        )
 
 
 def report_of(
@@ -82,14 +123,20 @@ def report_of(
     hull_volume: float,
     density: float,
     told: tuple[str, ...] = (),
-    voxels: tuple[int, float, int] = (0, 0.0, 0),
+    voxels: tuple[int, Any, int] = (0, 0.0, 0),
+    fractions: np.ndarray | None = None,
+    surface: tuple[np.ndarray, np.ndarray] | None = None,
 ) -> Report:
-    """The report of `mesh`, whose surface of `hull_volume` [m^3] is carried by `embedding`; `voxels`: how many, their edge
-    [m], how many are doubled. Raises SceneError (density)."""
+    """The report of `mesh`, whose surface of `hull_volume` [m^3] is carried by `embedding`; `voxels`: how many, their edge or
+    edges (3) [m], how many are doubled; `fractions` (tetrahedra, 4): of what each holds (fractions.py), all unless given;
+    `surface`: (position, triangles), that of the tetrahedra unless given. Raises SceneError (density)."""
     check_density(density)
     worst = int(np.argmin(mesh.quality))
     beyond = embedding.beyond(mesh.position, mesh.tetrahedra)
-    volume = float(mesh.volumes.sum())
+    corners = mesh.volumes[:, None] / 4 * (np.ones((len(mesh.tetrahedra), 4)) if fractions is None else fractions)
+    masses = np.bincount(mesh.tetrahedra.ravel(), corners.ravel(), minlength=len(mesh.position))
+    volume, _, moments = tetrahedra_moments(mesh.position[mesh.tetrahedra], dot(corners, np.ones(4)))
+    hull_moments = surface_moments(*surface)[2] if surface else moments
     x, y, z = (float(x) for x in mesh.position[mesh.tetrahedra[worst]].mean(axis=0))
     crowded = int((mesh.face_counts > 2).sum()) if not voxels[0] else 0
     if crowded:
@@ -98,11 +145,16 @@ def report_of(
         vertices=len(mesh.position),
         tetrahedra=len(mesh.tetrahedra),
         voxels=voxels[0],
-        edge=voxels[1],
+        edge=float(np.max(voxels[1])),
+        edges=_three(np.broadcast_to(voxels[1], 3)),
         doubled=voxels[2],
+        cut=0 if fractions is None else int((fractions != 1).any(axis=1).sum()),
         pieces=mesh.pieces(),
         volume=volume,
         hull_volume=hull_volume,
+        moments=_three(moments),
+        vertex_moments=_three(point_moments(mesh.position, masses)[2]),
+        hull_moments=_three(hull_moments),
         worst_quality=float(mesh.quality[worst]),
         worst=worst,
         worst_place=(x, y, z),
@@ -118,3 +170,13 @@ def report_of(
 
 def _many(count: int, one: str, many: str = "") -> str:
     return f"{count} {one if count == 1 else many or one + 's'}"
+
+
+def _size(edges: tuple[float, ...]) -> str:
+    """`0.1 m`, or `0.1 x 0.05 x 0.05 m` of voxels that are no cubes."""
+    sides = [f"{edge:.4g}" for edge in edges]
+    return f"{sides[0] if len(set(sides)) == 1 else ' x '.join(sides)} m"
+
+
+def _three(values: np.ndarray) -> tuple[float, ...]:
+    return tuple(float(value) for value in values)

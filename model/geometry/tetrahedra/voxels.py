@@ -25,6 +25,7 @@ from model.geometry.mesh_files import LARGEST
 from model.geometry.normals import mesh_normals
 from model.geometry.solid import CLOTH, OTHERWISE, Solid, as_mesh, solid
 from model.geometry.tetrahedra.embedding import Embedding
+from model.geometry.tetrahedra.fractions import fractions_of
 from model.geometry.tetrahedra.meeting import Cells
 from model.geometry.tetrahedra.mesh import TetrahedralMesh
 from model.geometry.tetrahedra.overlap import EIGHT, triangles_in_voxels
@@ -33,6 +34,7 @@ from model.geometry.voxels import runs_inside
 
 VOXELS = 10  # along the longest axis, unless given
 MOST_VOXELS = 1 << 20  # along an axis: the number of a voxel stays inside 64 bits
+FLATTEST = 100  # times as long as it is high, a voxel that fits into a thin body
 WHOLE = 1e-9  # of a voxel: a surface so near to the lattice lies on it
 COARSEST = (
     2.0**-30
@@ -68,8 +70,9 @@ class VoxelMesh:
     Tetrahedra stand by colour, then by voxel: `voxel` (n, 3) int32, `colour` (n,) int32, 4 (x % 2) + 2 (y % 2) + z % 2;
     those of a voxel, all of its copies together, are `starts[v]` to `starts[v + 1]`, int32 (voxels + 1,). Tetrahedra of one
     colour share a vertex only within a voxel, so that the voxels of a colour may be worked on at once, each in sequence.
-    `embedding`: of the vertices of `hull`, the closed surface that it was made from. `edge` [m] of a voxel; `origin` (3,)
-    [m]: where voxel (0, 0, 0) begins; `doubled`: voxels that there are several times.
+    `embedding`: of the vertices of `hull`, the closed surface that it was made from. `edges` (3,) [m] of a voxel along each
+    axis, `edge` the longest; `origin` (3,) [m]: where voxel (0, 0, 0) begins; `doubled`: voxels that there are several times;
+    `fractions` (n, 4): see fractions.py, 1 of a tetrahedron that lies within the surface.
     """
 
     mesh: TetrahedralMesh
@@ -78,9 +81,15 @@ class VoxelMesh:
     starts: np.ndarray
     embedding: Embedding
     hull: Solid
-    edge: float
+    edges: np.ndarray
     origin: np.ndarray
     doubled: int
+    fractions: np.ndarray
+
+    @property
+    def edge(self) -> float:
+        """[m]"""
+        return float(self.edges.max())
 
 
 def voxel_mesh(
@@ -90,8 +99,9 @@ def voxel_mesh(
     voxels: int | None = None,
     per_voxel: PerVoxel = 5,
 ) -> VoxelMesh:
-    """The body of a closed mesh in voxels of `edge` [m], or `voxels` of them along the longest side of the box around it (10
-    unless given). The lattice lies evenly about that box, with no more voxels than cover it.
+    """The body of a closed mesh in voxels of at most `edge` [m], or `voxels` of them along the longest side of the box around
+    it (10 unless given). A whole number of voxels fills that box along each axis, so that a box in line with the axes is
+    met exactly; they are cubes where its sides are multiples of `edge`.
 
     Raises SceneError (a parameter) and InputError (an open mesh, nothing inside, coordinates beyond those of a body).
     """
@@ -102,7 +112,7 @@ def voxel_mesh(
     size, counts = _lattice(hull, low, high, edge, voxels, per_voxel)
     origin = (low + high) / 2 - counts * size / 2
     place = (hull.position - origin) / size
-    slack = _slack(hull, size)
+    slack = _slack(hull, float(size.min()))
     near = np.round(place)
     snapped = np.clip(np.where(np.abs(place - near) <= slack, near, place), 0, counts)
     triangle, through = triangles_in_voxels(snapped, hull.triangles, counts)
@@ -131,8 +141,8 @@ def _slack(hull: Solid, size: float) -> float:
 
 def _lattice(
     hull: Solid, low: np.ndarray, high: np.ndarray, edge: float | None, voxels: int | None, per_voxel: int
-) -> tuple[float, np.ndarray]:
-    """(edge of a voxel [m], how many along each axis (3,) int64)."""
+) -> tuple[np.ndarray, np.ndarray]:
+    """(edges of a voxel (3,) [m], how many along each axis (3,) int64)."""
     if per_voxel not in CUTS:
         raise SceneError("tetrahedra", per_voxel, "must be 5 or 6 a voxel")
     field: tuple[str, object] = ("voxels", voxels) if edge is None else ("edge", edge)
@@ -157,7 +167,8 @@ def _lattice(
             f"makes about {some:.3g} voxels, which take {readable(needed)} of memory, of which {readable(free)} is free; "
             + advice,
         )
-    return size, counts
+    fitted = np.maximum((high - low) / counts, max(size / FLATTEST, COARSEST * largest))
+    return np.where(np.abs(wide - counts) <= 2 * _slack(hull, size), size, fitted), counts
 
 
 def edge_of(position: np.ndarray, edge: float | None, voxels: int | None) -> float:
@@ -179,7 +190,7 @@ def _cut(
     cells: Cells,
     pieces: Pieces,
     pairs: tuple[np.ndarray, np.ndarray],
-    lattice: tuple[np.ndarray, float, int],
+    lattice: tuple[np.ndarray, np.ndarray, int],
 ) -> VoxelMesh:
     """The tetrahedra of `pieces`, and the vertices of the hull in them."""
     origin, size, per_voxel = lattice
@@ -199,7 +210,9 @@ def _cut(
     begins = np.flatnonzero(np.concatenate([[True], voxel[1:] != voxel[:-1]]))
     rank = np.empty(len(order), dtype=np.int64)
     rank[order] = np.arange(len(order))
-    tetrahedron, weights = _weights(place - index[piece], parity[piece], per_voxel)
+    functions = _shape_functions(per_voxel)
+    tetrahedron, weights = _weights(place - index[piece], parity[piece], functions)
+    inside = fractions_of(pieces, same, every.sum(axis=1) % 2, functions, hull.volume / float(np.prod(size)))
     return VoxelMesh(
         TetrahedralMesh(position, corners.reshape(-1, 4)),
         np.repeat(index[order], per_voxel, axis=0).astype(np.int32),
@@ -210,6 +223,7 @@ def _cut(
         size,
         origin,
         int((np.bincount(numbers) > 1).sum()),
+        inside[kept][order].reshape(-1, 4),
     )
 
 
@@ -237,14 +251,19 @@ def _copies(voxel: np.ndarray, vertex: np.ndarray) -> np.ndarray:
     return same
 
 
-def _weights(local: np.ndarray, parity: np.ndarray, per_voxel: int) -> tuple[np.ndarray, np.ndarray]:
-    """(which of the voxel's tetrahedra (points,), weights (points, 4)): of each point at `local` (points, 3) from its voxel's
-    first corner, in voxels, the one that it lies in, or least outside of."""
+def _shape_functions(per_voxel: int) -> np.ndarray:
+    """(parity, tetrahedra, 4, 4): the matrices that take (1, x, y, z), in voxels, to the weights of the four corners."""
     corners = np.concatenate([np.ones((*CUTS[per_voxel].shape, 1)), EIGHT[CUTS[per_voxel]]], axis=-1)
-    inverse = np.linalg.inv(np.swapaxes(corners, -1, -2))  # (parity, tetrahedron, 4, 4): takes (1, x, y, z) to weights
-    inverse = np.round(2 * inverse) / 2  # which are whole numbers and halves
+    inverse = np.linalg.inv(np.swapaxes(corners, -1, -2))
+    functions: np.ndarray = np.round(2 * inverse) / 2  # whole numbers and halves
+    return functions
+
+
+def _weights(local: np.ndarray, parity: np.ndarray, functions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(which of the voxel's tetrahedra (points,), weights (points, 4)): of each point at `local` (points, 3) from its voxel's
+    first corner, in voxels, the one that it lies in, or least outside of, by the shape `functions` (_shape_functions)."""
     point = np.column_stack([np.ones(len(local)), local])
-    weights = applied(inverse[parity], point[:, None])
+    weights = applied(functions[parity], point[:, None])
     best = weights.min(axis=2).argmax(axis=1)
     return best, np.take_along_axis(weights, best[:, None, None], axis=1)[:, 0]
 
@@ -253,8 +272,8 @@ def _piece_of_vertices(
     hull: Solid, snapped: np.ndarray, cells: Cells, pieces: Pieces, pairs: tuple[np.ndarray, np.ndarray]
 ) -> np.ndarray:
     """(vertices,) int64: the piece that carries each vertex of the hull: the one that a triangle of it belongs to, in a voxel
-    that the vertex is in or on. A vertex all of whose triangles lie on the lattice is carried by the voxel below them; one of
-    a fin without thickness there, which is in no voxel, by the nearest, outside of it."""
+    that the vertex is in or on. A vertex all of whose triangles lie on the lattice is carried by the voxel below them, by the
+    piece of it that is nearest; one of a fin without thickness there, which is in no voxel, by the nearest, outside of it."""
     triangle, voxel = pairs
     corner, low = hull.triangles[triangle], cells.index[voxel]
     held = ((snapped[corner] >= low[:, None]) & (snapped[corner] <= low[:, None] + 1)).all(axis=2)
@@ -276,5 +295,5 @@ def _piece_of_vertices(
         from scipy.spatial import cKDTree
 
         found[lost] = cKDTree(cells.index + 0.5).query(snapped[left[lost]])[1]
-    piece[left] = np.searchsorted(pieces.voxel, found)
+    piece[left] = pieces.nearest(found, snapped[left] - cells.index[found])
     return piece

@@ -13,20 +13,26 @@ from model.geometry.tetrahedra.voxels import voxel_mesh
 
 def told(mesh, voxels=5, density=500.0):
     body = voxel_mesh(mesh, voxels=voxels)
-    sizes = len(body.starts) - 1, body.edge, body.doubled
-    return report_of(body.mesh, body.embedding, body.hull.volume, density, body.hull.told, sizes)
+    sizes, hull = (len(body.starts) - 1, body.edges, body.doubled), body.hull
+    surface = hull.position, hull.triangles
+    return report_of(
+        body.mesh, body.embedding, hull.volume, density, hull.told, sizes, fractions=body.fractions, surface=surface
+    )
 
 
 def test_a_ball():
     report = told(ball())
-    assert report.hull_volume == pytest.approx(volume_of(ball())) and report.volume_ratio > 1.2
-    assert report.volume == pytest.approx(report.voxels * 0.2**3) and report.mass == pytest.approx(500 * report.volume)
+    assert report.hull_volume == pytest.approx(volume_of(ball())) and report.volume_ratio == pytest.approx(1)
+    assert report.mass == pytest.approx(500 * report.hull_volume) and 0 < report.cut < report.tetrahedra
     assert report.outside == 0 and report.farthest == 0 and report.points == len(ball()[0])
-    first, second, quality, points, mass = report.lines()
+    first, second, quality, points, mass, moments = report.lines()
     assert (
         first == f"{report.tetrahedra} tetrahedra, {report.vertices} vertices, {report.voxels} voxels of 0.2 m, 1 piece"
     )
-    assert f"{report.volume_ratio:.4g} times that within the surface" in second
+    assert second.endswith(
+        f"m^3, that within the surface; {report.cut} tetrahedra are partly outside and count by their part inside"
+    )
+    assert moments.startswith("moments of inertia about x, y, z through the centre: ")
     assert quality.startswith("quality (mean ratio, 1 of a regular one) 0.8399 at worst, tetrahedron ")
     assert points == f"{len(ball()[0])} points of the surface, none outside its tetrahedron" and "at 500 kg/m^3" in mass
 
@@ -34,7 +40,7 @@ def test_a_ball():
 def test_whole_voxels_have_the_surface_s_volume_and_doubled_ones_are_told():
     assert "m^3, that within the surface" in told(box((1, 0.2, 0.2))).lines()[1]
     two = told(both(box((1, 0.03, 0.05)), box((1, 0.03, 0.05), (0, 0.06, 0))), 10)
-    assert "10 voxels of 0.1 m (10 doubled for pieces that do not touch), 2 pieces" in two.lines()[0]
+    assert "10 voxels of 0.1 x 0.09 x 0.05 m (10 doubled for pieces that do not touch), 2 pieces" in two.lines()[0]
 
 
 def test_the_regular_tetrahedron_is_the_best_of_five():

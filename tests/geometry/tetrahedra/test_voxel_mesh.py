@@ -112,7 +112,7 @@ def test_the_surface_is_carried_exactly_and_moves_with_the_vertices(name, mesh, 
 def test_a_voxel_exists_where_the_body_overlaps_it(name, mesh):
     """Against points: none of 5^3 in each voxel is inside where there is none; each voxel on the surface has a reason."""
     body = voxel_mesh(mesh, voxels=7)
-    place = (body.hull.position - body.origin) / body.edge
+    place = (body.hull.position - body.origin) / body.edges
     counts = body.voxel.max(axis=0) + 1
     there = np.zeros(counts, bool)
     there[tuple(body.voxel.T)] = True
@@ -131,13 +131,13 @@ def test_voxels_of_a_turned_box_are_those_that_no_plane_parts_from_it():
     """Two boxes are apart where one of 15 axes separates them (S. Gottschalk et al. 1996)."""
     size, turn = np.array([0.5, 0.3, 1.0]), rotation((0.4, 1.0, -0.3))
     body = voxel_mesh((box(size)[0] @ turn.T, box()[1]), voxels=12)
-    counts = np.ceil(np.ptp(body.hull.position, axis=0) / body.edge - 1e-9).astype(int)
+    counts = np.ceil(np.ptp(body.hull.position, axis=0) / body.edges - 1e-9).astype(int)
     index = np.argwhere(np.ones(counts))
-    middle = body.origin + (index + 0.5) * body.edge
+    middle = body.origin + (index + 0.5) * body.edges
     axes = [*np.eye(3), *turn.T, *(np.cross(one, other) for one in np.eye(3) for other in turn.T)]
     meets = np.ones(len(index), bool)
     for axis in axes:
-        reach = body.edge / 2 * np.abs(axis).sum() + (size / 2) @ np.abs(turn.T @ axis)
+        reach = body.edges / 2 @ np.abs(axis) + (size / 2) @ np.abs(turn.T @ axis)
         meets &= np.abs(middle @ axis) < reach
     assert np.array_equal(index[meets], np.unique(body.voxel, axis=0))
 
