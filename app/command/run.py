@@ -34,6 +34,7 @@ from model.core.stability.resolution import resolution_line
 from model.domains.launched import launched_ranks
 from model.fluid.foam import FoamPoints
 from model.geometry.overlaps import overlap_lines
+from model.scene.resting import resting_notes
 from model.scene.scene import Scene
 from model.scene.sheets import mesh_lines, rest_lines
 
@@ -127,7 +128,8 @@ def check_targets(scene: Scene, request: Request, steps: int, notes: list[str]) 
 
 def run_scene(scene: Scene, request: Request, *, progress: bool = True) -> Result:
     """Run `scene` as asked. Raises SceneError, InputError, BackendUnavailable; a divergence is part of the result."""
-    lines = mesh_lines, rest_lines, body_lines, collider_lines, overlap_lines, limit_notes, damping_lines
+    built = mesh_lines, rest_lines, body_lines, resting_notes, collider_lines
+    lines = *built, overlap_lines, limit_notes, damping_lines
     notes = [line for told in lines for line in told(scene)]
     coarse = (
         resolution_line(scene, request.precision) if request.precision in PRECISIONS else None

@@ -18,6 +18,7 @@ from model.scene.checks.solver import check_solver
 from model.scene.kinds import KINDS, SEVERAL, SHEETS
 from model.scene.method import FIELDS_OF_SOLVER, Method
 from model.scene.reader import scene_tables
+from model.scene.resting import take_resting_defaults
 from model.scene.scene_parts import SceneParts
 from model.scene.words import suggestion
 
@@ -54,6 +55,8 @@ class Scene(SceneParts):
         if self.one("method") is None:
             self.parts["method"], self.kinds["method"] = Method(), "method"
         check_solver(self)
+        if not self.is_world:
+            take_resting_defaults(self)
         if self.camera is not None:
             self.camera.check(self.dimensions)
 
@@ -70,7 +73,9 @@ class Scene(SceneParts):
         """These parts, and what is made of them, with other `fields` of the method, which are not looked at again."""
         _ = self.grid  # made once, for both
         found = copy(self)
-        found.parts = self.parts | {self.name_of("method"): self.method.model_copy(update=fields)}
+        method = self.name_of("method")
+        found.parts = self.parts | {method: self.method.model_copy(update=fields)}
+        found.derived = self.derived | {method: self.derived.get(method, frozenset()) - fields.keys()}
         return found
 
     def replace(self, changes: Mapping[str, Any]) -> Scene:

@@ -87,6 +87,7 @@ class SceneParts:
 
     def __init__(self, tables: Mapping[str, Any], name: str, title: str):
         self.name, self.title = name, title
+        self.derived: dict[str, frozenset[str]] = {}  # fields by part that the tables do not state
         self._read(tables)
 
     def _read(self, tables: Mapping[str, Any]) -> None:
@@ -115,6 +116,11 @@ class SceneParts:
                 )
             self.parts[part_name] = _build_part(part_name, KINDS[kind], fields)
             self.kinds[part_name] = kind
+
+    def derive(self, part_name: str, **fields: Any) -> None:
+        """Give a part `fields` that its table does not state; `as_dict` leaves them out, so that they follow changes."""
+        self.parts[part_name] = self.parts[part_name].model_copy(update=fields)
+        self.derived[part_name] = self.derived.get(part_name, frozenset()) | frozenset(fields)
 
     def all_of(self, *kinds: str) -> dict[str, Any]:
         """The parts of these kinds by name, in the order of the file."""
@@ -295,17 +301,20 @@ class SceneParts:
     springs: Springs | None = _part("springs")
     wind: Wind | None = _part("wind")
 
-    def as_dict(self) -> dict[str, Any]:
-        """The scene as nested tables, defaults filled in: what a TOML file of it would hold."""
+    def as_dict(self, derived: bool = False) -> dict[str, Any]:
+        """The scene as nested tables, defaults filled in: what a TOML file of it would hold. `derived`: also what follows
+        from other parts (`derive`)."""
         tables: dict[str, Any] = {"title": self.title}
         for part_name, part in self.parts.items():
             kind = self.kinds[part_name]
-            tables[part_name] = ({} if kind == part_name else {"kind": kind}) | part.model_dump(mode="json")
+            left_out = set() if derived else self.derived.get(part_name, frozenset())
+            table = part.model_dump(mode="json", exclude=set(left_out))
+            tables[part_name] = ({} if kind == part_name else {"kind": kind}) | table
         if self.camera is not None:
             tables[CAMERA] = self.camera.model_dump(mode="json")
         return tables
 
     def canonical(self) -> str:
         """Canonical JSON of what is simulated (no title, no camera): equal texts mean equal scenes."""
-        tables = {key: table for key, table in self.as_dict().items() if key not in ("title", CAMERA)}
+        tables = {key: table for key, table in self.as_dict(derived=True).items() if key not in ("title", CAMERA)}
         return json.dumps(tables, sort_keys=True, separators=(",", ":"))

@@ -12,9 +12,10 @@ from model.scene.checks.solver import OF_MESHES
 from model.scene.checks.tetrahedra import check_tetrahedra
 from model.scene.cloth import CLOTH_KINDS, COLLIDER_KINDS, SPRING_KINDS
 from model.scene.kinds import KINDS
-from model.scene.members import SUBSTEPS, members_of
+from model.scene.members import members_of
 from model.scene.method import OF_FLUIDS, OF_WORLDS, Method
 from model.scene.particle_contact import MAX_KINDS
+from model.scene.resting import take_resting_defaults
 from model.scene.scene_parts import SceneParts
 
 GRID_ONLY = ("springs", "manufactured")
@@ -51,7 +52,7 @@ def _check_world(scene: SceneParts) -> None:
     """Raise SceneError for what does not go with a world: what no member knows, what one of them refuses."""
     method, wet = scene.one("method"), "fluid" in members_of(scene.kinds)
     if method is None:
-        usual: dict[str, Any] = OF_A_FLUID if wet else {"substeps": SUBSTEPS}
+        usual: dict[str, Any] = OF_A_FLUID if wet else {}
         scene.parts["method"], scene.kinds["method"] = Method(**usual | {"solver": OF_WORLDS}), "method"
     elif method.solver != OF_WORLDS:
         told = f"must be {OF_WORLDS} where {' and '.join(members_of(scene.kinds))} are in one scene"
@@ -64,6 +65,7 @@ def _check_world(scene: SceneParts) -> None:
         if part.spare:
             raise SceneError(f"{name}.spare", part.spare, "bodies wait in scenes of bodies alone; leave it out")
     scene.refuse(("emitter", "sink"), "goes with fluids alone yet, without bodies; leave it out")
+    take_resting_defaults(scene)
     members = scene.members  # made here, so that each is checked as a scene of its own
     if "fluid" in members:
         check_among_solids(members["fluid"])

@@ -6,7 +6,7 @@ from model.core.errors import SceneError
 from model.scene.attachment import check_attachment
 from model.scene.cloth import COLLIDER_KINDS, CONSTRAINT_KINDS
 from model.scene.kinds import KINDS
-from model.scene.members import OF_PARTICLES, SUBSTEPS
+from model.scene.members import OF_PARTICLES
 from model.scene.method import OF_TETRAHEDRA as TETRAHEDRAL_SOLVERS
 from model.scene.method import Method
 from model.scene.particle_contact import MAX_KINDS
@@ -36,7 +36,7 @@ def check_tetrahedra(scene: SceneParts) -> None:
         check_material(name, material, scene.tetrahedra, scene.regions)
     method = scene.one("method")
     if method is None:
-        scene.parts["method"], scene.kinds["method"] = Method(solver="xpbd", substeps=SUBSTEPS), "method"
+        scene.parts["method"], scene.kinds["method"] = Method(solver="xpbd"), "method"
     elif method.solver not in SOLVERS_OF_TETRAHEDRA:
         told = " or ".join(SOLVERS_OF_TETRAHEDRA)
         raise SceneError("method.solver", method.solver, f"must be {told} for tetrahedral bodies")

@@ -1,0 +1,123 @@
+"""What a scene with bodies takes where its file does not say it: substeps in which bodies do not sink into colliders, and
+thicknesses of colliders at which bodies rest on their skins."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from math import ceil, sqrt
+
+import numpy as np
+
+from model.assets.baked_body import BakedBody
+from model.core.errors import InputError, SceneError
+from model.scene.bodies import BODY_KINDS
+from model.scene.cloth import COLLIDER_KINDS
+from model.scene.members import SUBSTEPS
+from model.scene.scene_parts import SceneParts
+from model.scene.tetrahedra import TETRAHEDRAL_KINDS
+from model.tetrahedra.placed import cut
+
+SINKING = 0.01  # of the spacing, that a resting body may sink in a substep
+MIN_THICKNESS = 0.01  # of the spacing, of a collider: rounding does not put who rests on it inside
+MAX_SUBSTEPS = 100
+TENTH = 1e-9  # of a substep: a number so little over a whole one is that
+WITH_SUBSTEPS = {"xpbd": SUBSTEPS, "world": SUBSTEPS, "shape-matching": 1, "vbd": 1, "newton": 1}  # at least
+
+
+@dataclass(frozen=True)
+class _Size:
+    """Of a body [m]: the `spacing` of its particles or vertices, its longest side `extent`, and how far its outermost
+    particles lie below its skin, `depth`, on average over the six sides of the box around it."""
+
+    spacing: float
+    extent: float
+    depth: float
+
+    def longest_substep(self, gravity: float) -> float:
+        """The longest substep h [s] in which the body sinks by no more than SINKING spacings.
+
+        In a substep all of its n layers fall by g h^2 and colliders lift the lowest one alone, so that a rigid body, which
+        moves by the mean, rests where its lowest layer is lifted by n g h^2: it has sunk by (n - 1) g h^2. Elastic bodies
+        press their lowest layer as much.
+        """
+        layers = max(self.extent / self.spacing, 1.0)
+        return sqrt(SINKING * self.spacing / (layers * gravity))
+
+
+def take_resting_defaults(scene: SceneParts) -> None:
+    """Give the method substeps and the colliders thicknesses that the scene does not state. Of a world the substeps alone:
+    its members, which have them, choose thicknesses. Raises SceneError, InputError (a body's mesh)."""
+    if not scene.is_world:
+        _take_thicknesses(scene)
+    method = scene.one("method")
+    if method is None or "substeps" in method.model_fields_set or method.solver not in WITH_SUBSTEPS:
+        return
+    if not scene.all_of(*BODY_KINDS, *TETRAHEDRAL_KINDS) or scene.all_of("fluid"):
+        return
+    scene.derive(scene.name_of("method"), substeps=min(max(_needed(scene), WITH_SUBSTEPS[method.solver]), MAX_SUBSTEPS))
+
+
+def resting_notes(scene: SceneParts) -> list[str]:
+    """What a run says of these defaults: of substeps that are more than the usual number, or fewer than needed."""
+    name = scene.name_of("method")
+    if "substeps" not in scene.derived.get(name, ()):
+        return []
+    method, needed = scene.method, _needed(scene)
+    if needed > MAX_SUBSTEPS:
+        return [
+            f"{name}.substeps = {MAX_SUBSTEPS}, the most that is chosen: with fewer than {needed} bodies sink into colliders "
+            f"by more than {100 * SINKING:g} % of their spacing; state {name}.substeps, a smaller {name}.dt or a larger "
+            "spacing"
+        ]
+    if method.substeps > WITH_SUBSTEPS[method.solver]:
+        return [
+            f"{name}.substeps = {method.substeps}, so that no body sinks into a collider by more than {100 * SINKING:g} % of "
+            f"its spacing; state {name}.substeps to choose"
+        ]
+    return []
+
+
+def _needed(scene: SceneParts) -> int:
+    """The substeps of a step in which no body sinks; 1 where nothing falls or nothing is in its way."""
+    gravity = scene.gravity.acceleration if scene.gravity else 0.0
+    if not (gravity and scene.all_of(*COLLIDER_KINDS)):
+        return 1
+    longest = min(size.longest_substep(gravity) for size in _sizes(scene))
+    return max(1, ceil(scene.method.dt / longest - TENTH))
+
+
+def _take_thicknesses(scene: SceneParts) -> None:
+    """Thicknesses of the colliders of bodies: the depth at which the outermost particles lie below the skin, of several
+    bodies the largest; nothing else of a scene's families is changed."""
+    untold = {
+        name: part for name, part in scene.all_of(*COLLIDER_KINDS).items() if "thickness" not in part.model_fields_set
+    }
+    if not untold or not scene.all_of(*BODY_KINDS, *TETRAHEDRAL_KINDS):
+        return
+    thickness = max(max(size.depth, MIN_THICKNESS * size.spacing) for size in _sizes(scene))
+    for name in untold:
+        scene.derive(name, thickness=thickness)
+
+
+def _sizes(scene: SceneParts) -> Iterator[_Size]:
+    """The sizes of all bodies. Raises SceneError, InputError, which name the body."""
+    for name, part in scene.all_of(*BODY_KINDS, *TETRAHEDRAL_KINDS).items():
+        try:
+            if scene.kinds[name] in BODY_KINDS:
+                yield _size_of_particles(part.baked)
+            else:
+                mesh = cut(part).mesh
+                spacing = float(np.cbrt(6 * mesh.volumes.mean()))
+                yield _Size(spacing, float(np.ptp(mesh.position, axis=0).max()), 0.0)
+        except SceneError as error:
+            raise SceneError(f"{name}.{error.field}", error.value, error.allowed) from None
+        except InputError as error:
+            raise InputError(f"{name}: {error}") from None
+
+
+def _size_of_particles(body: BakedBody) -> _Size:
+    skin, particles = body.skin.position, body.position
+    gaps = [particles.min(axis=0) - skin.min(axis=0), skin.max(axis=0) - particles.max(axis=0)]
+    depth = float(np.clip(np.mean(gaps), 0.0, body.spacing))
+    return _Size(body.spacing, float(np.ptp(skin, axis=0).max()), depth)
