@@ -17,13 +17,13 @@ from model.tetrahedra.placed import cut
 
 def body_lines(scene: Scene) -> list[str]:
     """What the meshes of a scene's bodies became: of each, once for all its copies, what was built and what it weighs."""
-    lines = []
+    lines = [line for member in scene.members.values() for line in body_lines(member)]
     for name, part in scene.bodies.items():
         times = f" (x {part.count})" if part.count > 1 else ""
         times += f" and {part.spare} waiting" if part.spare else ""
         lines += [f"{name}{times}: {line}" for line in part.baked.report.lines()]
     if scene.tetrahedra:
-        found = (scene.members["tetrahedra"] if scene.is_world else scene).tetrahedra_set
+        found = scene.tetrahedra_set
         ends = [*found.first_particle, found.particle_count]
         for first, end, (name, body) in zip(ends, ends[1:], scene.tetrahedra.items(), strict=False):
             mass = float(total(found.masses[first:end]))

@@ -46,10 +46,15 @@ class _Size:
 
 
 def take_resting_defaults(scene: SceneParts) -> None:
-    """Give the method substeps and the colliders thicknesses that the scene does not state. Of a world the substeps alone:
-    its members, which have them, choose thicknesses. Raises SceneError, InputError (a body's mesh)."""
-    if not scene.is_world:
-        _take_thicknesses(scene)
+    """Give the method substeps and the colliders thicknesses that the scene does not state; of a world each member chooses
+    its own thicknesses. Raises SceneError, InputError (a body's mesh)."""
+    untold = {
+        name: part for name, part in scene.all_of(*COLLIDER_KINDS).items() if "thickness" not in part.model_fields_set
+    }
+    if untold and scene.all_of(*BODY_KINDS, *TETRAHEDRAL_KINDS):
+        thickness = None if scene.is_world else _thickness(scene)
+        for name, part in untold.items():
+            scene.derive(name, thickness=part.thickness if thickness is None else thickness)
     method = scene.one("method")
     if method is None or "substeps" in method.model_fields_set or method.solver not in WITH_SUBSTEPS:
         return
@@ -87,17 +92,9 @@ def _needed(scene: SceneParts) -> int:
     return max(1, ceil(scene.method.dt / longest - TENTH))
 
 
-def _take_thicknesses(scene: SceneParts) -> None:
-    """Thicknesses of the colliders of bodies: the depth at which the outermost particles lie below the skin, of several
-    bodies the largest; nothing else of a scene's families is changed."""
-    untold = {
-        name: part for name, part in scene.all_of(*COLLIDER_KINDS).items() if "thickness" not in part.model_fields_set
-    }
-    if not untold or not scene.all_of(*BODY_KINDS, *TETRAHEDRAL_KINDS):
-        return
-    thickness = max(max(size.depth, MIN_THICKNESS * size.spacing) for size in _sizes(scene))
-    for name in untold:
-        scene.derive(name, thickness=thickness)
+def _thickness(scene: SceneParts) -> float:
+    """[m]: the depth at which the outermost particles of bodies lie below their skin, of several bodies the largest."""
+    return max(max(size.depth, MIN_THICKNESS * size.spacing) for size in _sizes(scene))
 
 
 def _sizes(scene: SceneParts) -> Iterator[_Size]:
