@@ -9,7 +9,6 @@ import numpy as np
 from model.contact.surface_collider import SurfaceCollider, naming
 from model.core.simulation import Simulation, State
 from model.fluid.measure import compression, height
-from model.geometry.arithmetic.ordered import total
 from model.scene.scene import Scene
 from model.shape_matching.spare import counts
 from model.tetrahedra.placed import cut
@@ -22,13 +21,32 @@ def body_lines(scene: Scene) -> list[str]:
         times = f" (x {part.count})" if part.count > 1 else ""
         times += f" and {part.spare} waiting" if part.spare else ""
         lines += [f"{name}{times}: {line}" for line in part.baked.report.lines()]
-    if scene.tetrahedra:
-        found = scene.tetrahedra_set
-        ends = [*found.first_particle, found.particle_count]
-        for first, end, (name, body) in zip(ends, ends[1:], scene.tetrahedra.items(), strict=False):
-            mass = float(total(found.masses[first:end]))
-            lines += [f"{name}: {line}" for line in cut(body).report.brief(mass)]
+    for name, body in scene.tetrahedra.items():
+        lines += [f"{name}: {line}" for line in cut(body).report.brief(scene.tetrahedra_set.mass_of(name))]
     return lines
+
+
+def built_report(scene: Scene) -> dict[str, Any]:
+    """Of tetrahedral bodies, by name: what they were built of, and their mass [kg], volume [m^3] and second moments of
+    volume about x, y, z through the centre [m^5] beside the mesh's."""
+    members = scene.members.values() if scene.is_world else (scene,)
+    built = {}
+    for member in members:
+        for name, part in member.tetrahedra.items():
+            report = cut(part).report
+            built[name] = {
+                "tetrahedra": report.tetrahedra,
+                "vertices": report.vertices,
+                "voxels": report.voxels,
+                "edges": list(report.edges),
+                "mass": member.tetrahedra_set.mass_of(name),
+                "volume": report.volume,
+                "mesh_volume": report.hull_volume,
+                "moments": list(report.moments),
+                "vertex_moments": list(report.vertex_moments),
+                "mesh_moments": list(report.hull_moments),
+            }
+    return {"built": built} if built else {}
 
 
 def collider_lines(scene: Scene) -> list[str]:

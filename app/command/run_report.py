@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from app.command.run_parts import bodies_report, contact_report, fluid_report, newton_report
+from app.command.run_parts import bodies_report, built_report, contact_report, fluid_report, newton_report
 from app.outcome import outcome_of
 from app.shared import shares
 from model.contact.shortfalls import shortfalls
@@ -60,6 +60,7 @@ def run_report(
         "outcome": outcome_of(faults, diverged),
         **contact_report(simulation, state),
         **bodies_report(simulation),
+        **built_report(scene),
         **faults,
         **fluid_report(simulation, state),
         **newton_report(simulation),

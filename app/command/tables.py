@@ -36,6 +36,7 @@ LABELS = {
     "newton_steps": "Newton steps",
 }  # fmt: skip
 MODIFIED = "J (2 x kinetic + potential, which the step lab {keeps})"
+IN_NOTES = ("built", "error_reason", "resolution", "waiting", "waiting_particles")  # no line of their own
 ABSENT = ("error", "threads_reason", "max_strain")  # no line where there is none
 
 
@@ -55,7 +56,7 @@ def print_report(console: Console, report: dict[str, Any], written: list[Path], 
     table = Table(show_header=False, box=None, pad_edge=False)
     waiting = {"particles": report.get("waiting_particles"), "bodies": report.get("waiting")}
     for key, value in report.items():
-        if key in ("error_reason", "resolution", "waiting", "waiting_particles") or (key in ABSENT and value is None):
+        if key in IN_NOTES or (key in ABSENT and value is None):
             continue
         label, unit = LABELS.get(key, key.replace("_", " ")), UNITS.get(key, "")
         if key == "max_strain" and "bodies" in report:

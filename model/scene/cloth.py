@@ -99,10 +99,12 @@ class Wind(Part):
 class Collider(Part):
     """What masses cannot enter. A mass nearer than `thickness` is put at that distance; its velocity into the collider is
     taken away, and Coulomb friction works against the rest, relative to the collider's own velocity. Of the velocity taken
-    away, the share `restitution` is given back outward where it is more than gravity adds within two steps."""
+    away, the share `restitution` is given back outward where it is more than gravity adds within two steps. Unless
+    `thickness` is given, that of bodies is the depth of their outermost particles below their skin, so that they rest on it
+    (of several bodies the largest depth; at least 1 % of the spacing)."""
 
     velocity: Vector = ZERO  # m/s, constant
-    thickness: NotNegative = 0.01  # m
+    thickness: NotNegative = 0.01  # m; of bodies, unless given, what their skins rest at
     static_friction: NotNegative = 0.0
     dynamic_friction: NotNegative = 0.0  # at most static_friction
     restitution: Annotated[float, Field(ge=0, le=1, strict=True)] = 0.0

@@ -39,7 +39,9 @@ class Method(Part):
     (DFSPH) keeps it by velocities, `iterations` times for their divergence and as often for the density that they lead to. Of
     fluids, also in a world, `dt` is 1/60 s unless given, with 4 `substeps` of 10 `iterations`. `world`: parts of several
     families, each by its own solver (bodies shape-matching; `tetrahedra` xpbd, or vbd where no mesh is beside them; a mesh
-    xpbd; fluids pbf) in common substeps and iterations; without a fluid and without this table in 20 substeps of 1.
+    xpbd; fluids pbf) in common substeps and iterations. Bodies for which no `substeps` are given take those in which none
+    sinks into a collider by more than 1 % of its spacing, 100 at most; under xpbd, and in a world without a fluid, 20 at
+    least.
     """
 
     solver: SolverName = "mass-spring"

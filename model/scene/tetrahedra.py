@@ -23,8 +23,9 @@ def lame_of(young: Any, poisson: Any) -> tuple[Any, Any]:
 class TetrahedralBody(MeshSource):
     """A soft body whose stiffness is Young's modulus and Poisson's ratio: tetrahedra cut from a lattice of voxels.
 
-    Voxels `edge` long, or `voxels` of them along the longest side, each cut into `tetrahedra`; or those of a file of
-    tetrahedra (.msh, .mesh, .vtk, .ele with .node, .npz) as they are. Of `material`: energies per
+    Voxels at most `edge` long, or `voxels` of them along the longest side, each cut into `tetrahedra`: a whole number of them
+    fills the box around the mesh along each axis, and those that the surface cuts weigh and stiffen by their part inside. Or
+    those of a file of tetrahedra (.msh, .mesh, .vtk, .ele with .node, .npz) as they are. Of `material`: energies per
     volume of the stretches s and the volume ratio J, mu sum (s - 1)^2 + lambda / 2 (J - 1)^2 (`fixed-corotated`), with
     (sum (s - 1))^2 in place of (J - 1)^2 (`corotated`), or the stable neo-Hookean one. `damping` is a time: a stress damping
     * the rate at which the elastic one changes. `pinned`: sides of the mesh's box, regions or `all`, whose vertices stay
@@ -41,7 +42,7 @@ class TetrahedralBody(MeshSource):
 
     file: str | None = None  # as of other bodies; of tetrahedra as they are .msh, .mesh, .vtk, .ele with .node, .npz
     fill_holes: Flag = False  # of the surface
-    edge: Positive | None = None  # m, of a voxel
+    edge: Positive | None = None  # m, of a voxel at most
     voxels: Count = 10  # along the longest side, unless an edge is given
     tetrahedra: Literal[5, 6, "conforming"] = 5  # to a voxel; six lock sooner; or conforming, which follow the surface
     sweep: Literal["voxels", "tetrahedra"] = "voxels"  # what has a colour; a voxel's tetrahedra then follow one another

@@ -10,7 +10,7 @@ import numpy as np
 
 from model.core.errors import SceneError
 from model.core.memory import MAX_PARTICLES, available_bytes, require
-from model.geometry.arithmetic.ordered import mean
+from model.geometry.arithmetic.ordered import mean, total
 from model.geometry.lists import Lists, grouped
 from model.geometry.measures import edge_lengths
 from model.geometry.particle_row import ParticleRow
@@ -94,6 +94,11 @@ class TetrahedraSet(ParticleRow):
     def mass(self) -> float:
         """The mean one [kg]."""
         return mean(self.masses)
+
+    def mass_of(self, name: str) -> float:
+        """The mass of the body, or cloth, of that name [kg]."""
+        ends, number = [*self.first_particle, self.particle_count], self.names.index(name)
+        return float(total(self.masses[ends[number] : ends[number + 1]]))
 
     @cached_property
     def edges(self) -> tuple[np.ndarray, np.ndarray]:

@@ -7,7 +7,7 @@ import re
 import numpy as np
 import pytest
 
-from app.command.run_parts import body_lines
+from app.command.run_parts import body_lines, built_report
 from model.scene.scene import Scene
 from model.tetrahedra.placed import cut
 
@@ -56,6 +56,9 @@ def test_a_run_says_what_was_built(world: bool) -> None:
         "ball",
     ] and ", 5.534, 5.534 within the surface" in moments[0]
     assert any(line.startswith("soft: ") for line in lines) == world
+    built = built_report(scene)["built"]
+    assert list(built) == ["beam", "ball"] and built["beam"]["mass"] == pytest.approx(62.5)
+    assert built["ball"]["volume"] == pytest.approx(built["ball"]["mesh_volume"], rel=1e-12)
 
 
 def test_masses_are_density_times_volume_for_every_kind_of_body() -> None:

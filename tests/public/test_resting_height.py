@@ -55,7 +55,7 @@ def lowest_skin(scene: Scene, position: np.ndarray) -> float:
     return float(skin[:, 1].min())
 
 
-def resting(scene: Scene, steps: int = 30) -> np.ndarray:
+def resting(scene: Scene, steps: int = 12) -> np.ndarray:
     with open_simulation(scene, "cpu", precision="float64", math="exact", threads=1) as simulation:
         simulation.advance(steps)
         return np.asarray(simulation.state().position, np.float64)

@@ -11,6 +11,7 @@ from tetrahedra_scenes import BODY, FREE, METHOD, PARTS, moving, tetrahedra_scen
 from app.driver import open_simulation
 from app.output.pieces import pieces_of
 from bench.reference import tetrahedra as reference
+from bench.reference import tetrahedra_voxels as voxel_reference
 from bench.reference.finite_elements import Body
 from model.core.build import build
 from model.core.simulation import State
@@ -99,6 +100,35 @@ def test_energies_are_the_judges(name: str) -> None:
     rest = body.energy(found.position)  # the judge's neo-Hookean one need not be 0 there
     assert energies(found, position).sum() == pytest.approx(body.energy(position) - rest, rel=1e-12)
     assert energies(found, found.position).sum() == pytest.approx(0, abs=1e-12)
+
+
+@pytest.mark.parametrize("volume", ["tetrahedra", "voxels"])
+def test_cut_voxels_are_the_references_with_a_fraction_of_the_stiffness(volume: str) -> None:
+    """A ball in voxels of 1/3 of it: the reference's stiffness of each tetrahedron is that of its part inside."""
+    ball = {
+        "kind": "tetrahedral_body",
+        "shape": {"name": "ball", "resolution": 8, "scale": 0.3},
+        "voxels": 3,
+        "volume": volume,
+    }
+    method = {"solver": "xpbd", "dt": 1 / 300, "substeps": 1, "iterations": 1}
+    scene = Scene({"body": ball | {"young_modulus": 1e4, "poisson_ratio": 0.3}, "gravity": {}, "method": method})
+    found, part, begin = scene.tetrahedra_set, scene.tetrahedra["body"], moving(scene, 0.01)
+    sets, (chosen, *first) = constraint_sets(scene), tetrahedra_of_sets(found)
+    young = part.young_modulus * found.fraction[chosen]
+    body = Body.of(found.position, found.tetrahedra[chosen], part.material, young, part.poisson_ratio)
+    common = body, begin.position, begin.velocity, begin.inverse_mass, sets[0].sweep
+    rest = {"gravity": (0.0, -9.81, 0.0), "damping_time": 0.0}
+    if volume == "voxels":
+        place = np.empty(len(chosen), np.int64)
+        place[chosen] = np.arange(len(chosen))
+        members = [np.sort(place[np.flatnonzero(found.patch == found.patch[one])]) for one in first[0]]
+        position, _ = voxel_reference.simulate(*common, members, method["dt"], STEPS, 1, **rest)
+    else:
+        position, _ = reference.simulate(*common, method["dt"], 1, 1, STEPS, **rest, way="rows")
+    assert 0.01 < found.fraction.min() + 0.01 < found.fraction.max() and (found.fraction < 1).any()
+    np.testing.assert_allclose(run(scene).position, position, atol=1e-11)
+    assert np.abs(position - begin.position).max() > 1e-3
 
 
 @pytest.mark.parametrize("how", ["flat", "inside out", "scattered"])
