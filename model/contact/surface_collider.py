@@ -24,7 +24,7 @@ class SurfaceCollider(MeshSource, Collider):
     such_as: ClassVar[str] = "blob"
 
     spin: Vector = ZERO  # rad/s
-    thickness: Positive = 0.01  # m; of bodies, unless given, what their skins rest at
+    thickness: Positive = 0.01  # m
 
     def _read(self) -> tuple[np.ndarray, np.ndarray, tuple[str, ...]]:
         """(position (vertices, 3) [m], triangles (n, 3), a sentence for what was made good), unturned. Raises InputError."""

@@ -104,7 +104,7 @@ class Collider(Part):
     (of several bodies the largest depth; at least 1 % of the spacing)."""
 
     velocity: Vector = ZERO  # m/s, constant
-    thickness: NotNegative = 0.01  # m; of bodies, unless given, what their skins rest at
+    thickness: NotNegative = 0.01  # m
     static_friction: NotNegative = 0.0
     dynamic_friction: NotNegative = 0.0  # at most static_friction
     restitution: Annotated[float, Field(ge=0, le=1, strict=True)] = 0.0
