@@ -194,7 +194,7 @@ def test_the_ends_of_a_legend_are_open() -> None:
 def test_a_paused_window_is_drawn_when_something_changed_alone() -> None:
     """Some frames after each touch, one at least after a message is over, and all where something moves."""
     heard: dict[str, Any] = {}
-    demo = SimpleNamespace(paused=True, frozen=False, message_count=0, hand=SimpleNamespace(held=None))
+    demo = SimpleNamespace(paused=True, frozen=False, compiling=None, message_count=0, hand=SimpleNamespace(held=None))
     panel, shots = SimpleNamespace(open=False, takes_keys=False), SimpleNamespace(recording=False)
     window = SimpleNamespace(push_handlers=lambda **handlers: heard.update(handlers))
     still = Stillness(cast(Any, SimpleNamespace(demo=demo, panel=panel, shots=shots, window=window)))
