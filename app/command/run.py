@@ -103,7 +103,7 @@ def check_targets(scene: Scene, request: Request, steps: int, notes: list[str]) 
     if request.render:
         check_render(request.render)
     check_look(scene, request.look)
-    asked = {f"--look {request.look[0]}": True} if request.look else {}
+    asked: dict[str, object] = {f"--look {request.look[0]}": True} if request.look else {}
     asked |= {f"--size {request.size}": request.size, f"--fps {request.fps}": request.fps, "--no-hud": not request.hud}
     if not request.render and (unused := [option for option, given in asked.items() if given]):
         raise InputError(f"{unused[0]}: applies to a picture or a clip; add --render FILE.png or FILE.mp4")
