@@ -12,7 +12,7 @@ from itertools import product
 
 import numpy as np
 
-from bench.reference import fluid_world
+from bench.reference import fluid_impact, fluid_world
 from bench.reference.fluid_divergence import DivergenceFree
 from bench.reference.fluid_world import Flow
 from model.fluid.measure import differences
@@ -130,7 +130,7 @@ def _places(world: _World, p: np.ndarray) -> np.ndarray:
 
 
 def _solve(world: _World, number: int, x: np.ndarray, p: np.ndarray, pairs: _Pairs) -> tuple[np.ndarray, ...]:
-    """(positions, constraints, multipliers [m^2]) after a substep's iterations."""
+    """(positions, constraints, multipliers [m^2], numbers of neighbours) after a substep's iterations."""
     method, weight = world.scene.method, world.weight
     end, place = (number + 1) * world.h, _places(world, p)
     averaged = method.scheme == "averaged"
@@ -165,7 +165,7 @@ def _solve(world: _World, number: int, x: np.ndarray, p: np.ndarray, pairs: _Pai
             total /= np.maximum(neighbours, 1)[:, None]
         p, _ = world.collide(number, x, p + weight[:, None] * total, np.zeros_like(p))
     pairs.at(p, place)
-    return p, c, _carried(pairs, multiplier)
+    return p, c, multiplier, neighbours
 
 
 def _carried(pairs: _Pairs, multiplier: np.ndarray) -> np.ndarray:
@@ -235,26 +235,26 @@ def substep(world: _World, number: int, x: np.ndarray, v: np.ndarray, who: np.nd
         _, x = _wrapped(world, x, x)
         pairs = _Pairs(world, x)
         solver = DivergenceFree(world, number, x, pairs, _places(world, x))
-        v, multiplier = solver.substep(v, lambda u, c: accelerated(braked(_smooth(world, x, u, pairs), c)))
+        v, meant, (first, second) = solver.substep(v, lambda u, c: accelerated(braked(_smooth(world, x, u, pairs), c)))
         v = limited(v)
-        p, v = world.collide(number, x, x + h * v, v)
+        p = x + h * v
+        p, v = world.collide(number, x, p, fluid_impact.without_rebound(world, number, x, v, meant, second))
         v = limited(v)
         pairs.at(p, _places(world, p))
-        return who, p, v, solver.c, _carried(pairs, multiplier)
+        return who, p, v, solver.c, _carried(pairs, first + second)
     u = accelerated(v)
     p, x = _wrapped(world, x + h * u, x)
+    p, _ = world.collide(number, x, p, u)
     left = ~world.flow.ended(p)
     who, x, p, u = who[left], x[left], p[left], u[left]
     world.choose(who)
     fastest = np.minimum(world.of("maximum_speed"), world.kernels.h / 2 / h)
     pairs = _Pairs(world, p)
-    p, c, multiplier = _solve(world, number, x, p, pairs)
-    v = (p - x) / h
-    change = world.of("maximum_acceleration") * h
-    far = np.linalg.norm(v - u, axis=1)
-    v = u + (v - u) * np.where(far > change, change / np.where(far > 0, far, 1), 1)[:, None]
-    p, v = world.collide(number, x, p, v)
-    return who, p, limited(braked(_smooth(world, p, v, pairs), c)), c, multiplier
+    p, c, multiplier, neighbours = _solve(world, number, x, p, pairs)
+    averaged = np.maximum(neighbours, 1) if scene.method.scheme == "averaged" else 1
+    carried = _carried(pairs, multiplier)
+    p, v = world.collide(number, x, p, fluid_impact.velocities(world, number, x, u, p, multiplier, averaged))
+    return who, p, limited(braked(_smooth(world, p, v, pairs), c)), c, carried
 
 
 def _wrapped(world: _World, p: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -7,11 +7,13 @@ from typing import Any
 
 import numpy as np
 
+from cpu_backend.contact.colliders import make_collide_mass
 from cpu_backend.core.compile import Compiler
 from cpu_backend.core.own_forces import make_own_force
 from cpu_backend.fluid.quads import QUAD, QUADS
 from model.fluid.parameters import F_BUOYANCY, F_SPEED, FLUID_FIELDS
 from model.formulas.fluid import cells, motion
+from model.scene.cloth import COLLIDER_KINDS
 
 AXES = 3
 BOX = 2 * AXES  # numbers of a band's box: the lowest place, the highest one
@@ -30,19 +32,22 @@ def make_row_of(parts: frozenset[str]) -> Any:
 
 
 def make_predict(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
-    """predict(band, first, last, step, room, state, unsorted, boxes, parameters, fluids, integers): where the particles
-    `first` to before `last` go, and the box of a band's."""
+    """predict(band, first, last, step, substep, room, state, unsorted, boxes, parameters, fluids, integers, bodies, kinds):
+    where the particles `first` to before `last` go, out of the colliders of that substep, and the box of a band's."""
     formulas = motion.make(real, compiler.compiled)
     accelerated, speed_of, slowed, drifted = formulas.accelerated, formulas.speed_of, formulas.slowed, formulas.drifted
     turned_round, buoyant = formulas.turned_round, formulas.buoyant
     axes = 2 if "flat" in parts else AXES
     own = make_own_force(compiler, real, axes, parts - {"load"})
     row_of = compiler.compiled(make_row_of(parts))
-    has_gravity, repeats = "gravity" in parts, "repeats" in parts
+    has_gravity, repeats, has_bodies = "gravity" in parts, "repeats" in parts, bool(parts & set(COLLIDER_KINDS))
+    touch = make_collide_mass(compiler, real, parts)
     zero, one, largest = real(0), real(1), real(LARGEST)
 
     @compiler.compiled
-    def predict(band, first, last, step, room, state, unsorted, boxes, parameters, fluids, integers):
+    def predict(
+        band, first, last, step, substep, room, state, unsorted, boxes, parameters, fluids, integers, bodies, kinds
+    ):  # fmt: skip
         position, velocity, number, fluid = state
         before, place, meant = unsorted[0], unsorted[1], unsorted[2]
         lx, ly, lz, hx, hy, hz = largest, largest, largest, -largest, -largest, -largest
@@ -70,6 +75,8 @@ def make_predict(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
                 y, ay = y + s, ay + s
                 s = turned_round(z, parameters.low_z, parameters.high_z, parameters.side_z)
                 z, az = z + s, az + s
+            if has_bodies:
+                x, y, z, _, _, _ = touch(bodies, kinds, substep, parameters, ax, ay, az, x, y, z, u, v, w)
             meant[k], meant[room + k], meant[2 * room + k] = u, v, w
             before[k], before[room + k], before[2 * room + k] = ax, ay, az
             place[k], place[room + k], place[2 * room + k] = x, y, z

@@ -17,6 +17,7 @@ from cpu_backend.core.compile import Compiler
 from cpu_backend.core.layout import row_at
 from cpu_backend.fluid.cells import make_row_of
 from cpu_backend.fluid.divergence_pairs import make_approaches
+from cpu_backend.fluid.impact import make_impact
 from cpu_backend.fluid.pairs import make_pairs
 from cpu_backend.fluid.quads import LANES, QUAD, QUADS
 from cpu_backend.fluid.rows import make_scratch
@@ -190,6 +191,7 @@ def make_take_up(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simple
     gained = divergence.make(real, compiled).gained
     speed_of, held_back, slowed, drifted = m.speed_of, m.held_back, m.slowed, m.drifted
     touch, row_of = make_collide_mass(compiler, real, parts), compiled(make_row_of(parts))
+    settled = make_impact(compiler, real, parts).settled
     is_held, has_bodies, several = "held-back" in parts, bool(parts & set(COLLIDER_KINDS)), "fluids" in parts
 
     @compiled
@@ -219,12 +221,16 @@ def make_take_up(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simple
         shift, place, multiplier, second = in_order[0], in_order[1], work[2], row_at(unsorted[2], np.int64(room))
         for i in range(count * part // shared, count * (part + 1) // shared):
             row = row_of(in_order[4], i)
+            mx, my, mz = velocity[i], velocity[room + i], velocity[2 * room + i]
             u, v, w = given(i, room, velocity, shift, parameters, fluids[row + F_CHANGE])
             speed, fastest, h = speed_of(u, v, w), fluids[row + F_SPEED], parameters.dt
             u, v, w = slowed(u, speed, fastest), slowed(v, speed, fastest), slowed(w, speed, fastest)
             bx, by, bz = place[i], place[room + i], place[2 * room + i]
             x, y, z = drifted(bx, u, h), drifted(by, v, h), drifted(bz, w, h)
             if has_bodies:
+                u, v, w = settled(
+                    bodies, kinds, number, parameters, bx, by, bz, u, v, w, mx, my, mz, second[i], fluids[row + F_WEIGHT]
+                )  # fmt: skip
                 x, y, z, u, v, w = touch(bodies, kinds, number, parameters, bx, by, bz, x, y, z, u, v, w)
                 speed = speed_of(u, v, w)
                 u, v, w = slowed(u, speed, fastest), slowed(v, speed, fastest), slowed(w, speed, fastest)

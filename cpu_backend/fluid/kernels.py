@@ -56,7 +56,7 @@ def make_advance(real: Any, math: str, parts: frozenset[str]) -> Any:
             if emits or drains:
                 world = there_of(everyone, flow)
             for part in shares(team, member, bands):
-                predict(part, bands, frame, world, parameters, fluids, integers)
+                predict(part, bands, frame, number, world, parameters, fluids, integers, bodies, kinds)
             for part in shares(team, member, bands):
                 enter(part, bands, world, parameters)
             if drains:

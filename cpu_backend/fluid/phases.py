@@ -25,10 +25,12 @@ def make_order(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNa
     compiled = compiler.compiled
 
     @compiled
-    def predict(part, shared, step, world, parameters, fluids, integers):
+    def predict(part, shared, step, number, world, parameters, fluids, integers, bodies, kinds):
         (count, room, _), state, unsorted, _, _, table, _, _ = world
         first, last = count * part // shared, count * (part + 1) // shared
-        predict_some(part, first, last, step, room, state, unsorted, table[0], parameters, fluids, integers)
+        predict_some(
+            part, first, last, step, number, room, state, unsorted, table[0], parameters, fluids, integers, bodies, kinds
+        )  # fmt: skip
 
     @compiled
     def cells_in(shared, world, parameters):

@@ -153,7 +153,7 @@ class Fluid(ParticlesSimulation):
 
         touched = "bodies", "kinds"
         found = {
-            "predict": run(stage.predict, "step", "world", "parameters", "fluids", "integers"),
+            "predict": run(stage.predict, "step", "number", "world", "parameters", "fluids", "integers", *touched),
             "sort into cells": run(stage.sort, "world", "parameters", *(("flow",) if self._flow else ())),
             "find neighbours": run(stage.find, "number", "world", "parameters", "fluids", *touched),
             "density": run(stage.constrain, "number", "here", "world", "parameters", *touched),

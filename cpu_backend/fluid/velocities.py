@@ -11,12 +11,13 @@ from cpu_backend.contact.colliders import make_collide_row
 from cpu_backend.core.compile import Compiler
 from cpu_backend.core.layout import block_of, row_at
 from cpu_backend.fluid.cells import AXES, make_row_of
+from cpu_backend.fluid.impact import make_impact
 from cpu_backend.fluid.quads import LANES
 from cpu_backend.fluid.rows import make_scratch
 from cpu_backend.fluid.smoothing import make_smoothing
-from model.fluid.parameters import F_CHANGE, F_DRAG, F_SPEED, F_SURFACE_DRAG, MAX_NEIGHBOURS
+from model.fluid.parameters import F_CHANGE, F_DRAG, F_SPEED, F_SURFACE_DRAG, F_WEIGHT, MAX_NEIGHBOURS
 from model.fluid.plan import SMOOTHING
-from model.formulas.fluid import motion
+from model.formulas.fluid import impact, motion
 from model.scene.cloth import COLLIDER_KINDS
 
 
@@ -78,6 +79,7 @@ def _make_update(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
     collide, scratch_of = make_collide_row(compiler, real, parts), make_scratch(compiler)
     sums_of, own_of, row_of = scratch_of.sums_of, scratch_of.own, compiled(make_row_of(parts))
     has_bodies, is_held, blocks = bool(parts & set(COLLIDER_KINDS)), "held-back" in parts, LANES // block_of(real)
+    at_walls = _make_at_walls(compiler, real, parts)
 
     @compiler.row
     def velocities(rate, fluid, fluids, px, py, pz, bx, by, bz, meant_x, meant_y, meant_z, x, y, z, u, v, w):
@@ -106,6 +108,7 @@ def _make_update(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
                 *own_of(meant, room, base), *sums,
             )  # fmt: skip
             if has_bodies:
+                at_walls(base, number, world, parameters, fluids, bodies, kinds, *sums)
                 collide(bodies, kinds, number, parameters, blocks, before, base, room, x, np.int64(0), LANES)
             for lane in range(LANES):
                 i = base + lane
@@ -113,3 +116,31 @@ def _make_update(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
                 meant[i], meant[room + i], meant[2 * room + i] = u[lane], v[lane], w[lane]
 
     return update
+
+
+def _make_at_walls(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
+    """at_walls(base, number, world, parameters, fluids, bodies, kinds, x, y, z, u, v, w): velocities (u, v, w) of a slice at
+    (x, y, z), after impacts on colliders and without the rebound from walls."""
+    compiled, made = compiler.compiled, make_impact(compiler, real, parts)
+    impact_of, settled, averaged = made.impact, made.settled, "averaged" in parts
+    averaged_weight, row_of = impact.make(real, compiled).averaged_weight, compiled(make_row_of(parts))
+
+    @compiled
+    def at_walls(base, number, world, parameters, fluids, bodies, kinds, x, y, z, u, v, w):
+        (count, room, _), _, _, in_order, (_, _, multiplier, _, _, _), _, (neighbours, _, _, _), _ = world
+        before, meant = in_order[0], in_order[2]
+        for lane in range(min(LANES, count - base)):
+            i, row = base + lane, row_of(in_order[4], base + lane)
+            qx, qy, qz, mx, my, mz, vx, vy, vz = impact_of(
+                bodies, kinds, number, parameters, before[i], before[room + i], before[2 * room + i], meant[i],
+                meant[room + i], meant[2 * room + i], x[lane], y[lane], z[lane], u[lane], v[lane], w[lane],
+                fluids[row + F_CHANGE],
+            )  # fmt: skip
+            weight = fluids[row + F_WEIGHT]
+            if averaged:
+                weight = averaged_weight(weight, real(max(neighbours[i], 1)))
+            u[lane], v[lane], w[lane] = settled(
+                bodies, kinds, number, parameters, qx, qy, qz, vx, vy, vz, mx, my, mz, multiplier[i], weight
+            )  # fmt: skip
+
+    return at_walls

@@ -37,7 +37,7 @@ def make_wall_rows(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
     """wall_rows(bodies, kinds, time, parameters, x, y, z, share, gx, gy, gz): of LANES particles, what all colliders add to
     the density at `time` [s], and its gradient."""
     row_of = _make_rows(compiler, real, parts)
-    rows = {kind: row_of(away) for kind, away in _make_aways(compiler, real, parts).items()}
+    rows = {kind: row_of(away) for kind, away in make_aways(compiler, real, parts).items()}
     plane, sphere, capsule, box, mesh, field = (rows[kind] for kind in WALLS)
     has_plane, has_sphere, has_capsule, has_box, has_mesh, has_field = (kind in parts for kind in WALLS)
     zero = real(0)
@@ -65,7 +65,7 @@ def make_wall_rows(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
     return wall_rows
 
 
-def _make_aways(compiler: Compiler, real: Any, parts: frozenset[str]) -> dict[str, Any]:
+def make_aways(compiler: Compiler, real: Any, parts: frozenset[str]) -> dict[str, Any]:
     """By kind: away(body, time, reach, x, y, z) -> (distance, normal) of a place from a collider's surface; `reach` where one
     made from a mesh is farther."""
     compiled, distances = compiler.compiled, colliders.make(real, compiler.compiled)

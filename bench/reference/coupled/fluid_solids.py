@@ -13,6 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from bench.reference.fluid import _Pairs, _smooth, _World
+from bench.reference.fluid_impact import velocities
 from model.fluid.samples import Samples
 from model.scene.scene import Scene
 
@@ -45,7 +46,7 @@ class FluidAmongSolids:
         u = v.copy()
         u[:, 1] -= world.h * gravity * world.of("buoyancy")
         self.number, self.x, self.u = number, x, self._limited(u)
-        self.p = x + world.h * self.u
+        self.p, _ = world.collide(number, x, x + world.h * self.u, self.u)
         self.start = np.concatenate([x, self.samples.points(before)])
         joined = np.concatenate([self.p, self.samples.points(position)])
         self.pairs = _Pairs(world, joined)
@@ -118,10 +119,7 @@ class FluidAmongSolids:
     def end(self) -> tuple[np.ndarray, np.ndarray]:
         """(position, velocity) of the fluid after the substep."""
         world = self.world
-        v = (self.p - self.x) / world.h
-        change = world.of("maximum_acceleration") * world.h
-        far = np.linalg.norm(v - self.u, axis=1)
-        v = self.u + (v - self.u) * np.where(far > change, change / np.where(far > 0, far, 1), 1)[:, None]
+        v = velocities(world, self.number, self.x, self.u, self.p, self.multiplier)
         p, v = world.collide(self.number, self.x, self.p, v)
         v = _smooth(world, p, v, self._among_itself())
         rate = world.of("drag") + world.of("free_surface_drag") * np.clip(-self.c, 0, 1)

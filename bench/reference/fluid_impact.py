@@ -1,0 +1,49 @@
+"""Velocities of a fluid's particles after a substep's corrections and at walls, in slow, plain NumPy float64.
+
+From what model/fluid/plan.py says, 1 and 6, without model/formulas: an impact is inelastic, unless a collider has a
+restitution, and its velocity along the wall stays; what a wall's push adds to a velocity does not carry a particle away from
+that wall (J. Moreau, CISM 302, 1988)."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from bench.reference import fluid_world
+from model.contact.surface_collider import SurfaceCollider
+
+
+def velocities(
+    world: Any, number: int, x: np.ndarray, u: np.ndarray, p: np.ndarray, multiplier: np.ndarray, averaged: Any = 1.0
+) -> np.ndarray:
+    """(n, 3) [m/s] of particles at p that began the substep of that `number` at x and meant to go at u. `multiplier` [m^2]:
+    of all iterations; `averaged`: what corrections are divided by."""
+    h, change = world.h, world.of("maximum_acceleration") * world.h
+    meant = x + h * u
+    predicted, after = world.collide(number, x, meant, u)
+    hit = (predicted != meant).any(axis=1)[:, None]
+    v = np.where(hit, after + (p - predicted) / h, (p - x) / h)
+    base = np.where(hit, after, u)
+    far = np.linalg.norm(v - base, axis=1)
+    v = base + (v - base) * np.where(far > change, change / np.where(far > 0, far, 1), 1)[:, None]
+    return without_rebound(world, number, predicted, v, after, multiplier / averaged)
+
+
+def without_rebound(
+    world: Any, number: int, at: np.ndarray, v: np.ndarray, u: np.ndarray, multiplier: np.ndarray
+) -> np.ndarray:
+    """Velocities v of particles, which were u before the corrections, less what walls pushed them away by from `at`."""
+    end, total = (number + 1) * world.h, np.zeros(len(at))
+    for kind, collider in world.scene.colliders:
+        distance, normal = fluid_world.distances(kind, collider, at, end)
+        share, slope = world.kernels.wall_at(distance - collider.thickness)
+        push = 2 * world.weight * multiplier * slope * (1 - total) / world.h
+        wall = np.array(collider.velocity, float)
+        if isinstance(collider, SurfaceCollider):
+            wall = wall + np.cross(collider.spin, at - collider.origin - wall * end)
+        before = np.maximum((u * normal).sum(axis=1), (wall * normal).sum(axis=1))
+        gained = (v * normal).sum(axis=1) - before
+        v = v - np.clip(gained, 0, push)[:, None] * normal
+        total = total + share - total * share
+    return v

@@ -1,0 +1,126 @@
+"""Velocities of particles at walls on CPU threads: model/fluid/plan.py, 1 and 6."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from cpu_backend.contact.colliders import (
+    BOX,
+    CAPSULE,
+    FIELD,
+    MESH,
+    PLANE,
+    SPHERE,
+    make_collide_mass,
+    make_instants,
+    make_push,
+)
+from cpu_backend.core.compile import Compiler
+from cpu_backend.core.layout import row_at
+from cpu_backend.fluid.walls import make_aways
+from model.fluid.plan import WALLS
+from model.formulas.fluid import density, impact, motion
+from model.mass_spring.cloth_parameters import (
+    B_SPIN,
+    B_THICKNESS,
+    B_U,
+    B_V,
+    B_VX,
+    B_VY,
+    B_VZ,
+    B_W,
+    COLLIDER_FIELDS,
+)
+
+
+def make_impact(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
+    """`impact(bodies, kinds, number, parameters, b (3), u (3), p (3), v (3), most)` -> (place (3) and velocity (3) that the
+    colliders leave a particle from b that meant to go at u, velocity (3) at p: v if no collider was in the way);
+    `settled(bodies, kinds, number, parameters, q (3), v (3), u (3), multiplier, weight)` -> velocity (3) without the rebound
+    from walls. See model/formulas/fluid/impact.py."""
+    compiled, m = compiler.compiled, motion.make(real, compiler.compiled)
+    drifted, held_back, speed_of = m.drifted, m.held_back, m.speed_of
+    after_impact, is_held = impact.make(real, compiled).after_impact, "held-back" in parts
+    touch = make_collide_mass(compiler, real, parts)
+
+    @compiled
+    def impact_of(bodies, kinds, number, parameters, bx, by, bz, ux, uy, uz, px, py, pz, vx, vy, vz, most):
+        h, rate = parameters.dt, parameters.inverse_dt
+        x, y, z = drifted(bx, ux, h), drifted(by, uy, h), drifted(bz, uz, h)
+        qx, qy, qz, ux, uy, uz = touch(bodies, kinds, number, parameters, bx, by, bz, x, y, z, ux, uy, uz)
+        if qx != x or qy != y or qz != z:
+            vx, vy = after_impact(ux, px, qx, rate), after_impact(uy, py, qy, rate)
+            vz = after_impact(uz, pz, qz, rate)
+            if is_held:
+                far = speed_of(vx - ux, vy - uy, vz - uz)
+                vx, vy, vz = held_back(vx, ux, far, most), held_back(vy, uy, far, most), held_back(vz, uz, far, most)
+        return qx, qy, qz, ux, uy, uz, vx, vy, vz
+
+    return SimpleNamespace(impact=impact_of, settled=_make_settled(compiler, real, parts))
+
+
+def _make_settled(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
+    compiled, zero, one_wall = compiler.compiled, real(0), _make_one_wall(compiler, real, parts)
+    plane, sphere, capsule, box, mesh, field = (one_wall(kind) for kind in WALLS)
+    has_plane, has_sphere, has_capsule, has_box, has_mesh, has_field = (kind in parts for kind in WALLS)
+    instants = make_instants(compiler, real, parts)
+
+    @compiled
+    def settled(bodies, kinds, number, parameters, qx, qy, qz, vx, vy, vz, ux, uy, uz, multiplier, weight):
+        if not multiplier < zero:
+            return vx, vy, vz
+        total, (_, end, _) = zero, instants(number, parameters)
+        given = parameters, end, qx, qy, qz, ux, uy, uz, multiplier, weight
+        for b in range(kinds.size):
+            body = row_at(bodies, np.int64(b * COLLIDER_FIELDS))
+            if has_plane and kinds[b] == PLANE:
+                total, vx, vy, vz = plane(body, given, total, vx, vy, vz)
+            if has_sphere and kinds[b] == SPHERE:
+                total, vx, vy, vz = sphere(body, given, total, vx, vy, vz)
+            if has_capsule and kinds[b] == CAPSULE:
+                total, vx, vy, vz = capsule(body, given, total, vx, vy, vz)
+            if has_box and kinds[b] == BOX:
+                total, vx, vy, vz = box(body, given, total, vx, vy, vz)
+            if has_mesh and kinds[b] == MESH:
+                total, vx, vy, vz = mesh(body, given, total, vx, vy, vz)
+            if has_field and kinds[b] == FIELD:
+                total, vx, vy, vz = field(body, given, total, vx, vy, vz)
+        return vx, vy, vz
+
+    return settled
+
+
+def _make_one_wall(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
+    """one_wall(kind) -> settle(body, given, total, vx, vy, vz) -> the same after one collider; `total`: the density that
+    earlier ones add."""
+    compiled, f, g = compiler.compiled, density.make(real, compiler.compiled), impact.make(real, compiler.compiled)
+    beyond, wall_near, wall_density, wall_slope = f.beyond, f.wall_near, f.wall_density, f.wall_slope
+    joined_density, remaining_slope, wall_push = f.joined_density, g.remaining_slope, g.wall_push
+    rebound, without, surface_velocity = g.rebound, g.without, g.surface_velocity
+    aways, point = make_aways(compiler, real, parts), make_push(compiler, real, parts).point
+
+    def one_wall(kind: str) -> Any:
+        away, turns = aways[kind], kind in ("mesh_collider", "distance_field")
+
+        @compiled
+        def settle(body, given, total, vx, vy, vz):
+            parameters, end, qx, qy, qz, ux, uy, uz, multiplier, weight = given
+            thickness, wx, wy, wz = body[B_THICKNESS], body[B_VX], body[B_VY], body[B_VZ]
+            distance, nx, ny, nz = away(body, end, parameters.support + thickness, qx, qy, qz)
+            if turns:
+                wx, wy, wz = surface_velocity(
+                    wx, wy, wz, body[B_SPIN], body[B_U], body[B_V], body[B_W], qx, qy, qz, *point(body, end)
+                )  # fmt: skip
+            t = wall_near(beyond(distance, thickness), parameters.inverse_support)
+            slope = remaining_slope(total, wall_slope(t, parameters.wall_gradient))
+            push = wall_push(multiplier, weight, slope, parameters.inverse_dt)
+            speed = rebound(vx, vy, vz, ux, uy, uz, wx, wy, wz, nx, ny, nz, push)
+            total = joined_density(total, wall_density(t, parameters.wall_scale))
+            return total, without(vx, speed, nx), without(vy, speed, ny), without(vz, speed, nz)
+
+        return settle
+
+    return one_wall
