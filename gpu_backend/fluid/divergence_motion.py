@@ -18,8 +18,9 @@ from gpu_backend.core.integers import COLLIDERS
 from gpu_backend.core.quads import SIZE, load_quad, store_quad
 from gpu_backend.core.world import World
 from gpu_backend.fluid.sums import make_row
+from gpu_backend.fluid.walls import make_settled
 from gpu_backend.xpbd.kernels import make_clock
-from model.fluid.parameters import F_BUOYANCY, F_CHANGE, F_DRAG, F_SPEED, F_SURFACE_DRAG
+from model.fluid.parameters import F_BUOYANCY, F_CHANGE, F_DRAG, F_SPEED, F_SURFACE_DRAG, F_WEIGHT
 from model.formulas.fluid import divergence, motion
 
 
@@ -55,7 +56,7 @@ def make_free_motion(real: Any, math: str, parts: frozenset[str], repeats: froze
     substep."""
     m, ends, row = device_formulas(motion.make, real, math), _make_given(real, math, parts), make_row(parts)
     turned_round, drifted, given, limited = m.turned_round, m.drifted, ends.given, ends.limited
-    accelerated = _make_accelerated(real, math, parts)
+    accelerated, settled = _make_accelerated(real, math, parts), make_settled(real, math, parts)
     collide, clock, zero = make_collide(real, math, parts), make_clock(math, parts), real(0)
     along_x, along_y, along_z, touches = "x" in repeats, "y" in repeats, "z" in repeats, bool(parts & COLLIDERS)
 
@@ -98,11 +99,15 @@ def make_free_motion(real: Any, math: str, parts: frozenset[str], repeats: froze
         if k < before.size // SIZE:
             parameters, b = record[0], load_quad(before, k)
             at, h = row(b[3]), parameters.dt
-            vx, vy, vz = given(load_quad(velocity, k), load_quad(shifts, k), fluids[at + F_CHANGE], parameters)
+            u = load_quad(velocity, k)
+            vx, vy, vz = given(u, load_quad(shifts, k), fluids[at + F_CHANGE], parameters)
             vx, vy, vz = limited(vx, vy, vz, fluids[at + F_SPEED])
             x, y, z = drifted(b[0], vx, h), drifted(b[1], vy, h), drifted(b[2], vz, h)
             _, number = clock(counter, place, substeps, substep)
-            x, y, z, vx, vy, vz = collide(b, x, y, z, vx, vy, vz, World(parameters, bodies, integers), number)
+            world = World(parameters, bodies, integers)
+            if touches:
+                vx, vy, vz = settled(b, (vx, vy, vz), u, seconds[k], fluids[at + F_WEIGHT], world, number)
+            x, y, z, vx, vy, vz = collide(b, x, y, z, vx, vy, vz, world, number)
             if touches:
                 vx, vy, vz = limited(vx, vy, vz, fluids[at + F_SPEED])
             multipliers[k] = multipliers[k] + seconds[k]

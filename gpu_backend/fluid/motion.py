@@ -19,12 +19,14 @@ from gpu_backend.contact.colliders import make_collide
 from gpu_backend.core.compile import inlined, kernel_options, make_kernels, variant_name
 from gpu_backend.core.forces import make_own_force
 from gpu_backend.core.formulas import device_formulas
+from gpu_backend.core.integers import COLLIDERS
 from gpu_backend.core.quads import SIZE, load_quad, store_quad
 from gpu_backend.core.world import World
 from gpu_backend.fluid.extent import make_extent
 from gpu_backend.fluid.kernels import make_move, walk_options
 from gpu_backend.fluid.sort_kernels import make_box
 from gpu_backend.fluid.sums import List, make_row
+from gpu_backend.fluid.walls import make_settled
 from gpu_backend.xpbd.kernels import make_clock
 from model.fluid.parameters import (
     F_BUOYANCY,
@@ -32,29 +34,52 @@ from model.fluid.parameters import (
     F_DRAG,
     F_SPEED,
     F_SURFACE_DRAG,
+    F_WEIGHT,
 )
 from model.fluid.plan import SMOOTHING
-from model.formulas.fluid import motion
+from model.formulas.fluid import impact, motion
 
 
 @cache
 def make_ends(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
-    """`answered(b, u, x, y, z, fluids, at, world, number)` -> (x, y, z, vx, vy, vz): a particle that came from b, meant
-    to go at u, to (x, y, z), after the colliders, whose fluid's row begins at `at`; `limited(vx, vy, vz, c, fluids, at,
-    parameters)`."""
+    """`answered(b, u, x, y, z, multiplier, neighbours, fluids, at, world, number)` -> (x, y, z, vx, vy, vz): a particle that
+    came from b, meant to go at u, to (x, y, z), after the colliders; its fluid's row begins at `at`. `limited(vx, vy, vz, c,
+    fluids, at, parameters)`."""
     formulas, inline, collide = device_formulas(motion.make, real, math), inlined(math), make_collide(real, math, parts)
+    impacts = device_formulas(impact.make, real, math)
     velocity_of, held_back, speed_of = formulas.velocity_of, formulas.held_back, formulas.speed_of
     braked, slowed = formulas.braked, formulas.slowed
-    is_held_back, is_dragged = "held-back" in parts, "drag" in parts
+    is_held_back, is_dragged, touches = "held-back" in parts, "drag" in parts, bool(parts & COLLIDERS)
+    after_impact, averaged_weight = impacts.after_impact, impacts.averaged_weight
+    drifted, settled, averaged, one = (
+        formulas.drifted,
+        make_settled(real, math, parts),
+        "averaged" in parts,
+        np.int32(1),
+    )
 
     @inline
-    def answered(b, u, x, y, z, fluids, at, world, number):
-        inverse = world.parameters.inverse_dt
-        vx, vy, vz = velocity_of(x, b[0], inverse), velocity_of(y, b[1], inverse), velocity_of(z, b[2], inverse)
+    def held(vx, vy, vz, ux, uy, uz, most):
         if is_held_back:
-            difference, most = speed_of(vx - u[0], vy - u[1], vz - u[2]), fluids[at + F_CHANGE]
-            vx = held_back(vx, u[0], difference, most)
-            vy, vz = held_back(vy, u[1], difference, most), held_back(vz, u[2], difference, most)
+            far = speed_of(vx - ux, vy - uy, vz - uz)
+            return held_back(vx, ux, far, most), held_back(vy, uy, far, most), held_back(vz, uz, far, most)
+        return vx, vy, vz
+
+    @inline
+    def answered(b, u, x, y, z, multiplier, neighbours, fluids, at, world, number):
+        inverse, h, most = world.parameters.inverse_dt, world.parameters.dt, fluids[at + F_CHANGE]
+        vx, vy, vz = velocity_of(x, b[0], inverse), velocity_of(y, b[1], inverse), velocity_of(z, b[2], inverse)
+        vx, vy, vz = held(vx, vy, vz, u[0], u[1], u[2], most)
+        if touches:
+            px, py, pz = drifted(b[0], u[0], h), drifted(b[1], u[1], h), drifted(b[2], u[2], h)
+            qx, qy, qz, ux, uy, uz = collide(b, px, py, pz, u[0], u[1], u[2], world, number)
+            if qx != px or qy != py or qz != pz:
+                vx, vy = after_impact(ux, x, qx, inverse), after_impact(uy, y, qy, inverse)
+                vx, vy, vz = held(vx, vy, after_impact(uz, z, qz, inverse), ux, uy, uz, most)
+            weight = fluids[at + F_WEIGHT]
+            if averaged:
+                weight = averaged_weight(weight, real(max(neighbours, one)))
+            vx, vy, vz = settled((qx, qy, qz), (vx, vy, vz), (ux, uy, uz), multiplier, weight, world, number)
         return collide(b, x, y, z, vx, vy, vz, world, number)
 
     @inline
@@ -71,9 +96,10 @@ def make_ends(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
 
 @cache
 def make_begin(real: Any, math: str, parts: frozenset[str], repeats: frozenset[str]) -> Any:
-    """begin(position, velocity, particle, limit, record, fluids, integers, counter, place, substeps, substep, predicted,
-    before, meant, boxes): what is told to go where, and the box of each block's; in blocks of sort_kernels.THREADS. `before`
-    is written where sides repeat. `particle`: the particles' numbers; `limit` [m]: see `bound`."""
+    """begin(position, velocity, particle, limit, record, fluids, bodies, integers, counter, place, substeps, substep,
+    predicted, before, meant, boxes): what is told to go where, out of the colliders, and the box of each block's; in blocks
+    of sort_kernels.THREADS. `before` is written where sides repeat. `particle`: the particles' numbers; `limit` [m]: see
+    `bound`."""
     axes = 2 if "flat" in parts else 3
     formulas, keep_box, clock = device_formulas(motion.make, real, math), make_box(real), make_clock(math, parts)
     accelerated, buoyant, drifted = formulas.accelerated, formulas.buoyant, formulas.drifted
@@ -82,13 +108,14 @@ def make_begin(real: Any, math: str, parts: frozenset[str], repeats: frozenset[s
     has_gravity, solid, goes_round = "gravity" in parts, axes == 3, bool(repeats)
     along_x, along_y, along_z = "x" in repeats, "y" in repeats, "z" in repeats
     zero, one, none, extent = real(0), real(1), real(np.inf), make_extent(parts)
+    collide = make_collide(real, math, parts)
 
     def begin(
-        position, velocity, particle, limit, record, fluids, integers, counter, place, substeps, substep, predicted, before,
-        meant, boxes,
+        position, velocity, particle, limit, record, fluids, bodies, integers, counter, place, substeps, substep, predicted,
+        before, meant, boxes,
     ):  # fmt: skip
         parameters = record[0]
-        step, _ = clock(counter, place, substeps, substep)
+        step, number = clock(counter, place, substeps, substep)
         lx, ly, lz, hx, hy, hz = none, none, none, -none, -none, -none
         _, there = extent(particle)
         for k in range(np.int32(cuda.grid(1)), there, np.int32(cuda.gridsize(1))):
@@ -106,7 +133,7 @@ def make_begin(real: Any, math: str, parts: frozenset[str], repeats: frozenset[s
             ux, uy, uz = accelerated(v[0], h, ax), accelerated(v[1], h, ay), accelerated(v[2], h, az)
             speed, most = speed_of(ux, uy, uz), fluids[at + F_SPEED]
             ux, uy, uz = slowed(ux, speed, most), slowed(uy, speed, most), slowed(uz, speed, most)
-            x, y, z = drifted(p[0], ux, h), drifted(p[1], uy, h), drifted(p[2], uz, h)
+            x, y, z, b = drifted(p[0], ux, h), drifted(p[1], uy, h), drifted(p[2], uz, h), p
             if goes_round:
                 sx, sy, sz = zero, zero, zero
                 if along_x:
@@ -116,7 +143,9 @@ def make_begin(real: Any, math: str, parts: frozenset[str], repeats: frozenset[s
                 if along_z:
                     sz = turned_round(z, parameters.low_z, parameters.high_z, parameters.side_z)
                 x, y, z = x + sx, y + sy, z + sz
-                store_quad(before, k, p[0] + sx, p[1] + sy, p[2] + sz, p[3])
+                b = p[0] + sx, p[1] + sy, p[2] + sz, p[3]
+                store_quad(before, k, b[0], b[1], b[2], b[3])
+            x, y, z, _, _, _ = collide(b, x, y, z, ux, uy, uz, World(parameters, bodies, integers), number)
             store_quad(predicted, k, x, y, z, p[3])
             store_quad(meant, k, ux, uy, uz, zero)
             if abs(x) <= limit and abs(y) <= limit and abs(z) <= limit:  # false for NaN
@@ -130,17 +159,17 @@ def make_begin(real: Any, math: str, parts: frozenset[str], repeats: frozenset[s
 
 @cache
 def make_settle(real: Any, math: str, parts: frozenset[str], repeats: frozenset[str]) -> SimpleNamespace:
-    """`settle(before, meant, position, record, table, found, constraints, gradients, fluids, *world, new_position,
-    new_velocity)`: the last correction, then velocities, limited unless neighbours have a say; `update(before, meant,
-    position, record, fluids, *world, new_position, new_velocity)`: velocities alone; `limit(position, velocity,
-    constraints, record, fluids)`."""
+    """`settle(before, meant, position, record, table, found, multipliers, constraints, gradients, fluids, *world,
+    new_position, new_velocity)`: the last correction, then velocities, limited unless neighbours have a say;
+    `update(before, meant, position, record, found, multipliers, fluids, *world, new_position, new_velocity)`: velocities
+    alone; `limit(position, velocity, constraints, record, fluids)`."""
     ends, move, row = make_ends(real, math, parts), make_move(real, math, parts, repeats), make_row(parts)
     answered, limited, clock = ends.answered, ends.limited, make_clock(math, parts)
     ended, is_dragged, zero, extent = not parts & SMOOTHING, "drag" in parts, real(0), make_extent(parts)
 
     def settle(
-        before, meant, position, record, table, found, constraints, gradients, fluids, bodies, integers, counter, place,
-        substeps, substep, new_position, new_velocity,
+        before, meant, position, record, table, found, multipliers, constraints, gradients, fluids, bodies, integers,
+        counter, place, substeps, substep, new_position, new_velocity,
     ):  # fmt: skip
         k = np.int32(cuda.grid(1))
         particles, there = extent(found)
@@ -149,7 +178,9 @@ def make_settle(real: Any, math: str, parts: frozenset[str], repeats: frozenset[
             _, number = clock(counter, place, substeps, substep)
             world, at = World(record[0], bodies, integers), row(b[3])
             x, y, z = move(k, p, b, position, near_by, gradients, fluids, world, number)
-            x, y, z, vx, vy, vz = answered(b, load_quad(meant, k), x, y, z, fluids, at, world, number)
+            x, y, z, vx, vy, vz = answered(
+                b, load_quad(meant, k), x, y, z, multipliers[k], near_by.count, fluids, at, world, number
+            )  # fmt: skip
             if ended:
                 c = constraints[k] if is_dragged else zero
                 vx, vy, vz = limited(vx, vy, vz, c, fluids, at, record[0])
@@ -157,15 +188,17 @@ def make_settle(real: Any, math: str, parts: frozenset[str], repeats: frozenset[
             store_quad(new_velocity, k, vx, vy, vz, zero)
 
     def update(
-        before, meant, position, record, fluids, bodies, integers, counter, place, substeps, substep, new_position,
-        new_velocity,
+        before, meant, position, record, found, multipliers, fluids, bodies, integers, counter, place, substeps, substep,
+        new_position, new_velocity,
     ):  # fmt: skip
         k = np.int32(cuda.grid(1))
         if k < new_position.size // SIZE:
             p, b = load_quad(position, k), load_quad(before, k)
             _, number = clock(counter, place, substeps, substep)
             world = World(record[0], bodies, integers)
-            x, y, z, vx, vy, vz = answered(b, load_quad(meant, k), p[0], p[1], p[2], fluids, row(b[3]), world, number)
+            x, y, z, vx, vy, vz = answered(
+                b, load_quad(meant, k), p[0], p[1], p[2], multipliers[k], found[k], fluids, row(b[3]), world, number
+            )  # fmt: skip
             store_quad(new_position, k, x, y, z, b[3])
             store_quad(new_velocity, k, vx, vy, vz, zero)
 

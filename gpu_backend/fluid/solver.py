@@ -145,7 +145,7 @@ class Fluid(SubstepSimulation):
         before = self.corrected if self.repeats else self.position[current]
         self.begin[self.cells.blocks, SORT_THREADS, self.stream](
             self.position[current], self.velocity[current], self.particle[current], self.cells.limit, self.record,
-            self.fluids, self.integers, *time, predicted, self.corrected, meant, self.cells.boxes,
+            self.fluids, self.bodies, self.integers, *time, predicted, self.corrected, meant, self.cells.boxes,
         )  # fmt: skip
         return predicted, before, meant, self.particle[current]
 
@@ -182,8 +182,8 @@ class Fluid(SubstepSimulation):
             a, b = b, a
         position, velocity = self.position[now], self.velocity[now]
         self.settling.settle[flat](
-            self.before, self.meant, a, self.record, *self.lists, self.constraints, self.gradients, self.fluids, *world,
-            position, self.meant if self.smoothing else velocity,
+            self.before, self.meant, a, self.record, *self.lists, *self.relaxed[1:], self.fluids, *world, position,
+            self.meant if self.smoothing else velocity,
         )  # fmt: skip
         if self.smoothing:
             self.smooth(position, self.meant, velocity)

@@ -54,8 +54,8 @@ def bind_fluid_stages(sim: Any) -> Bound:
         now["position"], now["other"] = now["other"], now["position"]
 
     def update(moment: Moment) -> None:
-        arguments = sim.before, sim.meant, now["position"], sim.record, sim.fluids, *world(moment)
-        settling.update[flat](*arguments, state, velocity)
+        arguments = sim.before, sim.meant, now["position"], sim.record, sim.lists[1], sim.multipliers, sim.fluids
+        settling.update[flat](*arguments, *world(moment), state, velocity)
 
     def shape(moment: Moment) -> None:
         sim.smoothing.shape[flat](state, velocity, sim.record, *sim.lists, sim.before, sim.sorted)

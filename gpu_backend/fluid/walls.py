@@ -1,4 +1,5 @@
-"""What colliders add to a fluid's density, on CUDA: the share of their half spaces, and its gradient."""
+"""What colliders do to a fluid, on CUDA: the share of density of their half spaces and its gradient, and velocities that no
+wall throws back."""
 
 from __future__ import annotations
 
@@ -30,23 +31,43 @@ from gpu_backend.core.compile import inlined
 from gpu_backend.core.formulas import device_formulas
 from gpu_backend.core.integers import BOXES, CAPSULES, FIELDS, MESHES, PLANES, SPHERES
 from model.formulas import cloth, colliders
-from model.formulas.fluid import density, surfaces
+from model.formulas.fluid import density, impact, surfaces
 
 
 @cache
 def make_walls(real: Any, math: str, parts: frozenset[str]) -> Any:
     """walls(p, world, step) -> (density, gx, gy, gz): what all colliders that are walls add to the constraint of a
     particle at p (a quad), as they are at the end of substep `step`; see model/fluid/plan.py."""
-    distances, sums = device_formulas(colliders.make, real, math), device_formulas(density.make, real, math)
-    plane, sphere, capsule, box = distances.plane, distances.sphere, distances.capsule, distances.box
+    sums, zero = device_formulas(density.make, real, math), real(0)
     wall_density, wall_slope, wall_near, beyond = sums.wall_density, sums.wall_slope, sums.wall_near, sums.beyond
-    joined_density, joined_gradient = sums.joined_density, sums.joined_gradient
-    instant, inline, zero, next_one = (
-        device_formulas(cloth.make, real, math).instant,
-        inlined(math),
-        real(0),
-        np.int64(1),
-    )
+    joined_density, joined_gradient, inline = sums.joined_density, sums.joined_gradient, inlined(math)
+
+    @inline
+    def joined(so_far, surface, bodies, at, end, parameters, turns, nothing):
+        total, gx, gy, gz = so_far
+        t = wall_near(beyond(surface[0], bodies[at + B_THICKNESS]), parameters.inverse_support)
+        share, slope = wall_density(t, parameters.wall_scale), wall_slope(t, parameters.wall_gradient)
+        gx = joined_gradient(gx, total, slope, share, surface[1])
+        gy = joined_gradient(gy, total, slope, share, surface[2])
+        gz = joined_gradient(gz, total, slope, share, surface[3])
+        return joined_density(total, share), gx, gy, gz
+
+    each = _make_each_wall(real, math, parts, joined)
+
+    @inline
+    def walls(p, world, step):
+        return each((zero, zero, zero, zero), p, world, step, zero)
+
+    return walls
+
+
+def _make_each_wall(real: Any, math: str, parts: frozenset[str], visit: Any) -> Any:
+    """each(so_far, p, world, step, given): what visit(so_far, surface, bodies, at, end, parameters, turns, given) makes of
+    four numbers, collider by collider. `surface`: (distance, nx, ny, nz) of a particle at p (a quad) from the collider whose
+    row begins at `at`, at the end of substep `step`, the time `end`; `turns`: whether such colliders may turn."""
+    distances, inline = device_formulas(colliders.make, real, math), inlined(math)
+    plane, sphere, capsule, box = distances.plane, distances.sphere, distances.capsule, distances.box
+    instant, next_one = device_formulas(cloth.make, real, math).instant, np.int64(1)
     place_of = make_place_of(real, math)
     has_planes, has_spheres, has_capsules, has_boxes = (kind in parts for kind in ("plane", "sphere", "capsule", "box"))
     (mesh, field), has_meshes, has_fields = surfaces_of(real, math), "mesh_collider" in parts, "distance_field" in parts
@@ -58,52 +79,82 @@ def make_walls(real: Any, math: str, parts: frozenset[str]) -> Any:
         return p[0] - x, p[1] - y, p[2] - z
 
     @inline
-    def joined(so_far, surface, bodies, at, parameters):
-        total, gx, gy, gz = so_far
-        t = wall_near(beyond(surface[0], bodies[at + B_THICKNESS]), parameters.inverse_support)
-        share, slope = wall_density(t, parameters.wall_scale), wall_slope(t, parameters.wall_gradient)
-        gx = joined_gradient(gx, total, slope, share, surface[1])
-        gy = joined_gradient(gy, total, slope, share, surface[2])
-        gz = joined_gradient(gz, total, slope, share, surface[3])
-        return joined_density(total, share), gx, gy, gz
-
-    @inline
-    def walls(p, world, step):
-        parameters, bodies, integers = world.parameters, world.colliders, world.integers
-        found, at = (zero, zero, zero, zero), FIRST_ROW
+    def each(found, p, world, step, given):
+        parameters, bodies, integers, at = world.parameters, world.colliders, world.integers, FIRST_ROW
         end = instant(step + next_one, parameters.dt, parameters.first_step, parameters.first_time)
         if has_planes:
             for _ in range(np.int32(integers[PLANES])):
                 dx, dy, dz = way(p, bodies, at, end)
                 surface = plane(dx, dy, dz, bodies[at + B_U], bodies[at + B_V], bodies[at + B_W])
-                found, at = joined(found, surface, bodies, at, parameters), np.uint64(at + ROW)
+                found, at = visit(found, surface, bodies, at, end, parameters, False, given), np.uint64(at + ROW)
         if has_spheres:
             for _ in range(np.int32(integers[SPHERES])):
                 dx, dy, dz = way(p, bodies, at, end)
                 surface = sphere(dx, dy, dz, bodies[at + B_RADIUS])
-                found, at = joined(found, surface, bodies, at, parameters), np.uint64(at + ROW)
+                found, at = visit(found, surface, bodies, at, end, parameters, False, given), np.uint64(at + ROW)
         if has_capsules:
             for _ in range(np.int32(integers[CAPSULES])):
                 dx, dy, dz = way(p, bodies, at, end)
                 ex, ey, ez = bodies[at + B_U], bodies[at + B_V], bodies[at + B_W]
                 surface = capsule(dx, dy, dz, ex, ey, ez, bodies[at + B_RADIUS])
-                found, at = joined(found, surface, bodies, at, parameters), np.uint64(at + ROW)
+                found, at = visit(found, surface, bodies, at, end, parameters, False, given), np.uint64(at + ROW)
         if has_boxes:
             for _ in range(np.int32(integers[BOXES])):
                 dx, dy, dz = way(p, bodies, at, end)
                 surface = box(dx, dy, dz, bodies[at + B_U], bodies[at + B_V], bodies[at + B_W])
-                found, at = joined(found, surface, bodies, at, parameters), np.uint64(at + ROW)
+                found, at = visit(found, surface, bodies, at, end, parameters, False, given), np.uint64(at + ROW)
         if has_meshes:
             for _ in range(np.int32(integers[MESHES])):
-                found = joined(found, mesh(p, bodies, at, end, parameters), bodies, at, parameters)
-                at = np.uint64(at + ROW)
+                surface = mesh(p, bodies, at, end, parameters)
+                found, at = visit(found, surface, bodies, at, end, parameters, True, given), np.uint64(at + ROW)
         if has_fields:
             for _ in range(np.int32(integers[FIELDS])):
-                found = joined(found, field(p, bodies, at, end, parameters), bodies, at, parameters)
-                at = np.uint64(at + ROW)
+                surface = field(p, bodies, at, end, parameters)
+                found, at = visit(found, surface, bodies, at, end, parameters, True, given), np.uint64(at + ROW)
         return found
 
-    return walls
+    return each
+
+
+@cache
+def make_settled(real: Any, math: str, parts: frozenset[str]) -> Any:
+    """settled(q, v, u, multiplier, weight, world, step) -> v without the rebound from walls; q, v, u: three numbers each, the
+    place where walls pushed, the velocity, and that before corrections. See model/formulas/fluid/impact.py."""
+    f, g = device_formulas(density.make, real, math), device_formulas(impact.make, real, math)
+    beyond, wall_near, wall_density, wall_slope = f.beyond, f.wall_near, f.wall_density, f.wall_slope
+    joined_density, remaining_slope, wall_push = f.joined_density, g.remaining_slope, g.wall_push
+    rebound, without, surface_velocity = g.rebound, g.without, g.surface_velocity
+    inline, place_of, zero = inlined(math), make_place_of(real, math), real(0)
+
+    @inline
+    def settle(so_far, surface, bodies, at, end, parameters, turns, given):
+        total, vx, vy, vz = so_far
+        q, u, multiplier, weight = given
+        distance, nx, ny, nz = surface
+        wx, wy, wz = bodies[at + B_VX], bodies[at + B_VY], bodies[at + B_VZ]
+        if turns:
+            ox, oy, oz = place_of(bodies, at, end)
+            wx, wy, wz = surface_velocity(
+                wx, wy, wz, bodies[at + B_SPIN], bodies[at + B_U], bodies[at + B_V], bodies[at + B_W], q[0], q[1], q[2],
+                ox, oy, oz,
+            )  # fmt: skip
+        t = wall_near(beyond(distance, bodies[at + B_THICKNESS]), parameters.inverse_support)
+        slope = remaining_slope(total, wall_slope(t, parameters.wall_gradient))
+        push = wall_push(multiplier, weight, slope, parameters.inverse_dt)
+        speed = rebound(vx, vy, vz, u[0], u[1], u[2], wx, wy, wz, nx, ny, nz, push)
+        total = joined_density(total, wall_density(t, parameters.wall_scale))
+        return total, without(vx, speed, nx), without(vy, speed, ny), without(vz, speed, nz)
+
+    each = _make_each_wall(real, math, parts, settle)
+
+    @inline
+    def settled(q, v, u, multiplier, weight, world, step):
+        if not multiplier < zero:
+            return v
+        _, vx, vy, vz = each((zero, v[0], v[1], v[2]), q, world, step, (q, u, multiplier, weight))
+        return vx, vy, vz
+
+    return settled
 
 
 def surfaces_of(real: Any, math: str) -> tuple[Any, Any]:

@@ -21,14 +21,14 @@ SORT = {  # of each kernel's arguments, see kernel_text.py
 }
 TIME = "RULlll"  # bodies, integers, counter, place, substeps, substep
 STEP = {
-    "begin": "RRIrFR" + TIME[1:] + "RRRR",
+    "begin": "RRIrFR" + TIME + "RRRR",
     "find": "RFIIIIIL",
     "prepare": "RFIIIIILRRRRR" + TIME + "R",
     "factors": "RFIIRRRRR" + TIME,
     "density": "RFIIRRRR" + TIME,
     "correct": "RRFIIRR" + TIME + "R",
-    "settle": "RRRFIIRRR" + TIME + "RR",
-    "update": "RRRFR" + TIME + "RR",
+    "settle": "RRRFIIRRRR" + TIME + "RR",
+    "update": "RRRFIRR" + TIME + "RR",
     "limit": "RRRFR",
     "shape": "RRFIIRR",
     "smooth": "RRFIIRRRRR",
