@@ -33,6 +33,7 @@ from model.core.stability.divergence import MIN_INTERVAL
 from model.core.stability.resolution import resolution_line
 from model.domains.launched import launched_ranks
 from model.fluid.foam import FoamPoints
+from model.fluid.speeds import speed_lines
 from model.geometry.overlaps import overlap_lines
 from model.scene.resting import resting_notes
 from model.scene.scene import Scene
@@ -130,7 +131,7 @@ def check_targets(scene: Scene, request: Request, steps: int, notes: list[str]) 
 def run_scene(scene: Scene, request: Request, *, progress: bool = True) -> Result:
     """Run `scene` as asked. Raises SceneError, InputError, BackendUnavailable; a divergence is part of the result."""
     built = mesh_lines, rest_lines, body_lines, resting_notes, collider_lines
-    lines = *built, overlap_lines, limit_notes, damping_lines
+    lines = *built, overlap_lines, limit_notes, damping_lines, speed_lines
     notes = [line for told in lines for line in told(scene)]
     coarse = (
         resolution_line(scene, request.precision) if request.precision in PRECISIONS else None

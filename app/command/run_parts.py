@@ -9,6 +9,7 @@ import numpy as np
 from model.contact.surface_collider import SurfaceCollider, naming
 from model.core.simulation import Simulation, State
 from model.fluid.measure import compression, height
+from model.fluid.parameters import speed_limit
 from model.scene.scene import Scene
 from model.shape_matching.spare import counts
 from model.tetrahedra.placed import cut
@@ -89,14 +90,31 @@ def fluid_report(simulation: Simulation, state: State) -> dict[str, Any]:
     }
 
 
+def speed_report(simulation: Any) -> dict[str, Any]:
+    """Of fluids, `speed_limit` [m/s], the least of all, and `speed_limited`: how often it slowed a particle in a substep."""
+    if simulation.scene.is_world:
+        simulation = simulation.members.get("fluid", simulation)
+    scene = simulation.scene
+    if not scene.fluids:
+        return {}
+    limits = [speed_limit(scene, part) for part in scene.fluids.values()]
+    return {"speed_limit": min(limits), "speed_limited": simulation.speed_limited}
+
+
 def fluid_notes(report: dict[str, Any]) -> list[str]:
-    """What to do where a fluid's capacity was too small."""
-    if not report.get("not_emitted"):
-        return []
-    return [
-        f"capacity reached: {report['not_emitted']} particles were due at a nozzle while none waited; a larger capacity "
-        "of the fluid, a sink, or a lower speed helps"
-    ]
+    """What to do where a fluid's capacity or its speed limit was too small."""
+    notes = []
+    if report.get("not_emitted"):
+        notes.append(
+            f"capacity reached: {report['not_emitted']} particles were due at a nozzle while none waited; a larger capacity "
+            "of the fluid, a sink, or a lower speed helps"
+        )
+    if report.get("speed_limited"):
+        notes.append(
+            f"the speed limit of {report['speed_limit']:.3g} m/s slowed a particle in a substep {report['speed_limited']} "
+            "times: the fluid is slower than it should be; raise method.substeps, or the fluid's maximum_speed"
+        )
+    return notes
 
 
 def newton_report(simulation: Simulation) -> dict[str, Any]:

@@ -6,7 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from app.command.run_parts import bodies_report, built_report, contact_report, fluid_report, newton_report
+from app.command.run_parts import (
+    bodies_report, built_report, contact_report, fluid_report, newton_report, speed_report,
+)  # fmt: skip
 from app.outcome import outcome_of
 from app.shared import shares
 from model.contact.shortfalls import shortfalls
@@ -63,5 +65,6 @@ def run_report(
         **built_report(scene),
         **faults,
         **fluid_report(simulation, state),
+        **speed_report(simulation),
         **newton_report(simulation),
     }

@@ -26,11 +26,11 @@ class FluidWindow(Fluid):
 
     def _grow(self, count: int) -> None:
         """Make room for so many particles; what is left is what was put aside, and what the last substep told."""
-        kept, missed, multiplier = self._kept, self._missed, self._world[4][2]
+        kept, counts, multiplier = self._kept, self._counts, self._world[4][2]
         self._particles = min(int(SPARE * count), len(self.body.position))
         room = self._room
         super()._allocate()
-        self._missed[:], self._world[4][2][:room] = missed, multiplier[:room]
+        self._counts[:], self._world[4][2][:room] = counts, multiplier[:room]
         for array, old in zip(self._kept, kept, strict=True):
             for plane in range(len(old) // room):
                 array[plane * self._room :][:room] = old[plane * room :][:room]

@@ -32,8 +32,9 @@ def make_row_of(parts: frozenset[str]) -> Any:
 
 
 def make_predict(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
-    """predict(band, first, last, step, substep, room, state, unsorted, boxes, parameters, fluids, integers, bodies, kinds):
-    where the particles `first` to before `last` go, out of the colliders of that substep, and the box of a band's."""
+    """predict(band, first, last, step, substep, room, state, unsorted, boxes, parameters, fluids, integers, bodies, kinds) ->
+    how many the speed limit slowed; where the particles `first` to before `last` go, out of the colliders of that substep,
+    and the box of a band's."""
     formulas = motion.make(real, compiler.compiled)
     accelerated, speed_of, slowed, drifted = formulas.accelerated, formulas.speed_of, formulas.slowed, formulas.drifted
     turned_round, buoyant = formulas.turned_round, formulas.buoyant
@@ -51,7 +52,7 @@ def make_predict(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
         position, velocity, number, fluid = state
         before, place, meant = unsorted[0], unsorted[1], unsorted[2]
         lx, ly, lz, hx, hy, hz = largest, largest, largest, -largest, -largest, -largest
-        h = parameters.dt
+        h, limited = parameters.dt, 0
         for k in range(first, last):
             row = row_of(fluid, k)
             ax, ay, az = zero, zero, zero
@@ -65,6 +66,8 @@ def make_predict(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
             v = accelerated(velocity[room + k], h, ay)
             w = accelerated(velocity[2 * room + k], h, az)
             speed, most = speed_of(u, v, w), fluids[row + F_SPEED]
+            if speed > most:
+                limited += 1
             u, v, w = slowed(u, speed, most), slowed(v, speed, most), slowed(w, speed, most)
             ax, ay, az = position[k], position[room + k], position[2 * room + k]
             x, y, z = drifted(ax, u, h), drifted(ay, v, h), drifted(az, w, h)
@@ -85,6 +88,7 @@ def make_predict(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
         box = BOX * np.int64(band)
         boxes[box], boxes[box + 1], boxes[box + 2] = lx, ly, lz
         boxes[box + 3], boxes[box + 4], boxes[box + 5] = hx, hy, hz
+        return limited
 
     return predict
 

@@ -96,7 +96,7 @@ def make_accelerate(compiler: Compiler, real: Any, parts: frozenset[str], sides_
     @compiled
     def accelerate(part, shared, step, world, parameters, fluids, integers):
         """Velocities after neighbours, drag and forces, into the state."""
-        (count, room, _), state, unsorted, in_order, work, _, (neighbours, _, entries, _), _ = world
+        (count, room, _), state, unsorted, in_order, work, _, (neighbours, _, entries, counts), _ = world
         place, meant, velocity, error = in_order[1], in_order[2], state[1], work[4]
         h, sides = parameters.dt, sides_of(parameters)
         for i in range(count * part // shared, count * (part + 1) // shared):
@@ -116,6 +116,8 @@ def make_accelerate(compiler: Compiler, real: Any, parts: frozenset[str], sides_
             ax, ay, az = forced(in_order[3][i], row, step, parameters, fluids, integers)
             u, v, w = accelerated(u, h, ax), accelerated(v, h, ay), accelerated(w, h, az)
             speed, fastest = speed_of(u, v, w), fluids[row + F_SPEED]
+            if speed > fastest:
+                counts[shared + part] += 1
             velocity[i], velocity[room + i] = slowed(u, speed, fastest), slowed(v, speed, fastest)
             velocity[2 * room + i] = slowed(w, speed, fastest)
 

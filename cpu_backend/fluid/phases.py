@@ -26,9 +26,9 @@ def make_order(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNa
 
     @compiled
     def predict(part, shared, step, number, world, parameters, fluids, integers, bodies, kinds):
-        (count, room, _), state, unsorted, _, _, table, _, _ = world
+        (count, room, _), state, unsorted, _, _, table, lists, _ = world
         first, last = count * part // shared, count * (part + 1) // shared
-        predict_some(
+        lists[3][shared + part] += predict_some(
             part, first, last, step, number, room, state, unsorted, table[0], parameters, fluids, integers, bodies, kinds
         )  # fmt: skip
 

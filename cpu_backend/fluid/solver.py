@@ -90,8 +90,8 @@ class Fluid(ParticlesSimulation):
         )  # fmt: skip
         most = MAX_NEIGHBOURS[self.scene.dimensions]
         entries = aligned_zeros(slices * LANES * most, np.int32)
-        self._missed = np.zeros(bands, np.int64)
-        lists = planes(np.int32, 1), np.zeros(slices, np.int32), entries, self._missed
+        self._counts = np.zeros(2 * bands, np.int64)  # neighbours without room, then velocities slowed, of each band
+        lists = planes(np.int32, 1), np.zeros(slices, np.int32), entries, self._counts
         for array in (in_order[1], work[0]):
             for axis in range(self.scene.dimensions):
                 array[axis * room + nobody : (axis + 1) * room] = FAR
@@ -172,7 +172,12 @@ class Fluid(ParticlesSimulation):
     @property
     def contacts_lost(self) -> int:
         """Neighbours beyond the MAX_NEIGHBOURS of a list, since the simulation was opened."""
-        return int(self._missed.sum())
+        return int(self._counts[: self._bands].sum())
+
+    @property
+    def speed_limited(self) -> int:
+        """How often the speed limit slowed a particle in a substep, since the simulation was opened."""
+        return int(self._counts[self._bands :].sum())
 
     def _by_number(self, array: np.ndarray) -> np.ndarray:
         """(particles,): one value each of `array`, whose particles lie as after the last substep; 0 of those that wait."""

@@ -137,7 +137,7 @@ class FluidAmongSolids(Fluid):
         self.sample(given)
         self.cells.sort(self.record, given, (self.sorted, self.before, self.meant, self.particle[now]))
         self._moment, self._here, self._there = (self.bodies, self.integers, *time), self.sorted, self.corrected
-        self.relaxing.find[self._flat](self._here, self.record, *self.near, self.cells.beyond)
+        self.relaxing.find[self._flat](self._here, self.record, *self.near, self.cells.counts)
         self.meet(self._here, self.particle[now], self._moment)
 
     def iterate(self, iteration: int) -> None:

@@ -59,7 +59,7 @@ class Cells:
         self._counts, self._starts, self.begins = (self._integers(most + extra) for extra in (0, 0, 1))
         self._totals = self._integers(self._chunks)
         self.table = cuda.device_array(neighbours * particles, np.int32, stream=stream)
-        self.beyond = self._new(np.zeros(1, np.int64))
+        self.counts = self._new(np.zeros(2, np.int64))  # neighbours without room, velocities slowed
         self._flat = (particles + THREADS - 1) // THREADS, THREADS, stream
         self._sort = make_cell_sort(real, repeats, flow is not None)
 
@@ -94,10 +94,18 @@ class Cells:
     @property
     def lost(self) -> int:
         """How many neighbours were beyond those that a particle keeps, over all searches so far."""
-        host = self.beyond.copy_to_host(stream=self._stream)
+        return self._count(0)
+
+    @property
+    def slowed(self) -> int:
+        """How often the speed limit slowed a particle so far."""
+        return self._count(1)
+
+    def _count(self, which: int) -> int:
+        host = self.counts.copy_to_host(stream=self._stream)
         cuda.synchronize()
-        return int(host[0])
+        return int(host[which])
 
     def forget(self) -> None:
-        """Nothing was lost so far."""
-        self.beyond.copy_to_device(np.zeros(1, np.int64), stream=self._stream)
+        """Nothing was lost or slowed so far."""
+        self.counts.copy_to_device(np.zeros(2, np.int64), stream=self._stream)

@@ -54,7 +54,7 @@ class DivergenceFree:
     def search(self, world: tuple[Any, ...]) -> None:
         """Lists of neighbours and factors. `world`: bodies, integers, counter, place, substeps, substep."""
         sim, (find, factors) = self.sim, self.find
-        find[sim._flat](sim.sorted, sim.record, *sim.near, sim.cells.beyond)
+        find[sim._flat](sim.sorted, sim.record, *sim.near, sim.cells.counts)
         factors[sim._flat](sim.sorted, sim.record, *sim.lists, *sim.relaxed, sim.fluids, *world)
 
     def survey(self, world: tuple[Any, ...]) -> None:
@@ -100,7 +100,16 @@ class DivergenceFree:
             )
             velocity = sim.corrected
         self.motion.accelerate[sim._flat](
-            sim.before, velocity, particle, sim.constraints, sim.record, sim.fluids, sim.integers, *time, sim.corrected
+            sim.before,
+            velocity,
+            particle,
+            sim.constraints,
+            sim.record,
+            sim.fluids,
+            sim.integers,
+            *time,
+            sim.corrected,
+            sim.cells.counts,
         )
 
     def foresee(self) -> None:

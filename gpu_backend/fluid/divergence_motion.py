@@ -17,6 +17,7 @@ from gpu_backend.core.formulas import device_formulas
 from gpu_backend.core.integers import COLLIDERS
 from gpu_backend.core.quads import SIZE, load_quad, store_quad
 from gpu_backend.core.world import World
+from gpu_backend.fluid.motion import SLOWED
 from gpu_backend.fluid.sums import make_row
 from gpu_backend.fluid.walls import make_settled
 from gpu_backend.xpbd.kernels import make_clock
@@ -51,13 +52,14 @@ def _make_given(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
 def make_free_motion(real: Any, math: str, parts: frozenset[str], repeats: frozenset[str]) -> SimpleNamespace:
     """`gather(position, record, into)`: places within the box that repeats; `take_up(before, velocity, shifts, record,
     fluids)`; `accelerate(before, velocity, particle, constraints, record, fluids, integers, counter, place, substeps,
-    substep, into)`; `move(before, velocity, shifts, multipliers, seconds, record, fluids, *world, new_position,
+    substep, into, counts)`; `move(before, velocity, shifts, multipliers, seconds, record, fluids, *world, new_position,
     new_velocity)`. `before`: where particles are, and of which fluid; `world`: bodies, integers, counter, place, substeps,
     substep."""
     m, ends, row = device_formulas(motion.make, real, math), _make_given(real, math, parts), make_row(parts)
     turned_round, drifted, given, limited = m.turned_round, m.drifted, ends.given, ends.limited
     accelerated, settled = _make_accelerated(real, math, parts), make_settled(real, math, parts)
     collide, clock, zero = make_collide(real, math, parts), make_clock(math, parts), real(0)
+    speed_of, one_more = m.speed_of, np.int64(1)
     along_x, along_y, along_z, touches = "x" in repeats, "y" in repeats, "z" in repeats, bool(parts & COLLIDERS)
 
     def gather(position, record, into):
@@ -81,13 +83,16 @@ def make_free_motion(real: Any, math: str, parts: frozenset[str], repeats: froze
             store_quad(velocity, k, vx, vy, vz, zero)
 
     def accelerate(
-        before, velocity, particle, constraints, record, fluids, integers, counter, place, substeps, substep, into
+        before, velocity, particle, constraints, record, fluids, integers, counter, place, substeps, substep, into,
+        counts,
     ):  # fmt: skip
         k = np.int32(cuda.grid(1))
         if k < before.size // SIZE:
             step, _ = clock(counter, place, substeps, substep)
             at, v = row(load_quad(before, k)[3]), load_quad(velocity, k)
             vx, vy, vz = accelerated(k, v, at, particle, constraints, record[0], fluids, integers, step)
+            if speed_of(vx, vy, vz) > fluids[at + F_SPEED]:
+                cuda.atomic.add(counts, SLOWED, one_more)
             vx, vy, vz = limited(vx, vy, vz, fluids[at + F_SPEED])
             store_quad(into, k, vx, vy, vz, zero)
 

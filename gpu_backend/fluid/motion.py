@@ -39,6 +39,8 @@ from model.fluid.parameters import (
 from model.fluid.plan import SMOOTHING
 from model.formulas.fluid import impact, motion
 
+SLOWED = 1  # place of `counts`
+
 
 @cache
 def make_ends(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
@@ -97,9 +99,9 @@ def make_ends(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
 @cache
 def make_begin(real: Any, math: str, parts: frozenset[str], repeats: frozenset[str]) -> Any:
     """begin(position, velocity, particle, limit, record, fluids, bodies, integers, counter, place, substeps, substep,
-    predicted, before, meant, boxes): what is told to go where, out of the colliders, and the box of each block's; in blocks
-    of sort_kernels.THREADS. `before` is written where sides repeat. `particle`: the particles' numbers; `limit` [m]: see
-    `bound`."""
+    predicted, before, meant, boxes, counts): what is told to go where, out of the colliders, and the box of each block's; in
+    blocks of sort_kernels.THREADS. `before` is written where sides repeat. `particle`: the particles' numbers; `limit` [m]:
+    see `bound`. `counts[SLOWED]`: how many the speed limit slowed."""
     axes = 2 if "flat" in parts else 3
     formulas, keep_box, clock = device_formulas(motion.make, real, math), make_box(real), make_clock(math, parts)
     accelerated, buoyant, drifted = formulas.accelerated, formulas.buoyant, formulas.drifted
@@ -108,11 +110,11 @@ def make_begin(real: Any, math: str, parts: frozenset[str], repeats: frozenset[s
     has_gravity, solid, goes_round = "gravity" in parts, axes == 3, bool(repeats)
     along_x, along_y, along_z = "x" in repeats, "y" in repeats, "z" in repeats
     zero, one, none, extent = real(0), real(1), real(np.inf), make_extent(parts)
-    collide = make_collide(real, math, parts)
+    collide, one_more = make_collide(real, math, parts), np.int64(1)
 
     def begin(
         position, velocity, particle, limit, record, fluids, bodies, integers, counter, place, substeps, substep, predicted,
-        before, meant, boxes,
+        before, meant, boxes, counts,
     ):  # fmt: skip
         parameters = record[0]
         step, number = clock(counter, place, substeps, substep)
@@ -132,6 +134,8 @@ def make_begin(real: Any, math: str, parts: frozenset[str], repeats: frozenset[s
             h = parameters.dt
             ux, uy, uz = accelerated(v[0], h, ax), accelerated(v[1], h, ay), accelerated(v[2], h, az)
             speed, most = speed_of(ux, uy, uz), fluids[at + F_SPEED]
+            if speed > most:
+                cuda.atomic.add(counts, SLOWED, one_more)
             ux, uy, uz = slowed(ux, speed, most), slowed(uy, speed, most), slowed(uz, speed, most)
             x, y, z, b = drifted(p[0], ux, h), drifted(p[1], uy, h), drifted(p[2], uz, h), p
             if goes_round:

@@ -146,6 +146,7 @@ class Fluid(SubstepSimulation):
         self.begin[self.cells.blocks, SORT_THREADS, self.stream](
             self.position[current], self.velocity[current], self.particle[current], self.cells.limit, self.record,
             self.fluids, self.bodies, self.integers, *time, predicted, self.corrected, meant, self.cells.boxes,
+            self.cells.counts,
         )  # fmt: skip
         return predicted, before, meant, self.particle[current]
 
@@ -174,7 +175,7 @@ class Fluid(SubstepSimulation):
         self.cells.sort(self.record, given, (self.sorted, self.before, self.meant, self.particle[now]))
         world, a, b = (self.bodies, self.integers, *time), self.corrected, self.sorted
         relaxing.prepare[flat](
-            b, self.record, *self.near, self.cells.beyond, *self.relaxed, self.fluids, *world, a
+            b, self.record, *self.near, self.cells.counts, *self.relaxed, self.fluids, *world, a
         )  # fmt: skip
         for _ in range(self.scene.method.iterations - 1):
             relaxing.correct[flat](self.before, a, self.record, *self.lists, self.gradients, self.fluids, *world, b)
@@ -214,6 +215,11 @@ class Fluid(SubstepSimulation):
     def contacts_lost(self) -> int:
         """Of particles' neighbours, those that there was no room for since the start."""
         return self.cells.lost
+
+    @property
+    def speed_limited(self) -> int:
+        """How often the speed limit slowed a particle in a substep, since the simulation was opened."""
+        return self.cells.slowed
 
     def _upload(self, position: np.ndarray, velocity: np.ndarray) -> None:
         numbers = self._numbers

@@ -42,7 +42,7 @@ def bind_fluid_stages(sim: Any) -> Bound:
         now["position"], now["other"] = sim.sorted, sim.corrected
 
     def find(moment: Moment) -> None:
-        relaxing.find[flat](now["position"], sim.record, *sim.near, cells.beyond)
+        relaxing.find[flat](now["position"], sim.record, *sim.near, cells.counts)
         relaxing.factors[flat](now["position"], sim.record, *sim.lists, *sim.relaxed, sim.fluids, *world(moment))
 
     def density(moment: Moment) -> None:

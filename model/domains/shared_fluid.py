@@ -176,6 +176,12 @@ class SharedFluid(WindowedSimulation):
         counts = self._each(lambda window: float(window.contacts_lost))
         return int(self.exchange.gather(np.array(counts).reshape(-1, 1)).sum())
 
+    @property
+    def speed_limited(self) -> int:
+        """As of one, but particles that several hold count as often."""
+        counts = self._each(lambda window: float(window.speed_limited))
+        return int(self.exchange.gather(np.array(counts).reshape(-1, 1)).sum())
+
 
 def _packed(number: np.ndarray, values: np.ndarray) -> np.ndarray:
     """Particles as bytes."""

@@ -21,7 +21,7 @@ SORT = {  # of each kernel's arguments, see kernel_text.py
 }
 TIME = "RULlll"  # bodies, integers, counter, place, substeps, substep
 STEP = {
-    "begin": "RRIrFR" + TIME + "RRRR",
+    "begin": "RRIrFR" + TIME + "RRRRL",
     "find": "RFIIIIIL",
     "prepare": "RFIIIIILRRRRR" + TIME + "R",
     "factors": "RFIIRRRRR" + TIME,
@@ -57,12 +57,12 @@ FREE = {  # of the scheme divergence-free
     "relax": "RRFIIRRRRRii",
     "push": "RRFIIRRRi",
     "take_up": "RRRFR",
-    "accelerate": "RRIRFR" + TIME[1:] + "R",
+    "accelerate": "RRIRFR" + TIME[1:] + "RL",
     "foresee": "RRFIIRRR",
     "move": "RRRRRFR" + TIME + "RR",
 }
 WETTING = {"soak": "RiIIIIR", "weigh": "RiIRRRRR", "share": "IRRlR"}  # of a cloth that drinks
-COUNTED = {"hash_particles", "find", "prepare", "take"}  # by atomics
+COUNTED = {"hash_particles", "find", "prepare", "take", "begin", "accelerate"}  # by atomics
 PLAIN = frozenset({"gravity", "plane", "walls"})
 ALL = PLAIN | {
     "fluids", "repeats", "averaged", "tensile", "sphere", "capsule", "box", "friction", "restitution", "drag", "held-back",

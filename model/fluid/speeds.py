@@ -1,0 +1,63 @@
+"""Whether the speed limit of a fluid's particles, half a support a substep, suits the speeds that its scene leads to."""
+
+from __future__ import annotations
+
+from math import ceil, hypot, sqrt
+
+import numpy as np
+
+from model.fluid.parameters import speed_limit
+from model.scene.fluid import SPEED_SHARE
+from model.scene.scene import Scene
+
+UPRIGHT = 0.9  # component of a plane's unit normal along y, of a floor at least
+
+
+def fall_height(scene: Scene) -> float:
+    """Height [m] that a fluid of the scene can fall: from the highest particle at the start to the lowest one, or to the
+    highest floor below all of them; of one that no plane stops, to the lowest particle."""
+    found = scene.fluid_set
+    height = found.position[found.there(found.position), 1]
+    if not len(height):
+        return 0.0
+    lowest, highest = float(height.min()) - found.spacing / 2, float(height.max()) + found.spacing / 2
+    floors = [
+        part.point[1]
+        for kind, part in scene.colliders
+        if kind == "plane"
+        and part.normal[1] > UPRIGHT * hypot(*part.normal)
+        and part.point[1] <= lowest + found.spacing / 2
+    ]
+    return highest - min(lowest, max(floors, default=lowest))
+
+
+def expected_speeds(scene: Scene) -> dict[str, tuple[float, str]]:
+    """Of each fluid the speed [m/s] that its particles reach without losses, and why: the fastest of the start, or
+    sqrt(2 g H) of a fall by H (E. Torricelli)."""
+    found, speeds = scene.fluid_set, {}
+    gravity = abs(scene.gravity.acceleration) if scene.gravity and scene.gravity.enabled else 0.0
+    height, there = fall_height(scene), found.there(found.position)
+    for number, (name, part) in enumerate(scene.fluids.items()):
+        start = float(np.sqrt((found.velocity[there & (found.fluid == number)] ** 2).sum(axis=1)).max(initial=0.0))
+        fall = sqrt(2 * gravity * abs(part.buoyancy) * height)
+        speeds[name] = (
+            (start, "starts with") if start > fall else (fall, f"reaches in a fall by {height:.3g} m, sqrt(2 g H)")
+        )
+    return speeds
+
+
+def speed_lines(scene: Scene) -> list[str]:
+    """A line for each fluid whose limit of half a support a substep is less than the speed it starts with or falls to."""
+    if scene.is_world:
+        scene = scene.members.get("fluid", scene)
+    lines = []
+    for name, (speed, why) in (expected_speeds(scene) if scene.fluids else {}).items():
+        part, method = scene.fluids[name], scene.method
+        limit, own = speed_limit(scene, part), SPEED_SHARE * part.support_radius
+        if limit * (1 + 1e-9) < own * method.substeps / method.dt or limit >= speed:
+            continue  # a maximum_speed was asked for, or nothing is slowed
+        lines.append(
+            f"{name}: no particle goes faster than {limit:.3g} m/s, half a support a substep, but it {why} "
+            f"{speed:.3g} m/s; method.substeps = {ceil(speed * method.dt / own)} (now {method.substeps}) would allow that"
+        )
+    return lines
