@@ -23,6 +23,7 @@ UNITS = {
     "kinetic_energy": "J",
     "potential_energy": "J",
     "max_speed": "m/s",
+    "speed_limit": "m/s",
     "error": "of the spacing",
     "mean_compression": "of the density at rest",
     "largest_compression": "of the density at rest",

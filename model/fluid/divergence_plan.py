@@ -23,9 +23,9 @@ each. (With a fixed number of them, the multipliers of the substep before, whole
    `accelerate`: with drag braked(v, ..., C); then gravity and own forces, accelerated and `slowed`, as in plan.py, 1.
 9. `foresee density`. a of u as in 4 (of v), came is in C already. The second solve's target: foreseen(C, a, dt).
 10. iteration: `relax` and `push apart` of the second solve, whose Y and shifts begin at 0 anew.
-11. `move`. As 6; then `slowed` to F_SPEED, x = drifted(x, v, dt), and colliders, from x before to x with v, which is
-   `slowed` again. The new state is x and v; the multiplier of which pressures are read is the first solve's Y plus the
-   second's.
+11. `move`. As 6; then `slowed` to F_SPEED, x = drifted(x, v, dt); without the rebound from walls, as in plan.py, 6, from x
+   before, of v before this solve and its multiplier; and colliders, from x before to x with v, which is `slowed` again.
+   The new state is x and v; the multiplier of which pressures are read is the first solve's Y plus the second's.
 """
 
 from __future__ import annotations

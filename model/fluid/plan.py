@@ -13,7 +13,8 @@ whole numbers.
    the lowest number; where none waits it is counted as missing. Those that wait take part in nothing.
 1. `predict`. a = (0, buoyant(gravity, buoyancy), 0), then own forces (model/core/own_forces.py, by the particle's
    number), gravity only where the plan has it. u = accelerated(v, dt, a) axis by axis; speed_of(u), `slowed` to F_SPEED;
-   p = drifted(x, u, dt). Of an axis that repeats: shift = turned_round(p, low, high, side), added to p and to x.
+   p = drifted(x, u, dt). Of an axis that repeats: shift = turned_round(p, low, high, side), added to p and to x. Then
+   colliders, from x to p with u; the velocity that they answer with is dropped. Who exceeds F_SPEED is counted.
 2. `sort into cells`. low = the least p of all particles along each axis, high = the largest, of those that are finite (of
    an axis that repeats both of the record). A table (model/formulas/fluid/cells.py): inverse = inverse_cell, count =
    cells_along(low, high, inverse), of an axis that repeats inverse = inverse_side and count = cells. While not fits(nx,
@@ -39,7 +40,11 @@ whole numbers.
    Then colliders, from x to p, capsules and boxes by model/formulas/fluid/sweep.py, so that no way leads through them; the
    velocity that they answer with (given 0) is dropped.
 6. `update velocity`. v = velocity_of(p, x, inverse_dt); with a maximum acceleration held_back(v, u, speed_of(v - u),
-   F_CHANGE); then colliders, from x to p with v.
+   F_CHANGE). Colliders, from x to drifted(x, u, dt) with u, lead to q and u': where q is another place, v = after_impact(u',
+   p, q, inverse_dt), held_back from u'. Where the multiplier is negative, of each collider at q, as they join in Walls:
+   push = wall_push(multiplier, weight, remaining_slope(total, slope), inverse_dt), weight = F_WEIGHT or its averaged_weight,
+   v = without(v, rebound(v, u', w, n, push), n), w the velocity of its surface (model/formulas/fluid/impact.py). Then
+   colliders, from x to p with v.
 7. `normals and vorticity`, where one is asked for: n = 0, w = 0; for each neighbour: dy, squared, s at the new p; n =
    gradient_added; w_x = curl_added(w_x, s, dy, dz, vy, vz, ...), w_y of (z, x), w_z of (x, y).
 8. Of the next stage, where one is asked for: sums m = 0, f = 0, r = 0; for each neighbour, what the scene has of it: m =
