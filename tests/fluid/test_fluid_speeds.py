@@ -46,7 +46,7 @@ def test_a_note_names_substeps_that_do() -> None:
 def test_it_is_counted(scheme: str) -> None:
     """Each particle that is too fast, in each substep; none that is not."""
     for speed, wanted in ((2.0, 1), (0.01, 0)):
-        scene = column(4 * D, velocity=[0.0, -speed, 0.0]).replace({"method.scheme": scheme})
+        scene = column(4 * D, origin=[0.0, 1.0], velocity=[0.0, -speed, 0.0]).replace({"method.scheme": scheme})
         with open_simulation(scene, "cpu", precision="float32", threads=1) as simulation:
             simulation.advance(1)
             count = scene.fluid_set.particle_count * scene.method.substeps
