@@ -60,14 +60,16 @@ def test_it_is_the_judges_and_stage_by_stage_the_same_bits(name: str) -> None:
     + [("cup", "float32")],  # in float64 it is held against the judge
 )
 def test_the_bits_are_the_cpus(name: str, precision: str) -> None:
-    """Also of the multipliers, from which pressures are read."""
-    found, multipliers = [], []
+    """Also of the multipliers, from which pressures are read, and how often the speed limit slowed a particle."""
+    found, multipliers, limited = [], [], []
     for backend, kernel in (("cpu", None), ("gpu", "launch")):
         options = {"precision": precision, "math": "exact", "kernel": kernel, "initial": stirred(SCENES[name])}
         with open_simulation(SCENES[name], backend, **options) as simulation:
             simulation.advance(1)
             found.append(simulation.state())
             multipliers.append(simulation._multipliers())
+            limited.append(simulation.speed_limited)
+    assert limited[0] == limited[1]
     assert same(*found)
     assert np.array_equal(*multipliers) and multipliers[0].min() < 0
 
