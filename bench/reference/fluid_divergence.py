@@ -60,11 +60,11 @@ class DivergenceFree:
 
     def substep(
         self, v: np.ndarray, between: Callable[[np.ndarray, np.ndarray], np.ndarray]
-    ) -> tuple[np.ndarray, np.ndarray, tuple[np.ndarray, np.ndarray]]:
-        """(velocities, those before the second solve, multipliers of both) after both solves; `between` them velocities are
-        smoothed, braked and accelerated."""
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """(velocities, multipliers) after both solves; `between` them velocities are smoothed, braked and accelerated. What
+        the second one starts from and its multipliers are `meant` and `second` then."""
         grows = self.h * self.rate(v) + self.came
         v, first = self.solve(np.where(self.c > -SURFACE, grows, -1.0), v)
-        meant = between(v, self.c)
-        v, second = self.solve(self.c + self.h * self.rate(meant), meant)
-        return v, meant, (first, second)
+        self.meant = between(v, self.c)
+        v, self.second = self.solve(self.c + self.h * self.rate(self.meant), self.meant)
+        return v, first + self.second
