@@ -7,6 +7,7 @@ from math import ceil, hypot, sqrt
 import numpy as np
 
 from model.fluid.parameters import speed_limit
+from model.scene.cloth import Plane
 from model.scene.fluid import SPEED_SHARE
 from model.scene.scene import Scene
 
@@ -23,8 +24,8 @@ def fall_height(scene: Scene) -> float:
     lowest, highest = float(height.min()) - found.spacing / 2, float(height.max()) + found.spacing / 2
     floors = [
         part.point[1]
-        for kind, part in scene.colliders
-        if kind == "plane"
+        for _, part in scene.colliders
+        if isinstance(part, Plane)
         and part.normal[1] > UPRIGHT * hypot(*part.normal)
         and part.point[1] <= lowest + found.spacing / 2
     ]
