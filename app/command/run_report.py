@@ -7,7 +7,12 @@ from typing import Any
 import numpy as np
 
 from app.command.run_parts import (
-    bodies_report, built_report, contact_report, fluid_report, newton_report, speed_report,
+    bodies_report,
+    built_report,
+    contact_report,
+    fluid_report,
+    newton_report,
+    speed_report,
 )  # fmt: skip
 from app.outcome import outcome_of
 from app.shared import shares
