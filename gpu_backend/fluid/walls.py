@@ -60,7 +60,7 @@ def make_walls(real: Any, math: str, parts: frozenset[str]) -> Any:
     @inline
     def joined(so_far, surface, bodies, at, parameters):
         total, gx, gy, gz = so_far
-        t = wall_near(beyond(surface[0], bodies[at + B_THICKNESS]), parameters.inverse_support)
+        t = wall_near(beyond(surface[0], bodies[at + B_THICKNESS]), parameters.inverse_wall)
         share, slope = wall_density(t, parameters.wall_scale), wall_slope(t, parameters.wall_gradient)
         gx = joined_gradient(gx, total, slope, share, surface[1])
         gy = joined_gradient(gy, total, slope, share, surface[2])
