@@ -58,7 +58,7 @@ class _Kernels:
     def wall_at(self, distance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(what a wall adds to C, how fast that grows with distance [1/m])."""
         q = np.clip(distance / self.wall_range, 0, 1)
-        return np.minimum(self.wall * (1 - q) ** 3, 1), -3 * self.wall / self.wall_range * (1 - q) ** 2
+        return self.wall * (1 - q) ** 3, -3 * self.wall / self.wall_range * (1 - q) ** 2
 
 
 class _World:
@@ -87,8 +87,11 @@ class _World:
         for kind, collider in self.scene.colliders:
             distance, normal = fluid_world.distances(kind, collider, p, time)
             share, slope = self.kernels.wall_at(distance - collider.thickness)
-            gradient = gradient * (1 - share)[:, None] + (slope * (1 - total))[:, None] * normal
-            total = total + share - total * share
+            full = np.maximum(total, share) >= 1
+            of_total = np.where(full, total >= share, 1 - share)[:, None]
+            of_share = np.where(full, share >= total, 1 - total)
+            gradient = gradient * of_total + (slope * of_share)[:, None] * normal
+            total = np.where(full, np.maximum(total, share), total + share - total * share)
         return total, gradient
 
     def collide(self, number: int, before: np.ndarray, p: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

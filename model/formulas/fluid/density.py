@@ -10,7 +10,7 @@ The correction must follow the exact gradient of C. Then it does no work along m
 energy. The paper takes density from one kernel (poly6) and the gradient from another (spiky); that force is not conservative
 and makes water at rest boil, the faster the shorter the substep. Here both are the spiky kernel's, (1 - q)^3.
 
-A wall adds scale (1 - distance / range)^3, at most 1. The layer of the lattice next to it, half a rest distance away, lacks
+A wall adds scale (1 - distance / range)^3. The layer of the lattice next to it, half a rest distance away, lacks
 nothing then, and is pushed by the wall as by its neighbours on the other side. (In place of particles there: N. Akinci et
 al., "Versatile Rigid-Fluid Coupling", SIGGRAPH 2012.)
 
@@ -176,8 +176,8 @@ def make_walls(real, compiled=plain):
 
     @compiled
     def wall_density(t, wall_scale):
-        """What a wall adds to C, at most 1; t: `wall_near`."""
-        return min(wall_scale * ((t * t) * t), one)
+        """What a wall adds to C; t: `wall_near`."""
+        return wall_scale * ((t * t) * t)
 
     @compiled
     def wall_slope(t, wall_gradient):
@@ -185,14 +185,23 @@ def make_walls(real, compiled=plain):
         return -(wall_gradient * (t * t))
 
     @compiled
+    def rate(share, other):
+        """Derivative of `joined_density` with respect to one of its arguments; `other`: the other one."""
+        if max(share, other) < one:
+            return one - other
+        return one if share >= other else zero
+
+    @compiled
     def joined_density(total, share):
-        """Of walls so far and one more, as if they overlapped like chances: a corner is not counted twice."""
-        return (total + share) - total * share
+        """Sum of the walls so far and one more, less their overlap in a corner: m + n (1 - m) of the larger one m and the
+        smaller one n, or m where it exceeds 1."""
+        larger = max(total, share)
+        return larger + min(total, share) * max(one - larger, zero)
 
     @compiled
     def joined_gradient(gradient, total, slope, share, n):
         """One axis of the gradient of that; `total`: before this wall, n: its normal."""
-        return gradient * (one - share) + (slope * n) * (one - total)
+        return gradient * rate(total, share) + (slope * n) * rate(share, total)
 
     return SimpleNamespace(
         beyond=beyond, wall_near=wall_near, wall_density=wall_density, wall_slope=wall_slope, joined_density=joined_density,
