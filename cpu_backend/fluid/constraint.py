@@ -102,8 +102,8 @@ def _make_factors(compiler: Compiler, real: Any, parts: frozenset[str], search: 
             )  # fmt: skip
             if constrains:
                 relax(
-                    parameters.lattice_sum, parameters.density_scale, total, share, row_at(factor, base), row_at(multiplier, base),
-                    row_at(delta, base), row_at(error, base),
+                    parameters.lattice_sum, parameters.density_scale, total, share, row_at(factor, base),
+                    row_at(multiplier, base), row_at(delta, base), row_at(error, base),
                 )  # fmt: skip
                 put(row_at(place, QUADS * room + QUAD * base), row_at(delta, base))
 
@@ -157,8 +157,8 @@ def _make_constrain(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any
                     bodies, kinds, end, parameters, *own_of(place, room, base), share, *own_of(wall, room, base)
                 )  # fmt: skip
             relax(
-                parameters.lattice_sum, parameters.density_scale, total, share, row_at(factor, base), row_at(multiplier, base),
-                row_at(delta, base), row_at(error, base),
+                parameters.lattice_sum, parameters.density_scale, total, share, row_at(factor, base),
+                row_at(multiplier, base), row_at(delta, base), row_at(error, base),
             )  # fmt: skip
             put(row_at(place, QUADS * room + QUAD * base), row_at(delta, base))
 

@@ -12,7 +12,9 @@ from model.fluid.plan import fluid_plan
 from model.scene.cloth import COLLIDER_KINDS
 from model.scene.scene import Scene
 
-RESTS = 0.03  # rest distances: largest shift by gravity in a substep at which `averaged` and `divergence-free` come to rest
+RESTS = (
+    0.03  # rest distances: largest shift by gravity in a substep at which `averaged` and `divergence-free` come to rest
+)
 
 
 def fluid_note(scene: Scene) -> str:

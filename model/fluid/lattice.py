@@ -41,14 +41,14 @@ def closeness_cubed(distance: np.ndarray, support: float) -> np.ndarray:
 class Lattice:
     """Sums over a lattice of particles `rest_distance` apart [m] that see as far as `support` [m], in so many `axes`.
 
-    With k(r) = (1 - r / support)^3 and s(r) = -k'(r) / r, sums over the other particles of the lattice:
+    With k(r) = (1 - r / support)^3 and s(r) = -k'(r) / r, sums over all others of the lattice:
 
     - `volume` [m^axes]: of a particle, 1 / sum of poly6, itself included; `neighbours`: their number.
     - `kernel_sum`: sum of k; `density_scale` = axes / sum of s r^2: a dilatation e changes scale * sum of k by -axes e, as it
       changes density. `gradient_scale` [1/m] = 3 density_scale / support: slope of scale * k at r = 0.
-    - `wall_scale`, `wall_range` [m], `wall_gradient` [1/m] = 3 wall_scale / wall_range, of f(y) = wall_scale (1 - y / range)^3
-      at a distance y from a plane: at half a rest distance f is what the layers behind the plane would add, and -f' twice their
-      push, since the pressure in them is the particle's own.
+    - `wall_scale`, `wall_range` [m], `wall_gradient` [1/m] = 3 wall_scale / wall_range: of f(y) = wall_scale (1 - y /
+      wall_range)^3 at a distance y from a plane. At half a rest distance f is what the layers behind the plane would add, and
+      -f' twice their push, since the pressure in them is the particle's own.
     - `smoothing_scale`: volume * poly6(0); `spread` [m^2]: half the second moment of volume * poly6 along an axis, so that
       sum of volume * poly6 (v_j - v_i) is that times the Laplacian of v.
     """

@@ -91,7 +91,7 @@ def test_macklin_stays_at_rest_in_one_substep() -> None:
 @pytest.mark.parametrize("substeps", [1, 4, 16])
 @pytest.mark.parametrize("scheme", SCHEMES)
 def test_a_disturbed_lattice_does_not_boil(scheme: str, substeps: int) -> None:
-    """A filled repeating box whose particles are off by 1e-6 m: velocities stay what such a shift in a substep makes of them."""
+    """A filled repeating box whose particles are off by 1e-6 m: speeds stay of that size over a substep."""
     side, shift = 0.3, 1e-6
     box = {"size": [side] * 3, "repeats": ["x", "y", "z"]}
     water = {"kind": "fluid", "size": [side] * 3, "rest_distance": 0.05}

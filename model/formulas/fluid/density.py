@@ -154,8 +154,8 @@ def make_neighbours(real, compiled=plain):
         return total + weight * ((s * s) * squared_distance)
 
     return SimpleNamespace(
-        squared=squared, wrapped=wrapped, within=within, apart=apart, near=near, closeness=closeness, density_added=density_added, slope=slope,
-        gradient_added=gradient_added, own_added=own_added,
+        squared=squared, wrapped=wrapped, within=within, apart=apart, near=near, closeness=closeness,
+        density_added=density_added, slope=slope, gradient_added=gradient_added, own_added=own_added,
     )  # fmt: skip
 
 
