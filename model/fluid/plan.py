@@ -31,8 +31,8 @@ whole numbers.
    gradient_added, own = own_added (weight of j's fluid). Walls (below) at p. `factor` with F_WEIGHT of i; multiplier = 0.
 5. iteration, as many as told:
    `density`. total = 0; for each neighbour total = density_added(total, closeness(squared)); (wall density, its
-   gradient) at p; c = constraint(...); delta = change(multiplier, factor, c), which is added to the multiplier; scheme averaged: delta =
-   change_alone(factor, c).
+   gradient) at p; c = constraint(...); delta = change(multiplier, factor, c), which is added to the multiplier; scheme
+   averaged: delta = change_alone(factor, c).
    `correct`, from all positions at once into new ones. a = 0; for each neighbour: as in 4 dy, squared and s; both =
    delta_i + delta_j; with the tensile correction both = both - crowded(near, ...); a = correction_added(a, both, s, d).
    Then a = wall_added(a, delta_i, w) axis by axis. p = moved(p, F_WEIGHT, a).
