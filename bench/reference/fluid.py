@@ -1,8 +1,8 @@
 """A fluid in slow, plain NumPy float64: every pair within the support, the judge of both backends.
 
 From the papers, without model/formulas or a backend: M. Macklin and M. Mueller, "Position Based Fluids", SIGGRAPH 2013,
-with the poly6 density as a number of particles over that of the starting lattice, the spiky slope scaled to the pressure
-of that lattice, and multipliers that are summed over a substep's iterations and never pull. The order of a substep is in
+with density and gradient of one kernel, the spiky one, scaled so that a dilatation of the starting lattice changes C as it
+changes density, and multipliers that are summed over a substep's iterations and never pull. The order of a substep is in
 model/fluid/plan.py; sums here have none, so that solvers are held to this within rounding. Own forces and lists that
 overflow are not here."""
 
@@ -20,43 +20,45 @@ from model.scene.scene import Scene
 
 
 class _Kernels:
-    """W and the gradient of what C = V sum W - 1 is, of a scene; `slope(r)` [1/m^2] times x_i - x_j is minus that
-    gradient."""
+    """Kernels of a scene; `slope(r)` [1/m^2] times x_i - x_j is minus the gradient of a neighbour's part of C."""
 
     def __init__(self, scene: Scene):
         self.axes, self.h, self.d = scene.dimensions, scene.fluid_set.support, scene.fluid_set.spacing
-        self.scale = self.of_gradient = 1.0
         places = np.array(list(product(range(-5, 6), repeat=self.axes))) * self.d
         r = np.linalg.norm(places, axis=1)
-        self.scale = 1 / self.kernel(r).sum()
-        self.of_gradient = self.axes / np.sum(self.slope(r) * r * r)
+        self.smoothing = 1 / self._poly6(r).sum()
         self.spread = np.sum(self.kernel(r) * places[:, 0] ** 2) / 2
-        layer = places[:, 1] < 0
-        first = 1 - self.d / 2 / self.h
-        self.wall = self.scale * np.sum(self._bare(r[layer])) / first**5
-        pushed = np.sum(self.slope(r[layer]) * -places[layer, 1])
-        self.wall_slope = pushed / first**4
+        places, r = places[r > 0], r[r > 0]
+        self.neighbours = int(np.sum(r < self.h))
+        self.scale, self.rest = 1.0, 0.0
+        self.scale = self.axes / np.sum(self.slope(r) * r * r)
+        self.rest = np.sum(self.density(r))
+        behind = places[:, 1] < 0
+        lacks, push = np.sum(self.density(r[behind])), 2 * np.sum(self.slope(r[behind]) * -places[behind, 1])
+        self.wall_range = self.d / 2 + 3 * lacks / push
+        self.wall = lacks / (1 - self.d / 2 / self.wall_range) ** 3
 
-    def _bare(self, r: np.ndarray) -> np.ndarray:
+    def _poly6(self, r: np.ndarray) -> np.ndarray:
         return np.maximum(self.h**2 - r**2, 0) ** 3 / self.h**6
 
     def kernel(self, r: np.ndarray) -> np.ndarray:
-        """Of one neighbour, in C."""
-        return self.scale * self._bare(r)
+        """Weight of one neighbour in smoothing, poly6."""
+        return self.smoothing * self._poly6(r)
+
+    def density(self, r: np.ndarray) -> np.ndarray:
+        """Part of one neighbour in C, by the spiky kernel."""
+        return self.scale * np.maximum(1 - r / self.h, 0) ** 3
 
     def slope(self, r: np.ndarray) -> np.ndarray:
-        """See the class."""
-        spiky = {2: 30 / np.pi, 3: 45 / np.pi}[self.axes] / self.h ** (self.axes + 3)
-        poly6 = {2: 4 / np.pi, 3: 315 / (64 * np.pi)}[self.axes] / self.h**self.axes
-        volume = self.scale / poly6
+        """Minus the derivative of `density` over r [1/m^2]."""
         with np.errstate(divide="ignore", invalid="ignore"):
-            found = volume * spiky * np.maximum(self.h - r, 0) ** 2 / r * self.of_gradient
+            found = 3 * self.scale / self.h * np.maximum(1 - r / self.h, 0) ** 2 / r
         return np.where(r > 0, found, 0.0)
 
     def wall_at(self, distance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(what a wall adds to C, how fast that grows with distance [1/m])."""
-        q = np.clip(distance / self.h, 0, 1)
-        return self.wall * (1 - q) ** 5, -self.wall_slope * (1 - q) ** 4
+        q = np.clip(distance / self.wall_range, 0, 1)
+        return self.wall * (1 - q) ** 3, -3 * self.wall / self.wall_range * (1 - q) ** 2
 
 
 class _World:
@@ -85,8 +87,9 @@ class _World:
         for kind, collider in self.scene.colliders:
             distance, normal = fluid_world.distances(kind, collider, p, time)
             share, slope = self.kernels.wall_at(distance - collider.thickness)
-            gradient = gradient * (1 - share)[:, None] + (slope * (1 - total))[:, None] * normal
-            total = total + share - total * share
+            of_total, of_share = fluid_world.rate(total, share), fluid_world.rate(share, total)
+            gradient = gradient * of_total[:, None] + (slope * of_share)[:, None] * normal
+            total = fluid_world.joined(total, share)
         return total, gradient
 
     def collide(self, number: int, before: np.ndarray, p: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -130,25 +133,25 @@ def _places(world: _World, p: np.ndarray) -> np.ndarray:
 
 
 def _solve(world: _World, number: int, x: np.ndarray, p: np.ndarray, pairs: _Pairs) -> tuple[np.ndarray, ...]:
-    """(positions, constraints, multipliers [m^2], numbers of neighbours) after a substep's iterations."""
+    """(positions, constraints, multipliers [m^2]) after a substep's iterations."""
     method, weight = world.scene.method, world.weight
     end, place = (number + 1) * world.h, _places(world, p)
     averaged = method.scheme == "averaged"
-    neighbours = pairs.sum(np.ones(len(pairs.i)), np.ones(len(pairs.i)))
     pairs.at(p, place)
     g = -pairs.s[:, None] * pairs.d
     _, wall = world.walls(p, end)
     square = (g**2).sum(axis=1)
     own = pairs.sum(weight[pairs.j] * square, weight[pairs.i] * square)
     across = pairs.sum(g, -g) + wall
-    below = weight * (across**2).sum(axis=1) + own + 2 * weight * (wall**2).sum(axis=1)
-    factor = method.part_of_the_way / (below + method.softness / world.kernels.h**2)
+    below = weight * (across**2).sum(axis=1) + own
+    part = method.part_of_the_way / (world.kernels.neighbours if averaged else 1)
+    factor = part / (below + method.softness / world.kernels.h**2)
     multiplier = np.zeros(len(p))
     for _ in range(method.iterations):
         pairs.at(p, place)
-        kernel = world.kernels.kernel(pairs.bare)
+        kernel = world.kernels.density(pairs.bare)
         share, wall = world.walls(p, end)
-        c = pairs.sum(kernel, kernel) + world.kernels.kernel(np.zeros(1)) + share - 1
+        c = pairs.sum(kernel, kernel) - world.kernels.rest + share
         if averaged:
             delta = np.minimum(-factor * c, 0)
         else:
@@ -160,12 +163,10 @@ def _solve(world: _World, number: int, x: np.ndarray, p: np.ndarray, pairs: _Pai
             ratio = np.maximum(1 - (pairs.r / h) ** 2, 0) ** 3 / (1 - at**2) ** 3
             both = both - method.tensile_correction * h**2 * ratio**4
         way = -(both * pairs.s)[:, None] * pairs.d
-        total = pairs.sum(way, -way) + 2 * delta[:, None] * wall
-        if averaged:
-            total /= np.maximum(neighbours, 1)[:, None]
+        total = pairs.sum(way, -way) + delta[:, None] * wall
         p, _ = world.collide(number, x, p + weight[:, None] * total, np.zeros_like(p))
     pairs.at(p, place)
-    return p, c, multiplier, neighbours
+    return p, c, multiplier
 
 
 def _carried(pairs: _Pairs, multiplier: np.ndarray) -> np.ndarray:
@@ -250,10 +251,9 @@ def substep(world: _World, number: int, x: np.ndarray, v: np.ndarray, who: np.nd
     world.choose(who)
     fastest = np.minimum(world.of("maximum_speed"), world.kernels.h / 2 / h)
     pairs = _Pairs(world, p)
-    p, c, multiplier, neighbours = _solve(world, number, x, p, pairs)
-    averaged = np.maximum(neighbours, 1) if scene.method.scheme == "averaged" else 1
+    p, c, multiplier = _solve(world, number, x, p, pairs)
     carried = _carried(pairs, multiplier)
-    p, v = world.collide(number, x, p, fluid_impact.velocities(world, number, x, u, p, multiplier, averaged))
+    p, v = world.collide(number, x, p, fluid_impact.velocities(world, number, x, u, p, multiplier))
     return who, p, limited(braked(_smooth(world, p, v, pairs), c)), c, carried
 
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-SURFACE = 1 / 8  # of density that who lacks it is pressed by nobody for
+SURFACE = 0.09  # a particle that lacks more of its density is at a surface
 
 
 class DivergenceFree:
@@ -21,15 +21,15 @@ class DivergenceFree:
         self.world, self.pairs, self.h = world, pairs, world.h
         method, weight = world.scene.method, world.weight
         pairs.at(x, places)
-        kernel = world.kernels.kernel(pairs.bare)
+        kernel = world.kernels.density(pairs.bare)
         share, self.wall = world.walls(x, (number + 1) * self.h)
         self.came = share - world.walls(x, number * self.h)[0]
-        self.c = pairs.sum(kernel, kernel) + world.kernels.kernel(np.zeros(1)) + share - 1
+        self.c = pairs.sum(kernel, kernel) - world.kernels.rest + share
         g = -pairs.s[:, None] * pairs.d
         square = (g**2).sum(axis=1)
         own = pairs.sum(weight[pairs.j] * square, weight[pairs.i] * square)
         across = pairs.sum(g, -g) + self.wall
-        below = weight * (across**2).sum(axis=1) + own + 2 * weight * (self.wall**2).sum(axis=1)
+        below = weight * (across**2).sum(axis=1) + own
         self.g, self.factor = g, method.part_of_the_way / (below + method.softness / world.kernels.h**2)
         self.iterations = method.iterations
         self.change = world.of("maximum_acceleration") * self.h / 2
@@ -44,7 +44,7 @@ class DivergenceFree:
         """(n, 3) [m]: what multipliers push particles by."""
         pairs = self.pairs
         way = (multiplier[pairs.i] + multiplier[pairs.j])[:, None] * self.g
-        total = pairs.sum(way, -way) + 2 * multiplier[:, None] * self.wall
+        total = pairs.sum(way, -way) + multiplier[:, None] * self.wall
         return np.asarray(self.world.weight[:, None] * total)
 
     def solve(self, target: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -15,10 +15,10 @@ from model.contact.surface_collider import SurfaceCollider
 
 
 def velocities(
-    world: Any, number: int, x: np.ndarray, u: np.ndarray, p: np.ndarray, multiplier: np.ndarray, averaged: Any = 1.0
+    world: Any, number: int, x: np.ndarray, u: np.ndarray, p: np.ndarray, multiplier: np.ndarray
 ) -> np.ndarray:
     """(n, 3) [m/s] of particles at p that began the substep of that `number` at x and meant to go at u. `multiplier` [m^2]:
-    of all iterations; `averaged`: what corrections are divided by."""
+    of all iterations."""
     h, change = world.h, world.of("maximum_acceleration") * world.h
     meant = x + h * u
     predicted, after = world.collide(number, x, meant, u)
@@ -27,7 +27,7 @@ def velocities(
     base = np.where(hit, after, u)
     far = np.linalg.norm(v - base, axis=1)
     v = base + (v - base) * np.where(far > change, change / np.where(far > 0, far, 1), 1)[:, None]
-    return without_rebound(world, number, predicted, v, after, multiplier / averaged)
+    return without_rebound(world, number, predicted, v, after, multiplier)
 
 
 def without_rebound(
@@ -38,12 +38,12 @@ def without_rebound(
     for kind, collider in world.scene.colliders:
         distance, normal = fluid_world.distances(kind, collider, at, end)
         share, slope = world.kernels.wall_at(distance - collider.thickness)
-        push = 2 * world.weight * multiplier * slope * (1 - total) / world.h
+        push = world.weight * multiplier * slope * fluid_world.rate(share, total) / world.h
         wall = np.array(collider.velocity, float)
         if isinstance(collider, SurfaceCollider):
             wall = wall + np.cross(collider.spin, at - collider.origin - wall * end)
         before = np.maximum((u * normal).sum(axis=1), (wall * normal).sum(axis=1))
         gained = (v * normal).sum(axis=1) - before
         v = v - np.clip(gained, 0, push)[:, None] * normal
-        total = total + share - total * share
+        total = fluid_world.joined(total, share)
     return v

@@ -50,6 +50,17 @@ def distances(kind: str, collider: Any, p: np.ndarray, time: float) -> tuple[np.
     return distance, normal
 
 
+def joined(total: np.ndarray, share: np.ndarray) -> np.ndarray:
+    """What walls add to C: `total` of those so far and `share` of one more, less their overlap."""
+    larger = np.maximum(total, share)
+    return np.where(larger >= 1, larger, total + share - total * share)
+
+
+def rate(share: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """Derivative of `joined` with respect to `share`."""
+    return np.where(np.maximum(share, other) >= 1, share >= other, 1 - other)
+
+
 def collide(
     scene: Scene, before: np.ndarray, position: np.ndarray, velocity: np.ndarray, number: int
 ) -> tuple[np.ndarray, np.ndarray]:

@@ -102,8 +102,8 @@ def _make_factors(compiler: Compiler, real: Any, parts: frozenset[str], search: 
             )  # fmt: skip
             if constrains:
                 relax(
-                    parameters.density_scale, total, share, row_at(factor, base), row_at(multiplier, base),
-                    row_at(delta, base), row_at(error, base),
+                    parameters.lattice_sum, parameters.density_scale, total, share, row_at(factor, base),
+                    row_at(multiplier, base), row_at(delta, base), row_at(error, base),
                 )  # fmt: skip
                 put(row_at(place, QUADS * room + QUAD * base), row_at(delta, base))
 
@@ -157,8 +157,8 @@ def _make_constrain(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any
                     bodies, kinds, end, parameters, *own_of(place, room, base), share, *own_of(wall, room, base)
                 )  # fmt: skip
             relax(
-                parameters.density_scale, total, share, row_at(factor, base), row_at(multiplier, base),
-                row_at(delta, base), row_at(error, base),
+                parameters.lattice_sum, parameters.density_scale, total, share, row_at(factor, base),
+                row_at(multiplier, base), row_at(delta, base), row_at(error, base),
             )  # fmt: skip
             put(row_at(place, QUADS * room + QUAD * base), row_at(delta, base))
 
@@ -176,7 +176,7 @@ def _make_correct(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
     def correct(part, shared, number, place, there, world, parameters, fluids, bodies, kinds):
         """Particles at `place` moved, into `there`."""
         (count, room, _), _, _, in_order, (_, _, _, delta, _, wall), _, lists, (scratch, _, _, _) = world
-        neighbours, longest, entries = lists[0], lists[1], lists[2]
+        longest, entries = lists[1], lists[2]
         before, fluid, slices, sides = in_order[0], in_order[4], (count + LANES - 1) // LANES, sides_of(parameters)
         sums = sums_of(part, scratch)
         ax, ay, az = sums[:3]
@@ -190,7 +190,7 @@ def _make_correct(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
                 parameters.gradient_scale, parameters.tensile, parameters.inverse_tensile, ax, ay, az,
             )  # fmt: skip
             move(
-                row_at(fluid, base), fluids, row_at(neighbours, base), row_at(delta, base), *own_of(wall, room, base),
+                row_at(fluid, base), fluids, row_at(delta, base), *own_of(wall, room, base),
                 *own_of(place, room, base), *sums,
             )  # fmt: skip
             if has_bodies:

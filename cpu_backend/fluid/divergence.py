@@ -102,7 +102,7 @@ def make_solve(compiler: Compiler, real: Any, parts: frozenset[str], sides_of: A
                 i, came = base + lane, zero
                 if moving:
                     came = share[lane] - earlier[lane]
-                error[i] = constraint(total[lane], parameters.density_scale, share[lane])
+                error[i] = constraint(total[lane], parameters.lattice_sum, parameters.density_scale, share[lane])
                 a = rest_of(i, room, wall, velocity, coming[lane])
                 target[i] = compressed(error[i], a, parameters.dt, came)
 

@@ -98,7 +98,7 @@ def _make_one_wall(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
     earlier ones add."""
     compiled, f, g = compiler.compiled, density.make(real, compiler.compiled), impact.make(real, compiler.compiled)
     beyond, wall_near, wall_density, wall_slope = f.beyond, f.wall_near, f.wall_density, f.wall_slope
-    joined_density, remaining_slope, wall_push = f.joined_density, g.remaining_slope, g.wall_push
+    joined_density, rate, wall_push = f.joined_density, f.rate, g.wall_push
     rebound, without, surface_velocity = g.rebound, g.without, g.surface_velocity
     aways, point = make_aways(compiler, real, parts), make_push(compiler, real, parts).point
 
@@ -114,11 +114,11 @@ def _make_one_wall(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
                 wx, wy, wz = surface_velocity(
                     wx, wy, wz, body[B_SPIN], body[B_U], body[B_V], body[B_W], qx, qy, qz, *point(body, end)
                 )  # fmt: skip
-            t = wall_near(beyond(distance, thickness), parameters.inverse_support)
-            slope = remaining_slope(total, wall_slope(t, parameters.wall_gradient))
-            push = wall_push(multiplier, weight, slope, parameters.inverse_dt)
+            t = wall_near(beyond(distance, thickness), parameters.inverse_wall)
+            share, slope = wall_density(t, parameters.wall_scale), wall_slope(t, parameters.wall_gradient)
+            push = wall_push(multiplier, weight, slope, rate(share, total), parameters.inverse_dt)
             speed = rebound(vx, vy, vz, ux, uy, uz, wx, wy, wz, nx, ny, nz, push)
-            total = joined_density(total, wall_density(t, parameters.wall_scale))
+            total = joined_density(total, share)
             return total, without(vx, speed, nx), without(vy, speed, ny), without(vz, speed, nz)
 
         return settle

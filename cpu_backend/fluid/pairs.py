@@ -20,7 +20,8 @@ from model.formulas.fluid import density
 def make_pairs(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
     """`densities`, `gradients`, `corrections`; their sums are added to, and begin at 0."""
     f, wrap = density.make(real, compiler.compiled), make_wrap(compiler, real, parts)
-    squared, near, density_added, apart, slope = f.squared, f.near, f.density_added, f.apart, f.slope
+    squared, near, closeness, apart, slope = f.squared, f.near, f.closeness, f.apart, f.slope
+    density_added = f.density_added
     gradient_added, own_added, crowded, correction_added = f.gradient_added, f.own_added, f.crowded, f.correction_added
     several, has_tensile = "fluids" in parts, "tensile" in parts
     row_of = compiler.compiled(make_row_of(parts))
@@ -32,7 +33,7 @@ def make_pairs(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNa
             read_quads(quads, entries, np.int64(k * LANES), x, y, z, w)
             for lane in range(LANES):
                 dx, dy, dz = wrap(own_x[lane] - x[lane], own_y[lane] - y[lane], own_z[lane] - z[lane], sides)
-                total[lane] = density_added(total[lane], near(squared(dx, dy, dz), inverse))
+                total[lane] = density_added(total[lane], closeness(squared(dx, dy, dz), inverse))
 
     @compiler.row
     def gradients(
@@ -45,7 +46,7 @@ def make_pairs(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNa
                 j = entries[k * LANES + lane]
                 dx, dy, dz = wrap(own_x[lane] - x[lane], own_y[lane] - y[lane], own_z[lane] - z[lane], sides)
                 square = squared(dx, dy, dz)
-                total[lane] = density_added(total[lane], near(square, inverse))
+                total[lane] = density_added(total[lane], closeness(square, inverse))
                 dy = apart(dy, square, support, first + lane < j)
                 square = squared(dx, dy, dz)
                 s = slope(square, inverse, scale)

@@ -47,12 +47,12 @@ def make_scratch(compiler: Compiler) -> SimpleNamespace:
 
 
 def make_rows(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
-    """`factors(relaxation, softness, fluid, fluids, gx, gy, gz, own, wx, wy, wz, factor, multiplier)`; `relax(scale, total,
-    share, factor, multiplier, delta, error)`: constraints, and changes of multipliers; `move(fluid, fluids, neighbours,
+    """`factors(relaxation, softness, fluid, fluids, gx, gy, gz, own, wx, wy, wz, factor, multiplier)`; `relax(lattice_sum,
+    scale, total, share, factor, multiplier, delta, error)`: constraints, and changes of multipliers; `move(fluid, fluids,
     delta, wx, wy, wz, px, py, pz, ax, ay, az, vx, vy, vz)`: corrections a become places, and v is 0."""
     f, averaged, has_walls = density.make(real, compiler.compiled), "averaged" in parts, "walls" in parts
     constraint, change, change_alone, factor_of = f.constraint, f.change, f.change_alone, f.factor
-    wall_added, moved, moved_mean = f.wall_added, f.moved, f.moved_mean
+    wall_added, moved = f.wall_added, f.moved
     row_of, zero = compiler.compiled(make_row_of(parts)), real(0)
 
     @compiler.row
@@ -66,27 +66,22 @@ def make_rows(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNam
             multiplier[lane] = zero
 
     @compiler.row
-    def relax(scale, total, share, factor, multiplier, delta, error):
+    def relax(lattice_sum, scale, total, share, factor, multiplier, delta, error):
         for lane in range(LANES):
-            c = constraint(total[lane], scale, share[lane] if has_walls else zero)
+            c = constraint(total[lane], lattice_sum, scale, share[lane] if has_walls else zero)
             error[lane] = c
             delta[lane] = change_alone(factor[lane], c) if averaged else change(multiplier[lane], factor[lane], c)
             multiplier[lane] = multiplier[lane] + delta[lane]
 
     @compiler.row
-    def move(fluid, fluids, neighbours, delta, wx, wy, wz, px, py, pz, ax, ay, az, vx, vy, vz):
+    def move(fluid, fluids, delta, wx, wy, wz, px, py, pz, ax, ay, az, vx, vy, vz):
         for lane in range(LANES):
             x, y, z, weight = ax[lane], ay[lane], az[lane], fluids[row_of(fluid, lane) + F_WEIGHT]
             if has_walls:
                 x, y = wall_added(x, delta[lane], wx[lane]), wall_added(y, delta[lane], wy[lane])
                 z = wall_added(z, delta[lane], wz[lane])
-            if averaged:
-                met = real(max(neighbours[lane], 1))
-                ax[lane], ay[lane] = moved_mean(px[lane], weight, x, met), moved_mean(py[lane], weight, y, met)
-                az[lane] = moved_mean(pz[lane], weight, z, met)
-            else:
-                ax[lane], ay[lane] = moved(px[lane], weight, x), moved(py[lane], weight, y)
-                az[lane] = moved(pz[lane], weight, z)
+            ax[lane], ay[lane] = moved(px[lane], weight, x), moved(py[lane], weight, y)
+            az[lane] = moved(pz[lane], weight, z)
             vx[lane], vy[lane], vz[lane] = zero, zero, zero
 
     return SimpleNamespace(factors=factors, relax=relax, move=move)

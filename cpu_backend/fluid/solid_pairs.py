@@ -17,7 +17,7 @@ from model.formulas.fluid import density, solids
 def make_solid_pairs(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
     """`densities`, `gradients`, `corrections`; their sums are added to, and begin at 0."""
     f, m = density.make(real, compiler.compiled), solids.make(real, compiler.compiled)
-    squared, near, apart, slope = f.squared, f.near, f.apart, f.slope
+    squared, near, closeness, apart, slope = f.squared, f.near, f.closeness, f.apart, f.slope
     gradient_added, own_added, crowded, correction_added = f.gradient_added, f.own_added, f.crowded, f.correction_added
     counted, counted_slope, carried = m.counted, m.counted_slope, m.carried
     both_of, rub, rub_added = m.both, m.rub, m.rub_added
@@ -29,7 +29,7 @@ def make_solid_pairs(compiler: Compiler, real: Any, parts: frozenset[str]) -> Si
         for k in range(many):
             for lane in range(LANES):
                 j = entries[k * LANES + lane]
-                t = near(squared(own_x[lane] - x[j], own_y[lane] - y[j], own_z[lane] - z[j]), inverse)
+                t = closeness(squared(own_x[lane] - x[j], own_y[lane] - y[j], own_z[lane] - z[j]), inverse)
                 total[lane] = counted(total[lane], volume[j], t)
 
     @compiler.row

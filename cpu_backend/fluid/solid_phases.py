@@ -187,8 +187,8 @@ def _make_constrain(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any
                     bodies, kinds_of, end, parameters, *own_of(place, room, base), share, *own_of(wall, room, base)
                 )  # fmt: skip
             relax(
-                parameters.density_scale, total, share, row_at(factor, base), row_at(multiplier, base),
-                row_at(delta, base), row_at(error, base),
+                parameters.lattice_sum, parameters.density_scale, total, share, row_at(factor, base),
+                row_at(multiplier, base), row_at(delta, base), row_at(error, base),
             )  # fmt: skip
             for i in range(base, min(base + LANES, count)):
                 if numbers[i] >= first:

@@ -17,7 +17,7 @@ from cpu_backend.fluid.rows import make_scratch
 from cpu_backend.fluid.smoothing import make_smoothing
 from model.fluid.parameters import F_CHANGE, F_DRAG, F_SPEED, F_SURFACE_DRAG, F_WEIGHT, MAX_NEIGHBOURS
 from model.fluid.plan import SMOOTHING
-from model.formulas.fluid import impact, motion
+from model.formulas.fluid import motion
 from model.scene.cloth import COLLIDER_KINDS
 
 
@@ -122,12 +122,11 @@ def _make_at_walls(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
     """at_walls(base, number, world, parameters, fluids, bodies, kinds, x, y, z, u, v, w): velocities (u, v, w) of a slice at
     (x, y, z), after impacts on colliders and without the rebound from walls."""
     compiled, made = compiler.compiled, make_impact(compiler, real, parts)
-    impact_of, settled, averaged = made.impact, made.settled, "averaged" in parts
-    averaged_weight, row_of = impact.make(real, compiled).averaged_weight, compiled(make_row_of(parts))
+    impact_of, settled, row_of = made.impact, made.settled, compiled(make_row_of(parts))
 
     @compiled
     def at_walls(base, number, world, parameters, fluids, bodies, kinds, x, y, z, u, v, w):
-        (count, room, _), _, _, in_order, (_, _, multiplier, _, _, _), _, (neighbours, _, _, _), _ = world
+        (count, room, _), _, _, in_order, (_, _, multiplier, _, _, _), _, _, _ = world
         before, meant = in_order[0], in_order[2]
         for lane in range(min(LANES, count - base)):
             i, row = base + lane, row_of(in_order[4], base + lane)
@@ -136,11 +135,9 @@ def _make_at_walls(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
                 meant[room + i], meant[2 * room + i], x[lane], y[lane], z[lane], u[lane], v[lane], w[lane],
                 fluids[row + F_CHANGE],
             )  # fmt: skip
-            weight = fluids[row + F_WEIGHT]
-            if averaged:
-                weight = averaged_weight(weight, real(max(neighbours[i], 1)))
             u[lane], v[lane], w[lane] = settled(
-                bodies, kinds, number, parameters, qx, qy, qz, vx, vy, vz, mx, my, mz, multiplier[i], weight
+                bodies, kinds, number, parameters, qx, qy, qz, vx, vy, vz, mx, my, mz, multiplier[i],
+                fluids[row + F_WEIGHT],
             )  # fmt: skip
 
     return at_walls

@@ -46,7 +46,7 @@ def make_wall_rows(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
     def wall_rows(bodies, kinds, time, parameters, x, y, z, share, gx, gy, gz):
         for lane in range(LANES):
             share[lane], gx[lane], gy[lane], gz[lane] = zero, zero, zero, zero
-        scales = parameters.support, parameters.inverse_support, parameters.wall_scale, parameters.wall_gradient
+        scales = parameters.support, parameters.inverse_wall, parameters.wall_scale, parameters.wall_gradient
         for b in range(kinds.size):
             body = row_at(bodies, np.int64(b * COLLIDER_FIELDS))
             if has_plane and kinds[b] == PLANE:
@@ -107,7 +107,7 @@ def make_aways(compiler: Compiler, real: Any, parts: frozenset[str]) -> dict[str
 
 
 def _make_rows(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
-    """row_of(away) -> row(body, time, support, inverse_support, wall_scale, wall_gradient, x, y, z, share, gx, gy, gz): one
+    """row_of(away) -> row(body, time, support, inverse_range, wall_scale, wall_gradient, x, y, z, share, gx, gy, gz): one
     more collider, LANES particles at a time."""
     formulas = density.make(real, compiler.compiled)
     beyond, wall_near, wall_density = formulas.beyond, formulas.wall_near, formulas.wall_density
@@ -115,11 +115,11 @@ def _make_rows(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
 
     def row_of(away: Any) -> Any:
         @compiler.row
-        def row(body, time, support, inverse_support, scale, gradient, x, y, z, share, gx, gy, gz):
+        def row(body, time, support, inverse_range, scale, gradient, x, y, z, share, gx, gy, gz):
             thickness = body[B_THICKNESS]
             for lane in range(LANES):
                 distance, nx, ny, nz = away(body, time, support + thickness, x[lane], y[lane], z[lane])
-                t = wall_near(beyond(distance, thickness), inverse_support)
+                t = wall_near(beyond(distance, thickness), inverse_range)
                 more, slope = wall_density(t, scale), wall_slope(t, gradient)
                 gx[lane] = joined_gradient(gx[lane], share[lane], slope, more, nx)
                 gy[lane] = joined_gradient(gy[lane], share[lane], slope, more, ny)

@@ -152,8 +152,7 @@ class FluidAmongSolids(Fluid):
     def end_substep(self, place: int, substep: int) -> None:
         """See SubstepSimulation."""
         position, velocity = self.position[self._current], self.velocity[self._current]
-        lists = self.lists[1], self.multipliers
-        arguments = self.before, self.meant, self._here, self.record, *lists, self.fluids, *self._moment
+        arguments = self.before, self.meant, self._here, self.record, self.multipliers, self.fluids, *self._moment
         if not self.smoothing:
             self.settling.update[self._flat](*arguments, position, velocity)
             self.settling.limit[self._flat](position, velocity, self.constraints, self.record, self.fluids)

@@ -85,7 +85,8 @@ def make_targets(real: Any, math: str, parts: frozenset[str], repeats: frozenset
                 gradients[at], gradients[at + 1], gradients[at + 2] = wall[1], wall[2], wall[3]
                 if moving:
                     came = wall[0] - walls(p, world, number - one)[0]
-            c = constraint(sum_density(k, p, position, near_by, parameters), parameters.density_scale, wall[0])
+            total = sum_density(k, p, position, near_by, parameters)
+            c = constraint(total, parameters.lattice_sum, parameters.density_scale, wall[0])
             constraints[k] = c
             own = load_quad(velocity, k)
             a = approach(k, p, own, position, velocity, near_by, wall, parameters)

@@ -51,7 +51,7 @@ def make_relax(real: Any, math: str, parts: frozenset[str]) -> Any:
 
     @inlined(math)
     def relax(k, total, wall, factor, multipliers, constraints, parameters, first):
-        c = constraint(total, parameters.density_scale, wall)
+        c = constraint(total, parameters.lattice_sum, parameters.density_scale, wall)
         if keeps:
             constraints[k] = c
         multiplier = zero if first else multipliers[k]
@@ -68,8 +68,8 @@ def make_move(real: Any, math: str, parts: frozenset[str], repeats: frozenset[st
     substep at b, after a correction and the colliders. `gradients`: of walls, three numbers a particle."""
     sums, collide = make_sums(real, math, parts, repeats), make_collide(real, math, parts)
     formulas, sum_correction, row = device_formulas(density.make, real, math), sums.sum_correction, make_row(parts)
-    moved, moved_mean, weight_field = formulas.moved, formulas.moved_mean, np.int32(F_WEIGHT)
-    averaged, has_walls, zero, one, axes = "averaged" in parts, "walls" in parts, real(0), np.int32(1), np.int32(WALL)
+    moved, weight_field = formulas.moved, np.int32(F_WEIGHT)
+    has_walls, zero, axes = "walls" in parts, real(0), np.int32(WALL)
 
     @inlined(math)
     def move(k, p, b, position, near_by, gradients, fluids, world, number):
@@ -79,13 +79,7 @@ def make_move(real: Any, math: str, parts: frozenset[str], repeats: frozenset[st
             wall = zero, gradients[at], gradients[at + 1], gradients[at + 2]
         x, y, z = sum_correction(k, p, position, near_by, wall, world.parameters)
         weight = fluids[row(b[3]) + weight_field]
-        if averaged:
-            count = real(max(near_by.count, one))
-            x, y, z = (
-                moved_mean(p[0], weight, x, count), moved_mean(p[1], weight, y, count), moved_mean(p[2], weight, z, count),
-            )  # fmt: skip
-        else:
-            x, y, z = moved(p[0], weight, x), moved(p[1], weight, y), moved(p[2], weight, z)
+        x, y, z = moved(p[0], weight, x), moved(p[1], weight, y), moved(p[2], weight, z)
         x, y, z, _, _, _ = collide(b, x, y, z, zero, zero, zero, world, number)
         return x, y, z
 

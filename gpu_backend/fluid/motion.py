@@ -44,7 +44,7 @@ SLOWED = 1  # place of `counts`
 
 @cache
 def make_ends(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
-    """`answered(b, u, x, y, z, multiplier, neighbours, fluids, at, world, number)` -> (x, y, z, vx, vy, vz): a particle that
+    """`answered(b, u, x, y, z, multiplier, fluids, at, world, number)` -> (x, y, z, vx, vy, vz): a particle that
     came from b, meant to go at u, to (x, y, z), after the colliders; its fluid's row begins at `at`. `limited(vx, vy, vz, c,
     fluids, at, parameters)`."""
     formulas, inline, collide = device_formulas(motion.make, real, math), inlined(math), make_collide(real, math, parts)
@@ -52,13 +52,7 @@ def make_ends(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
     velocity_of, held_back, speed_of = formulas.velocity_of, formulas.held_back, formulas.speed_of
     braked, slowed = formulas.braked, formulas.slowed
     is_held_back, is_dragged, touches = "held-back" in parts, "drag" in parts, bool(parts & COLLIDERS)
-    after_impact, averaged_weight = impacts.after_impact, impacts.averaged_weight
-    drifted, settled, averaged, one = (
-        formulas.drifted,
-        make_settled(real, math, parts),
-        "averaged" in parts,
-        np.int32(1),
-    )
+    after_impact, drifted, settled = impacts.after_impact, formulas.drifted, make_settled(real, math, parts)
 
     @inline
     def held(vx, vy, vz, ux, uy, uz, most):
@@ -68,7 +62,7 @@ def make_ends(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
         return vx, vy, vz
 
     @inline
-    def answered(b, u, x, y, z, multiplier, neighbours, fluids, at, world, number):
+    def answered(b, u, x, y, z, multiplier, fluids, at, world, number):
         inverse, h, most = world.parameters.inverse_dt, world.parameters.dt, fluids[at + F_CHANGE]
         vx, vy, vz = velocity_of(x, b[0], inverse), velocity_of(y, b[1], inverse), velocity_of(z, b[2], inverse)
         vx, vy, vz = held(vx, vy, vz, u[0], u[1], u[2], most)
@@ -78,10 +72,8 @@ def make_ends(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
             if qx != px or qy != py or qz != pz:
                 vx, vy = after_impact(ux, x, qx, inverse), after_impact(uy, y, qy, inverse)
                 vx, vy, vz = held(vx, vy, after_impact(uz, z, qz, inverse), ux, uy, uz, most)
-            weight = fluids[at + F_WEIGHT]
-            if averaged:
-                weight = averaged_weight(weight, real(max(neighbours, one)))
-            vx, vy, vz = settled((qx, qy, qz), (vx, vy, vz), (ux, uy, uz), multiplier, weight, world, number)
+            weight, way = fluids[at + F_WEIGHT], (ux, uy, uz)
+            vx, vy, vz = settled((qx, qy, qz), (vx, vy, vz), way, multiplier, weight, world, number)
         return collide(b, x, y, z, vx, vy, vz, world, number)
 
     @inline
@@ -165,7 +157,7 @@ def make_begin(real: Any, math: str, parts: frozenset[str], repeats: frozenset[s
 def make_settle(real: Any, math: str, parts: frozenset[str], repeats: frozenset[str]) -> SimpleNamespace:
     """`settle(before, meant, position, record, table, found, multipliers, constraints, gradients, fluids, *world,
     new_position, new_velocity)`: the last correction, then velocities, limited unless neighbours have a say;
-    `update(before, meant, position, record, found, multipliers, fluids, *world, new_position, new_velocity)`: velocities
+    `update(before, meant, position, record, multipliers, fluids, *world, new_position, new_velocity)`: velocities
     alone; `limit(position, velocity, constraints, record, fluids)`."""
     ends, move, row = make_ends(real, math, parts), make_move(real, math, parts, repeats), make_row(parts)
     answered, limited, clock = ends.answered, ends.limited, make_clock(math, parts)
@@ -183,7 +175,7 @@ def make_settle(real: Any, math: str, parts: frozenset[str], repeats: frozenset[
             world, at = World(record[0], bodies, integers), row(b[3])
             x, y, z = move(k, p, b, position, near_by, gradients, fluids, world, number)
             x, y, z, vx, vy, vz = answered(
-                b, load_quad(meant, k), x, y, z, multipliers[k], near_by.count, fluids, at, world, number
+                b, load_quad(meant, k), x, y, z, multipliers[k], fluids, at, world, number
             )  # fmt: skip
             if ended:
                 c = constraints[k] if is_dragged else zero
@@ -192,7 +184,7 @@ def make_settle(real: Any, math: str, parts: frozenset[str], repeats: frozenset[
             store_quad(new_velocity, k, vx, vy, vz, zero)
 
     def update(
-        before, meant, position, record, found, multipliers, fluids, bodies, integers, counter, place, substeps, substep,
+        before, meant, position, record, multipliers, fluids, bodies, integers, counter, place, substeps, substep,
         new_position, new_velocity,
     ):  # fmt: skip
         k = np.int32(cuda.grid(1))
@@ -201,7 +193,7 @@ def make_settle(real: Any, math: str, parts: frozenset[str], repeats: frozenset[
             _, number = clock(counter, place, substeps, substep)
             world = World(record[0], bodies, integers)
             x, y, z, vx, vy, vz = answered(
-                b, load_quad(meant, k), p[0], p[1], p[2], multipliers[k], found[k], fluids, row(b[3]), world, number
+                b, load_quad(meant, k), p[0], p[1], p[2], multipliers[k], fluids, row(b[3]), world, number
             )  # fmt: skip
             store_quad(new_position, k, x, y, z, b[3])
             store_quad(new_velocity, k, vx, vy, vz, zero)

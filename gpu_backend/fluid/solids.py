@@ -82,7 +82,8 @@ def make_sampling(real: Any, math: str) -> SimpleNamespace:
 def _make_solid_sums(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
     """Sums over the list of particle k at p (a quad): `sum_factor`, `sum_density`, `sum_correction`, `sum_friction`."""
     f, s_ = device_formulas(density.make, real, math), device_formulas(solids.make, real, math)
-    squared, apart, near, slope, inline = f.squared, f.apart, f.near, f.slope, inlined(math)
+    squared, apart, near, closeness, slope = f.squared, f.apart, f.near, f.closeness, f.slope
+    inline = inlined(math)
     gradient_added, own_added, crowded, correction_added = f.gradient_added, f.own_added, f.crowded, f.correction_added
     counted, counted_slope, carried, both_of = s_.counted, s_.counted_slope, s_.carried, s_.both
     rub, rub_added, row, zero = s_.rub, s_.rub_added, make_row(parts), real(0)
@@ -116,7 +117,7 @@ def _make_solid_sums(real: Any, math: str, parts: frozenset[str]) -> SimpleNames
             j = near_by.table[at]
             at += near_by.particles
             q = load_quad(position, j)
-            t = near(squared(p[0] - q[0], p[1] - q[1], p[2] - q[2]), parameters.inverse_support)
+            t = closeness(squared(p[0] - q[0], p[1] - q[1], p[2] - q[2]), parameters.inverse_support)
             total = counted(total, kinds[volume_row * number.size + number[j]], t)
         return total
 

@@ -54,7 +54,7 @@ def bind_fluid_stages(sim: Any) -> Bound:
         now["position"], now["other"] = now["other"], now["position"]
 
     def update(moment: Moment) -> None:
-        arguments = sim.before, sim.meant, now["position"], sim.record, sim.lists[1], sim.multipliers, sim.fluids
+        arguments = sim.before, sim.meant, now["position"], sim.record, sim.multipliers, sim.fluids
         settling.update[flat](*arguments, *world(moment), state, velocity)
 
     def shape(moment: Moment) -> None:

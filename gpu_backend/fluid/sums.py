@@ -114,7 +114,7 @@ def _make_added(real: Any, math: str, parts: frozenset[str], repeats: frozenset[
         make_ways(real, math, repeats),
         make_row(parts),
     )
-    squared, near, slope, pair = f.squared, f.near, f.slope, make_pair(real, math, repeats)
+    squared, near, closeness, slope, pair = f.squared, f.near, f.closeness, f.slope, make_pair(real, math, repeats)
     gradient_added, own_added, density_added, crowded = f.gradient_added, f.own_added, f.density_added, f.crowded
     correction_added, weight_field = f.correction_added, np.int32(F_WEIGHT)
     is_tensile, several = "tensile" in parts, "fluids" in parts
@@ -131,7 +131,7 @@ def _make_added(real: Any, math: str, parts: frozenset[str], repeats: frozenset[
     @inline
     def total_added(total, k, p, j, q, fluids, parameters):
         dx, dy, dz = way(p, q, parameters)
-        return density_added(total, near(squared(dx, dy, dz), parameters.inverse_support))
+        return density_added(total, closeness(squared(dx, dy, dz), parameters.inverse_support))
 
     @inline
     def correction_and_more(sums, k, p, j, q, fluids, parameters):

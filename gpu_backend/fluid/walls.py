@@ -45,7 +45,7 @@ def make_walls(real: Any, math: str, parts: frozenset[str]) -> Any:
     @inline
     def joined(so_far, surface, bodies, at, end, parameters, turns, nothing):
         total, gx, gy, gz = so_far
-        t = wall_near(beyond(surface[0], bodies[at + B_THICKNESS]), parameters.inverse_support)
+        t = wall_near(beyond(surface[0], bodies[at + B_THICKNESS]), parameters.inverse_wall)
         share, slope = wall_density(t, parameters.wall_scale), wall_slope(t, parameters.wall_gradient)
         gx = joined_gradient(gx, total, slope, share, surface[1])
         gy = joined_gradient(gy, total, slope, share, surface[2])
@@ -122,7 +122,7 @@ def make_settled(real: Any, math: str, parts: frozenset[str]) -> Any:
     place where walls pushed, the velocity, and that before corrections. See model/formulas/fluid/impact.py."""
     f, g = device_formulas(density.make, real, math), device_formulas(impact.make, real, math)
     beyond, wall_near, wall_density, wall_slope = f.beyond, f.wall_near, f.wall_density, f.wall_slope
-    joined_density, remaining_slope, wall_push = f.joined_density, g.remaining_slope, g.wall_push
+    joined_density, rate, wall_push = f.joined_density, f.rate, g.wall_push
     rebound, without, surface_velocity = g.rebound, g.without, g.surface_velocity
     inline, place_of, zero = inlined(math), make_place_of(real, math), real(0)
 
@@ -138,12 +138,11 @@ def make_settled(real: Any, math: str, parts: frozenset[str]) -> Any:
                 wx, wy, wz, bodies[at + B_SPIN], bodies[at + B_U], bodies[at + B_V], bodies[at + B_W], q[0], q[1], q[2],
                 ox, oy, oz,
             )  # fmt: skip
-        t = wall_near(beyond(distance, bodies[at + B_THICKNESS]), parameters.inverse_support)
-        slope = remaining_slope(total, wall_slope(t, parameters.wall_gradient))
-        push = wall_push(multiplier, weight, slope, parameters.inverse_dt)
+        t = wall_near(beyond(distance, bodies[at + B_THICKNESS]), parameters.inverse_wall)
+        share, slope = wall_density(t, parameters.wall_scale), wall_slope(t, parameters.wall_gradient)
+        push = wall_push(multiplier, weight, slope, rate(share, total), parameters.inverse_dt)
         speed = rebound(vx, vy, vz, u[0], u[1], u[2], wx, wy, wz, nx, ny, nz, push)
-        total = joined_density(total, wall_density(t, parameters.wall_scale))
-        return total, without(vx, speed, nx), without(vy, speed, ny), without(vz, speed, nz)
+        return joined_density(total, share), without(vx, speed, nx), without(vy, speed, ny), without(vz, speed, nz)
 
     each = _make_each_wall(real, math, parts, settle)
 

@@ -40,10 +40,6 @@ def _integrates(*names: str) -> Callable[[Scene], bool]:
 SYMPLECTIC = ("lab", "semi-implicit-euler", "velocity-verlet")
 
 
-def _is_averaged_fluid(scene: Scene) -> bool:
-    return bool(scene.fluids) and scene.method.scheme == "averaged"
-
-
 def _descends(scene: Scene) -> bool:
     return (bool(scene.tetrahedra) and scene.method.solver == "vbd") or (
         scene.is_world and scene.method.tetrahedra == "vbd"
@@ -163,17 +159,6 @@ LIMITS: tuple[Limit, ...] = (
         "linear goals converge elsewhere", "limit", _is_linear,
         "to where the force is balanced, which is off by as much from the slope of the reported energy",
         "as for the force", part=0.25,
-    ),
-    Limit(
-        "averaged fluid", "momentum", _is_averaged_fluid,
-        "loses up to what is exchanged where numbers of neighbours differ",
-        AVERAGING, part=1.0,
-        note=lambda scene: "the averaged scheme of a fluid loses momentum where numbers of neighbours differ, at its surface",
-    ),
-    Limit(
-        "averaged fluid turns", "angular momentum", _is_averaged_fluid,
-        "as its linear momentum, times the arm", AVERAGING,
-        part=1.0,
     ),
     Limit(
         "sweeps of descent", "momentum", _descends,

@@ -7,7 +7,7 @@ each. (With a fixed number of them, the multipliers of the substep before, whole
 
 1. `gather`. Of an axis that repeats x = x + turned_round(x, low, high, side).
 2. `sort into cells`, by x; with each go x, v, number and fluid. 3. `find neighbours` of x, and factors, as in plan.py, 3, 4.
-4. `density and divergence`. t = 0, a = 0; for each neighbour t = density_added(t, near(squared)), then dy = apart(...),
+4. `density and divergence`. t = 0, a = 0; for each neighbour t = density_added(t, closeness(squared)), then dy = apart(...),
    squared anew, s = slope, a = approach_added(a, s, d, v_i - v_j). (wall density, its gradient w) at x, at the substep's
    end; C = constraint(t, ...); a = approach_of_wall(a, w, v). came = that wall density less the one at the substep's begin,
    where walls move, else 0. The first solve's target: compressed(C, a, dt, came).

@@ -12,6 +12,10 @@ from model.fluid.plan import fluid_plan
 from model.scene.cloth import COLLIDER_KINDS
 from model.scene.scene import Scene
 
+RESTS = (
+    0.03  # rest distances: largest shift by gravity in a substep at which `averaged` and `divergence-free` come to rest
+)
+
 
 def fluid_note(scene: Scene) -> str:
     """A line on what the method does to a motion, and what it holds back."""
@@ -26,8 +30,16 @@ def fluid_note(scene: Scene) -> str:
         most = highest_viscosity(scene, part)
         if part.viscosity > most:
             told += f"; of {name}.viscosity only {most:.3g} Pa s act at this substep"
-    if scene.method.scheme == "averaged":
+    scheme = scene.method.scheme
+    if scheme == "averaged":
         told += "; the averaged scheme lets a fluid sink together"
+    if scene.gravity is not None and scene.gravity.enabled and scheme != "macklin":
+        shift, limit = scene.gravity.acceleration * (scene.method.dt / scene.method.substeps) ** 2, RESTS
+        if abs(shift) > limit * scene.fluid_set.spacing:
+            told += (
+                f"; water does not come to rest with the scheme {scheme} at this substep: gravity moves a particle by "
+                f"{abs(shift) / scene.fluid_set.spacing:.2g} rest distances in one, more than {limit:g}; use more substeps"
+            )
     for name, part in scene.fluids.items():
         if part.surface_tension > 0 and part.cohesion == 0:
             told += f"; {name}.surface_tension without cohesion drives its surface apart"

@@ -1,4 +1,4 @@
-"""What a fluid's kernels are scaled by: sums over the lattice on which it starts, where nothing is to move.
+"""Scales of a fluid's kernels: sums over the lattice on which it starts, where nothing is to move.
 
 Kernels: M. Mueller, D. Charypar and M. Gross, SCA 2003: poly6 and the slope of the spiky one, of unit integral in space and
 in the plane.
@@ -32,22 +32,36 @@ def spiky_slope(distance: np.ndarray, support: float, axes: int) -> np.ndarray:
     return np.asarray(SPIKY[axes] / whole_power(support, axes + 1) * (1 - q) ** 2)
 
 
+def closeness_cubed(distance: np.ndarray, support: float) -> np.ndarray:
+    """(1 - r / support)^3 at a distance r [m], 0 beyond the support: the kernel of the density constraint."""
+    return np.asarray(whole_power(np.maximum(1 - np.asarray(distance, np.float64) / support, 0.0), 3))
+
+
 @dataclass(frozen=True)
 class Lattice:
-    """Of a lattice of particles `rest_distance` apart [m] that see as far as `support` [m], in so many `axes`.
+    """Sums over a lattice of particles `rest_distance` apart [m] that see as far as `support` [m], in so many `axes`.
 
-    `volume` [m^axes]: of a particle, 1 / sum of W, itself included; `density_scale`: volume * W(0); `gradient_scale` [1/m]:
-    volume times the slope at 0, times what makes the pressure of such a lattice what it is in a continuum (sum of volume *
-    slope * r is `axes`); `wall_scale`, `wall_gradient` [1/m]: so that a particle of the layer next to a plane, half a rest
-    distance away, lacks nothing and is not pushed (see model/formulas/fluid/density.py); `spread` [m^2]: half the second
-    moment of volume * W along an axis, so that sum of volume * W (v_j - v_i) is that times the Laplacian of v.
+    With k(r) = (1 - r / support)^3 and s(r) = -k'(r) / r, sums over all others of the lattice:
+
+    - `volume` [m^axes]: of a particle, 1 / sum of poly6, itself included; `neighbours`: their number.
+    - `kernel_sum`: sum of k; `density_scale` = axes / sum of s r^2: a dilatation e changes scale * sum of k by -axes e, as it
+      changes density. `gradient_scale` [1/m] = 3 density_scale / support: slope of scale * k at r = 0.
+    - `wall_scale`, `wall_range` [m], `wall_gradient` [1/m] = 3 wall_scale / wall_range: of f(y) = wall_scale (1 - y /
+      wall_range)^3 at a distance y from a plane. At half a rest distance f is what the layers behind the plane would add, and
+      -f' twice their push, since the pressure in them is the particle's own.
+    - `smoothing_scale`: volume * poly6(0); `spread` [m^2]: half the second moment of volume * poly6 along an axis, so that
+      sum of volume * poly6 (v_j - v_i) is that times the Laplacian of v.
     """
 
     volume: float
+    neighbours: int
+    kernel_sum: float
     density_scale: float
     gradient_scale: float
     wall_scale: float
+    wall_range: float
     wall_gradient: float
+    smoothing_scale: float
     spread: float
 
 
@@ -57,19 +71,26 @@ def lattice_of(rest_distance: float, support: float, axes: int) -> Lattice:
     reach = ceil(support / rest_distance)
     places = np.array(list(product(range(-reach, reach + 1), repeat=axes)), np.float64) * rest_distance
     r = norm(places)
-    kernel = poly6(r, support, axes)
-    volume = 1 / total(kernel)
-    slope = spiky_slope(r, support, axes)
-    calibrated = axes / (volume * total(slope * r))
-    gradient_scale = volume * float(spiky_slope(np.zeros(1), support, axes)[0]) * calibrated
+    smooth = poly6(r, support, axes)
+    volume = 1 / total(smooth)
+    spread = volume * total(smooth * places[:, 0] ** 2) / 2
+    places, r = places[(r > 0) & (r < support)], r[(r > 0) & (r < support)]
+    kernel, slope = closeness_cubed(r, support), 3 * (1 - r / support) ** 2 / support
+    density_scale = axes / total(slope * r)
     below = places[:, 1] < 0
-    pushed = volume * calibrated * total(slope[below] * -places[below, 1] / r[below])
-    q = rest_distance / 2 / support
+    lacks = density_scale * total(kernel[below])
+    push = 2 * density_scale * total(slope[below] * -places[below, 1] / r[below])
+    wall_range = rest_distance / 2 + 3 * lacks / push
+    wall_scale = lacks / whole_power(3 * lacks / push / wall_range, 3)
     return Lattice(
         volume=volume,
-        density_scale=volume * float(poly6(np.zeros(1), support, axes)[0]),
-        gradient_scale=gradient_scale,
-        wall_scale=volume * total(kernel[below]) / whole_power(1 - q, 5),
-        wall_gradient=pushed / whole_power(1 - q, 4),
-        spread=volume * total(kernel * places[:, 0] ** 2) / 2,
+        neighbours=len(r),
+        kernel_sum=total(kernel),
+        density_scale=density_scale,
+        gradient_scale=3 * density_scale / support,
+        wall_scale=wall_scale,
+        wall_range=wall_range,
+        wall_gradient=3 * wall_scale / wall_range,
+        smoothing_scale=volume * float(poly6(np.zeros(1), support, axes)[0]),
+        spread=spread,
     )

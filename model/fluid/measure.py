@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial import cKDTree
 
-from model.fluid.lattice import poly6, spiky_slope
+from model.fluid.lattice import closeness_cubed, spiky_slope
 from model.scene.scene import Scene
 
 TOP = 0.01  # of a fluid's particles: the highest ones, by which its height is told
@@ -33,13 +33,13 @@ def differences(scene: Scene, position: np.ndarray) -> tuple[np.ndarray, np.ndar
 
 
 def density_errors(scene: Scene, position: np.ndarray) -> np.ndarray:
-    """(particles,): density over that at rest, less 1, without walls: at surfaces and walls it lacks what is not there."""
-    found = scene.fluid_set
+    """(particles,): density over that at rest, less 1, by the kernel of the constraint (model/formulas/fluid/density.py) and
+    without walls: at surfaces and walls it lacks what is not there."""
+    found, lattice = scene.fluid_set, scene.fluid_set.lattice
     (first, second), apart = (array := differences(scene, position))[0].T, array[1]
-    kernel = poly6(np.sqrt((apart**2).sum(axis=1)), found.support, scene.dimensions)
-    count, own = len(position), float(poly6(np.zeros(1), found.support, scene.dimensions)[0])
-    total = own + np.bincount(first, kernel, count) + np.bincount(second, kernel, count)
-    return np.asarray(found.lattice.volume * total - 1)
+    kernel, count = closeness_cubed(np.sqrt((apart**2).sum(axis=1)), found.support), len(position)
+    total = np.bincount(first, kernel, count) + np.bincount(second, kernel, count)
+    return np.asarray(lattice.density_scale * (total - lattice.kernel_sum))
 
 
 def compression(scene: Scene, position: np.ndarray) -> tuple[float, float]:

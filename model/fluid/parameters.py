@@ -28,10 +28,12 @@ FLUID_PARAMETERS = (
     "gravity",  # m/s^2, along +y (so negative)
     "support",  # m
     "inverse_support",
-    "density_scale",  # see model/fluid/lattice.py
+    "lattice_sum",  # see model/fluid/lattice.py
+    "density_scale",
     "gradient_scale",
     "wall_scale",
     "wall_gradient",
+    "inverse_wall",  # 1/m, of the range of walls
     "relaxation",
     "softness",  # 1/m^2
     "tensile",  # m^2
@@ -90,11 +92,13 @@ def fluid_record(
         "gravity": -scene.gravity.acceleration if scene.gravity and scene.gravity.enabled else 0.0,
         "support": support,
         "inverse_support": 1 / support,
+        "lattice_sum": lattice.kernel_sum,
         "density_scale": lattice.density_scale,
         "gradient_scale": lattice.gradient_scale,
         "wall_scale": lattice.wall_scale,
         "wall_gradient": lattice.wall_gradient,
-        "relaxation": method.part_of_the_way,
+        "inverse_wall": 1 / lattice.wall_range,
+        "relaxation": method.part_of_the_way / (lattice.neighbours if method.scheme == "averaged" else 1),
         "softness": method.softness / support**2,
         "tensile": method.tensile_correction * support**2,
         "inverse_tensile": 1 / (1 - method.tensile_distance**2),
@@ -136,7 +140,7 @@ def fluid_rows(scene: Scene, real: type, solids: bool = False) -> np.ndarray:
     rows[:, F_SPEED], rows[:, F_CHANGE] = free, free
     for row, part, weight in zip(rows, found.parts, found.lightness, strict=False):
         row[F_WEIGHT], row[F_BUOYANCY] = weight, part.buoyancy
-        row[F_VISCOSITY] = smoothing(scene, part) * found.lattice.density_scale
+        row[F_VISCOSITY] = smoothing(scene, part) * found.lattice.smoothing_scale
         row[F_COHESION] = h * part.cohesion / (found.parts[0].density * found.support**2)
         row[F_TENSION] = h * part.surface_tension / (found.parts[0].density * found.support)
         row[F_CONFINEMENT] = h * part.vorticity_confinement

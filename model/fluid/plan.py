@@ -31,20 +31,19 @@ whole numbers.
 4. Of the same stage, factors: g = 0, own = 0; for each neighbour: dy = apart(...), squared anew, s = slope, g =
    gradient_added, own = own_added (weight of j's fluid). Walls (below) at p. `factor` with F_WEIGHT of i; multiplier = 0.
 5. iteration, as many as told:
-   `density`. total = 0; for each neighbour total = density_added(total, near(squared)); (wall density, its gradient) at p;
-   c = constraint(...); delta = change(multiplier, factor, c), which is added to the multiplier; scheme averaged: delta =
-   change_alone(factor, c).
+   `density`. total = 0; for each neighbour total = density_added(total, closeness(squared)); (wall density, its
+   gradient) at p; c = constraint(...); delta = change(multiplier, factor, c), which is added to the multiplier; scheme
+   averaged: delta = change_alone(factor, c).
    `correct`, from all positions at once into new ones. a = 0; for each neighbour: as in 4 dy, squared and s; both =
    delta_i + delta_j; with the tensile correction both = both - crowded(near, ...); a = correction_added(a, both, s, d).
-   Then a = wall_added(a, delta_i, w) axis by axis. p = moved(p, F_WEIGHT, a), or moved_mean(..., max(neighbours, 1)).
+   Then a = wall_added(a, delta_i, w) axis by axis. p = moved(p, F_WEIGHT, a).
    Then colliders, from x to p, capsules and boxes by model/formulas/fluid/sweep.py, so that no way leads through them; the
    velocity that they answer with (given 0) is dropped.
 6. `update velocity`. v = velocity_of(p, x, inverse_dt); with a maximum acceleration held_back(v, u, speed_of(v - u),
    F_CHANGE). Colliders, from x to drifted(x, u, dt) with u, lead to q and u': where q is another place, v = after_impact(u',
    p, q, inverse_dt), held_back from u'. Where the multiplier is negative, of each collider at q, as they join in Walls:
-   push = wall_push(multiplier, weight, remaining_slope(total, slope), inverse_dt), weight = F_WEIGHT or its averaged_weight,
-   v = without(v, rebound(v, u', w, n, push), n), w the velocity of its surface (model/formulas/fluid/impact.py). Then
-   colliders, from x to p with v.
+   push = wall_push(multiplier, F_WEIGHT, slope, rate(share, total), inverse_dt), v = without(v, rebound(v, u', w, n, push),
+   n), w the velocity of its surface (model/formulas/fluid/impact.py). Then colliders, from x to p with v.
 7. `normals and vorticity`, where one is asked for: n = 0, w = 0; for each neighbour: dy, squared, s at the new p; n =
    gradient_added; w_x = curl_added(w_x, s, dy, dz, vy, vz, ...), w_y of (z, x), w_z of (x, y).
 8. Of the next stage, where one is asked for: sums m = 0, f = 0, r = 0; for each neighbour, what the scene has of it: m =

@@ -34,8 +34,8 @@ class Method(Part):
     accelerated by Chebyshev's weights where `chebyshev`, what a sweep leaves of the slowest error, is over 0, and `newton`
     solves implicit Euler to the end, in at most `iterations` Newton steps, or at `order` 2 each of two such stages of a
     substep, which hardly damp a swing. `pbf` keeps the density of fluids: by the `scheme`
-    macklin a substep's pressure grows over its iterations, each going the part `relaxation` of its way; averaged is that of
-    the particle libraries, which shares corrections among neighbours and lets a fluid sink together; divergence-free
+    macklin a substep's pressure grows over its iterations, each going the part `relaxation` of its way; averaged divides
+    corrections by the lattice's number of neighbours and lets a fluid sink together; divergence-free
     (DFSPH) keeps it by velocities, `iterations` times for their divergence and as often for the density that they lead to. Of
     fluids, also in a world, `dt` is 1/60 s unless given, with 4 `substeps` of 10 `iterations`. `world`: parts of several
     families, each by its own solver (bodies shape-matching; `tetrahedra` xpbd, or vbd where no mesh is beside them; a mesh

@@ -107,7 +107,7 @@ def test_where_iterations_start_from() -> None:
     f = divergence.make(float)
     assert [f.lead(k, 4) for k in range(4)] == [0.0, 1 / 4, 2 / 5, 0.0]
     assert f.led(-2.0, -1.0, 0.5) == -2.5 and f.pressed(-1.0, 2.0, 0.25) == -1.5 and f.pressed(0.0, 2.0, -1.0) == 0.0
-    assert f.compressed(-0.2, 9.0, 0.1, 9.0) == -1.0 and f.compressed(-0.1, 3.0, 0.1, 0.25) == pytest.approx(0.55)
+    assert f.compressed(-0.2, 9.0, 0.1, 9.0) == -1.0 and f.compressed(-0.08, 3.0, 0.1, 0.25) == pytest.approx(0.55)
 
 
 def test_a_lattice_without_weight_stays() -> None:

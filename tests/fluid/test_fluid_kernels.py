@@ -47,11 +47,39 @@ def test_lattice_sums_are_those_of_a12(across: float, told: float, neighbours: i
 def test_the_formulas_are_the_kernels(axes: int, across: float) -> None:
     lattice, f = lattice_of(D, across * D, axes), density.make(float)
     h, r = across * D, np.linspace(0.05, 1.2, 40) * across * D
-    shares = [lattice.density_scale * f.density_added(0.0, f.near(x * x, 1 / h)) for x in r]
-    assert shares == pytest.approx(lattice.volume * poly6(r, h, axes), abs=1e-12)
+    weights = [lattice.smoothing_scale * f.near(x * x, 1 / h) ** 3 for x in r]
+    assert weights == pytest.approx(lattice.volume * poly6(r, h, axes), abs=1e-12)
     slopes = np.array([f.slope(x * x, 1 / h, lattice.gradient_scale) * x for x in r])
     wanted = spiky_slope(r, h, axes)
     assert slopes / slopes[0] == pytest.approx(wanted / wanted[0], abs=1e-12)
+
+
+@pytest.mark.parametrize("axes", [2, 3])
+@pytest.mark.parametrize("across", [1.2, 1.5, 1 / 0.55, 2.4, 4.0])
+def test_a_correction_follows_the_gradient_of_its_constraint(axes: int, across: float) -> None:
+    """The slopes of neighbours and walls are derivatives of what they add to C, or the force would do work along motions that
+    keep C; the lattice has C = 0, and a dilatation e changes it by -axes e."""
+    lattice, f, h, step = lattice_of(D, across * D, axes), density.make(float), across * D, 1e-6 * D
+
+    def added(x: float) -> float:
+        return float(lattice.density_scale * f.density_added(0.0, f.closeness(x * x, 1 / h)))
+
+    def wall(x: float) -> float:
+        return float(f.wall_density(f.wall_near(x, 1 / lattice.wall_range), lattice.wall_scale))
+
+    for x in np.linspace(0.05, 1.1, 30) * h:
+        slope = f.slope(x * x, 1 / h, lattice.gradient_scale) * x
+        assert (added(x - step) - added(x + step)) / (2 * step) == pytest.approx(slope, rel=1e-6, abs=1e-6 / D)
+        steepness = f.wall_slope(f.wall_near(x, 1 / lattice.wall_range), lattice.wall_gradient)
+        assert (wall(x + step) - wall(x - step)) / (2 * step) == pytest.approx(steepness, rel=1e-6, abs=1e-6 / D)
+    places = np.stack(np.meshgrid(*[np.arange(-5, 6)] * axes), axis=-1).reshape(-1, axes) * D
+    r = np.linalg.norm(places, axis=1)
+    r, behind = r[r > 0], places[r > 0, 1] < 0
+    total = sum(f.density_added(0.0, f.closeness(x * x, 1 / h)) for x in r)
+    assert f.constraint(total, lattice.kernel_sum, lattice.density_scale, 0.0) == pytest.approx(0, abs=1e-12)
+    wider = sum(added(x * 1.000001) - added(x) for x in r)
+    assert wider / 1e-6 == pytest.approx(-axes, rel=1e-4)
+    assert wall(D / 2) == pytest.approx(sum(added(x) for x in r[behind]))
 
 
 def test_a_lattice_beside_a_wall_lacks_nothing_and_is_not_moved() -> None:
@@ -75,20 +103,22 @@ def test_the_pressure_of_walls_is_mirrored() -> None:
         f.gradient_added(0.0, f.slope(f.squared(*-d), record.inverse_support, record.gradient_scale), -d[1])
         for d in above
     )
-    wall = f.wall_slope(f.wall_near(D / 2, record.inverse_support), record.wall_gradient)
-    assert 2 * wall == pytest.approx(-2 * pushed, rel=1e-12) and wall < 0
+    wall = f.wall_slope(f.wall_near(D / 2, record.inverse_wall), record.wall_gradient)
+    assert wall == pytest.approx(-2 * pushed, rel=1e-12) and wall < 0
 
 
 def test_walls_in_a_corner_are_not_counted_twice() -> None:
     f = density.make(float)
     once = f.joined_density(0.0, 0.3)
     assert once == 0.3 and f.joined_density(once, 0.3) == pytest.approx(1 - 0.7**2)
+    assert f.joined_density(1.3, 0.3) == f.joined_density(0.3, 1.3) == 1.3
+    assert f.joined_gradient(-2.0, 1.3, -5.0, 0.3, 1.0) == -2.0 and f.joined_gradient(-2.0, 0.3, -5.0, 1.3, 1.0) == -5.0
     step, t = 1e-6, 0.4
 
     def both(x: float) -> float:
         return f.joined_density(f.joined_density(0.0, f.wall_density(f.wall_near(x, 1.0), 0.9)), 0.2)
 
-    slope = f.joined_gradient(0.0, 0.0, -0.9 * 5 * (1 - t) ** 4, f.wall_density(f.wall_near(t, 1.0), 0.9), 1.0)
+    slope = f.joined_gradient(0.0, 0.0, -0.9 * 3 * (1 - t) ** 2, f.wall_density(f.wall_near(t, 1.0), 0.9), 1.0)
     total = f.joined_density(0.0, f.wall_density(f.wall_near(t, 1.0), 0.9))
     found = f.joined_gradient(slope, total, 0.0, 0.2, 1.0)
     assert found == pytest.approx((both(t + step) - both(t - step)) / (2 * step), rel=1e-6)

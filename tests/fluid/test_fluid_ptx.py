@@ -28,7 +28,7 @@ STEP = {
     "density": "RFIIRRRR" + TIME,
     "correct": "RRFIIRR" + TIME + "R",
     "settle": "RRRFIIRRRR" + TIME + "RR",
-    "update": "RRRFIRR" + TIME + "RR",
+    "update": "RRRFRR" + TIME + "RR",
     "limit": "RRRFR",
     "shape": "RRFIIRR",
     "smooth": "RRFIIRRRRR",

@@ -13,13 +13,13 @@ FORMULAS: tuple[Mistake, ...] = (
                 "return min(multiplier - factor * c, zero) - multiplier",
                 "return (multiplier - factor * c) - multiplier",
             ),
-            "the poly6 kernel is squared and not cubed": ("return total + (t * t) * t", "return total + (t * t)"),
-            "a wall draws": ("return -(wall_gradient * (square * square))", "return wall_gradient * (square * square)"),
+            "the kernel is squared and not cubed": ("return total + (t * t) * t", "return total + (t * t)"),
+            "a wall draws": ("return -(wall_gradient * (t * t))", "return wall_gradient * (t * t)"),
             "walls in a corner are counted twice": (
-                "return (total + share) - total * share",
+                "return larger + min(total, share) * max(one - larger, zero)",
                 "return total + share",
             ),
-            "a wall's pressure is not mirrored": ("return total + (two * change) * w", "return total + change * w"),
+            "a wall does not push": ("return total + change * w", "return total"),
             "factors forget what neighbours move": (
                 "return total + weight * ((s * s) * squared_distance)",
                 "return total",

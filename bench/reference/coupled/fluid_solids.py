@@ -79,7 +79,7 @@ class FluidAmongSolids:
         across = pairs.sum(self.volume[j, None] * g, -self.volume[i, None] * g)[: self.count]
         _, wall = world.walls(joined[: self.count], self._end)
         weight = weight[: self.count]
-        below = weight * ((across + wall) ** 2).sum(axis=1) + own + 2 * weight * (wall**2).sum(axis=1)
+        below = weight * ((across + wall) ** 2).sum(axis=1) + own
         self.factor = method.part_of_the_way / (below + method.softness / world.kernels.h**2)
 
     def correct(self, position: np.ndarray) -> np.ndarray:
@@ -88,10 +88,10 @@ class FluidAmongSolids:
         method, count = world.scene.method, self.count
         joined = np.concatenate([self.p, self.samples.points(position)])
         pairs.at(joined, np.arange(len(joined)))
-        kernel = world.kernels.kernel(pairs.bare)
+        kernel = world.kernels.density(pairs.bare)
         share, wall = world.walls(self.p, self._end)
         total = pairs.sum(self.volume[j] * kernel, self.volume[i] * kernel)[:count]
-        self.c = total + world.kernels.kernel(np.zeros(1)) + share - 1
+        self.c = total - world.kernels.rest + share
         delta = np.minimum(self.multiplier - self.factor * self.c, 0) - self.multiplier
         self.multiplier = self.multiplier + delta
         changes = np.append(delta, np.zeros(self.samples.count))
@@ -106,7 +106,7 @@ class FluidAmongSolids:
         rub = rub * (self.solid[i] + self.solid[j]) * ((self.solid[i] > 0) != (self.solid[j] > 0)) / method.iterations
         way = way + (rub * world.kernels.kernel(pairs.r))[:, None] * (moved[j] - moved[i])
         total = pairs.sum(way, -way)
-        total[:count] += 2 * delta[:, None] * wall
+        total[:count] += delta[:, None] * wall
         pushed = self.p + world.weight[:, None] * total[:count]
         self.p, _ = world.collide(self.number, self.x, pushed, np.zeros_like(self.p))
         found = position.copy()

@@ -1,14 +1,18 @@
 """The density constraint of a fluid: kernels, walls, multipliers, corrections.
 
-C_i = scale (1 + sum_j (1 - q^2)^3) + wall - 1 <= 0, q = r / support: of the number of particles around i, over that of the
-lattice at rest, so that fluids of several densities have one constraint (B. Solenthaler and R. Pajarola, "Density Contrast
-SPH Interfaces", SCA 2008). Its gradients take the spiky kernel's slope, as M. Macklin and M. Mueller, "Position Based
-Fluids", SIGGRAPH 2013 (eqs. 8 to 14), here both scaled on the starting lattice; the multiplier of all iterations of a
-substep together is never positive: a fluid pushes and does not pull.
+C_i = scale (sum_j (1 - q)^3 - lattice sum) + wall <= 0, q = r / support: the relative error of the number of particles
+around i, which is the same for fluids of several densities (B. Solenthaler and R. Pajarola, "Density Contrast SPH
+Interfaces", SCA 2008). C is 0 on the starting lattice, and a small dilatation e changes C by -3 e there. Multipliers and
+corrections: M. Macklin and M. Mueller, "Position Based Fluids", SIGGRAPH 2013 (eqs. 8 to 14). The multiplier of all
+iterations of a substep together is never positive: a fluid pushes and does not pull.
 
-A wall adds scale (1 - q)^5 at a distance of q supports, so that the layer of the lattice next to it lacks nothing, and as
-steeply there as if the lattice went on behind it: or particles gather at walls. (In place of particles there: N. Akinci et
-al., "Versatile Rigid-Fluid Coupling", SIGGRAPH 2012.) The pressure in it is the particle's own, mirrored.
+The correction must follow the exact gradient of C. Then it does no work along motions that keep C, and water at rest gains no
+energy. The paper takes density from one kernel (poly6) and the gradient from another (spiky); that force is not conservative
+and makes water at rest boil, the faster the shorter the substep. Here both are the spiky kernel's, (1 - q)^3.
+
+A wall adds scale (1 - distance / range)^3. The layer of the lattice next to it, half a rest distance away, lacks
+nothing then, and is pushed by the wall as by its neighbours on the other side. (In place of particles there: N. Akinci et
+al., "Versatile Rigid-Fluid Coupling", SIGGRAPH 2012.)
 
 d is always x_i - x_j, of particle i and its neighbour j; a sum over neighbours begins at 0 and goes in the order of the list.
 """
@@ -21,27 +25,27 @@ from model.formulas import joined, plain
 from model.formulas.lengths import make as make_lengths
 
 OPERATIONS_FIND = 9  # a particle that is looked at: the distance's square and its comparison
-OPERATIONS_DENSITY = 13  # a neighbour: the distance's square, the kernel, the sum
+OPERATIONS_DENSITY = 15  # a neighbour: the distance, the kernel, the sum
 OPERATIONS_FACTORS = 26  # a neighbour: a root and a quotient among them
 OPERATIONS_CORRECT = 24  # a neighbour
 
 
 def make(real, compiled=plain):
     """See the functions; in the arithmetic `real`."""
-    zero, one, two = real(0), real(1), real(2)
+    zero = real(0)
 
     @compiled
-    def constraint(total, density_scale, wall):
-        """C_i; `wall`: `wall_density` of all of them, joined."""
-        return (density_scale * (one + total) + wall) - one
+    def constraint(total, lattice_sum, density_scale, wall):
+        """C_i; `total`: sum of `density_added` over neighbours, `wall`: `wall_density` of all walls, joined."""
+        return density_scale * (total - lattice_sum) + wall
 
     @compiled
     def factor(relaxation, weight, gx, gy, gz, own, wx, wy, wz, softness):
-        """-(change of the multiplier) [m^2] over C_i: relaxation / (w_i |g + w|^2 + own + 2 w_i |w|^2 + softness), g: of
-        neighbours, w: of walls, which push back twice (mirrored)."""
+        """-(change of the multiplier) [m^2] over C_i: relaxation / (w_i |g + w|^2 + own + softness), g: gradient by
+        neighbours, w: by walls."""
         ax, ay, az = gx + wx, gy + wy, gz + wz
-        across, walls = (ax * ax + ay * ay) + az * az, (wx * wx + wy * wy) + wz * wz
-        return relaxation / ((((weight * across) + own) + two * (weight * walls)) + softness)
+        across = (ax * ax + ay * ay) + az * az
+        return relaxation / (((weight * across) + own) + softness)
 
     @compiled
     def change(multiplier, factor, c):
@@ -69,21 +73,16 @@ def make(real, compiled=plain):
     @compiled
     def wall_added(total, change, w):
         """One axis: the wall's part, which comes last."""
-        return total + (two * change) * w
+        return total + change * w
 
     @compiled
     def moved(position, weight, total):
         """One axis of a particle's position after a correction."""
         return position + weight * total
 
-    @compiled
-    def moved_mean(position, weight, total, neighbours):
-        """The same, averaged by the count of neighbours, of which it has one at least."""
-        return position + (weight * total) / neighbours
-
     iteration = SimpleNamespace(
         constraint=constraint, factor=factor, change=change, change_alone=change_alone, crowded=crowded,
-        correction_added=correction_added, wall_added=wall_added, moved=moved, moved_mean=moved_mean,
+        correction_added=correction_added, wall_added=wall_added, moved=moved,
     )  # fmt: skip
     return joined(make_neighbours(real, compiled), iteration, make_walls(real, compiled))
 
@@ -92,6 +91,7 @@ def make_neighbours(real, compiled=plain):
     """Of two particles: their distance, kernels and slopes; in the arithmetic `real`."""
     zero, one = real(0), real(1)
     inverse_length = make_lengths(real, compiled).inverse_length
+    smallest = real(1e-30)  # m^2, whose inverse length is finite in any math
     nowhere = real(1e-4)  # of the support: what is nearer than that is in one place
 
     @compiled
@@ -126,8 +126,14 @@ def make_neighbours(real, compiled=plain):
         return max(one - (squared_distance * inverse_support) * inverse_support, zero)
 
     @compiled
+    def closeness(squared_distance, inverse_support):
+        """1 - q, 0 beyond the support."""
+        inverse = inverse_length(max(squared_distance, smallest))
+        return max(one - (squared_distance * inverse) * inverse_support, zero)
+
+    @compiled
     def density_added(total, t):
-        """The sum with the poly6 kernel's share of a neighbour; t: `near`."""
+        """The sum with the spiky kernel of a neighbour; t: `closeness`."""
         return total + (t * t) * t
 
     @compiled
@@ -148,8 +154,8 @@ def make_neighbours(real, compiled=plain):
         return total + weight * ((s * s) * squared_distance)
 
     return SimpleNamespace(
-        squared=squared, wrapped=wrapped, within=within, apart=apart, near=near, density_added=density_added, slope=slope,
-        gradient_added=gradient_added, own_added=own_added,
+        squared=squared, wrapped=wrapped, within=within, apart=apart, near=near, closeness=closeness,
+        density_added=density_added, slope=slope, gradient_added=gradient_added, own_added=own_added,
     )  # fmt: skip
 
 
@@ -164,33 +170,40 @@ def make_walls(real, compiled=plain):
         return distance - thickness
 
     @compiled
-    def wall_near(distance, inverse_support):
-        """1 - q, 1 in the wall and 0 beyond the support."""
-        return min(max(one - distance * inverse_support, zero), one)
+    def wall_near(distance, inverse_range):
+        """1 - distance / range: 1 in the wall and 0 beyond its range."""
+        return min(max(one - distance * inverse_range, zero), one)
 
     @compiled
     def wall_density(t, wall_scale):
-        """What a wall adds to C, scale (1 - q)^5; t: `wall_near`."""
-        square = t * t
-        return wall_scale * ((square * square) * t)
+        """What a wall adds to C; t: `wall_near`."""
+        return wall_scale * ((t * t) * t)
 
     @compiled
     def wall_slope(t, wall_gradient):
         """How fast C changes with the distance, negative [1/m]."""
-        square = t * t
-        return -(wall_gradient * (square * square))
+        return -(wall_gradient * (t * t))
+
+    @compiled
+    def rate(share, other):
+        """Derivative of `joined_density` with respect to one of its arguments; `other`: the other one."""
+        if max(share, other) < one:
+            return one - other
+        return one if share >= other else zero
 
     @compiled
     def joined_density(total, share):
-        """Of walls so far and one more, as if they overlapped like chances: a corner is not counted twice."""
-        return (total + share) - total * share
+        """Sum of the walls so far and one more, less their overlap in a corner: m + n (1 - m) of the larger one m and the
+        smaller one n, or m where it exceeds 1."""
+        larger = max(total, share)
+        return larger + min(total, share) * max(one - larger, zero)
 
     @compiled
     def joined_gradient(gradient, total, slope, share, n):
         """One axis of the gradient of that; `total`: before this wall, n: its normal."""
-        return gradient * (one - share) + (slope * n) * (one - total)
+        return gradient * rate(total, share) + (slope * n) * rate(share, total)
 
     return SimpleNamespace(
-        beyond=beyond, wall_near=wall_near, wall_density=wall_density, wall_slope=wall_slope, joined_density=joined_density,
-        joined_gradient=joined_gradient,
+        beyond=beyond, wall_near=wall_near, wall_density=wall_density, wall_slope=wall_slope, rate=rate,
+        joined_density=joined_density, joined_gradient=joined_gradient,
     )  # fmt: skip

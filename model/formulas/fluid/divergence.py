@@ -18,7 +18,9 @@ from model.formulas import plain
 
 OPERATIONS_APPROACH = 27  # a neighbour: slope, and a difference of velocities along it
 OPERATIONS_MOVE = 20  # a particle
-SPARSE = 0.125  # of density: who lacks more is at a surface, and comes nearer as it likes; there a layer lacks a sixth
+SPARSE = (
+    0.09  # of density: a particle that lacks more is at a surface and may approach freely; a surface layer lacks 0.12
+)
 
 
 def make(real, compiled=plain):

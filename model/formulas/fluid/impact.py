@@ -18,7 +18,7 @@ from model.formulas.cloth import make as make_cloth
 
 def make(real, compiled=plain):
     """See the functions; in the arithmetic `real`."""
-    zero, one, two = real(0), real(1), real(2)
+    zero = real(0)
     cross = make_cloth(real, compiled).cross
 
     @compiled
@@ -27,19 +27,10 @@ def make(real, compiled=plain):
         return velocity + (position - predicted) * inverse_dt
 
     @compiled
-    def remaining_slope(total, slope):
-        """How fast C changes with the distance of one wall more [1/m], after walls that add `total` together."""
-        return slope * (one - total)
-
-    @compiled
-    def wall_push(multiplier, weight, slope, inverse_dt):
-        """Change of velocity by a wall [m/s], 0 or more, as `wall_added`; multiplier and slope are 0 or less."""
-        return (two * (weight * (multiplier * slope))) * inverse_dt
-
-    @compiled
-    def averaged_weight(weight, neighbours):
-        """Weight of a particle whose corrections are averaged over its neighbours, one at least."""
-        return weight / neighbours
+    def wall_push(multiplier, weight, slope, rate, inverse_dt):
+        """Change of velocity by a wall [m/s], 0 or more, as `wall_added` moves by `slope` times the `rate` at which that
+        wall counts among others; multiplier and slope are 0 or less."""
+        return (weight * (multiplier * (slope * rate))) * inverse_dt
 
     @compiled
     def rebound(vx, vy, vz, ux, uy, uz, wx, wy, wz, nx, ny, nz, push):
@@ -61,7 +52,6 @@ def make(real, compiled=plain):
         return qx + tx, qy + ty, qz + tz
 
     return SimpleNamespace(
-        after_impact=after_impact, remaining_slope=remaining_slope, wall_push=wall_push,
-        averaged_weight=averaged_weight, rebound=rebound, without=without,
+        after_impact=after_impact, wall_push=wall_push, rebound=rebound, without=without,
         surface_velocity=surface_velocity,
     )  # fmt: skip

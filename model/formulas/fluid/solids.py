@@ -5,7 +5,7 @@ C_i, and psi times the slope to its gradient (N. Akinci et al., "Versatile Rigid
 SIGGRAPH 2012, eqs. 3 to 5). It has no constraint of its own: a particle's moves both by its gradient, and what a sample is
 pushed by goes to the particles that carry it, by their inverse masses (M. Macklin et al., "Unified Particle Physics for
 Real-Time Applications", SIGGRAPH 2014, 7.1). What a pair does to both is equal and opposite. The pressure in a sample is not
-mirrored, as Akinci's is (there, eq. 9), and a wall's here: a fluid comes as near as it must to bear what presses on it, and
+mirrored, as Akinci's is (there, eq. 9): a fluid comes as near as it must to bear what presses on it, and
 so leaves no gap, by which a body would displace more than it holds.
 
 Of each particle and each sample there are `volume` (1 of a particle), `grip` (0; of a sample psi over the iterations of a
@@ -29,7 +29,7 @@ def make(real, compiled=plain):
 
     @compiled
     def counted(total, volume, t):
-        """The sum with the poly6 kernel's share of a neighbour of that volume."""
+        """The sum with the kernel of a neighbour of that volume; t: `closeness`."""
         return total + volume * ((t * t) * t)
 
     @compiled
