@@ -28,6 +28,7 @@ from model.world.world_set import WorldSet
 
 COARSEST = 1.25  # rest distances that particles of a body may be apart: wider, a fluid runs through between them
 THIN = 2.0  # by which volumes of a cloth's samples are larger: nothing behind it holds water back
+BEARING = 1.2  # by which volumes of a body's samples are larger: they bear half the pressure that a fluid's pair bears
 NEAREST = (
     0.9  # of half of both spacings together: of what a fluid and a body keep from each other at the start, at least
 )
@@ -113,7 +114,7 @@ def _bodies(scene: Scene, first: int) -> Iterator[_Sampled]:
                 raise SceneError(f"{copy.name}.particle_spacing", apart, told)
             kept[copy.name] = thinned(copy.baked.position, LEAST * fluid.spacing)
             points = copy.baked.position[kept[copy.name]]
-            volumes[copy.name] = sample_volumes(points, fluid.lattice, fluid.support, True)
+            volumes[copy.name] = BEARING * sample_volumes(points, fluid.lattice, fluid.support, True)
         own = kept[copy.name] + copy.particles.start + first
         away = NEAREST * (copy.baked.spacing + fluid.spacing) / 2
         yield _Sampled(copy.name, *particle_samples(own), volumes[copy.name], away)

@@ -74,6 +74,21 @@ def test_it_climbs_until_the_error_is_reached(monkeypatch: pytest.MonkeyPatch, b
     assert found.configured().method.iterations == 5 and "--set method.scheme=macklin" in str(found)
 
 
+def test_efforts_that_do_not_come_to_rest_are_not_recommended(monkeypatch: pytest.MonkeyPatch) -> None:
+    """One substep of 1/60 s moves a particle by .054 rest distances: `averaged` and `divergence-free` boil, macklin rests."""
+    asked = []
+
+    def law(scheme: str, substeps: int, iterations: int) -> float:
+        asked.append((scheme, substeps))
+        return 0.0
+
+    monkeypatch.setattr(_Search, "run", run_as(law))
+    monkeypatch.setattr(fluids, "_timed", lambda store, run, scene, able: iter(able))
+    with Store(":memory:") as store:
+        advise_fluids(store, column_scene(), 0.01, **HOW)
+    assert dict(asked) == {"macklin": 1, "averaged": 2, "divergence-free": 2}
+
+
 def test_nothing_reaches_it(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(_Search, "run", run_as(lambda *_: np.inf))
     with Store(":memory:") as store:

@@ -33,6 +33,7 @@ from bench.store.results import measures
 from bench.store.versions import code_version
 from model.core.errors import Diverged, SceneError, SoftlabError
 from model.core.simulation import PRECISIONS
+from model.fluid.family import comes_to_rest
 from model.fluid.measure import compression
 from model.scene.scene import Scene
 
@@ -55,9 +56,13 @@ class _Search:
     deadline: float
 
     def climb(self, budget: FluidBudget, best: float) -> Iterator[FluidBudget]:
-        """What was run of a scheme, up to the first that reaches the error."""
+        """What was run of a scheme, up to the first that reaches the error. Efforts at which water would not come to rest
+        are left out."""
         for substeps, iterations in LADDER:
-            one = self.run(replace(budget, substeps=substeps, iterations=iterations))
+            wanted = replace(budget, substeps=substeps, iterations=iterations)
+            if not comes_to_rest(self.scene.replace(wanted.changes)):
+                continue
+            one = self.run(wanted)
             yield one
             if one.density <= self.error or one.seconds > SLOWER * best or clock.perf_counter() > self.deadline:
                 return
