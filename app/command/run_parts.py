@@ -19,7 +19,7 @@ def body_lines(scene: Scene) -> list[str]:
     lines = [line for member in scene.members.values() for line in body_lines(member)]
     for name, part in scene.bodies.items():
         times = f" (x {part.count})" if part.count > 1 else ""
-        times += f" and {part.spare} waiting" if part.spare else ""
+        times += f" and {part.spare} inactive" if part.spare else ""
         lines += [f"{name}{times}: {line}" for line in part.baked.report.lines()]
     for name, body in scene.tetrahedra.items():
         lines += [f"{name}: {line}" for line in cut(body).report.brief(scene.tetrahedra_set.mass_of(name))]

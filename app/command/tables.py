@@ -64,7 +64,7 @@ def print_report(console: Console, report: dict[str, Any], written: list[Path], 
         elif key == "conserved":
             modified = value != report["kinetic_energy"] + report["potential_energy"]
             label, unit = ("modified energy", MODIFIED.format(keeps=keeps)) if modified else ("total energy", "J")
-        more = f"+ {number(waiting[key])} waiting" if waiting.get(key) else ""
+        more = f"+ {number(waiting[key])} inactive" if waiting.get(key) else ""
         table.add_row(label, f"{number(value)} {unit}{more}".rstrip())
     if report["error_reason"]:
         label = "error" if report["error"] is None else ""

@@ -103,7 +103,7 @@ def amounts(scene: Scene) -> str:
         return f"{number(scene.grid.particle_count)} masses, {number(family_of(scene).spring_count(scene))} springs"
     body_set, told = scene.body_set, counts(scene)
     waiting = (
-        f" ({number(told.waiting)} waiting, of {number(told.waiting_particles)} particles)" if told.waiting else ""
+        f" ({number(told.waiting)} inactive, of {number(told.waiting_particles)} particles)" if told.waiting else ""
     )
     bodies = "1 body" if len(body_set.copies) == 1 else f"{number(len(body_set.copies))} bodies"
     entries = len(body_set.clusters.indices) / body_set.particle_count

@@ -34,7 +34,7 @@ def test_a_dragged_slider_of_the_window_changes_gravity(tmp_path: Path, display:
         state = window.wait("gravity", lambda state: state["gravity"])
         fell = window.wait("a fall", lambda later: later["step"] > state["step"] + 100)
         assert fell["mean"][1] < state["mean"][1]
-        left, top, right, bottom = window.frames()["panel"]["Compare: twice"]
+        left, top, right, bottom = window.frames()["panel"]["Duplicate to compare"]
         window.xdotool("mousemove", (left + right) // 2, (top + bottom) // 2)
         window.frames()
         window.xdotool("click", 1)
