@@ -40,11 +40,14 @@ Settings = Annotated[
 ]
 Backend = Annotated[str, typer.Option(help="cpu or gpu.")]
 Threads = Annotated[
-    str, typer.Option(help="CPU threads: 1x, 2x, 4x the cores, a number, or auto: 1x, or 1 where that is quicker now.")
+    str,
+    typer.Option(
+        help="CPU threads: 1x, 2x or 4x the number of cores, a number, or auto (the faster of 1x and 1, measured)."
+    ),
 ]
 Precision = Annotated[str, typer.Option(help="float32 or float64.")]
 Math = Annotated[str, typer.Option(help="fast, or exact (the same bits on every backend and thread count).")]
-StorePath = Annotated[Path, typer.Option("--store", help="The store of measurements.")]
+StorePath = Annotated[Path, typer.Option("--store", help="Database file of the measurements (SQLite).")]
 SHOWN_AFTER = 0.5  # s: work that goes on for longer gets a bar
 DEFAULT_STORE = Path("softlab-results") / "results.sqlite"
 
@@ -61,7 +64,7 @@ def scene_of(name: str, settings: list[str] | None) -> Any:
 def tell_of_no_store(store: Path, whose: str) -> None:
     """Where the usual store is not there, on what something is made from."""
     if not store.exists() and store == DEFAULT_STORE:
-        errors.print(f"nothing was measured here yet: {whose} tells of the committed measurements alone")
+        errors.print(f"nothing was measured on this machine yet: {whose} uses the measurements that come with the lab")
 
 
 class _Left(Exception):
@@ -77,7 +80,7 @@ class Commands(TyperGroup):
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
         if cmd_name in RENAMED:
-            errors.print(f"softlab {cmd_name} is called softlab {RENAMED[cmd_name]} now")
+            errors.print(f"softlab {cmd_name} was renamed: use softlab {RENAMED[cmd_name]}")
         return super().get_command(ctx, RENAMED.get(cmd_name, cmd_name))
 
     def invoke(self, ctx: Any) -> Any:
@@ -118,9 +121,9 @@ def exit_status(command: Callable[[], int | None]) -> int:
         if error.errno not in (errno.ENOSPC, errno.EDQUOT):
             raise
         drop_output()
-        return told(f"{error.filename or 'what is printed'} cannot be written: {error.strerror}; make room", 2)
+        return told(f"{error.filename or 'the output'} cannot be written: {error.strerror}; free some disk space", 2)
     except MemoryError as error:
-        return told(f"the memory of this machine does not do ({error or 'nothing is left'}); use a smaller scene", 2)
+        return told(f"not enough memory ({error or 'none is left'}); use a smaller scene", 2)
 
 
 def told(line: str, status: int) -> int:

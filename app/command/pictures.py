@@ -43,7 +43,7 @@ def parse_camera(scene: Scene, text: str | None) -> Scene:
 def check_rate(fps: float) -> None:
     """Raise SceneError for a rate that no clip can have."""
     if not 1 <= fps <= MAX_RATE:
-        raise SceneError("--fps", fps, f"must be 1 to {MAX_RATE:g} frames a second")
+        raise SceneError("--fps", fps, f"must be 1 to {MAX_RATE:g} frames per second")
 
 
 class ClipView:

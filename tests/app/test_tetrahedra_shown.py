@@ -158,7 +158,7 @@ def test_a_picture_of_stress_has_its_legend(tmp_path: Path) -> None:
     assert title == "von Mises stress / kPa"
     assert most >= von_mises(scene().tetrahedra_set, BENT).max() / 1e3
     assert render_frame(scene(), BENT, tmp_path / "bar.png", 320, 240, look=("stress", "mesh")).exists()
-    with pytest.raises(InputError, match="is for tetrahedral bodies"):
+    with pytest.raises(InputError, match="applies to tetrahedral bodies"):
         render_frame(Scene({"grid": {"rows": 2, "columns": 2}, "springs": {}}), np.zeros((4, 2)), tmp_path / "g.png",
                      look=("stress",))  # fmt: skip
 

@@ -117,7 +117,7 @@ def test_a_run_has_every_field_and_says_why_there_is_no_error(command: Any, bodi
         assert line in done.err
     assert report["waiting"] == report["waiting_particles"] == 0 and "waiting" not in command(f"run {bodies_file}").out
     table = command(f"run {bodies_file} --steps 3").out
-    assert "of the spacing, from its goal" in table and "no converged reference" in table
+    assert "spacings, distance from goal" in table and "no converged reference" in table
 
 
 @pytest.mark.usefixtures("falling")
