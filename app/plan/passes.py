@@ -69,7 +69,7 @@ def gpu_device(choice: str = "") -> tuple[str, tuple[int, int] | None]:
 
     available, device = gpu_available()
     if not choice:
-        return (device if available else "none here"), None
+        return (device if available else "none on this machine"), None
     from gpu_backend.mass_spring.grid.choice import MEASURED_LIMITS, MEASURED_ON
 
     if not available:

@@ -232,7 +232,7 @@ BAD = [
     ("run lab-grid", "--link nccl", ["--link", "add --gpus or --ranks"]),
     ("run lab-grid", "--exchange-every 3", ["--exchange-every", "add --gpus or --ranks"]),
     ("run lab-grid", "--ranks 4 --backend gpu", ["--ranks", "--backend cpu"]),
-    ("run lab-grid", "--ranks 2 --gpus 2", ["--gpus", "only one of it and --ranks"]),
+    ("run lab-grid", "--ranks 2 --gpus 2", ["--gpus", "mutually exclusive"]),
     ("run float", "--gpus 3", ["--gpus", "a world is not shared", "leave --gpus out"]),
     ("plan dam-break", "--gpus 2", ["--gpus", "thinner than their halo"]),
     ("plan lab-grid", "--exchange-every 4", ["--exchange-every", "--gpus"]),

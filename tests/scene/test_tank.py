@@ -34,7 +34,14 @@ def test_a_tank_is_the_planes_of_the_dam_break() -> None:
 @pytest.mark.parametrize("open_top", [True, False])
 def test_its_planes_bound_its_box(tables: dict[str, Any], size: list[float], open_top: bool) -> None:
     origin = [-0.1, 0.2, 0.3][: len(size)]
-    tank = {"kind": "tank", "size": size, "origin": origin, "open_top": open_top, "thickness": 0.01, "static_friction": 0.4}
+    tank = {
+        "kind": "tank",
+        "size": size,
+        "origin": origin,
+        "open_top": open_top,
+        "thickness": 0.01,
+        "static_friction": 0.4,
+    }
     scene = Scene(tables | {"basin": tank})
     planes = [part for kind, part in scene.colliders if kind == "plane"]
     assert len(planes) == 2 * len(size) - open_top and not {"basin", "tank"} & set(scene.parts)
