@@ -223,7 +223,7 @@ def demo(
     from bench.experiments.accuracy.judge import judge_run
 
     if frames is not None and frames < 1:
-        raise SceneError("--frames", frames, "must be at least 1")
+        raise SceneError("--frames", frames, "must be a whole number, at least 1")
     shown = [scene_of(name, settings) for name in scenes or ["lab-grid"]]
     with compilations_told():
         run_demo(

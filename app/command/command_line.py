@@ -20,7 +20,7 @@ from rich.console import Console
 from typer.core import TyperGroup
 
 from app.command.console import Output
-from model.core.errors import SoftlabError
+from model.core.errors import SoftlabError, shown
 from model.domains.launched import launched_rank
 
 errors = Console(stderr=True, highlight=False, soft_wrap=True)
@@ -28,6 +28,9 @@ out = Output(highlight=False)
 
 PLAINER = {  # what pydantic or typer says of an argument, and what is meant
     "Option '--record' requires 2 arguments.": "--record needs two words: --record every=N FILE.npz",
+    "Missing argument 'SCENE'.": "SCENE is missing: give a name that `softlab scenes` lists, or a .toml file",
+    "Missing argument": "an argument is missing:",
+    "Got unexpected extra argument(s)": "too many arguments, or an option without its value:",
     "Input should be a valid integer, unable to parse string as an integer": "must be a whole number",
     "Input should be a valid number, unable to parse string as a number": "must be a number",
 }
@@ -142,7 +145,20 @@ def usage_line(error: Any) -> str:
     said = " ".join(error.format_message().split())
     for words, ours in PLAINER.items():
         said = said.replace(words, ours)
+    if (option := _wrong_option(error)) is not None:
+        said = said.replace(f"Invalid value for '{option[0]}'", f"{option[0]} = {shown(option[1])}")
     return str(SoftlabError(f"{said} (see {command} --help)"))
+
+
+def _wrong_option(error: Any) -> tuple[str, str] | None:
+    """The option that a complaint is about and the value that was given to it, if there is one on the command line."""
+    for name in getattr(getattr(error, "param", None), "opts", ()):
+        for place, word in enumerate(sys.argv):
+            if word == name and place + 1 < len(sys.argv):
+                return name, sys.argv[place + 1]
+            if word.startswith(f"{name}="):
+                return name, word.removeprefix(f"{name}=")
+    return None
 
 
 def usage_status(error: Any) -> int:

@@ -36,8 +36,13 @@ def parse_camera(scene: Scene, text: str | None) -> Scene:
         raise SceneError(
             "--camera", text, "must be YAW,PITCH or YAW,PITCH,SIZE, such as 30,15 (degrees) or 30,15,2 (2 m)"
         )
+    if scene.dimensions == 2:
+        raise SceneError("--camera", text, "applies to a scene in space; this one lies in a plane, so leave it out")
     fields = zip(("yaw", "pitch", "size"), values, strict=False)
-    return scene.replace({f"camera.{name}": value for name, value in fields})
+    try:
+        return scene.replace({f"camera.{name}": value for name, value in fields})
+    except SceneError as error:
+        raise SceneError("--camera", text, f"{error.field.partition('.')[2]} {error.allowed}") from None
 
 
 def check_rate(fps: float) -> None:

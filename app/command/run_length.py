@@ -35,7 +35,9 @@ def step_count(scene: Scene, steps: int | None, time: float | None, notes: list[
     if not math.isfinite(time) or time < 0:
         raise SceneError("--time", time, "must be a finite number of seconds, at least 0")
     if time / dt > MAX_STEPS:
-        raise SceneError("--time", time, f"is more than {MAX_STEPS:.0e} steps of {dt:g} s")
+        raise SceneError(
+            "--time", time, f"is more than {MAX_STEPS:.0e} steps of {dt:g} s; use a shorter time or a larger method.dt"
+        )
     whole = round(time / dt)
     if abs(whole * dt - time) > 1e-9 * max(dt, time):
         notes.append(f"--time {time:g} s rounded to {whole} steps of {dt:g} s = {whole * dt:.9g} s")
