@@ -132,7 +132,9 @@ class SceneParts:
     def _add_planes(self, name: str, tank: Tank, tables: Mapping[str, Any]) -> None:
         """Read a tank as its planes. Raises SceneError where a table already has the name of one."""
         self.tanks[name] = tank
-        for plane, part in tank.planes(name).items():
+        kinds = {table.get("kind", key) for key, table in tables.items() if isinstance(table, Mapping)}
+        bodies = bool(kinds & {*BODY_KINDS, *TETRAHEDRAL_KINDS}) and "fluid" not in kinds
+        for plane, part in tank.planes(name, derives_thickness=bodies).items():
             if plane in tables:
                 raise SceneError(
                     plane, None, f"is also the name of a plane of the tank [{name}]; rename one of the tables"

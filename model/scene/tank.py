@@ -20,7 +20,7 @@ class Tank(Collider):
     each) three; one more unless `open_top`. A scene reads it as these planes, named after the table, as tank-floor,
     tank-left, tank-right, tank-back, tank-front and tank-top, and writes them back."""
 
-    thickness: NotNegative = 0.0  # m
+    thickness: NotNegative = 0.0  # m; of bodies without a fluid: as for planes, what they rest on, unless given
     size: Sizes  # m, width and height, in space also depth
     origin: Place = (0.0, 0.0, 0.0)  # m, its lower left corner, in space at the back
     open_top: bool = True
@@ -37,9 +37,12 @@ class Tank(Collider):
             wanted = "width, height" if dimensions == 2 else "width, height, depth"
             raise SceneError(f"{name}.size", list(self.size), f"must hold {dimensions} numbers in this scene: {wanted}")
 
-    def planes(self, name: str) -> dict[str, Plane]:
-        """The planes of the tank that a scene calls `name`, by their names. Every normal points into the tank."""
+    def planes(self, name: str, derives_thickness: bool = False) -> dict[str, Plane]:
+        """The planes of the tank that a scene calls `name`, by their names. Every normal points into the tank.
+        `derives_thickness`: leave a thickness that is not given to what the scene derives (model/scene/resting.py)."""
         shared = {field: getattr(self, field) for field in Collider.model_fields}
+        if derives_thickness and "thickness" not in self.model_fields_set:
+            del shared["thickness"]
         x, y, z = (*self.origin, 0.0)[:3]
         width, height, *depth = self.size
         found = {

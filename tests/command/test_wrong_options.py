@@ -25,7 +25,10 @@ RUN = "run lab-grid --steps 0 --no-judge"
         ("demo lab-grid cloth-flag", "cannot be shown beside lab-grid"),
         ("run lab-grid --time 1e300", "use a shorter time or a larger method.dt"),
         ("run lab-grid --time 1 --steps 2", "--steps and --time are mutually exclusive"),
-        (f"{RUN} --render x.png --camera 1,2", "applies to a scene in space; this one lies in a plane, so leave it out"),
+        (
+            f"{RUN} --render x.png --camera 1,2",
+            "applies to a scene in space; this one lies in a plane, so leave it out",
+        ),
         ("run rope --render x.png --camera 0,90", "--camera = '0,90': pitch must be at most 89"),
         ("run rope --render x.png --camera 1,2,0", "--camera = '1,2,0': size must be greater than 0"),
         (f"{RUN} --look skin", "--look skin: applies to tetrahedral bodies and fluids; leave it out"),

@@ -99,3 +99,14 @@ def test_a_setting_of_a_tank_that_was_read_names_its_planes() -> None:
     scene = Scene(WATER | {"basin": {"kind": "tank", "size": [0.4, 0.5, 0.3]}})
     with pytest.raises(SceneError, match="basin-floor, basin-left, basin-right, basin-back, basin-front"):
         scene.replace({"basin.size": [1.0, 1.0, 1.0]})
+
+
+def test_bodies_rest_on_its_walls_as_on_planes() -> None:
+    """Without a fluid an ungiven thickness follows from the bodies; a given one stays."""
+    body = {"kind": "rigid_body", "shape": {"name": "box"}, "particle_spacing": 0.5, "origin": [2.0, 1.0, 2.0]}
+    tables = {"body": body, "gravity": {}}
+    floor = Scene(tables | {"floor": {"kind": "plane"}}).parts["floor"]
+    tank = Scene(tables | {"tank": {"size": [4.0, 4.0, 4.0]}}).parts["tank-floor"]
+    assert tank.thickness == floor.thickness != 0.0  # type: ignore[attr-defined]
+    given = Scene(tables | {"tank": {"size": [4.0, 4.0, 4.0], "thickness": 0.125}})
+    assert given.parts["tank-floor"].thickness == 0.125  # type: ignore[attr-defined]
