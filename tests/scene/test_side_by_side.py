@@ -97,7 +97,7 @@ def test_tab_chooses_all_or_one_alone(pair: Demo) -> None:
     assert "Earth only" in pair.message
     with Demo([Scene(TABLES)]) as single:
         single.next_world()
-        assert not single.alone and "one scene only" in single.message
+        assert not single.alone and "only one scene" in single.message
 
 
 def test_keys_change_every_world_or_the_chosen_one_alone(pair: Demo) -> None:
