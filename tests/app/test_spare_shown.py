@@ -243,7 +243,7 @@ def test_keys_of_the_window_drop_over_the_pointer_and_take_out(tmp_path: Path, d
         state = window.wait("another one", lambda state: state["waiting"] == 0)
         assert state["high"][1] > high and state["high"][0] > left + 1  # the other one, higher
         window.key("d")
-        window.wait("none is left", lambda state: "X takes" in state["message"])
+        window.wait("none is left", lambda state: "press X" in state["message"])
         window.grab(0)
         window.xdotool("mouseup", 1)
         window.key("x")
