@@ -38,7 +38,7 @@ def test_a_dragged_slider_of_the_window_changes_gravity(tmp_path: Path, display:
         window.xdotool("mousemove", (left + right) // 2, (top + bottom) // 2)
         window.frames()
         window.xdotool("click", 1)
-        both = window.wait("two worlds", lambda state: len(state["worlds"]) == 2)
+        both = window.wait("two worlds", lambda state: len(state.get("worlds", ())) == 2)
         assert both["alone"] and both["current"] == 1 and both["worlds"][0]["step"] == both["worlds"][1]["step"] > 0
         window.xdotool("mousemove", 600, 500)
         window.frames()
