@@ -12,6 +12,7 @@ from gpu_backend.contact.self_contact import HeldContacts, contact_bytes
 from gpu_backend.contact.surfaces_find import make_find
 from gpu_backend.core.quads import SIZE
 from model.contact.particle_parameters import G_OWN, G_REACH
+from model.contact.self_contact_parameters import MAX_CONTACTS
 from model.contact.surface_parameters import TETRAHEDRA_MEET, Meeting, neighbour_record
 from model.scene.scene import Scene
 
@@ -22,7 +23,9 @@ def surface_contact_bytes(scene: Scene, item: int, meeting: Meeting = TETRAHEDRA
     particles, vertices = len(surface.rest), len(surface.vertices)
     lists = 4 * (4 * len(surface.triangles) + 2 * vertices + len(surface.at_vertex.indices) + particles)
     own = neighbour_bytes(vertices, True, item) + SIZE * item * (vertices + particles)
-    return contact_bytes(particles, item) + own + lists
+    assert scene.contact is not None
+    levers = 2 * SIZE * item * MAX_CONTACTS * particles if scene.contact.static_friction > 0 else 0
+    return contact_bytes(particles, item) + levers + own + lists
 
 
 class SurfaceContacts(HeldContacts):

@@ -33,12 +33,6 @@ REMARKS: tuple[Remark, ...] = (
         "docs/method.md, restitution of particles: two bricks at 1 m/s",
     ),
     Remark(
-        "tetrahedra, friction between surfaces",
-        "a contact of a vertex with a triangle that turns within the substep may gain energy: 4 % of random ones at a "
-        "coefficient of 2 do, up to 1.4 times what they had; 24 impacts of two spinning boxes had none more than at first",
-        "tests/formulas/test_surface_levers.py",
-    ),
-    Remark(
         "tetrahedra, newton order 2",
         "a turn of w [1/s] loses up to 0.42 w^2 h of its spin a second; of order 1 and by vbd as implicit Euler, w^2 h",
         "tests/public/test_newton_208.py; docs/method.md, second order in time",
@@ -107,8 +101,7 @@ REMARKS: tuple[Remark, ...] = (
     ),
     Remark(
         "surfaces that rub",
-        "angular momentum: a part of the moment is left where `distance` exceeds the height of a triangle that takes it "
-        "back, and all of it where a cloth is among the surfaces",
+        "angular momentum: a part of friction's moment is left where `distance` exceeds the height of a triangle",
         MEETING,
     ),
     Remark(
