@@ -84,11 +84,6 @@ REMARKS: tuple[Remark, ...] = (
         "measured; model/core/stability/damping.py",
     ),
     Remark(
-        "tetrahedra, xpbd rows = \"blocks\" with slivers",
-        "unstable, also at rest, where a tetrahedron is many times as long as it is high and stiff: scalar rows are not",
-        "the block holds R, so that it is an oblique projection where sum w b b' has different eigenvalues",
-    ),
-    Remark(
         "tetrahedra, xpbd with few substeps",
         "some may turn inside out on an impact; a run counts those that are so at its end, and exits with 1",
         "app/outcome.py; docs/method.md, A10: bodies that are turned inside out find their shape again",
