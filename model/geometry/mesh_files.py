@@ -146,8 +146,8 @@ def check_vertices(position: np.ndarray, line: Callable[[int], str] = lambda _: 
     if (size > LARGEST).any():
         vertex = int(np.argmax(size))
         raise InputError(
-            f"a coordinate of {size[vertex]:.3g} m{_at(line(vertex))}; at most {LARGEST:g}: give a scale that turns the "
-            "file's unit to m"
+            f"a coordinate of {size[vertex]:.10g} m{_at(line(vertex))}; at most {LARGEST:g}: move the origin nearer "
+            "to 0, or give a scale that turns the file's unit to m"
         )
 
 

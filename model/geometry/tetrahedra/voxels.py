@@ -150,10 +150,8 @@ def _lattice(
     size = edge_of(hull.position, edge, voxels)
     largest = float(np.abs(hull.position).max())
     if size < COARSEST * largest:
-        raise InputError(
-            f"voxels of {size:.3g} m at coordinates of {largest:.3g} m are below what these can tell apart; move the mesh to "
-            "the origin, or take larger voxels"
-        )
+        told = f"makes voxels of {size:.3g} m at coordinates of {largest:.3g} m, below what these can tell apart"
+        raise SceneError(*field, f"{told}; move the mesh to the origin, or {advice}")
     wide = (high - low) / size
     if wide.max() > MOST_VOXELS:
         raise SceneError(*field, f"makes {wide.max():.3g} voxels along an axis; at most {MOST_VOXELS}: {advice}")
