@@ -194,7 +194,7 @@ def test_sheets_that_enclose_nothing_are_told_so() -> None:
     mesh = triangle_mesh(position, [[0, 1, 2], [0, 1, 3], [0, 1, 4]], inside=True)
     with pytest.raises(InputError, match="not closed"):
         solid(mesh, 0.0)
-    source, triangles = bounding(position, np.array([[0, 1, 2], [0, 1, 3], [0, 1, 4]]), [])
+    source, _, triangles = bounding(position, np.array([[0, 1, 2], [0, 1, 3], [0, 1, 4]]), [])
     assert len(triangles) == 3 and source.max() == 4
 
 
