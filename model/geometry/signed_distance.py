@@ -124,7 +124,8 @@ def _squared(points: np.ndarray, corners: np.ndarray) -> np.ndarray:
         best = np.minimum(best, _dot(way, way))
         least = np.minimum(least, _dot(normal, _cross(edge, start)))
     height = _dot(normal, starts[0])
-    found: np.ndarray = np.where((least >= 0) & (size > 0), height * height / size, best)
+    above = height * height / np.where(size > 0, size, 1.0)
+    found: np.ndarray = np.where((least >= 0) & (size > 0), above, best)
     return found
 
 
