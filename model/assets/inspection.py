@@ -255,7 +255,8 @@ def guessed_unit(path: Path, longest: float, scale: float) -> tuple[str, float |
     if longest < 1e-3:
         return f"probably m ({lengths}; if that is too small, give a scale)", 1.0
     if longest <= (LARGEST_PART if part else LARGEST_IN_METRES):
-        return f"probably m ({lengths}); a CAD part may be in mm: scale = 0.001{_inches(longest)}", 1.0
+        hint = f"; if it is a CAD part in mm: scale = 0.001{_inches(longest) if part else ''}" if longest >= 1 else ""
+        return f"probably m ({lengths}){hint}", 1.0
     if longest <= LARGEST_IN_CENTIMETRES and not part:
         return f"probably cm ({lengths}): scale = 0.01; or, as most CAD parts, mm: scale = 0.001", 0.01
     if longest <= LARGEST_IN_MILLIMETRES:

@@ -121,13 +121,14 @@ def test_tetrahedra(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "name,longest,words",
     [
+        ("a.obj", 0.15, r"probably m \(the longest side is 0.15\)$"),
         ("a.obj", 1.7, "probably m"),
         ("a.obj", 170.0, "probably cm .*scale = 0.01; or, as most CAD parts, mm: scale = 0.001"),
         ("a.obj", 1700.0, "probably mm .*scale = 0.001"),
         ("a.stl", 25.0, "probably mm .*scale = 0.001"),
         ("a.stl", 2.5, "probably m .*in mm: scale = 0.001, or in inches: scale = 0.0254"),
         ("a.stl", 7.25, "probably mm .*scale = 0.001, or in inches: scale = 0.0254"),
-        ("a.ply", 15.0, "probably m .*a CAD part may be in mm: scale = 0.001"),
+        ("a.ply", 15.0, "probably m .*if it is a CAD part in mm: scale = 0.001"),
         ("a.glb", 5.0, "m, as .glb has it$"),
         ("a.glb", 254.0, "m, as .glb has it .*254; if that is too large, its program meant mm: scale = 0.001"),
         ("a.obj", 1e6, "unknown"),
