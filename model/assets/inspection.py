@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from model.core.errors import InputError, SoftlabError
+from model.core.waiting import report
 from model.geometry.arithmetic.ordered import norm, total
 from model.geometry.edges import NonManifold, components, edge_uses
 from model.geometry.measures import triangle_areas
@@ -30,6 +31,7 @@ NOTHING = 1e-9  # of the area: rounding
 HALF = 0.5  # of the area: where less than it bounds a volume, a note says so
 FAR = 1e3  # sizes from the origin: float32 keeps 1e-4 of the size there
 BODIES = ("soft_body", "rigid_body", "tetrahedral_body", "distance_field")  # roles that need an inside
+INSPECTING = "inspecting the mesh"  # shown while it takes long
 FILLED = "with fill_holes"
 SURFACE_ROLES = ("cloth", "soft_body", "rigid_body", "tetrahedral_body", "tetrahedral_body_conforming", "mesh_collider",
                  "distance_field")  # fmt: skip
@@ -141,11 +143,13 @@ def inspected(path: str | Path, scale: float = 1.0) -> Inspection:
         _, triangles = welded(arrays.position, arrays.triangles, told)
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
+    report(INSPECTING, 0.2)
     fins = int((edge_uses(len(arrays.position), triangles)[1] > 2).sum())
     mesh, roles["cloth"] = _tried(lambda: triangle_mesh(*arrays[:2], list(arrays.notes)))
     inner, reason = (mesh, roles["cloth"])
     if mesh is None:
         inner, reason = _tried(lambda: triangle_mesh(*arrays[:2], list(arrays.notes), inside=True))
+    report(INSPECTING, 0.5)
     body, filled = None, None
     if inner is not None:
         body, reason = _tried(lambda: solid(inner, 0.0))
@@ -159,6 +163,7 @@ def inspected(path: str | Path, scale: float = 1.0) -> Inspection:
     if holds_tetrahedra(path):
         whole, roles["tetrahedral_body"] = _tried(lambda: read_tetrahedra(path, scale))
         tetrahedra = len(whole[0].tetrahedra) if whole else 0
+    report(INSPECTING, 1.0)
     repairs = body.told if body else inner.repairs if inner else tuple(told)
     surface = mesh or (arrays.position, triangles)
     return _made(path, scale, surface, inner, (body, filled), fins, tetrahedra, tuple(repairs), roles)

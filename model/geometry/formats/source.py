@@ -109,6 +109,8 @@ def table(lines: Sequence[bytes], columns: int) -> np.ndarray | None:
     begins = range(0, len(lines), LINES)
     try:
         for begin in steps(begins, len(begins), READING):
+            if not lines[begin].strip():
+                return None
             block = np.loadtxt(lines[begin : begin + LINES], np.float64, comments=None, ndmin=2)
             if len(block) != min(LINES, len(lines) - begin) or block.shape[1] != (blocks or [block])[0].shape[1]:
                 return None
