@@ -114,7 +114,7 @@ def test_what_is_refused(tmp_path):
         ("none.obj", "none.obj: no such file"),
         (str(tmp_path) + "/.obj", "a body comes from|no such file"),
         (tmp_path, "a body comes from"),
-        (without_some(ball(), 3), "the mesh is open, it has 1 rim"),
+        (without_some(ball(), 3), r"the mesh is not closed \(a hole, "),
     ):
         with pytest.raises(InputError, match=words):
             cooked(source, folder=tmp_path)
@@ -166,7 +166,7 @@ def test_the_command_refuses_in_a_line_and_writes_nothing(command, tmp_path):
     for line, words in (
         ("cook blob body.obj", "must end in .npz"),
         ("cook blob none/body.npz", "does not exist"),
-        ("cook open.obj body.npz", "open.obj: the mesh is open, it has 1 rim"),
+        ("cook open.obj body.npz", "open.obj: the mesh is not closed (a hole, "),
         ("cook text.msh body.npz", "text.msh: it has no $MeshFormat"),
         ("cook missing.obj body.npz", "missing.obj: no such file"),
         ("cook blob body.npz --tetrahedra 4", "--tetrahedra = '4': must be 5 or 6"),

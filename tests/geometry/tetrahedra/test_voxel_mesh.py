@@ -186,7 +186,7 @@ def test_a_cavity_and_what_lies_in_it():
 
 
 def test_an_open_mesh_is_refused_and_one_inside_out_turned_over():
-    with pytest.raises(InputError, match=r"the mesh is open, it has 2 rims \(6 edges .*fill_holes = true"):
+    with pytest.raises(InputError, match=r"the mesh is not closed \(2 holes, .*fill_holes = true"):
         voxel_mesh(without_some(ball(), 0, 100))
     body = voxel_mesh(turned_over(ball()), voxels=5)
     assert body.hull.told == ("the mesh was inside out, and turned over",)
