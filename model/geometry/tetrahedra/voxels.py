@@ -16,7 +16,7 @@ from typing import Literal
 
 import numpy as np
 
-from model.core.errors import InputError, SceneError
+from model.core.errors import SceneError
 from model.core.memory import available_bytes, readable
 from model.geometry.arithmetic.ordered import applied, determinant, dot
 from model.geometry.edges import components
