@@ -43,7 +43,7 @@ from model.domains.launched import launched_ranks
 
 app = typer.Typer(
     cls=Commands,
-    help="A soft-body lab: the same scenes on CPU threads and on CUDA, how fast and how wrong each run was.",
+    help="Simulate soft bodies on CPU threads and on CUDA, and measure how fast and how accurate each run is.",
     no_args_is_help=True,
     rich_markup_mode="rich",
     pretty_exceptions_enable=False,
@@ -65,10 +65,10 @@ def tell_version(asked: bool) -> None:
 @app.callback()
 def softlab(
     version: Annotated[
-        bool, typer.Option("--version", callback=tell_version, is_eager=True, help="Which version this is.")
+        bool, typer.Option("--version", callback=tell_version, is_eager=True, help="Print the version and exit.")
     ] = False,
 ) -> None:
-    """A soft-body lab: the same scenes on CPU threads and on CUDA, how fast and how wrong each run was."""
+    """Simulate soft bodies on CPU threads and on CUDA, and measure how fast and how accurate each run is."""
 
 
 def main() -> None:
@@ -91,62 +91,74 @@ def run(
     kernel: Annotated[
         str | None,
         typer.Option(
-            help="Force a kernel; cpu: fused, team, tiled, stages; gpu: one-block, resident, tiles, graph, launch, stages."
+            help="Use this kernel. cpu: fused, team, tiled, stages. gpu: one-block, resident, tiles, graph, launch, stages."
         ),
     ] = None,
-    steps: Annotated[int | None, typer.Option(help="Steps to do (default 1000).")] = None,
-    time: Annotated[float | None, typer.Option(help="Seconds to simulate, rounded to whole steps.")] = None,
+    steps: Annotated[int | None, typer.Option(help="Number of steps (default 1000).")] = None,
+    time: Annotated[
+        float | None, typer.Option(help="Simulated time in seconds, rounded to whole steps; instead of --steps.")
+    ] = None,
     settings: Settings = None,
     initial: Annotated[Path | None, typer.Option(help="Start from a state file (.npz).")] = None,
-    out_file: Annotated[Path | None, typer.Option("--out", help="Write the end state (.npz).")] = None,
+    out_file: Annotated[Path | None, typer.Option("--out", help="Write the final state (.npz).")] = None,
     record: Annotated[
         tuple[str, Path] | None, typer.Option(metavar="every=N FILE.npz", help="Write a state every N steps.")
     ] = None,
-    render: Annotated[Path | None, typer.Option(help="Draw the end (.png) or the whole run (.mp4).")] = None,
+    render: Annotated[Path | None, typer.Option(help="Draw the final state (.png) or the whole run (.mp4).")] = None,
     export_to: Annotated[
         str | None,
         typer.Option(
-            "--export", metavar="FILE", help="Meshes of the end (.ply, .glb); body-{frame:04d}.ply: of frames."
+            "--export",
+            metavar="FILE",
+            help="Write meshes of the final state (.ply, .glb), or of every frame: body-{frame:04d}.ply.",
         ),
     ] = None,
     export_every: Annotated[
-        float | None, typer.Option(help="Seconds simulated between two frames of --export (default 1/60).")
+        float | None, typer.Option(help="Simulated seconds between two frames of --export (default 1/60).")
     ] = None,
     look: Annotated[
         list[str] | None,
         typer.Option(
-            help="Of tetrahedra: skin, mesh, edges; body, stress, strain. Of fluids: surface, particles, foam; fluid, "
-            "speed, density. Repeatable."
+            help="What --render draws. Tetrahedra: skin, mesh or edges, coloured by body, stress or strain. Fluids: "
+            "surface, particles or foam, coloured by fluid, speed or density. Repeatable."
         ),
     ] = None,
     size: Annotated[
-        str | None, typer.Option(metavar="WIDTHxHEIGHT", help="Pixels of the picture or clip (default 1280x960).")
+        str | None,
+        typer.Option(metavar="WIDTHxHEIGHT", help="Size of the picture or clip in pixels (default 1280x960)."),
     ] = None,
     fps: Annotated[float | None, typer.Option(help="Frames per second of the clip (default 60).")] = None,
     camera: Annotated[
         str | None,
         typer.Option(
-            metavar="YAW,PITCH[,SIZE]", help="View of the picture: degrees, degrees, height seen in metres (in space)."
+            metavar="YAW,PITCH[,SIZE]",
+            help="View of a 3-D picture: rotation and elevation in degrees, height of the view in metres.",
         ),
     ] = None,
-    hud: Annotated[
-        bool, typer.Option("--hud/--no-hud", help="Write the title and the legend into the picture.")
-    ] = True,
-    allow_unstable: Annotated[bool, typer.Option("--allow-unstable", help="Run over the stability limit.")] = False,
-    allow_incomplete: Annotated[
-        bool, typer.Option("--allow-incomplete", help="Exit with 0 though contacts were lost or elements are inverted.")
+    hud: Annotated[bool, typer.Option("--hud/--no-hud", help="Draw title and legend over the picture.")] = True,
+    allow_unstable: Annotated[
+        bool, typer.Option("--allow-unstable", help="Run although method.dt exceeds the stability limit.")
     ] = False,
-    gpus: Annotated[int, typer.Option(help="GPUs that share a sheet by its rows, or bodies, with --backend gpu.")] = 1,
-    ranks: Annotated[int, typer.Option(help="Processes of MPI that share it, with --backend cpu.")] = 1,
+    allow_incomplete: Annotated[
+        bool,
+        typer.Option(
+            "--allow-incomplete", help="Exit with status 0 although contacts were lost or elements are inverted."
+        ),
+    ] = False,
+    gpus: Annotated[int, typer.Option(help="Number of GPUs that share the scene (with --backend gpu).")] = 1,
+    ranks: Annotated[int, typer.Option(help="Number of MPI processes that share the scene (with --backend cpu).")] = 1,
     exchange_every: Annotated[
-        int | None, typer.Option(help="Steps between two exchanges of borders (default: as it suits).")
+        int | None,
+        typer.Option(help="With --gpus or --ranks: steps between two exchanges of borders (default: automatic)."),
     ] = None,
     link: Annotated[
         str | None,
-        typer.Option(help="How GPUs send: flags (usual), peer, nccl (also a process each, started by mpiexec)."),
+        typer.Option(
+            help="How GPUs exchange data: flags (default), peer, or nccl (also across processes started by mpiexec)."
+        ),
     ] = None,
     judge: Annotated[
-        bool, typer.Option(help="Hold the end state against a converged reference, where affordable.")
+        bool, typer.Option(help="Compare the final state with a converged reference, if that takes only seconds.")
     ] = True,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
 ) -> None:
@@ -195,7 +207,8 @@ def demo(
     scenes: Annotated[
         list[str] | None,
         typer.Argument(
-            metavar="SCENE", help="A name or a .toml file, as for run; several: side by side (default: lab-grid)."
+            metavar="SCENE",
+            help="A name that `softlab scenes` lists, or a .toml file; several are shown side by side (default: lab-grid).",
         ),
     ] = None,
     backend: Backend = "cpu",
@@ -203,14 +216,14 @@ def demo(
     precision: Precision = "float32",
     math: Math = "fast",
     settings: Settings = None,
-    frames: Annotated[int | None, typer.Option(help="Close after so many frames.")] = None,
+    frames: Annotated[int | None, typer.Option(help="Close the window after this many frames.")] = None,
 ) -> None:
-    """Show scenes in a window: G toggles gravity, the mouse pulls a mass or a body, H lists the keys."""
+    """Show scenes in a window; key H lists the keys, key A opens the panel with all settings."""
     from app.window.viewer import run_demo
     from bench.experiments.accuracy.judge import judge_run
 
     if frames is not None and frames < 1:
-        raise SceneError("--frames", frames, "must be at least 1")
+        raise SceneError("--frames", frames, "must be a whole number, at least 1")
     shown = [scene_of(name, settings) for name in scenes or ["lab-grid"]]
     with compilations_told():
         run_demo(
@@ -225,10 +238,10 @@ for group in (sweeping, measuring, advising, telling):
 @app.command(epilog="Example: softlab scenes")
 def scenes(
     fields: Annotated[
-        str | None, typer.Option(metavar="KIND", help="Instead what a table of this kind may hold, e.g. wind.")
+        str | None, typer.Option(metavar="KIND", help="List the fields of a table of this kind instead, e.g. wind.")
     ] = None,
 ) -> None:
-    """List the scenes that come with the lab (softlab plan SCENE tells more), or the fields of a table of a scene file."""
+    """List the scenes that come with the lab, or (--fields) the fields of a table of a scene file."""
     from app.command.tables import print_fields, print_scenes
 
     if fields is not None:
@@ -242,13 +255,17 @@ def plan(
     scene: SceneName,
     backend: Annotated[str | None, typer.Option(help="Only this backend: cpu or gpu.")] = None,
     precision: Precision = "float32",
-    measure: Annotated[bool, typer.Option("--measure", help="Time every stage, about a second a backend.")] = False,
-    gpus: Annotated[int, typer.Option(help="Also who owns what on so many GPUs, and what their link allows.")] = 1,
-    exchange_every: Annotated[int | None, typer.Option(help="With --gpus: steps between two exchanges.")] = None,
+    measure: Annotated[
+        bool, typer.Option("--measure", help="Time every stage; takes about a second per backend.")
+    ] = False,
+    gpus: Annotated[int, typer.Option(help="Also print how the scene is shared by this many GPUs.")] = 1,
+    exchange_every: Annotated[
+        int | None, typer.Option(help="With --gpus: steps between two exchanges of borders.")
+    ] = None,
     settings: Settings = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
 ) -> None:
-    """Print the stages of a step, their bytes and operations, each backend's kernel, and the stability limit."""
+    """Print the stages of a step with their bytes and operations, the kernel of each backend, and the stability limit."""
     from app.driver import BACKENDS
     from app.plan.report import plan_report
     from app.plan.shared import shared_plan
@@ -270,7 +287,7 @@ def plan(
 
 @app.command(epilog="Example: softlab doctor")
 def doctor() -> None:
-    """Say what works on this machine, and how to get the rest."""
+    """Check what works on this machine, and print how to get what is missing."""
     from app.command.doctor import examine
     from app.command.tables import print_findings
 

@@ -64,7 +64,7 @@ def open_quickest(
         try:
             chosen, reason = decide(dict(zip((most, 1), measure(opened), strict=True)))
         except Diverged:
-            chosen, reason = most, f"{AUTO}: the scene diverged before it was measured"
+            chosen, reason = most, f"{AUTO}: the scene diverged before the threads were measured"
         taken = opened.pop(0 if chosen == most else 1)
         taken.threads_reason = reason
         taken.reset()

@@ -83,6 +83,8 @@ def _open(scene: Scene, backend: str, options: Options, threads: str | int) -> S
     """The solver of the scene on the backend; the other backend is not even imported."""
     family = family_of(scene)
     if backend not in family.solvers:
-        raise SceneError("--backend", backend, f"does not know a {family.name} yet; use {', '.join(family.solvers)}")
+        raise SceneError(
+            "--backend", backend, f"does not support scenes of the kind {family.name}; use {', '.join(family.solvers)}"
+        )
     solver = named(family.solvers[backend])
     return solver(scene, options, threads) if backend == "cpu" else solver(scene, options)

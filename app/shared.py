@@ -37,15 +37,19 @@ def check_sharing(backend: str, gpus: int, ranks: int, link: str | None) -> None
     """Raise SceneError for a share that is none, or of which one part does not go with another; link None: not said."""
     if gpus < 1 or ranks < 1:
         name, value = ("--gpus", gpus) if gpus < 1 else ("--ranks", ranks)
-        raise SceneError(name, value, "must be at least 1")
+        raise SceneError(name, value, "must be a whole number, at least 1")
     if link is not None and link not in LINKS:
         raise SceneError("--link", link, f"must be one of {', '.join(LINKS)}")
     if gpus > 1 and ranks > 1:
-        raise SceneError("--gpus", gpus, "only one of it and --ranks goes: --ranks on CPUs, --gpus with --backend gpu")
+        raise SceneError(
+            "--gpus", gpus, "--gpus and --ranks are mutually exclusive; use --ranks on CPUs, --gpus with --backend gpu"
+        )
     if gpus > 1 and backend != "gpu":
-        raise SceneError("--gpus", gpus, "is for --backend gpu; on CPUs use --ranks")
+        raise SceneError("--gpus", gpus, "applies to --backend gpu; add it, or use --ranks on CPUs")
     if ranks > 1 and backend != "cpu":
-        raise SceneError("--ranks", ranks, "is for --backend cpu; on GPUs use --gpus, with --link nccl a process each")
+        raise SceneError(
+            "--ranks", ranks, "applies to --backend cpu; on GPUs use --gpus (with --link nccl one process each)"
+        )
 
 
 def check_asked(backend: str, gpus: int, ranks: int, exchange_every: int | None, link: str | None) -> None:
@@ -54,7 +58,9 @@ def check_asked(backend: str, gpus: int, ranks: int, exchange_every: int | None,
     alone = gpus == 1 and ranks == 1 and launched_ranks() == 1
     for option, value in (("--link", link), ("--exchange-every", exchange_every)):
         if value is not None and alone:
-            raise SceneError(option, value, "is for a sheet that several share; add --gpus or --ranks")
+            raise SceneError(
+                option, value, "applies to a scene shared by several GPUs or processes; add --gpus or --ranks"
+            )
 
 
 def check_shareable(scene: Scene, count: int, option: str) -> None:
@@ -85,7 +91,7 @@ def _way(scene: Scene, count: int) -> str | None:
 def _check_link(way: str | None, link: str | None) -> None:
     """Raise SceneError for a `link` that was said of a way that needs none; None: not said."""
     if way is not None and link is not None:
-        told = f"is for a sheet that is shared by its rows: {NO_LINK[way]}; leave it out"
+        told = f"applies to a sheet that is shared by its rows: {NO_LINK[way]}; leave it out"
         raise SceneError("--link", link, told)
 
 
@@ -155,6 +161,6 @@ def check_shared(processes: int, render: Path | None, export: str | None) -> Non
     if processes == 1:
         return
     if render and render.suffix.lower() == ".mp4":
-        raise SceneError("--render", str(render), "draws a clip of one process alone; run it with --ranks 1")
+        raise SceneError("--render", str(render), "is not supported with several processes; use --ranks 1")
     if export:
-        raise SceneError("--export", export, "writes meshes of one process alone; run it with --ranks 1")
+        raise SceneError("--export", export, "is not supported with several processes; use --ranks 1")

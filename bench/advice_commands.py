@@ -19,21 +19,25 @@ advising = typer.Typer()
 def advise(
     scene: SceneName,
     error: Annotated[
-        float, typer.Option("--error", help="In spacings; of tetrahedral bodies and a fluid's density relative.")
+        float,
+        typer.Option(
+            "--error",
+            help="Largest error: in spacings; for tetrahedral bodies and for the density of a fluid relative (0.01: 1 %).",
+        ),
     ],
     time: Time = None,
     backend: Backends = None,
     precision: Precisions = None,
-    total_seconds: Annotated[float, typer.Option(help="Begin no new search after so long.")] = 180.0,
-    write: Annotated[Path | None, typer.Option(help="Save the scene so configured (.toml).")] = None,
-    force: Annotated[bool, typer.Option("--force", help="Replace the file of --write.")] = False,
+    total_seconds: Annotated[float, typer.Option(help="Time limit of the search in seconds.")] = 180.0,
+    write: Annotated[Path | None, typer.Option(help="Write the scene with the advised settings (.toml).")] = None,
+    force: Annotated[bool, typer.Option("--force", help="Replace the file of --write if it exists.")] = False,
     check: Annotated[
-        bool, typer.Option("--check", help="Then measure every method and step size, to see if the advice is right.")
+        bool, typer.Option("--check", help="Then measure every method and step size to check the advice (slow).")
     ] = False,
     settings: Settings = None,
     store: StorePath = DEFAULT_STORE,
 ) -> None:
-    """Measure which method, step size, precision and backend reaches an error soonest on this machine."""
+    """Measure which method, step size, precision and backend reaches an error fastest on this machine."""
     from app.command.scene_file import check_scene_target, write_scene
     from bench.experiments.advise.answer import answer, checked
     from bench.store.database import Store
@@ -66,7 +70,7 @@ def ablate(
     settings: Settings = None,
     store: StorePath = DEFAULT_STORE,
 ) -> None:
-    """What does a scene need? Drop one part at a time: what that saves, and what error it causes."""
+    """Leave out one part of a scene at a time: measure the time it saves and the error it causes."""
     from bench.experiments.advise.ablate import ablate as find
     from bench.experiments.advise.ablation_results import print_ablation
 

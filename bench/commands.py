@@ -31,25 +31,29 @@ measuring = typer.Typer()
 )
 def accuracy(
     quick: Annotated[
-        bool, typer.Option("--quick", help="Fewer repeats, methods and float32; neither exact math nor other sizes.")
+        bool, typer.Option("--quick", help="Fewer repeats and methods, less float32, no exact math, one size.")
     ] = False,
     integrator: Methods = None,
     backend: Backends = None,
     precision: Precisions = None,
-    names: Annotated[list[str] | None, typer.Argument(metavar="SCENE", help="As --scene.", show_default=False)] = None,
+    names: Annotated[
+        list[str] | None, typer.Argument(metavar="SCENE", help="Same as --scene.", show_default=False)
+    ] = None,
     scene: Annotated[
         list[str] | None, typer.Option(help="Only S1 (lab-curtain), S2, S4, S5, S6 or S6-still. Repeatable.")
     ] = None,
     findings: Annotated[
         bool | None,
-        typer.Option(help="Also the small experiments behind single findings (default: unless a part is chosen)."),
+        typer.Option(
+            help="Also run the small experiments behind single findings (default: only if nothing is selected)."
+        ),
     ] = None,
     cluster: Cluster = None,
     workers: Workers = None,
     sbatch: Sbatch = None,
     store: StorePath = DEFAULT_STORE,
 ) -> None:
-    """Hold every method, step size and precision against a converged reference: speed against error (bodies: softlab bar)."""
+    """Measure error and speed of every method, step size and precision of grids and cloth (bodies: softlab bar)."""
     from bench.experiments.accuracy.experiment import run_accuracy
     from bench.experiments.accuracy.points import labels_of
     from bench.experiments.convergence import run_convergence
@@ -67,7 +71,7 @@ def accuracy(
 
 @measuring.command(cls=Timed, epilog="Example: softlab stability --quick   (softlab stability --integrator rk4)")
 def stability(
-    quick: Annotated[bool, typer.Option("--quick", help="A coarser map, fewer edges, little of float32.")] = False,
+    quick: Annotated[bool, typer.Option("--quick", help="A coarser map, fewer limits, less float32.")] = False,
     integrator: Integrators = None,
     backend: Backends = None,
     cluster: Cluster = None,
@@ -75,7 +79,7 @@ def stability(
     sbatch: Sbatch = None,
     store: StorePath = DEFAULT_STORE,
 ) -> None:
-    """Find where every integrator breaks: outcomes over step size, stiffness and damping, and the edge by bisection."""
+    """Measure the stability limit of every integrator over step size, stiffness and damping."""
     from bench.experiments.stability.experiment import run_stability
 
     where = where_asked(cluster, workers, sbatch)
@@ -88,18 +92,20 @@ def hard(
         bool,
         typer.Option(
             "--quick",
-            help="The hand-out's step, velocity Verlet, some of fluids, in float64, no bodies: under a minute on two cores.",
+            help="Only the lab step, velocity Verlet and some fluids, in float64, no bodies: under a minute on two cores.",
         ),
     ] = False,
-    case: Annotated[list[str] | None, typer.Option(help="Only this row (B5) or case. Repeatable.")] = None,
+    case: Annotated[list[str] | None, typer.Option(help="Only this case, by number (B5) or name. Repeatable.")] = None,
     integrator: Methods = None,
     backend: Backends = None,
     precision: Precisions = None,
-    pictures: Annotated[bool, typer.Option(help="End states as PNG, in the folder hard beside the store.")] = True,
+    pictures: Annotated[
+        bool, typer.Option(help="Write the final states as PNG to the folder hard beside the database.")
+    ] = True,
     store: StorePath = DEFAULT_STORE,
 ) -> None:
-    """Run the hard cases: grids collapsed, flipped, poked, far away, bodies squashed, shot, stacked (--integrator
-    shape-matching); pass, fail, or refused with a diagnosis."""
+    """Run the hard cases (collapsed, flipped, far away, squashed, stacked ...): each passes, fails, or is refused with a
+    diagnosis."""
     from bench.stress.experiment import run_hard
     from bench.stress.results import failed
     from bench.stress.told import print_hard
@@ -122,23 +128,25 @@ def projections(
         bool,
         typer.Option(
             "--quick",
-            help="Two sizes, ten iterations, fewer neighbours and repeats, nothing published: under a minute on two cores.",
+            help="Two sizes, ten iterations, fewer neighbours and repeats, no published scenes: under a minute on two cores.",
         ),
     ] = False,
     backend: Backends = None,
     size: Annotated[list[int] | None, typer.Option(help="Only sheets of N x N masses. Repeatable.")] = None,
-    tetrahedra: Annotated[bool, typer.Option("--tetrahedra", help="Bars of tetrahedra instead of sheets.")] = False,
+    tetrahedra: Annotated[
+        bool, typer.Option("--tetrahedra", help="Measure bars of tetrahedra instead of sheets.")
+    ] = False,
     precision: RatePrecisions = None,
     store: StorePath = DEFAULT_STORE,
 ) -> None:
-    """Time the position-based solvers: how many constraints a second they project, and published cloth beside ours."""
+    """Measure how many constraints per second the position-based solvers project, beside published cloth."""
     from bench.experiments.element_projections import print_element_projections, run_element_projections
     from bench.experiments.projections import print_projections, run_projections
 
     chosen = precisions_of(precision, "float32")
     if tetrahedra:
         if size:
-            raise SceneError("--size", size[0], "is of sheets; leave out --tetrahedra")
+            raise SceneError("--size", size[0], "applies to sheets; leave out --tetrahedra")
         run, show = run_element_projections, print_element_projections
         measure(store, run, show, quick=quick, backends=backend, precisions=chosen)
         return
@@ -160,7 +168,7 @@ def throughput(
     precision: RatePrecisions = None,
     store: StorePath = DEFAULT_STORE,
 ) -> None:
-    """Time bodies: how many particles a second, soft, rigid, in a heap that collides, the grid and a cube as jelly."""
+    """Measure particles per second of soft bodies, rigid bodies, colliding heaps and lattices."""
     from bench.experiments.throughput import print_throughput, run_throughput
 
     chosen = precisions_of(precision, "float32")
@@ -170,20 +178,22 @@ def throughput(
 @measuring.command(cls=Timed, epilog="Example: softlab fluids --quick   (softlab fluids --truth --peers)")
 def fluids(
     quick: Annotated[
-        bool, typer.Option("--quick", help="Pools of a thousand and of eight thousand particles, fewer repeats.")
+        bool, typer.Option("--quick", help="Only pools of 1000 and 8000 particles, fewer repeats.")
     ] = False,
     truth: Annotated[
         bool,
-        typer.Option("--truth", help="Instead: how far schemes are off what is known, and what their frames take."),
+        typer.Option("--truth", help="Measure errors against known solutions, and the time per frame, instead."),
     ] = False,
-    peers: Annotated[bool, typer.Option("--peers", help="With --truth: beside other programs (SPlisHSPlasH).")] = False,
+    peers: Annotated[
+        bool, typer.Option("--peers", help="With --truth: also measure other programs (SPlisHSPlasH).")
+    ] = False,
     backend: Backends = None,
     precision: RatePrecisions = None,
     store: StorePath = DEFAULT_STORE,
 ) -> None:
-    """Time fluids: how many particles a second, what sorting, lists, densities, corrections take; or judge them (--truth)."""
+    """Measure particles per second of fluids and the time of each stage, or (--truth) their errors."""
     if peers and not truth:
-        raise SceneError("--peers", True, "are beside what --truth judges; add --truth")
+        raise SceneError("--peers", True, "applies to --truth; add --truth")
     if truth:
         from bench.experiments.fluid_truth.experiment import run_truth
         from bench.experiments.fluid_truth.rows import print_truth
@@ -202,7 +212,7 @@ def busy(
     scene: Annotated[list[str] | None, typer.Option(help="Only this scene. Repeatable.")] = None,
     store: StorePath = DEFAULT_STORE,
 ) -> None:
-    """Time CPU threads beside another program: on one thread and on one a core, alone, beside a niced and a busy one."""
+    """Measure what another program on the machine costs CPU threads."""
     from bench.experiments.busy import print_busy, run_busy
 
     measure(store, run_busy, print_busy, quick=quick, scenes=scene or ())
@@ -219,7 +229,7 @@ def tetrahedra(
         ),
     ] = False,
     across: Annotated[
-        list[int] | None, typer.Option(help="Only bars so many voxels across: 1, 2, 4 or 8. Repeatable.")
+        list[int] | None, typer.Option(help="Only bars of this many voxels across: 1, 2, 4 or 8. Repeatable.")
     ] = None,
     young: Annotated[
         list[float] | None, typer.Option(help="Only bars of this Young's modulus: 1e5, 1e6 or 1e7 Pa. Repeatable.")
@@ -232,7 +242,7 @@ def tetrahedra(
     precision: RatePrecisions = None,
     store: StorePath = DEFAULT_STORE,
 ) -> None:
-    """Does E mean E? A bar of tetrahedra: how far its solver and its mesh are off; which is soonest within 1 %."""
+    """Measure the solver error and the mesh error of a bar of tetrahedra, and the fastest solver within 1 %."""
     from bench.experiments.tetrahedra import run_tetrahedra
     from bench.experiments.tetrahedral.decides import print_tetrahedra
     from bench.experiments.tetrahedral.meshes import print_meshes, run_meshes
@@ -252,13 +262,13 @@ def bar(
         bool,
         typer.Option(
             "--quick",
-            help="Few spacings, substeps and clusters, no bending, laws in float64 alone: under a minute on two cores.",
+            help="Few spacings, substeps and clusters, no bending, float64 only: under a minute on two cores.",
         ),
     ] = False,
     backend: Backends = None,
     store: StorePath = DEFAULT_STORE,
 ) -> None:
-    """Every method, one body: sag, frequency and shear of a bar against what its material says, its cost; laws of bodies."""
+    """Compare sag, frequency and shear of one bar under every method with the theory of its material; also the cost."""
     from bench.experiments.bar import run_bar
     from bench.experiments.bar_costs import print_bar_costs, run_bar_costs
     from bench.experiments.bar_rows import print_bar

@@ -29,14 +29,16 @@ Cluster = Annotated[
         help="Measure in workers: processes here, Slurm jobs with a node each, or those of a Dask cluster.",
     ),
 ]
-Workers = Annotated[int | None, typer.Option(help="With --cluster: how many (default: as many as can time at once).")]
+Workers = Annotated[
+    int | None, typer.Option(help="With --cluster: how many (default: as many as can measure at once).")
+]
 Sbatch = Annotated[
     list[str] | None,
     typer.Option(
         metavar="NAME=VALUE", help="With --cluster slurm: an option of its jobs, as partition=gpu. Repeatable."
     ),
 ]
-Time = Annotated[float | None, typer.Option(help="Seconds simulated until it is judged (default 1.5).")]
+Time = Annotated[float | None, typer.Option(help="Simulated seconds until the error is measured (default 1.5).")]
 
 
 def precisions_of(chosen: list[str] | None, *usual: str) -> tuple[str, ...]:

@@ -14,16 +14,23 @@ scaling = typer.Typer()
 
 @scaling.command(epilog="Example: softlab scale --gpus 1000   (another network: --bandwidth 25 --latency 20)")
 def scale(
-    gpus: Annotated[int, typer.Option(help="As many as this, by doubling from 1.")] = 1000,
-    size: Annotated[int, typer.Option(help="Masses along each side: of the grid, and of each GPU's share.")] = 16384,
-    exchange_every: Annotated[int | None, typer.Option(help="Steps between exchanges (default: as it suits).")] = None,
-    per_host: Annotated[int, typer.Option(help="GPUs of a host, linked by NVLink.")] = 8,
-    latency: Annotated[float, typer.Option(help="Of the network between hosts, microseconds.")] = 10.0,
-    bandwidth: Annotated[float, typer.Option(help="Of the network, for each GPU, GB a second.")] = 50.0,
-    jitter: Annotated[float, typer.Option(help="How much longer a cycle takes at random, of its own time.")] = 0.01,
+    gpus: Annotated[int, typer.Option(help="Largest number of GPUs; doubled from 1.")] = 1000,
+    size: Annotated[
+        int,
+        typer.Option(
+            help="Masses along each side of the grid (strong scaling) and of the part of each GPU (weak scaling)."
+        ),
+    ] = 16384,
+    exchange_every: Annotated[
+        int | None, typer.Option(help="Steps between two exchanges of borders (default: automatic).")
+    ] = None,
+    per_host: Annotated[int, typer.Option(help="GPUs per host, connected by NVLink.")] = 8,
+    latency: Annotated[float, typer.Option(help="Latency of the network between hosts in microseconds.")] = 10.0,
+    bandwidth: Annotated[float, typer.Option(help="Bandwidth of the network per GPU in GB/s.")] = 50.0,
+    jitter: Annotated[float, typer.Option(help="Random delay of a cycle, relative to its duration.")] = 0.01,
     store: StorePath = DEFAULT_STORE,
 ) -> None:
-    """Say what many GPUs would do with a grid: strong and weak scaling, files to restart from; against what was measured."""
+    """Predict strong and weak scaling of a grid on many GPUs, and compare the model with measurements."""
     from bench.experiments.scaling.model import Cluster
     from bench.experiments.scaling.told import MOST, print_checked, print_predicted
     from model.domains.link import Link
@@ -39,7 +46,7 @@ def scale(
     ):
         if value is not None and not least <= value <= most:
             raise SceneError(option, value, f"must be a number from {least} to {most:.10g}")
-    asked = Link("network", 1e-6 * latency, 1e9 * bandwidth, "as asked for")
+    asked = Link("network", 1e-6 * latency, 1e9 * bandwidth, "from the command line")
     cluster = Cluster(per_host=per_host, across=asked, jitter=jitter)
     print_predicted(out, gpus, size, cluster, exchange_every)
     print_checked(out, store)

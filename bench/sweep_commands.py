@@ -21,41 +21,49 @@ sweeping = typer.Typer()
     "--sbatch partition=cpu)",
 )
 def sweep(
-    quick: Annotated[bool, typer.Option("--quick", help="Small sizes, a quarter of a minute.")] = False,
+    quick: Annotated[bool, typer.Option("--quick", help="Small sizes only; takes a quarter of a minute.")] = False,
     backend: Backends = None,
-    size: Annotated[list[int] | None, typer.Option(help="Only N x N masses. Repeatable.")] = None,
-    max_seconds: Annotated[float | None, typer.Option(help="The most one configuration may take.")] = None,
-    total_seconds: Annotated[float | None, typer.Option(help="Start nothing new after so long.")] = None,
-    graphics: Annotated[bool, typer.Option(help="Also with off-screen drawing every 10 steps.")] = True,
-    repeats: Annotated[int | None, typer.Option(help="Samples of a configuration.")] = None,
-    min_ms: Annotated[float | None, typer.Option("--min-ms", help="The least milliseconds of a sample.")] = None,
+    size: Annotated[list[int] | None, typer.Option(help="Only grids of N x N masses. Repeatable.")] = None,
+    max_seconds: Annotated[float | None, typer.Option(help="Time limit of one configuration in seconds.")] = None,
+    total_seconds: Annotated[
+        float | None, typer.Option(help="Start no new configuration after this many seconds.")
+    ] = None,
+    graphics: Annotated[bool, typer.Option(help="Also measure with off-screen drawing every 10 steps.")] = True,
+    repeats: Annotated[int | None, typer.Option(help="Number of samples per configuration.")] = None,
+    min_ms: Annotated[
+        float | None, typer.Option("--min-ms", help="Shortest duration of a sample in milliseconds.")
+    ] = None,
     precision: Precisions = None,
-    again: Annotated[bool, typer.Option(help="Sample once more what other programs disturbed.")] = True,
-    threads: Annotated[list[str] | None, typer.Option(help="On the CPU: 1x, 2x, 4x or a number. Repeatable.")] = None,
+    again: Annotated[bool, typer.Option(help="Repeat samples that were disturbed by other programs.")] = True,
+    threads: Annotated[
+        list[str] | None, typer.Option(help="Only these CPU threads: 1x, 2x, 4x or a number. Repeatable.")
+    ] = None,
     kernels: Annotated[
-        bool, typer.Option("--kernels", help="Every kernel, forced, instead of the chosen one.")
+        bool, typer.Option("--kernels", help="Measure every kernel instead of the automatic choice.")
     ] = False,
-    kernel: Annotated[list[str] | None, typer.Option(help="With --kernels: only this one. Repeatable.")] = None,
-    energy: Annotated[bool, typer.Option(help="With --kernels: joules, where the machine counts them.")] = True,
-    starts: Annotated[bool, typer.Option(help="With --kernels: the time to a first step, too.")] = True,
+    kernel: Annotated[list[str] | None, typer.Option(help="With --kernels: only this kernel. Repeatable.")] = None,
+    energy: Annotated[
+        bool, typer.Option(help="With --kernels: also measure energy in joules, where the machine can.")
+    ] = True,
+    starts: Annotated[bool, typer.Option(help="With --kernels: also measure the time to the first step.")] = True,
     peers: Annotated[
         bool,
-        typer.Option(
-            "--peers", help="Side by side with what you could use instead (NumPy, C++, CUDA C++, Warp, Newton)."
-        ),
+        typer.Option("--peers", help="Measure other implementations beside it (NumPy, C++, CUDA C++, Warp, Newton)."),
     ] = False,
     scene: Annotated[
         list[str] | None,
         typer.Option(
-            help="With --peers: only grid, cloth, xpbd, implicit (-16, -4, -1), tetrahedra (-1e5 ...) or rigid (repeatable); "
+            help="With --peers only grid, cloth, xpbd, implicit (-16, -4, -1), tetrahedra (-1e5 ...) or rigid (repeatable); "
             "with --gpus: grid, xpbd or xpbd-jacobi."
         ),
     ] = None,
     gpus: Annotated[
         list[int] | None,
-        typer.Option(help="A sheet on so many GPUs, beside one, instead. Repeatable; see also --link."),
+        typer.Option(help="Measure a sheet on this many GPUs against one. Repeatable; see also --link."),
     ] = None,
-    link: Annotated[list[str] | None, typer.Option(help="With --gpus: flags (usual), peer, nccl. Repeatable.")] = None,
+    link: Annotated[
+        list[str] | None, typer.Option(help="With --gpus: flags (default), peer, nccl. Repeatable.")
+    ] = None,
     exchange_every: Annotated[int | None, typer.Option(help="With --gpus: steps between two exchanges.")] = None,
     weak: Annotated[
         bool, typer.Option("--weak", help="With --gpus: N x N masses for each GPU (weak scaling).")
@@ -65,7 +73,7 @@ def sweep(
     sbatch: Sbatch = None,
     store: StorePath = DEFAULT_STORE,
 ) -> None:
-    """Time sizes x backends x threads x precisions, with and without graphics, into the store. Resumes where it stopped."""
+    """Time grid sizes, backends, threads and precisions, with and without graphics. Resumes where it stopped."""
     from bench.experiments.sweep import THREADS, check_positive, run_sweep
     from bench.store.tables import print_kernels, print_sweep
 
@@ -117,22 +125,26 @@ def check_together(
 ) -> None:
     """Refuse options of `sweep` that do not go together; `shared`: those of a sheet on several GPUs. Raises SceneError."""
     if peers and (kernels or kernel):
-        raise SceneError("--peers", True, "is a sweep of its own; leave out --kernels and --kernel")
+        raise SceneError("--peers", True, "cannot be combined with --kernels and --kernel; leave them out")
     if threads and (peers or kernels):
-        raise SceneError("--threads", threads[0], "is for the ordinary sweep; leave out --kernels and --peers")
+        raise SceneError("--threads", threads[0], "cannot be combined with --kernels or --peers; leave them out")
     if scene and not (peers or gpus):
-        raise SceneError("--scene", scene[0], "chooses among those of --peers or --gpus; add one of them")
+        raise SceneError("--scene", scene[0], "applies to --peers or --gpus; add one of them")
     if kernel and not kernels:
-        raise SceneError("--kernel", kernel[0], "chooses among those of --kernels; add --kernels")
+        raise SceneError("--kernel", kernel[0], "applies to --kernels; add --kernels")
     if cluster and peers:
         raise SceneError(
-            "--cluster", cluster, "does not go with --peers, which are built on the machine that times them"
+            "--cluster",
+            cluster,
+            "cannot be combined with --peers, which are built on the machine that times them; leave one out",
         )
     for option, value in shared.items():
         if value not in (None, False, []) and not gpus:
-            raise SceneError(option, value, "is for a sheet on several GPUs; add --gpus")
+            raise SceneError(option, value, "applies to a sheet on several GPUs; add --gpus N")
     for count in gpus or ():
         if count < 1:
             raise SceneError("--gpus", count, "must be at least 1")
     if gpus and (peers or kernels or threads or cluster):
-        raise SceneError("--gpus", gpus, "is a sweep of its own; leave out --peers, --kernels, --threads and --cluster")
+        raise SceneError(
+            "--gpus", gpus, "cannot be combined with --peers, --kernels, --threads or --cluster; leave them out"
+        )

@@ -12,7 +12,7 @@ from app.command.command_line import DEFAULT_STORE, StorePath, compilations_told
 
 telling = typer.Typer()
 
-Folder = Annotated[Path, typer.Option("--out", help="The folder to write to.")]
+Folder = Annotated[Path, typer.Option("--out", help="Folder for the figures.")]
 DEFAULT_FIGURES = Path("softlab-results") / "figures"
 DEFAULT_BOOK = Path("softlab-results") / "labbook.pdf"
 DEFAULT_FILM = Path("softlab-results") / "film.mp4"
@@ -23,10 +23,10 @@ def figures(
     store: StorePath = DEFAULT_STORE,
     folder: Folder = DEFAULT_FIGURES,
     energies: Annotated[
-        Path | None, typer.Option(help="Only the energies of a trajectory written by run --record.")
+        Path | None, typer.Option(help="Draw only the energies of this trajectory, written by softlab run --record.")
     ] = None,
 ) -> None:
-    """Draw every figure from the store, over the committed measurements."""
+    """Draw every figure from the measurements of this machine and those that come with the lab."""
     from labbook.jobs import make_figures
 
     for path in make_figures(store, folder, energies):
@@ -35,9 +35,9 @@ def figures(
 
 @telling.command(epilog="Example: softlab labbook --out labbook.pdf")
 def labbook(
-    store: StorePath = DEFAULT_STORE, pdf: Annotated[Path, typer.Option("--out", help="The PDF.")] = DEFAULT_BOOK
+    store: StorePath = DEFAULT_STORE, pdf: Annotated[Path, typer.Option("--out", help="The PDF file.")] = DEFAULT_BOOK
 ) -> None:
-    """Write the lab book (PDF) from the store."""
+    """Write the lab book (PDF) from the measurements."""
     from labbook.jobs import make_labbook
 
     tell_of_no_store(store, "the lab book")
@@ -48,12 +48,12 @@ def labbook(
 def film(
     store: StorePath = DEFAULT_STORE,
     mp4: Annotated[
-        Path, typer.Option("--out", help="The film (.mp4); its captions come beside it (.srt).")
+        Path, typer.Option("--out", help="The film (.mp4); captions are written beside it (.srt).")
     ] = DEFAULT_FILM,
-    voice: Annotated[bool, typer.Option(help="Narrate it, where piper or espeak-ng is installed.")] = True,
-    quick: Annotated[bool, typer.Option("--quick", help="Half a minute, 640 x 360.")] = False,
+    voice: Annotated[bool, typer.Option(help="Add a spoken text, if piper or espeak-ng is installed.")] = True,
+    quick: Annotated[bool, typer.Option("--quick", help="A film of half a minute in 640 x 360 pixels.")] = False,
 ) -> None:
-    """Make a narrated film of two minutes from the store: both implementations side by side, with times and errors."""
+    """Make a film of two minutes: both backends side by side, with times and errors."""
     from labbook.jobs import make_film
 
     tell_of_no_store(store, "the film")
@@ -64,11 +64,11 @@ def film(
 @telling.command(epilog="Example: softlab lab --quick")
 def lab(
     quick: Annotated[
-        bool, typer.Option("--quick", help="Small: a minute or two on two cores, later less than one.")
+        bool, typer.Option("--quick", help="Small sizes: a minute or two on two cores, less once compiled.")
     ] = False,
     store: StorePath = DEFAULT_STORE,
 ) -> None:
-    """Everything: doctor, sweep, accuracy, stability, figures, lab book."""
+    """Run everything: doctor, sweep, accuracy, stability, figures, lab book."""
     from labbook.jobs import whole_lab
 
     whole_lab(out, quick=quick, store_path=store, command=typed())

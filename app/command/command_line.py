@@ -20,7 +20,7 @@ from rich.console import Console
 from typer.core import TyperGroup
 
 from app.command.console import Output
-from model.core.errors import SoftlabError
+from model.core.errors import SoftlabError, shown
 from model.domains.launched import launched_rank
 
 errors = Console(stderr=True, highlight=False, soft_wrap=True)
@@ -28,6 +28,9 @@ out = Output(highlight=False)
 
 PLAINER = {  # what pydantic or typer says of an argument, and what is meant
     "Option '--record' requires 2 arguments.": "--record needs two words: --record every=N FILE.npz",
+    "Missing argument 'SCENE'.": "SCENE is missing: give a name that `softlab scenes` lists, or a .toml file",
+    "Missing argument": "an argument is missing:",
+    "Got unexpected extra argument(s)": "too many arguments, or an option without its value:",
     "Input should be a valid integer, unable to parse string as an integer": "must be a whole number",
     "Input should be a valid number, unable to parse string as a number": "must be a number",
 }
@@ -40,11 +43,14 @@ Settings = Annotated[
 ]
 Backend = Annotated[str, typer.Option(help="cpu or gpu.")]
 Threads = Annotated[
-    str, typer.Option(help="CPU threads: 1x, 2x, 4x the cores, a number, or auto: 1x, or 1 where that is quicker now.")
+    str,
+    typer.Option(
+        help="CPU threads: 1x, 2x or 4x the number of cores, a number, or auto (the faster of 1x and 1, measured)."
+    ),
 ]
 Precision = Annotated[str, typer.Option(help="float32 or float64.")]
 Math = Annotated[str, typer.Option(help="fast, or exact (the same bits on every backend and thread count).")]
-StorePath = Annotated[Path, typer.Option("--store", help="The store of measurements.")]
+StorePath = Annotated[Path, typer.Option("--store", help="Database file of the measurements (SQLite).")]
 SHOWN_AFTER = 0.5  # s: work that goes on for longer gets a bar
 DEFAULT_STORE = Path("softlab-results") / "results.sqlite"
 
@@ -61,7 +67,7 @@ def scene_of(name: str, settings: list[str] | None) -> Any:
 def tell_of_no_store(store: Path, whose: str) -> None:
     """Where the usual store is not there, on what something is made from."""
     if not store.exists() and store == DEFAULT_STORE:
-        errors.print(f"nothing was measured here yet: {whose} tells of the committed measurements alone")
+        errors.print(f"nothing was measured on this machine yet: {whose} uses the measurements that come with the lab")
 
 
 class _Left(Exception):
@@ -77,7 +83,7 @@ class Commands(TyperGroup):
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
         if cmd_name in RENAMED:
-            errors.print(f"softlab {cmd_name} is called softlab {RENAMED[cmd_name]} now")
+            errors.print(f"softlab {cmd_name} was renamed: use softlab {RENAMED[cmd_name]}")
         return super().get_command(ctx, RENAMED.get(cmd_name, cmd_name))
 
     def invoke(self, ctx: Any) -> Any:
@@ -118,9 +124,9 @@ def exit_status(command: Callable[[], int | None]) -> int:
         if error.errno not in (errno.ENOSPC, errno.EDQUOT):
             raise
         drop_output()
-        return told(f"{error.filename or 'what is printed'} cannot be written: {error.strerror}; make room", 2)
+        return told(f"{error.filename or 'the output'} cannot be written: {error.strerror}; free some disk space", 2)
     except MemoryError as error:
-        return told(f"the memory of this machine does not do ({error or 'nothing is left'}); use a smaller scene", 2)
+        return told(f"not enough memory ({error or 'none is left'}); use a smaller scene", 2)
 
 
 def told(line: str, status: int) -> int:
@@ -139,7 +145,20 @@ def usage_line(error: Any) -> str:
     said = " ".join(error.format_message().split())
     for words, ours in PLAINER.items():
         said = said.replace(words, ours)
+    if (option := _wrong_option(error)) is not None:
+        said = said.replace(f"Invalid value for '{option[0]}'", f"{option[0]} = {shown(option[1])}")
     return str(SoftlabError(f"{said} (see {command} --help)"))
+
+
+def _wrong_option(error: Any) -> tuple[str, str] | None:
+    """The option that a complaint is about and the value that was given to it, if there is one on the command line."""
+    for name in getattr(getattr(error, "param", None), "opts", ()):
+        for place, word in enumerate(sys.argv):
+            if word == name and place + 1 < len(sys.argv):
+                return name, sys.argv[place + 1]
+            if word.startswith(f"{name}="):
+                return name, word.removeprefix(f"{name}=")
+    return None
 
 
 def usage_status(error: Any) -> int:

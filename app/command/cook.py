@@ -35,7 +35,7 @@ def cook_body(
     anything is written."""
     check_target(target, (".npz",), "a body")
     if tetrahedra not in CHOICES:
-        raise SceneError("--tetrahedra", tetrahedra, "must be 5 or 6 a voxel, or conforming")
+        raise SceneError("--tetrahedra", tetrahedra, "must be 5 or 6 (per voxel), or conforming")
     with errors.status(f"cooking {source}") as status:
 
         def tell(what: str) -> None:

@@ -39,7 +39,7 @@ def _cpu() -> Finding:
     except Exception as error:
         return Finding("cpu threads", False, str(error), f"export NUMBA_NUM_THREADS={4 * core_count()}")
     layer = threading_layer()
-    text = f"{processor_name()}, {core_count()} cores; threading layer {layer}, waiting threads: {wait_policy()}"
+    text = f"{processor_name()}, {core_count()} cores; threading layer {layer}, wait policy {wait_policy()}"
     remedy = (
         "" if layer == "omp" else "the OpenMP layer is the fastest: install libgomp (Debian: apt-get install libgomp1)"
     )
@@ -50,11 +50,11 @@ def _cache() -> Finding:
     from model.core.kernel_cache import folder
 
     if folder() is not None:
-        return Finding("compile cache", True, f"machine code is kept between runs, in {folder()}")
+        return Finding("compile cache", True, f"compiled kernels are kept between runs in {folder()}")
     return Finding(
         "compile cache",
         False,
-        "no writable folder, so every run compiles anew",
+        "no writable folder, so every run compiles again",
         "make ~/.cache writable, or name another folder: export NUMBA_CACHE_DIR=/tmp/softlab",
     )
 
@@ -110,7 +110,7 @@ def _panel() -> Finding:
     from app.command.dear_imgui import REMEDY, panel_available
 
     works, told = panel_available()
-    return Finding("panel of the window", works, told, "" if works else f"{REMEDY}; the keys work without it")
+    return Finding("panel of the window", works, told, "" if works else f"{REMEDY}; all keys work without it")
 
 
 def _fonts() -> Finding:
@@ -140,7 +140,7 @@ def _voice() -> Finding:
     speaks, told = voice_available()
     if speaks:
         return Finding("voice of the film", True, told)
-    return Finding("voice of the film", False, f"captions alone: {told}", REMEDY)
+    return Finding("voice of the film", False, f"captions only: {told}", REMEDY)
 
 
 def _typst() -> Finding:

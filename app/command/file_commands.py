@@ -19,26 +19,32 @@ def cook(
     source: Annotated[
         str,
         typer.Argument(
-            metavar="MESH", help="A closed mesh (.obj, .stl, .ply ...), a shape (blob), or a file of tetrahedra."
+            metavar="MESH",
+            help="A closed mesh (.obj, .stl, .ply ...), a built-in shape such as blob, or a file of tetrahedra.",
         ),
     ],
     target: Annotated[Path, typer.Argument(metavar="BODY.npz", help="The file to write.")],
-    edge: Annotated[float | None, typer.Option(help="Edge of a voxel, in metres.")] = None,
+    edge: Annotated[float | None, typer.Option(help="Edge length of a voxel in metres; instead of --voxels.")] = None,
     voxels: Annotated[int | None, typer.Option(help="Voxels along the longest side (default 10).")] = None,
     tetrahedra: Annotated[
-        str, typer.Option(help="5 a voxel, or 6; conforming: follow the surface (extra: tets).")
+        str,
+        typer.Option(help="Tetrahedra per voxel, 5 or 6; or conforming: follow the surface (needs the extra tets)."),
     ] = "5",
     unite: Annotated[
-        bool, typer.Option("--unite", help="First make one surface of closed pieces that overlap (extra: meshing).")
+        bool,
+        typer.Option(
+            "--unite", help="Unite overlapping closed pieces into one surface first (needs the extra meshing)."
+        ),
     ] = False,
     simplify: Annotated[
-        int | None, typer.Option(help="Then leave at most so many triangles (extra: meshing).", metavar="N")
+        int | None,
+        typer.Option(help="Reduce the surface to at most N triangles (needs the extra meshing).", metavar="N"),
     ] = None,
     fill_holes: Annotated[bool, typer.Option("--fill-holes", help="Close the holes of the surface.")] = False,
-    scale: Annotated[float, typer.Option(help="Metres per unit of the file; a shape times so much.")] = 1.0,
-    density: Annotated[float, typer.Option(help="Of the reported mass, in kg/m^3.")] = 1000.0,
+    scale: Annotated[float, typer.Option(help="Metres per unit of the file; size factor of a shape.")] = 1.0,
+    density: Annotated[float, typer.Option(help="Density in kg/m^3, for the reported mass.")] = 1000.0,
 ) -> None:
-    """Cut a mesh into a body of tetrahedra, say how good it is, and write it."""
+    """Cut a mesh into tetrahedra, report their quality, and write them to a file."""
     from app.command.cook import cook_body
 
     cook_body(

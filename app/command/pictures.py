@@ -36,14 +36,19 @@ def parse_camera(scene: Scene, text: str | None) -> Scene:
         raise SceneError(
             "--camera", text, "must be YAW,PITCH or YAW,PITCH,SIZE, such as 30,15 (degrees) or 30,15,2 (2 m)"
         )
+    if scene.dimensions == 2:
+        raise SceneError("--camera", text, "applies to a scene in space; this one lies in a plane, so leave it out")
     fields = zip(("yaw", "pitch", "size"), values, strict=False)
-    return scene.replace({f"camera.{name}": value for name, value in fields})
+    try:
+        return scene.replace({f"camera.{name}": value for name, value in fields})
+    except SceneError as error:
+        raise SceneError("--camera", text, f"{error.field.partition('.')[2]} {error.allowed}") from None
 
 
 def check_rate(fps: float) -> None:
     """Raise SceneError for a rate that no clip can have."""
     if not 1 <= fps <= MAX_RATE:
-        raise SceneError("--fps", fps, f"must be 1 to {MAX_RATE:g} frames a second")
+        raise SceneError("--fps", fps, f"must be 1 to {MAX_RATE:g} frames per second")
 
 
 class ClipView:

@@ -124,7 +124,11 @@ def check_targets(scene: Scene, request: Request, steps: int, notes: list[str]) 
     if request.export:
         return check_export(request.export, request.export_every, scene.method.dt, notes)
     if request.export_every is not None:
-        raise SceneError("--export-every", request.export_every, "needs --export body-{frame:04d}.ply")
+        raise SceneError(
+            "--export-every",
+            request.export_every,
+            "applies to --export of every frame; add --export body-{frame:04d}.ply",
+        )
     return None
 
 
@@ -176,11 +180,11 @@ def run_scene(scene: Scene, request: Request, *, progress: bool = True) -> Resul
             result.written += exporter.finish(simulation, notes)
         _write_results(result, request, recorder, simulation, start, view, foaming.points if foaming else None)
         if diverged is not None:
-            notes.append(f"the state told of is the last one that was looked at and found good, of step {state.step}")
+            notes.append(f"the numbers above are of the last good state, at step {state.step}")
         if simulation.backend == "cpu" and simulation.threads > 1 and _spins() and _crowded():
             notes.append(
-                "other programs use the cores, and threads that wait for one another lose most then: "
-                "leave OMP_WAIT_POLICY and GOMP_SPINCOUNT to softlab, or use --threads auto"
+                "other programs use the cores, which slows threads that wait for one another: "
+                "unset OMP_WAIT_POLICY and GOMP_SPINCOUNT, or use --threads auto"
             )
     return result
 
@@ -275,7 +279,7 @@ def _write_results(
     elif request.render:
         steps = result.state.step - start.step
         if steps < 1 or view is None:
-            raise InputError(f"{request.render}: nothing moved, so there is no clip to draw; give --steps")
+            raise InputError(f"{request.render}: a run of 0 steps has no clip; pass --steps N or --time SECONDS")
         simulation.load(start)
         picture = replace(picture, fps=view.rate, fitted=view.finish())
         result.written.append(

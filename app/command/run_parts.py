@@ -20,7 +20,7 @@ def body_lines(scene: Scene) -> list[str]:
     lines = [line for member in scene.members.values() for line in body_lines(member)]
     for name, part in scene.bodies.items():
         times = f" (x {part.count})" if part.count > 1 else ""
-        times += f" and {part.spare} waiting" if part.spare else ""
+        times += f" and {part.spare} inactive" if part.spare else ""
         lines += [f"{name}{times}: {line}" for line in part.baked.report.lines()]
     for name, body in scene.tetrahedra.items():
         lines += [f"{name}: {line}" for line in cut(body).report.brief(scene.tetrahedra_set.mass_of(name))]
@@ -106,7 +106,7 @@ def fluid_notes(report: dict[str, Any]) -> list[str]:
     notes = []
     if report.get("not_emitted"):
         notes.append(
-            f"capacity reached: {report['not_emitted']} particles were due at a nozzle while none waited; a larger capacity "
+            f"capacity reached: {report['not_emitted']} particles could not be emitted; a larger capacity "
             "of the fluid, a sink, or a lower speed helps"
         )
     if report.get("speed_limited"):
@@ -137,8 +137,8 @@ def newton_notes(report: dict[str, Any]) -> list[str]:
     ):
         return []
     return [
-        f"Newton's method found {report['newton_steps']:.2g} steps a solve, and none in most: bodies stand still there "
-        "though they are not at rest; --math exact or --precision float64 tells whether rounding is why"
+        f"Newton's method made {report['newton_steps']:.2g} steps per solve, none in most of them: the bodies stand still "
+        "although they are not at rest; --math exact or --precision float64 shows whether rounding is the cause"
     ]
 
 

@@ -24,13 +24,13 @@ UNITS = {
     "potential_energy": "J",
     "max_speed": "m/s",
     "speed_limit": "m/s",
-    "error": "of the spacing",
+    "error": "spacings",
     "mean_compression": "of the density at rest",
     "largest_compression": "of the density at rest",
     "height": "m",
-    "matrices": "a solve",
-    "newton_steps": "a solve",
-    "matrix_products": "a solve",
+    "matrices": "per solve",
+    "newton_steps": "per solve",
+    "matrix_products": "per solve",
 }
 LABELS = {
     "mean_compression": "density error, mean", "largest_compression": "density error, largest",
@@ -61,11 +61,11 @@ def print_report(console: Console, report: dict[str, Any], written: list[Path], 
             continue
         label, unit = LABELS.get(key, key.replace("_", " ")), UNITS.get(key, "")
         if key == "max_strain" and "bodies" in report:
-            unit = "of the spacing, from its goal"
+            unit = "spacings, distance from goal"
         elif key == "conserved":
             modified = value != report["kinetic_energy"] + report["potential_energy"]
             label, unit = ("modified energy", MODIFIED.format(keeps=keeps)) if modified else ("total energy", "J")
-        more = f"+ {number(waiting[key])} waiting" if waiting.get(key) else ""
+        more = f"+ {number(waiting[key])} inactive" if waiting.get(key) else ""
         table.add_row(label, f"{number(value)} {unit}{more}".rstrip())
     if report["error_reason"]:
         label = "error" if report["error"] is None else ""
@@ -73,7 +73,7 @@ def print_report(console: Console, report: dict[str, Any], written: list[Path], 
     console.print(table)
     if report["method"].endswith(" lab") and report["error"]:
         console.print(
-            "lab, the hand-out's step, applies half of the acceleration (docs/method.md), so its error is large"
+            "the step lab of the hand-out applies half of the acceleration (docs/method.md), so its error is large"
         )
     for path in written:
         console.print(f"wrote {path}", markup=False)

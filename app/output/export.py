@@ -47,17 +47,17 @@ def check_export(name: str, seconds: float | None, dt: float, notes: list[str]) 
     is told in `notes`. Raises InputError (the file's name, its folder), SceneError (the time)."""
     path = Path(name)
     if not path.name:
-        raise InputError(f"--export {name}: is a folder; name a file in it, such as body.ply")
+        raise InputError(f"--export {name}: is a folder; give a file name, such as {name}/body.ply")
     numbered = len(NUMBER.findall(path.name)) == 1
     if "{" in name or "}" in name:
         rest = str(path.with_name(NUMBER.sub("", path.name)))
         if not numbered or "{" in rest or "}" in rest:
             raise InputError(
-                f"--export {name}: braces are for one frame number in the file's name, {{frame}} or with zeros in front "
-                "{frame:04d}, as in body-{frame:04d}.ply"
+                f"--export {name}: braces hold the frame number, once in the file name: {{frame}}, or {{frame:04d}} with "
+                "leading zeros, as in body-{frame:04d}.ply"
             )
     if seconds is not None and not numbered:
-        raise SceneError("--export-every", seconds, "is for a file a frame: --export body-{frame:04d}.ply")
+        raise SceneError("--export-every", seconds, "applies to one file per frame; use --export body-{frame:04d}.ply")
     if seconds is not None and not (isfinite(seconds) and seconds > 0):
         raise SceneError("--export-every", seconds, "must be a finite number of seconds, greater than 0")
     every = max(1, round((FRAME if seconds is None else seconds) / dt)) if numbered else 0

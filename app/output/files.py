@@ -51,7 +51,7 @@ def read_state(path: Path | str, scene: Scene) -> State:
         path, "a state is a .npz file with named arrays, position among them, such as softlab run --out writes"
     )
     if "position" not in arrays:
-        raise InputError(f"{path} holds no array called position (it holds: {', '.join(arrays) or 'nothing'})")
+        raise InputError(f"{path} has no array named position (it has: {', '.join(arrays) or 'nothing'})")
     position = arrays["position"]
     body = build(scene)
     inverse_mass = arrays.get("inverse_mass", body.inverse_mass)

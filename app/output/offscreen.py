@@ -213,7 +213,7 @@ def check_look(scene: Scene, look: Sequence[str]) -> None:
     known = OF_TETRAHEDRA if scene.tetrahedra else OF_FLUIDS if scene.fluids else ()
     for name in look:
         if not known:
-            raise InputError(f"--look {name}: is for tetrahedral bodies and fluids; leave it out")
+            raise InputError(f"--look {name}: applies to tetrahedral bodies and fluids; leave it out")
         if name not in known:
             raise InputError(f"--look {name}: must be one of {', '.join(known)}")
 

@@ -85,7 +85,7 @@ class VideoWriter:
         if width % 2 or height % 2 or width < 2 or height < 2:
             raise InputError(f"a clip of {width} x {height} pixels: width and height must be even")
         if fps < 1:
-            raise InputError(f"a clip of {fps:g} frames a second: must be at least 1")
+            raise InputError(f"a clip of {fps:g} frames per second: must be at least 1")
         self.path = check_target(path, (CLIP,))
         self.width, self.height, self.fps = width, height, fps
         self.frames = 0

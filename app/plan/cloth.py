@@ -26,7 +26,7 @@ def implicit_passes(plan: Plan, precision: str, way: float, note: str) -> tuple[
     begin = next(n for n, stage in enumerate(stages) if stage.name == "begin")
     end = next(n for n, stage in enumerate(stages) if stage.name == "take over")
     groups = [stages[: begin + 1], *([stage] for stage in stages[begin + 1 : end]), stages[end:]]
-    note += "; a step takes as many matrices and iterations as residuals ask for"
+    note += "; the number of matrices and iterations of a step depends on the residuals"
     return merged_passes(groups, plan, precision, note, way)
 
 
@@ -35,7 +35,7 @@ def cloth_on_cpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
     from cpu_backend.mass_spring.cloth.solver import choose_kernel
 
     passes = cloth_passes(plan, precision, 1.0, "along rows, a band of rows a thread")
-    why = "repeats until residuals are small" if plan.has(PRODUCT_STAGE) else "one pass over the sheet a force"
+    why = "repeats until residuals are small" if plan.has(PRODUCT_STAGE) else "one pass over the sheet per force"
     return cpu_plan(choose_kernel(None), why, passes)
 
 
@@ -46,14 +46,14 @@ def cloth_on_gpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
     device, limits = gpu_device("that the choice was measured on")
     kernel, tile, why = choose_cloth(scene, PRECISIONS[precision], plan.parts, limits)
     if plan.has(PRODUCT_STAGE):
-        kernel, tile, why = "cooperative", None, "one launch does whole steps: residuals are looked at on the device"
-    note = "one thread a mass, each gathers its springs and triangles"
+        kernel, tile, why = "cooperative", None, "whole steps in one launch; residuals are checked on the device"
+    note = "one thread per mass, which gathers its springs and triangles"
     way = 4 / 3  # a mass's vectors have a fourth number
     if kernel == "one-block":
         note, way = f"{note}, all on the chip", 0.0
     elif kernel == "resident" and tile:
-        note, way = f"{tile.strip} masses a thread, all on the chip, borders sent every {tile.halo} steps", 0.0
+        note, way = f"{tile.strip} masses per thread, all on the chip, borders sent every {tile.halo} steps", 0.0
     elif kernel == "tiles" and tile:
-        note, way = f"{tile.strip} masses a thread, {tile.halo} steps for one way through memory", way / tile.halo
+        note, way = f"{tile.strip} masses per thread, {tile.halo} steps per pass through memory", way / tile.halo
     passes = cloth_passes(plan, precision, way, note)
     return BackendPlan("gpu", device, kernel, tile.name if tile else None, why, passes)

@@ -13,9 +13,9 @@ from model.scene.words import notes_of
 
 def fluid_on_cpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
     """Lists of neighbours, sixteen particles side by side, all substeps of a call by one team of threads."""
-    why = "sorted by cells each substep, lists of neighbours in slices; all substeps of a call in one kernel"
+    why = "sorted by cells in every substep, neighbour lists in slices; all substeps of a call in one kernel"
     groups = [[stage] for stage in stages_of(plan)]
-    return cpu_plan("fused", why, merged_passes(groups, plan, precision, "a phase of the team"))
+    return cpu_plan("fused", why, merged_passes(groups, plan, precision, "a phase of the thread team"))
 
 
 def fluid_lines(scene: Scene) -> list[str]:
@@ -36,8 +36,8 @@ def fluid_lines(scene: Scene) -> list[str]:
             lines.append(f"  {name}.{field} = {told}  ({notes.get(field, '')})")
         share, mass = smoothing(scene, part), part.density * found.spacing**found.dimensions
         lines.append(
-            f"  of {name}: nothing faster than {speed_limit(scene, part):.4g} m/s (half a support a substep); XSPH takes "
-            f"{share:.3g} of a difference of velocities; a particle weighs {mass:.4g} kg"
+            f"  of {name}: speed limit {speed_limit(scene, part):.4g} m/s (half a support radius per substep); XSPH removes "
+            f"{share:.3g} of a velocity difference; particle mass {mass:.4g} kg"
         )
     return lines + flow_lines(scene)
 
@@ -60,9 +60,13 @@ def flow_lines(scene: Scene) -> list[str]:
             lasts = part.start + waiting / each_second
             ends = part.stop is not None and part.stop < lasts
             told += (
-                f", until {part.stop:g} s" if ends else f"; by itself it gives all {waiting} that wait by {lasts:.3g} s"
+                f", until {part.stop:g} s"
+                if ends
+                else f"; all {waiting} inactive particles are emitted by {lasts:.3g} s"
             )
         lines.append(told)
     if scene.sinks:
-        lines.append(f"  {' and '.join(scene.sinks)} take what comes there; it waits for an emitter of its fluid")
+        lines.append(
+            f"  {' and '.join(scene.sinks)} remove the particles that reach them; an emitter of the same fluid reuses them"
+        )
     return lines

@@ -21,8 +21,8 @@ def fluid_on_gpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
         else:
             groups[-1].append(stage)
     why = (
-        "particles sorted by cells in every substep, a thread each walks its list; the first density goes with the "
-        "lists, the last correction with the velocities; captured"
+        "particles sorted by cells in every substep, one thread per particle and its list; the first density is computed "
+        "with the lists, the last correction with the velocities; captured as a graph"
     )
     return _launches(why, [group for group in groups if group], plan, precision)
 

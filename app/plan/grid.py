@@ -20,7 +20,7 @@ def grid_on_cpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
     kernel, why = default_kernel(scene, PRECISIONS[precision])
     sums = scene.method.integrator == "rk4" or own_forces(plan.parts) or plan.parts & {"manufactured", "alternating"}
     loops = "through rows of sums" if sums else "one loop along a row"
-    note = {"tiled": f"{loops}, {LEVELS} steps in flight"}.get(kernel, f"{loops}, a band of rows a thread")
+    note = {"tiled": f"{loops}, {LEVELS} steps in flight"}.get(kernel, f"{loops}, a band of rows per thread")
     way = 1 / LEVELS if kernel == "tiled" else 1.0
     passes = fused_passes(plan, precision, way, note)
     return cpu_plan(kernel, why, passes)
@@ -32,13 +32,13 @@ def grid_on_gpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
 
     device, limits = gpu_device("of the table")
     kernel, tile, why = default_kernel(scene, PRECISIONS[precision], limits)
-    springs, way, note = SPRINGS_OF_A_MASS, 1.0, "one thread a mass"
+    springs, way, note = SPRINGS_OF_A_MASS, 1.0, "one thread per mass"
     if tile is not None:
         from gpu_backend.mass_spring.grid.tile_launch import blocks_of
 
         across, down = blocks_of(scene.grid.rows, scene.grid.columns, tile)
         springs = 3 + 1 / tile.strip
-        note = f"{tile.strip} masses a thread" if tile.strip > 1 else "one thread a mass"
+        note = f"{tile.strip} masses per thread" if tile.strip > 1 else "one thread per mass"
         halos = across * down * tile.masses / scene.grid.particle_count if across * down > 1 else 1.0
         if kernel == "one-block":
             way, note = 0.0, f"{note}, all on the chip"
@@ -47,7 +47,7 @@ def grid_on_gpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
             note += f", {across} x {down} tiles on the chip, borders exchanged every {tile.halo} steps"
         else:
             way = (halos + 1) / 2 / tile.halo
-            note += f", {tile.halo} steps for one way through memory"
+            note += f", {tile.halo} steps per pass through memory"
         if halos > 1:
             note += f"; with the halos {halos:.2f} x the masses"
     more = (springs - EACH_ONCE) * OPERATIONS_SPRING_2D

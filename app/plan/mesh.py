@@ -26,9 +26,9 @@ def mesh_on_cpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
 
     why = "index arrays sorted by colour, " + ONE_KERNEL
     if scene.contact is not None:
-        why = "index arrays sorted by colour; a call a pass, surfaces' contacts between them"
+        why = "index arrays sorted by colour; one call per pass, contacts of surfaces between them"
     elif SLEEPING in plan.parts:
-        why = "index arrays sorted by colour; a call a pass"
+        why = "index arrays sorted by colour; one call per pass"
     return cpu_plan(choose_kernel(None), why, _passes(plan, precision, "a loop over the threads"))
 
 
@@ -38,19 +38,21 @@ def vertices_on_cpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
 
     why = "vertices sorted by colour, each with its tetrahedra, " + ONE_KERNEL
     if scene.contact is not None:
-        why = "vertices sorted by colour, each with its tetrahedra; a call a pass, surfaces' contacts between them"
+        why = (
+            "vertices sorted by colour, each with its tetrahedra; one call per pass, contacts of surfaces between them"
+        )
     return cpu_plan(choose_kernel(None), why, _passes(plan, precision, "a loop over the threads"))
 
 
 def vertices_on_gpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
     """Also where there is no GPU."""
-    why = "a thread a vertex, a launch a colour, captured"
+    why = "one thread per vertex, one launch per colour, captured as a graph"
     return BackendPlan("gpu", gpu_device()[0], "graph", None, why, _passes(plan, precision, "a launch"))
 
 
 def mesh_on_gpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
     """Also where there is no GPU."""
-    why = "a thread a constraint, or a voxel of them, a launch a colour, captured"
+    why = "one thread per constraint or voxel, one launch per colour, captured as a graph"
     return BackendPlan("gpu", gpu_device()[0], "graph", None, why, _passes(plan, precision, "a launch"))
 
 
@@ -65,14 +67,15 @@ def tetrahedra_on_gpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
     if not slabs:
         return mesh_on_gpu(scene, precision, plan)
     blocks = sum(one.count for one in slabs)
-    why = f"kept on the chip in {blocks} slab{'' if blocks == 1 else 's'}, a block each; neighbours meet twice a sweep"
+    slabs_text = "1 slab" if blocks == 1 else f"{blocks} slabs"
+    why = f"stays on the chip in {slabs_text}, one block each; neighbours synchronize twice per sweep"
     return BackendPlan("gpu", device, "resident", None, why, _passes(plan, precision, "on the chip"))
 
 
 def newton_on_cpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
     """Tetrahedra and particles in turn; how often the inner passes run is decided while they run."""
     stages = [*dict.fromkeys(stages_of(plan))]
-    why = "blocks in rows, each summed up by its own particle; all substeps of a call in one kernel"
+    why = "matrix blocks in rows, each summed by its own particle; all substeps of a call in one kernel"
     made = merged_passes([[stage] for stage in stages], plan, precision, "a loop over the threads")
     return cpu_plan("fused", why, made)
 
@@ -80,6 +83,6 @@ def newton_on_cpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
 def newton_on_gpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
     """Also where there is no GPU. All passes are of one kernel, whose blocks meet after each."""
     stages = [*dict.fromkeys(stages_of(plan))]
-    why = "whole steps a launch, blocks that meet after every pass; what follows is decided on the device"
+    why = "whole steps per launch; thread blocks synchronize after every pass, and the device decides what follows"
     made = merged_passes([[stage] for stage in stages], plan, precision, "all blocks")
     return BackendPlan("gpu", gpu_device()[0], "cooperative", None, why, made)

@@ -69,11 +69,11 @@ def gpu_device(choice: str = "") -> tuple[str, tuple[int, int] | None]:
 
     available, device = gpu_available()
     if not choice:
-        return (device if available else "none here"), None
+        return (device if available else "none on this machine"), None
     from gpu_backend.mass_spring.grid.choice import MEASURED_LIMITS, MEASURED_ON
 
     if not available:
-        device = f"none here; as on the {MEASURED_ON} {choice}"
+        device = f"none on this machine; choice for the {MEASURED_ON} {choice}"
     return device, None if available and not simulated() else MEASURED_LIMITS
 
 
@@ -127,7 +127,7 @@ def fused_passes(
     if verlet and meet:
         note += "; the end of a step and the start of the next are one pass"
     elif verlet:
-        note += "; two passes a step, because a force depends on a neighbour's velocity"
+        note += "; two passes per step, because a force depends on the velocity of neighbours"
     found = []
     for stages in groups:
         operations = float(sum(stage.operations for stage in stages))

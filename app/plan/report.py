@@ -178,7 +178,7 @@ def plan_report(
     found, unknown = [], {}
     for name in backends:
         if name not in family.passes:
-            unknown[name] = f"does not know a {family.name} yet"
+            unknown[name] = f"does not support scenes of the kind {family.name}"
             continue
         try:
             found.append(named(family.passes[name])(scene, precision, plan))
@@ -198,7 +198,7 @@ def plan_report(
 def limit_line(report: PlanReport) -> str:
     """The stability limit, and how the scene's step size stands to it."""
     method = report.scene.method
-    state = "running at" if method.dt <= report.limit else "OVER IT at"
+    state = "running at" if method.dt <= report.limit else "OVER THE LIMIT at"
     bound = f"limit dt {report.limit:.6g} s" if report.limit > 0 else "no stable dt"
     if report.limit == inf:
         bound = "no limit to dt"

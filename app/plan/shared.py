@@ -37,7 +37,7 @@ def _adds(link: Link, seconds: float) -> str:
     """What sending adds to a step [s], for a person."""
     return (
         f"  {link.name} ({1e6 * link.latency:g} us, {link.bandwidth / 1e9:g} GB/s; {link.source}) adds "
-        f"{1e6 * seconds:.2g} us a step"
+        f"{1e6 * seconds:.2g} us per step"
     )
 
 
@@ -94,14 +94,14 @@ class SharedPlan:
         lines = [f"shared by {found.count} GPUs, by rows; halos of {found.halo} rows, exchanged {found.told}"]
         for domain in found.domains[:LINES]:
             state = readable(domain.window_rows * found.columns * self.mass_bytes)
-            held = f"holds {domain.window_first} to {domain.window_end - 1} ({state} a state)"
+            held = f"stores {domain.window_first} to {domain.window_end - 1} ({state} per state)"
             lines.append(f"  GPU {domain.number}: owns rows {domain.first} to {domain.end - 1}, {held}")
         lines += _more(found.count)
         lines.append(f"  {100 * (found.repeated - 1):.2g} % of the rows are computed twice")
         lines.append(
-            f"  {readable(self.message)} to each neighbour an exchange, {readable(self.bytes_per_step)} a step, each way"
+            f"  {readable(self.message)} to each neighbour per exchange, {readable(self.bytes_per_step)} per step, each way"
         )
-        most = f"at most {number(self.most_masses / 1e9)} G masses a second"
+        most = f"at most {number(self.most_masses / 1e9)} billion masses/s"
         lines.append(f"{_adds(self.link, self.step_seconds)}: {most}")
         return lines
 
@@ -132,7 +132,7 @@ class BodiesPlan:
         """For a person."""
         found = self.division
         lines = [
-            f"shared by {found.count} GPUs, body by body, balanced by {found.counted}; nothing crosses a link as they step"
+            f"shared by {found.count} GPUs, body by body, balanced by {found.counted}; no data is exchanged during a step"
         ]
         for share in found.shares[:LINES]:
             bodies = (
@@ -140,12 +140,12 @@ class BodiesPlan:
             )
             names = share.parts if len(share.parts) < 4 else (share.parts[0], "...", share.parts[-1])
             particles = share.end_particle - share.first_particle
-            told = f"{number(particles)} particles ({readable(particles * self.particle_bytes)} a state)"
+            told = f"{number(particles)} particles ({readable(particles * self.particle_bytes)} per state)"
             if found.counted != "particles":
                 told = f"{number(share.weight)} {found.counted}, {told}"
             lines.append(f"  GPU {share.number}: owns {bodies} ({', '.join(names)}), {told}")
         lines += _more(found.count)
-        fair = f"the heaviest share has {100 / (found.count * found.balance):.3g} % of the {found.counted}"
+        fair = f"the largest part has {100 / (found.count * found.balance):.3g} % of the {found.counted}"
         return [*lines, f"  {fair}: at most {found.count * found.balance:.3g} times as fast as one"]
 
 
@@ -186,17 +186,17 @@ class PartitionsPlan:
         """For a person."""
         found, mesh = self.partitions, self.partitions.mesh
         times = "once" if mesh.exchanges == 1 else f"{mesh.exchanges} times"
-        lines = [f"shared by {found.count} GPUs, by partitions of the mesh; halos are exchanged {times} a step"]
+        lines = [f"shared by {found.count} GPUs, by partitions of the mesh; halos are exchanged {times} per step"]
         for part in found.parts[:LINES]:
-            held = f"holds {number(len(part.particles))} and {number(len(part.elements))} of {number(mesh.elements)}"
+            held = f"stores {number(len(part.particles))} and {number(len(part.elements))} of {number(mesh.elements)}"
             lines.append(f"  GPU {part.number}: owns {number(len(part.owned))} particles, {held} {mesh.counted}")
         lines += _more(found.count)
         return [
             *lines,
             f"  {100 * (found.repeated - 1):.3g} % of the particles are computed twice: at most "
             f"{found.count * found.balance:.3g} times as fast as one",
-            f"  {readable(self.message)} to a neighbour an exchange at most, "
-            f"{readable(self.message * mesh.exchanges)} a step",
+            f"  {readable(self.message)} to a neighbour per exchange at most, "
+            f"{readable(self.message * mesh.exchanges)} per step",
             _adds(self.link, self.step_seconds),
         ]
 
@@ -246,20 +246,20 @@ class SlabsPlan:
         axis = "xyz"[slabs.axis]
         lines = [
             f"shared by {slabs.count} GPUs, by slabs along {axis} with as many particles each; halos of {slabs.halo:.3g} m, "
-            "exchanged every substep, as it starts:"
+            "exchanged every substep; at the start:"
         ]
         for share, (owned, held, _) in enumerate(self.counts[:LINES]):
             low, high = slabs.ends(share)
             place = [f"from {low:.3g} m" * (share > 0), f"to {high:.3g} m" * (share + 1 < slabs.count)]
-            told = f"holds {number(held)} ({readable(int(held) * self.particle_bytes)} a state)"
+            told = f"stores {number(held)} ({readable(int(held) * self.particle_bytes)} per state)"
             lines.append(
                 f"  GPU {share}: owns {number(owned)} particles {' '.join(filter(None, place)) or 'all'}, {told}"
             )
         lines += _more(slabs.count)
         return [
             *lines,
-            f"  {100 * self.repeated:.2g} % of particles are repeated: at most {self.gain:.3g} times as fast as one",
-            f"  {readable(self.bytes_per_step)} a step are sent by all, through the host",
+            f"  {100 * self.repeated:.2g} % of particles are computed twice: at most {self.gain:.3g} times as fast as one",
+            f"  {readable(self.bytes_per_step)} per step are sent in all, through the host",
         ]
 
 

@@ -54,13 +54,13 @@ def _print_backend(console: Console, one: BackendPlan) -> None:
         console.print(f"    {tile_told(one.tile)}", soft_wrap=True)
     for found in one.passes:
         console.print(f"  {' + '.join(found.stages)}", soft_wrap=True, markup=False)
-        amounts = f"{found.bytes:.3g} bytes, {found.operations:.3g} operations a mass"
+        amounts = f"{found.bytes:.3g} bytes, {found.operations:.3g} operations per mass"
         console.print(f"    {amounts}; {found.note}", soft_wrap=True, markup=False)
     if one.step is not None:
-        whole = f"  measured: a whole step by this kernel takes {1e6 * one.step:.3g} us"
+        whole = f"  measured: a whole step with this kernel takes {1e6 * one.step:.3g} us"
         console.print(f"{whole}; the stages above were run one by one", soft_wrap=True)
     if one.empty is not None:
-        console.print(f"  measured: a stage that does nothing takes {1e6 * one.empty:.3g} us", soft_wrap=True)
+        console.print(f"  measured: starting an empty stage takes {1e6 * one.empty:.3g} us", soft_wrap=True)
     if one.unmeasured:
         console.print(f"  not measured: {one.unmeasured}", soft_wrap=True, markup=False)
 
@@ -85,8 +85,8 @@ def overhead_lines(report: PlanReport) -> list[str]:
         longest = max((row.seconds.get(one.name, 0.0) / row.runs for row in report.rows), default=0.0)
         if one.empty is not None and one.empty > longest / 2 > 0:
             lines.append(
-                f"{one.name}: starting a stage takes {1e6 * one.empty:.3g} us by itself, over half of the longest one here: "
-                "the shares are mostly of starts, not of work; plan a larger scene to see the work"
+                f"{one.name}: starting a stage takes {1e6 * one.empty:.3g} us, more than half of the longest stage: "
+                "the percentages show starts rather than work; plan a larger scene to see the work"
             )
     return lines
 
@@ -103,13 +103,13 @@ def amounts(scene: Scene) -> str:
         return f"{number(scene.grid.particle_count)} masses, {number(family_of(scene).spring_count(scene))} springs"
     body_set, told = scene.body_set, counts(scene)
     waiting = (
-        f" ({number(told.waiting)} waiting, of {number(told.waiting_particles)} particles)" if told.waiting else ""
+        f" ({number(told.waiting)} inactive, of {number(told.waiting_particles)} particles)" if told.waiting else ""
     )
     bodies = "1 body" if len(body_set.copies) == 1 else f"{number(len(body_set.copies))} bodies"
     entries = len(body_set.clusters.indices) / body_set.particle_count
     return (
         f"{number(body_set.particle_count)} particles of {bodies}{waiting}, "
-        f"{number(body_set.clusters.count)} clusters, {entries:.2f} a particle"
+        f"{number(body_set.clusters.count)} clusters, {entries:.2f} per particle"
     )
 
 
@@ -119,13 +119,15 @@ def print_plan(console: Console, report: PlanReport) -> None:
     console.print(f"{scene.name}  {amounts(scene)}, {report.plan.dimensions}-D, {report.precision}", soft_wrap=True)
     for line in (limit_line(report), *frequency_lines(scene), *fluid_lines(scene)):
         console.print(line, soft_wrap=True, markup=False)
-    measured = ", measured microseconds of the whole grid" if any(row.seconds for row in report.rows) else ""
-    console.print(f"\none step, stage by stage: bytes and operations a mass{measured}", soft_wrap=True)
+    measured = ", measured microseconds for all masses" if any(row.seconds for row in report.rows) else ""
+    console.print(f"\none step, stage by stage: bytes and operations per mass{measured}", soft_wrap=True)
     console.print(_stage_table(report))
     for line in overhead_lines(report):
         console.print(line, soft_wrap=True, markup=False)
     if report.plan.has("external force"):
-        console.print("the external force's operations are a random generator's, on integers", soft_wrap=True)
+        console.print(
+            "the operations of the external force are integer operations of its random generator", soft_wrap=True
+        )
     for one in report.backends:
         console.print()
         _print_backend(console, one)

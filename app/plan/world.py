@@ -16,5 +16,5 @@ def world_on_cpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
 def world_on_gpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
     """Also where there is no GPU."""
     passes = merged_passes([[stage] for stage in stages_of(plan)], plan, precision, "a launch")
-    why = "members' own launches on one stream, and those of contacts between them, captured"
+    why = "the launches of each member and of the contacts between them on one stream, captured as a graph"
     return BackendPlan("gpu", gpu_device()[0], "graph", None, why, passes)

@@ -22,9 +22,9 @@ def xpbd_on_cpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
     """Constraints without index arrays, colours one after another on the way down the rows."""
     from cpu_backend.xpbd.solver import choose_kernel
 
-    why = "colours, iterations and the prediction in one way down the rows"
+    why = "colours, iterations and prediction in one pass over the rows"
     if scene.method.matches_shapes:
-        why = "prediction, clusters and goals in one way down the rows, an iteration"
+        why = "prediction, clusters and goals in one pass over the rows per iteration"
     passes = _substep(plan, precision, "a substep; along rows, a band of rows a thread")
     return cpu_plan(choose_kernel(None), why, passes)
 
@@ -41,14 +41,14 @@ def bodies_on_cpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
     """Clusters in compressed form, whole bodies a thread where there are enough of them."""
     from cpu_backend.shape_matching.solver import choose_kernel
 
-    why = "index arrays, all substeps of a call in one kernel; a thread does whole bodies where they share out evenly"
+    why = "index arrays, all substeps of a call in one kernel; a thread computes whole bodies where they divide evenly"
     passes = bodies_passes(plan, precision, "a loop over blocks of particles or clusters")
     return cpu_plan(choose_kernel(None), why, passes)
 
 
 def bodies_on_gpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
     """Also where there is no GPU."""
-    why = "clusters gather their particles, particles their clusters, a launch each, captured"
+    why = "clusters gather their particles, then particles their clusters; one launch each, captured as a graph"
     passes = bodies_passes(plan, precision, "a launch")
     return BackendPlan("gpu", gpu_device()[0], "graph", None, why, passes)
 
@@ -59,7 +59,7 @@ def xpbd_on_gpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
 
     device, limits = gpu_device("that the choice was measured on")
     kernel, why = default_xpbd_kernel(scene, PRECISIONS[precision], plan.parts, limits)
-    note, way = "a substep; one thread a mass", 4 / plan.dimensions
+    note, way = "per substep; one thread per mass", 4 / plan.dimensions
     if kernel == "one-block":
         note, way = f"{note}, all on the chip", 0.0
     return BackendPlan("gpu", device, kernel, None, why, _substep(plan, precision, note, way))

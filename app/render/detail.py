@@ -20,8 +20,8 @@ class Detail:
 
 
 FINE = Detail("fine", 4, 1, True, "smooth edges and shadows")
-PLAIN = Detail("plain", 0, 1, True, "shadows, edges as they are")
-QUICK = Detail("quick", 0, 2, False, "a quarter of the pixels, no shadows")
+PLAIN = Detail("plain", 0, 1, True, "shadows, no edge smoothing")
+QUICK = Detail("quick", 0, 2, False, "a quarter of the pixels, no shadows, no edge smoothing")
 DETAILS = (FINE, PLAIN, QUICK)
 
 

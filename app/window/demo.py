@@ -17,7 +17,7 @@ from app.window.steering import Steering
 from app.window.worlds import STEPS_PER_FRAME
 
 THREAD_WORDS = ("1x", "2x", "4x")
-NO_BODIES = "there are no bodies here"
+NO_BODIES = "this scene has no bodies"
 FACTOR = 1.25  # one press of [ ] { }
 
 
@@ -30,7 +30,7 @@ class Demo(Steering):
     def next_world(self) -> None:
         """Tab: all worlds, the first alone, the second alone ..."""
         if len(self.worlds) == 1:
-            self.say("there is one scene only; softlab demo SCENE SCENE shows two side by side")
+            self.say("only one scene is open; softlab demo SCENE SCENE shows two side by side")
             return
         following = self.current + 1 if self.alone else 0
         self.choose(following if following < len(self.worlds) else None)
@@ -53,7 +53,7 @@ class Demo(Steering):
     def toggle_pause(self) -> None:
         """Space"""
         self.paused = not self.paused
-        self.say("paused; space goes on" if self.paused else "running")
+        self.say("paused; press space to continue" if self.paused else "running")
 
     def change_dt(self, presses: int) -> None:
         """[ (-1) and ] (+1): the step size by a factor of 1.25."""
@@ -76,7 +76,7 @@ class Demo(Steering):
         ]
         told = next((fields for _, fields in wanted if fields), None)
         if told is None:
-            self.say(f"{self.whose}this scene has no springs that give")
+            self.say(f"{self.whose}this scene has no elastic springs")
         elif self._change(wanted):
             texts = [
                 f"{'' if path.startswith('springs.') else path.partition('.')[0] + ' '}stiffness {stiffness:.4g} N/m"
@@ -90,7 +90,7 @@ class Demo(Steering):
         if self._blocked():
             return
         if not self.world.scene.tetrahedra:
-            self.say(f"{self.whose}there are no tetrahedra here")
+            self.say(f"{self.whose}this scene has no tetrahedra")
             return
         wanted = [material_changes(world.scene, field, presses) for world in self.changed]
         self.set_fields(wanted, lambda: material_text(self.world.scene, field))
@@ -105,7 +105,7 @@ class Demo(Steering):
         """The step size against its limit, in words."""
         method, limit = self.world.scene.method.name, self.world.limit
         if limit == 0:
-            return f"and {method} is unstable at every dt here"
+            return f"unstable at every dt with {method}"
         if math.isinf(limit):
             return "no limit"
         relation = "OVER the limit of" if self.over_limit else "limit"
@@ -138,25 +138,25 @@ class Demo(Steering):
             self.disturbed = ""
             self._read()
             self.refresh(force=True)
-            self.say("restarted, everything as the scene says")
+            self.say("restarted with the original settings of the scene")
 
     def switch_backend(self) -> None:
         """B: from the CPU to the GPU or back, with the state as it is."""
         other = "gpu" if self.backend == "cpu" else "cpu"
         if self.run_with(backend=other):
-            self.say(f"now on the {other}: {self.world.device}, state carried over")
+            self.say(f"now on the {other}: {self.world.device}, state kept")
 
     def cycle_threads(self) -> None:
         """T: 1x, 2x, 4x the cores."""
         if self._blocked():
             return
         if self.backend != "cpu":
-            self.say("threads belong to the cpu backend; B switches to it")
+            self.say("threads apply to the cpu backend; press B to switch to it")
             return
         place = THREAD_WORDS.index(self.threads) if self.threads in THREAD_WORDS else -1
         word = THREAD_WORDS[(place + 1) % len(THREAD_WORDS)]
         if self.run_with(threads=word):
-            self.say(f"{self.world.threads} threads ({word} the cores), state carried over")
+            self.say(f"{self.world.threads} threads ({word} the cores), state kept")
 
     # ------------------------------------------------------------------ bodies that come and go
 
@@ -186,12 +186,12 @@ class Demo(Steering):
             return
         selected, body_set = self.hand.selected, self.world.scene.body_set if self.world.scene.bodies else None
         if selected is None or body_set is None:
-            self.say("first select a body: press it, or an arrow" if body_set is not None else NO_BODIES)
+            self.say("select a body first: click it or press an arrow key" if body_set is not None else NO_BODIES)
             return
         copy = body_set.copies[body_set.body[selected]]
         if self._guard(lambda: self.world.remove_body(copy.number)):
             self.hand.held = self.hand.selected = None
             self.hand.forget()
             self._moved = True
-            self.say(f"{copy.name} taken out: {counts_text(self.world)}")
+            self.say(f"{copy.name} removed: {counts_text(self.world)}")
             self.refresh(force=True)

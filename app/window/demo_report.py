@@ -33,12 +33,13 @@ def numbers_text(demo: Demo, frame_seconds: float, draw_seconds: float, way: str
     `frame_seconds`, `draw_seconds`: of a frame, smoothed. `way`: how it is drawn, where there is more than one. `brief`:
     without what the panel tells beside it."""
     if demo.compiling is not None:
-        return f"compiling what this scene needs, {demo.compiling:.0f} s so far\nit is kept for the next time; Escape closes"
+        return (
+            f"compiling this scene: {demo.compiling:.0f} s so far\n"
+            "the result is cached for the next run; Escape closes the window"
+        )
     world, scene = demo.world, demo.world.scene
-    speed = 1 / max(frame_seconds, 1e-6)
-    running = not (demo.paused or demo.frozen)
     threads = (
-        f"{world.threads} threads ({demo.threads})" if world.backend == "cpu" else f"{world.threads} threads a block"
+        f"{world.threads} threads ({demo.threads})" if world.backend == "cpu" else f"{world.threads} threads per block"
     )
     stiffness = "/".join(f"{value:.4g}" for value in stiffness_paths(scene).values())
     springs = f"stiffness {stiffness} N/m   " if stiffness else ""
@@ -48,19 +49,28 @@ def numbers_text(demo: Demo, frame_seconds: float, draw_seconds: float, way: str
     way = f" ({way})" if way else ""
     whose = f"{demo.titles[demo.current]}: " if len(demo.worlds) > 1 else ""
     steps = demo.steps_of(world)
-    rate = f"{speed:.0f} frame{'s' * (round(speed) != 1)}/s"
     physics, drawing = milliseconds(demo.physics_seconds), milliseconds(draw_seconds)
     told = f"   gravity {gravity}   {springs}energy {demo.statistics.energy:.4g} J   {strain_text(demo)}"
     limit = "" if FAR * scene.method.dt < world.limit < math.inf else f", {demo.limit_text()}"
     masses = f"   {masses_text(scene, world.body.inverse_mass)}"
     return "\n".join(
         (
-            f"{whose}time {world.time:.2f} s   {rate}   {speed * steps * running:.0f} steps/s{state}",
+            f"{whose}time {world.time:.2f} s   {rates_text(demo, frame_seconds)}{state}",
             f"dt {scene.method.dt:.4g} s{limit} ({scene.method.name}){'' if brief else told}",
             f"{world.backend}, {threads}, {world.options.precision}{'' if brief else masses}   "
-            f"a frame: {steps} step{'s' * (steps != 1)}, physics {physics}, drawing {drawing}{way}",
+            f"per frame: {steps} step{'s' * (steps != 1)}, physics {physics}, drawing {drawing}{way}",
         )
     )
+
+
+def rates_text(demo: Demo, frame_seconds: float) -> str:
+    """Frames and steps per second, and the real-time factor: simulated seconds per second of wall time."""
+    speed, steps = 1 / max(frame_seconds, 1e-6), demo.steps_of(demo.world)
+    frames = f"{speed:.0f} frame{'s' * (round(speed) != 1)}/s"
+    if demo.paused or demo.frozen:
+        return f"{frames}   0 steps/s"
+    factor = speed * steps * demo.world.scene.method.dt
+    return f"{frames}   {speed * steps:.0f} steps/s   {factor:.{'2g' if factor < 99 else '0f'}}x real time"
 
 
 def gravity_of(scene: Scene) -> float:
@@ -74,7 +84,7 @@ def title_text(demo: Demo, number: int) -> str:
     gravity, method = gravity_of(world.scene), world.scene.method
     stiffness = "/".join(f"{value:.4g}" for value in stiffness_paths(world.scene).values())
     lines = [
-        demo.titles[number] + ("   (keys: this one)" if demo.alone and number == demo.current else ""),
+        demo.titles[number] + ("   (keys change this one)" if demo.alone and number == demo.current else ""),
         (f"gravity {gravity:g} m/s²" if gravity else "gravity off")
         + f"   dt {method.dt:.4g} s"
         + ("   OVER its limit" if method.dt > world.limit * (1 + 1e-12) else ""),
@@ -90,7 +100,7 @@ def strain_text(demo: Demo) -> str:
         fastest = f"fastest {demo.statistics.fastest:.3g} m/s"
         return fastest if math.isnan(worst) else f"largest density error {worst:+.2%}, {fastest}"
     if demo.world.scene.bodies:
-        return f"farthest from its goal {worst:.3g} spacings"
+        return f"largest distance from goal {worst:.3g} spacings"
     return f"worst strain {worst:+.4g}"
 
 
@@ -101,7 +111,7 @@ def counts_of(world: Simulation) -> dict[str, int]:
     found = {
         "Particles": told.particles,
         "Bodies": told.bodies or len(scene.tetrahedra),
-        "Waiting": told.waiting,
+        "Inactive bodies": told.waiting,
         "Clusters": told.clusters,
         "Tetrahedra": len(scene.tetrahedra_set.tetrahedra) if scene.tetrahedra else 0,
         "Springs": 0 if scene.bodies or scene.tetrahedra else springs,
@@ -122,7 +132,7 @@ def masses_text(scene: Scene, inverse_mass: np.ndarray | None = None) -> str:
     if scene.bodies:
         told = counts(scene, inverse_mass)
         found = f"{told.particles} particles in {told.clusters} clusters of {told.bodies} bodies"
-        found += f" + {told.waiting} waiting" if told.waiting else ""
+        found += f" + {told.waiting} inactive" if told.waiting else ""
     return found + (f", {colliders} collider{'s' * (colliders > 1)}" if colliders else "")
 
 

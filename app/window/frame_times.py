@@ -71,7 +71,7 @@ class FrameGraph:
         self._budget = label(f"{1e3 * BUDGET:.1f} ms", colours.WARNING)
         self._top = label("", colours.INK)
         self._heads = [
-            label("ms a frame:", colours.INK),
+            label("ms/frame:", colours.INK),
             label("physics", colours.PHYSICS),
             label("drawing", colours.DRAWING),
         ]

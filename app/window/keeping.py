@@ -10,7 +10,7 @@ from app.window.demo import Demo
 from app.window.shots import free_path
 from model.core.errors import InputError
 
-LOADED = "it was loaded from a file"
+LOADED = "the state was loaded from a file"
 
 
 def save_scene(demo: Demo, name: str = "") -> str:

@@ -1,4 +1,5 @@
-"""Which keys the demo's window has for what it shows, in words: the help of key H and the hint below."""
+"""The keys of the demo's window, in words: the help of key H and the hint at the bottom. README.md and docs/demo.md list
+them too."""
 
 from __future__ import annotations
 
@@ -8,31 +9,32 @@ KEYS = (
     ("G", "gravity on, off"),
     ("[ ]", "time step / 1.25, x 1.25"),
     ("{ }", "stiffness / 1.25, x 1.25"),
-    ("- +", "fewer, more steps a frame"),
-    ("space", "pause, go on"),
-    ("R", "restart as the scene says"),
-    ("B", "CPU or GPU, state kept"),
-    ("T", "threads 1x, 2x, 4x the cores"),
+    ("- +", "fewer, more steps per frame"),
+    ("space", "pause, continue"),
+    ("R", "restart, original settings"),
+    ("B", "switch CPU, GPU; state kept"),
+    ("T", "1, 2, 4 threads per core"),
     ("mouse", "drag a mass: pull it"),
     ("arrows", "select a mass"),
     ("Enter", "push it (down, or last arrow)"),
     ("wheel", "zoom at the pointer"),
     ("right", "drag: move the view"),
-    ("F", "frame everything"),
-    ("M", "milliseconds of frames: graph"),
-    ("N", "numbers at the top"),
-    ("A", "adjust everything: panel"),
-    (".", "one step, then a pause"),
+    ("F", "fit everything in view"),
+    ("M", "graph of frame times"),
+    ("N", "numbers at the top on, off"),
+    ("A", "panel with all settings"),
+    (".", "pause, do one step"),
     ("S", "save a picture (PNG)"),
     ("Escape", "close"),
 )
-DETAIL_KEY = ("V", "fine, plain, quick picture")
+FOAM_KEY = ("W", "spray, foam, bubbles on, off")
+DETAIL_KEY = ("V", "picture fine, plain, quick")
 SPACE_KEYS = (
     *KEYS[:8],
     ("L", "surface, springs"),
     DETAIL_KEY,
     *KEYS[8:11],
-    ("left", "drag beside it: turn (middle)"),
+    ("left", "drag beside: rotate (middle)"),
     *KEYS[11:],
 )
 BODY_KEYS = (  # without springs there is no stiffness to change
@@ -42,7 +44,7 @@ BODY_KEYS = (  # without springs there is no stiffness to change
     ("L", "particles or skin"),
     ("O", "colour by body, group, cluster"),
     DETAIL_KEY,
-    ("D X", "drop a body, take one out"),
+    ("D X", "drop a body, remove one"),
     ("mouse", "drag a body: pull it"),
     ("arrows", "select a particle"),
     ("Enter", "push its body (down, or arrow)"),
@@ -63,6 +65,7 @@ WORLD_KEYS = (
     *SPACE_KEYS[:2],
     *SPACE_KEYS[3:8],
     ("L", "skins, or particles and edges"),
+    FOAM_KEY,
     *SPACE_KEYS[9:],
 )
 FLUID_KEYS = (
@@ -70,40 +73,26 @@ FLUID_KEYS = (
     *KEYS[3:8],
     ("L", "surface, particles"),
     ("O", "colour by fluid, speed, density"),
-    ("W", "white water: spray, foam, bubbles"),
+    FOAM_KEY,
     DETAIL_KEY,
     ("mouse", "drag a particle: pull it"),
     ("arrows", "select a particle"),
     ("Enter", "push it (down, or last arrow)"),
     *SPACE_KEYS[13:],
 )
-WORLDS_KEY = ("Tab", "change one world alone, all")
+WORLDS_KEY = ("Tab", "change one scene only, or all")
 TWO_COLUMNS_FROM = 780  # pixels of window width
-HINT = (
-    "H: keys    G: gravity    drag a mass to pull it    space: pause    [ ]: time step    R: restart    Escape: close"
-)
-SPACE_HINT = (
-    "H: keys    L: surface, springs    drag beside the cloth: turn    drag a mass to pull it    F: frame    "
-    "space: pause    R: restart    Escape: close"
-)
+_END = "F: fit in view    space: pause    R: restart    Escape: close"
+HINT = f"H: keys    A: panel    G: gravity    drag a mass: pull it    [ ]: time step    {_END}"
+SPACE_HINT = f"H: keys    A: panel    L: surface, springs    drag a mass: pull it    drag beside it: rotate    {_END}"
 BODY_HINT = (
-    "H: keys    P: particles    K: skin    drag beside the bodies: turn    drag a body to pull it    F: frame    "
-    "space: pause    R: restart    Escape: close"
+    f"H: keys    A: panel    P: particles    K: skin    drag a body: pull it    drag beside it: rotate    {_END}"
 )
 TETRAHEDRA_HINT = (
-    "H: keys    O: stress, strain    K: skin, mesh    drag beside the bodies: turn    drag a body to pull it    F: frame    "
-    "space: pause    R: restart    Escape: close"
+    f"H: keys    A: panel    O: stress, strain    K: skin, mesh    drag beside the bodies: rotate    {_END}"
 )
-
-
-FLUID_HINT = (
-    "H: keys    L: surface, particles    O: colours    drag beside the fluid: turn    F: frame    space: pause    "
-    "R: restart    Escape: close"
-)
-WORLD_HINT = (
-    "H: keys    L: skins, particles and edges    drag beside the bodies: turn    drag a particle to pull it    F: frame    "
-    "space: pause    R: restart    Escape: close"
-)
+FLUID_HINT = f"H: keys    A: panel    L: surface, particles    O: colours    drag beside the fluid: rotate    {_END}"
+WORLD_HINT = f"H: keys    A: panel    L: skins, particles and edges    drag beside the bodies: rotate    {_END}"
 OWN = {  # of what a view shows (View.subject), or of sheets in space and in a plane: keys, and those needed first
     "bodies": (BODY_KEYS, BODY_HINT),
     "tetrahedra": (TETRAHEDRA_KEYS, TETRAHEDRA_HINT),
@@ -112,7 +101,7 @@ OWN = {  # of what a view shows (View.subject), or of sheets in space and in a p
     "space": (SPACE_KEYS, SPACE_HINT),
     "plane": (KEYS, HINT),
 }
-IN_SPACE = (DETAIL_KEY, ("left", "drag beside it: turn (middle)"))  # keys that a plane has no use for
+IN_SPACE = (DETAIL_KEY, ("left", "drag beside: rotate (middle)"))  # keys that a plane has no use for
 
 
 def _own(subject: str, space: bool) -> tuple[tuple[tuple[str, str], ...], str]:
@@ -123,7 +112,7 @@ def hint(subject: str = "sheet", space: bool = False, several: bool = False) -> 
     """The keys that a user needs first; as `keys_text`."""
     _, found = _own(subject, space)
     if several:  # the last keys give way to it: the legend is beside them
-        return found.replace("H: keys", "H: keys    Tab: one world alone").replace(
+        return found.replace("H: keys", "H: keys    Tab: change one scene only").replace(
             "    R: restart    Escape: close", ""
         )
     return found
@@ -138,4 +127,4 @@ def keys_text(width: int, subject: str = "sheet", space: bool = False, several: 
     if width >= TWO_COLUMNS_FROM:
         half = (len(lines) + 1) // 2
         lines = [left + right for left, right in zip_longest(lines[:half], lines[half:], fillvalue="")]
-    return "\n".join(line.rstrip() for line in [*lines, "H       shows and hides these keys"])
+    return "\n".join(line.rstrip() for line in [*lines, "H       show, hide these keys"])

@@ -11,7 +11,7 @@ import numpy as np
 from app.render.detail import Detail, next_detail
 from app.window.demo import NO_BODIES, Demo
 
-OF_PLANE = "a scene in the plane is drawn in one way"
+OF_PLANE = "a scene in a plane is always drawn in the same way"
 
 
 class Looks:
@@ -59,7 +59,8 @@ class Looks:
     def colour_by(self, colouring: str) -> None:
         """Of bodies and tetrahedra: coloured by one of what O goes through."""
         for view in self.views:
-            self._colour(view, colouring)
+            if view.colourings:
+                self._colour(view, colouring)
         self.demo.say(f"coloured by {colouring}")
 
     def toggle_colliders(self) -> None:
@@ -78,7 +79,7 @@ class Looks:
         """How much goes into the picture, in space."""
         for view in self.views:
             view.show_in(detail)
-        self.demo.say(f"{detail.name} picture: {detail.meaning}")
+        self.demo.say(f"picture quality {detail.name}: {detail.meaning}")
 
     def toggle_lines(self) -> None:
         """L: a cloth as a surface or as springs, bodies as skins or as particles, a fluid as surface or particles; a grid is
@@ -95,7 +96,7 @@ class Looks:
     def toggle(self, name: str) -> None:
         """P, K, C, I: of bodies the `particles`, the `skin`, the middles of `clusters`, the `links`; of tetrahedra K."""
         if self._subject == "tetrahedra" and name == "skin":
-            skins = [view.toggle_skin() for view in self.views]
+            skins = [view.toggle_skin() for view in self.views if hasattr(view, "toggle_skin")]
             self.demo.say("skin" if skins[0] else "the outer faces of the tetrahedra")
             return
         if not self._bodies:
@@ -113,9 +114,9 @@ class Looks:
         """W: of fluids spray, foam and bubbles."""
         shown = [view.toggle_foam() for view in self.views]
         if shown[0] is None:
-            self.demo.say("there are no fluids here")
+            self.demo.say("this scene has no fluids")
             return
-        self.demo.say("spray, foam and bubbles, from now on" if shown[0] else "without foam")
+        self.demo.say("spray, foam and bubbles on" if shown[0] else "spray, foam and bubbles off")
 
     def next_colouring(self) -> None:
         """O: particles coloured by body, by group, by cluster; tetrahedra by body, by stress, by strain; fluids by fluid, by
@@ -125,7 +126,8 @@ class Looks:
             self.demo.say(NO_BODIES)
             return
         for view in self.views:
-            view.next_colouring()
+            if view.colourings:
+                view.next_colouring()
         if self._bodies:
             self.demo.say(f"particles coloured by {first.colouring}" + ("" if first.particles else " (P shows them)"))
             return

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import ceil, sqrt
 
 from model.core.errors import SceneError
+from model.scene.bodies import BODY_KINDS
+from model.scene.members import members_of
 from model.scene.scene import Scene
 
 MAX_WORLDS = 9
@@ -17,23 +19,31 @@ GAP = 2  # pixels between two
 def check_alike(scenes: Sequence[Scene]) -> None:
     """Raises SceneError if scenes cannot be shown side by side: one camera and one hand are to do for all of them."""
     if not 1 <= len(scenes) <= MAX_WORLDS:
-        raise SceneError("SCENE", f"{len(scenes)} scenes", f"side by side can be 1 to {MAX_WORLDS}")
-    first = _look(scenes[0])
+        raise SceneError("SCENE", f"{len(scenes)} scenes", f"1 to {MAX_WORLDS} scenes fit side by side; name fewer")
+    first = view_kind(scenes[0])
     for scene in scenes:
-        if _look(scene) != first:
+        if view_kind(scene) != first:
             raise SceneError(
                 "SCENE",
                 scene.name,
-                f"side by side with {scenes[0].name} must be {first}; {scene.name} is {_look(scene)}",
+                f"cannot be shown beside {scenes[0].name}: it shows {view_kind(scene)}, and {scenes[0].name} shows {first}; "
+                "choose scenes of one kind",
             )
 
 
-def _look(scene: Scene) -> str:
-    if scene.bodies:
+def view_kind(scene: Scene) -> str:
+    """What a scene shows, in words. Scenes side by side must agree in it."""
+    return kind_of_tables(scene.kinds, scene.dimensions)
+
+
+def kind_of_tables(kinds: Mapping[str, str], fluid_dimensions: int = 3) -> str:
+    """What a scene shows, from the kinds of its tables by name, without reading its meshes."""
+    found = set(kinds.values())
+    if found & set(BODY_KINDS) and not members_of(kinds):
         return "bodies"
-    if scene.fluids:
-        return f"a fluid in {scene.dimensions} dimensions"
-    return "masses in a plane" if scene.dimensions == 2 else "masses in space"
+    if "fluid" in found and not members_of(kinds):
+        return f"a fluid in {fluid_dimensions} dimensions"
+    return "masses in a plane" if "grid" in found else "masses in space"
 
 
 def titles_of(scenes: Sequence[Scene]) -> list[str]:

@@ -42,7 +42,7 @@ class Poking(Worlds):
         """
         towards = (float(columns), float(rows)) if direction is None else tuple(direction)
         if self.world.scene.bodies and not self.world.body.inverse_mass.any():
-            self.say("no body is there")
+            self.say("no active body to select")
             return
         if self.hand.selected is not None and self.world.scene.bodies:
             body_set = self.world.scene.body_set

@@ -19,13 +19,15 @@ def next_spare(world: Simulation, last: str | None) -> str:
     scene = world.scene
     names = list(scene.bodies)
     if not any(part.spare for part in scene.bodies.values()):
-        raise SceneError("spare", 0, f"no body of this scene waits; spare = 5 in its [{names[0]}] keeps five")
+        raise SceneError("spare", 0, f"this scene has no spare bodies; set spare = 5 in [{names[0]}] for five")
     there = copies_there(scene, world.body.inverse_mass)
     waiting = {copy.name for copy in scene.body_set.copies if not there[copy.number]}
     if not waiting:
         name = next(name for name, part in scene.bodies.items() if part.spare)
         raise SceneError(
-            f"{name}.spare", scene.bodies[name].spare, "no body waits any more; X takes the selected one out"
+            f"{name}.spare",
+            scene.bodies[name].spare,
+            "all spare copies are in use; raise `spare`, or press X to remove the selected body",
         )
     begin = names.index(last) + 1 if last in names else 0
     return next(name for name in names[begin:] + names[:begin] if name in waiting)
@@ -46,4 +48,4 @@ def drop(world: Simulation, name: str, place: Sequence[float]) -> int:
 def counts_text(world: Simulation) -> str:
     """How many bodies there are, and how many wait."""
     told = counts(world.scene, world.body.inverse_mass)
-    return f"{told.bodies} bod{'y' if told.bodies == 1 else 'ies'}, {told.waiting} waiting"
+    return f"{told.bodies} bod{'y' if told.bodies == 1 else 'ies'}, {told.waiting} inactive"

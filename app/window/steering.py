@@ -50,7 +50,7 @@ class Steering(Poking):
         """Change this world alone from now on, or (None) all."""
         self.alone = number is not None
         self.turn_to(number or 0)
-        self.say(f"keys change {self.titles[self.current] + ' alone' if self.alone else 'every world'}")
+        self.say(f"keys change {self.titles[self.current] + ' only' if self.alone else 'all scenes'}")
 
     # ------------------------------------------------------------------ fields
 
@@ -65,7 +65,7 @@ class Steering(Poking):
         part = path.partition(".")[0]
         fields = [{path: value} if part in world.scene.parts else {} for world in self.changed]
         if not any(fields):
-            self.say(f"{self.whose}{path}: there is no such table here")
+            self.say(f"{self.whose}{path}: this scene has no such table")
             return False
         if not self.is_live(path):
             return self.set_fields(fields, lambda: f"{path} = {_text(value)}")
@@ -92,7 +92,7 @@ class Steering(Poking):
             return False
         self._moved = True
         self.refresh(force=True)
-        self.say(f"{self.whose}{told()}, " + ("state carried over" if same else "from the start: other masses"))
+        self.say(f"{self.whose}{told()}, " + ("state kept" if same else "restarted because the masses changed"))
         return True
 
     def _change(self, wanted: Sequence[tuple[Simulation, Mapping[str, Any]]]) -> bool:
@@ -128,7 +128,7 @@ class Steering(Poking):
         if self._guard(lambda: self._pull_and_advance(1)):
             self._moved = True
             self.refresh(force=True)
-            self.say(f"step {self._pace.step}; space goes on")
+            self.say(f"step {self._pace.step}; press space to continue")
 
     # ------------------------------------------------------------------ how they are run
 

@@ -265,7 +265,7 @@ class Worlds:
         self._at, before = self.current, self.statistics.faults
         self.statistics = measure(self.worlds, self.current, self.positions, self.statistics, self.wants_momentum)
         if self.statistics.faults and not before:
-            self.say(f"incomplete: {self.statistics.faults}; R restarts")
+            self.say(f"incomplete: {self.statistics.faults}; press R to restart")
 
     def _guard(self, action: Callable[[], object]) -> bool:
         """Do `action`; on one of the lab's errors say so (and freeze, if the state diverged). True if it went well."""
@@ -273,7 +273,7 @@ class Worlds:
             action()
         except Diverged as error:
             whose = f"{self.titles[self._at]}: " if len(self.worlds) > 1 else ""
-            self._freeze(f"{whose}{error}. R restarts; the picture is the last that fitted the window")
+            self._freeze(f"{whose}{error}. Press R to restart. The picture shows the last state that fits the window")
             return False
         except SoftlabError as error:
             self.say(str(error))
@@ -298,5 +298,5 @@ class Worlds:
 
     def _blocked(self) -> bool:
         if self.frozen:
-            self.say("diverged: first restart with R")
+            self.say("diverged; press R to restart")
         return self.frozen

@@ -11,7 +11,7 @@ C^2 / (2 compliance) add up to V Psi (bench/reference/elastic_materials.py), the
   visit takes the way along the residual to where the substep's energy is least, to second order (`Sweep.descend`).
 
 `rows` takes them one after the other, the shape's first, as all do of the neo-Hookean but `volume-first`; `WAYS` has others.
-`blocks` is another scheme: F - R as nine rows, solved as one system, which is 3 x 3, then the volume. With iterations a
+`blocks` is another scheme: F - R as one system (`Sweep.block`), then the volume. With iterations a
 scalar row keeps multipliers along directions that |F - R| has left and ends some per cent off the step of implicit Euler
 (finite_elements_newton.py), where blocks end, and the neo-Hookean material's rows.
 
@@ -110,15 +110,21 @@ class Sweep:
         self.push(members, position, np.einsum("...mk,...mkij->...mij", change, slope))
 
     def block(self, members: np.ndarray, position: np.ndarray) -> None:
-        """The nine rows F - R of these tetrahedra as one system, in place."""
+        """The shape F = R S of these tetrahedra as one system, in place.
+
+        A change R Z of the impulse Y changes F by R Z H and, near S = 1, S by the symmetric part of Z H: R turns with the
+        rest. The step takes Z from (Z Ha + Ha Z) / 2 = -(S - 1) - gamma (S - S0) - alpha R'Y with Ha = (1 + gamma) H + alpha
+        (a Lyapunov equation, solved along the axes of Ha): of a Y = 0, Z is symmetric, and the linear projection is the
+        orthogonal one in the norm of the masses."""
         body, f = self.body, self.gradient(members, position)
         turn, before = elastic_materials.rotation(f), self.gradient(members, self.before)
-        back = np.swapaxes(elastic_materials.rotation(before), -2, -1)
-        value, before = f - turn, turn @ back @ before  # R S0
+        back = np.swapaxes(turn, -2, -1)
+        stretch, start = back @ f, np.swapaxes(elastic_materials.rotation(before), -2, -1) @ before
         alpha = 1 / (2 * body.mu[members] * body.volume[members] * self.h**2)[:, None, None]
-        system = (1 + self.gamma) * self.weight(members) + alpha * np.eye(3)
-        rate = self.gamma * (f - before)
-        change = -(value + alpha * self.shape[..., members, :, :] + rate) @ np.linalg.inv(system)
+        left = -(stretch - np.eye(3)) - self.gamma * (stretch - start) - alpha * back @ self.shape[..., members, :, :]
+        size, axes = np.linalg.eigh((1 + self.gamma) * self.weight(members) + alpha * np.eye(3))
+        along = np.swapaxes(axes, -2, -1) @ left @ axes / (size[:, :, None] + size[:, None, :])
+        change = turn @ (2 * axes @ along @ np.swapaxes(axes, -2, -1))
         self.shape[..., members, :, :] += change
         self.push(members, position, change)
 

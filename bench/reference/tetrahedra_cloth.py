@@ -117,7 +117,7 @@ def motion(scene: Scene, steps: int, position: np.ndarray, velocity: np.ndarray,
                 joint.project(p, multiplier, inverse_mass, h)
             for _ in range(scene.contact.sweeps if scene.contact else 0):
                 assert touching is not None and scene.contact is not None
-                p = projected.project(scene.contact, touching, before, p, inverse_mass, surface_contacts, not cloth)  # type: ignore[arg-type]
+                p = projected.project(scene.contact, touching, before, p, inverse_mass, surface_contacts)  # type: ignore[arg-type]
             p = yield before, p
         v = np.where(free, (p - before) / h, 0.0)
         if scene.colliders:

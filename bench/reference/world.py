@@ -121,8 +121,7 @@ def simulate(
             if fluid:
                 now = fluid.correct(now)
             for _ in range(scene.contact.sweeps if surfaces else 0):  # type: ignore[union-attr]
-                of_bodies = scene.mesh is None
-                now = projected.project(scene.contact, touching, before, now, weight, surface_contacts, of_bodies)  # type: ignore[arg-type]
+                now = projected.project(scene.contact, touching, before, now, weight, surface_contacts)  # type: ignore[arg-type]
         if fluid:
             fluid.soak(drunk)  # before motions end their substeps, and predict the next ones
         places = []

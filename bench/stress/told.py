@@ -76,7 +76,12 @@ def print_hard(console: Console, summary: HardSummary) -> None:
     missed = {(row.case, row.backend): str(told) for row in rows if row.verdict == "pass"
               for told in row.checks if told.over_aim}  # fmt: skip
     for (case, backend), text in missed.items():
-        console.print(f"misses its aim: {case} on the {backend}: {text}", markup=False, soft_wrap=True, style="yellow")
+        console.print(
+            f"passed, but short of the target: {case} on the {backend}: {text}",
+            markup=False,
+            soft_wrap=True,
+            style="yellow",
+        )
     for text in disagreements(rows):
         console.print(f"backends differ, a bug of the lab: {text}", markup=False, soft_wrap=True, style="red")
     for text in rounding_differences(rows):

@@ -31,7 +31,6 @@ class HeldContacts:
         weights: np.ndarray,
         values: int = VALUES,
         surfaces: bool = False,
-        levers: bool = False,
     ):
         self.real, self.sweeps, self._bands = real, part.sweeps, threads
         self.weights = np.ascontiguousarray(weights, real)
@@ -41,9 +40,9 @@ class HeldContacts:
         self.values, self.found = np.zeros((most, values), real), np.zeros(masses, np.int32)
         self._links = (np.zeros(masses + 1, np.int32), np.zeros(threads, np.int64), np.zeros(3 * most, np.int32))
         rubs = part.static_friction > 0
-        forces = LEVERS if rubs and levers else FORCES
+        forces = LEVERS if rubs and surfaces else FORCES
         self._scratch = (np.zeros((masses, 3), real), np.zeros(masses, real), np.zeros((most, forces), real))
-        self._project = make_project(real, math, rubs, surfaces, levers)
+        self._project = make_project(real, math, rubs, surfaces)
         self.lost = 0
         self._empty = True
 

@@ -21,9 +21,10 @@ LEVERS = FORCES + 6  # and of surfaces that rub how it moves its triangle's seco
 
 
 def _make_now(compiler: Compiler, real: Any) -> SimpleNamespace:
-    """`shallower`, `turn`: what contacts of surfaces ask of where their triangle is now (surface_contact.py)."""
+    """`shallower`, `rubbed`: what contacts of surfaces ask of where their triangle is now (surface_contact.py)."""
     formulas = surface_contact.make(real, compiler.compiled)
-    still_deep, levers = formulas.still_deep, formulas.levers
+    still_deep, rub, load, split = formulas.still_deep, formulas.rub, formulas.load, formulas.split
+    first_weight = contact.make(real, compiler.compiled).first_weight
 
     @compiler.compiled
     def difference(points, a, b):
@@ -39,22 +40,32 @@ def _make_now(compiler: Compiler, real: Any) -> SimpleNamespace:
         )  # fmt: skip
 
     @compiler.compiled
-    def turn(slot, points, corners, r, forces):
+    def rubbed(slot, k, points, begin, corners, values, weights, loads, parameters, r, slid, forces):
         a, b, c = corners[slot, 0], corners[slot, 1], corners[slot, 2]
-        j = forces[slot, F_X], forces[slot, F_Y], forces[slot, F_Z]
-        second, third = levers(r, j, difference(points, a, b), difference(points, a, c))
+        s, t = values[slot, V_B], values[slot, V_C]
+        first = first_weight(s, t)
+        masses = (
+            weights[k] * loads[k], split(weights[a], load(first), loads[a]), split(weights[b], load(s), loads[b]),
+            split(weights[c], load(t), loads[c]),
+        )  # fmt: skip
+        j, second, third = rub(
+            (values[slot, V_NX], values[slot, V_NY], values[slot, V_NZ]), r, slid, forces[slot, F_DEPTH], (first, s, t),
+            masses, difference(points, a, b), difference(points, a, c), difference(begin, a, b), difference(begin, a, c),
+            parameters.static_friction, parameters.dynamic_friction,
+        )  # fmt: skip
         for axis in range(3):
+            forces[slot, F_X + axis] = j[axis]
             forces[slot, FORCES + axis], forces[slot, FORCES + 3 + axis] = second[axis], third[axis]
 
-    return SimpleNamespace(shallower=shallower, turn=turn)
+    return SimpleNamespace(shallower=shallower, rubbed=rubbed, load=load)
 
 
 def _make_contact(
-    compiler: Compiler, real: Any, formulas: SimpleNamespace, friction: bool, surfaces: bool, has_levers: bool
+    compiler: Compiler, real: Any, formulas: SimpleNamespace, friction: bool, surfaces: bool
 ) -> tuple[Any, Any]:
     """(depth_of, push), of one contact."""
     current, zero = _make_now(compiler, real), real(0)
-    shallower, turn = current.shallower, current.turn
+    shallower, rubbed_surfaces = current.shallower, current.rubbed
     dot, length, mixed, along = formulas.dot, formulas.length, formulas.mixed, formulas.along
     stiffness, inverse, slip = formulas.stiffness, formulas.inverse, formulas.slip
     correction, rubbed = formulas.correction, formulas.rubbed
@@ -84,22 +95,25 @@ def _make_contact(
         a, b, c = corners[slot, 0], corners[slot, 1], corners[slot, 2]
         s, t, depth = values[slot, V_B], values[slot, V_C], forces[slot, F_DEPTH]
         nx, ny, nz = values[slot, V_NX], values[slot, V_NY], values[slot, V_NZ]
+        if friction:
+            r = offset(points, k, a, b, c, s, t)
+            ox, oy, oz = offset(begin, k, a, b, c, s, t)
+            x, y, z = r[0] - ox, r[1] - oy, r[2] - oz  # how it slid in this substep, and along the normal
+            if surfaces:
+                rubbed_surfaces(
+                    slot, k, points, begin, corners, values, weights, loads, parameters, r, (x, y, z), forces
+                )
+                return
         scale = inverse(
             stiffness(weights[k], loads[k], weights[a], loads[a], weights[b], loads[b], weights[c], loads[c], s, t)
         )
         if friction:
-            x, y, z = offset(points, k, a, b, c, s, t)
-            r = x, y, z
-            ox, oy, oz = offset(begin, k, a, b, c, s, t)
-            x, y, z = x - ox, y - oy, z - oz  # how it slid in this substep, and along the normal
             toward = dot(nx, ny, nz, x, y, z)
             x, y, z = along(x, nx, toward), along(y, ny, toward), along(z, nz, toward)
             part = slip(length(x, y, z), depth, parameters.static_friction, parameters.dynamic_friction)
             forces[slot, F_X] = rubbed(depth, nx, part, x, scale)
             forces[slot, F_Y] = rubbed(depth, ny, part, y, scale)
             forces[slot, F_Z] = rubbed(depth, nz, part, z, scale)
-            if has_levers:
-                turn(slot, points, corners, r, forces)
         else:
             forces[slot, F_X] = correction(depth, nx, scale)
             forces[slot, F_Y] = correction(depth, ny, scale)
@@ -155,6 +169,7 @@ def _make_link(compiler: Compiler) -> Any:
 def _make_gather(compiler: Compiler, real: Any, formulas: SimpleNamespace, levered: bool) -> tuple[Any, Any]:
     """(gather, load_of), of one mass."""
     first_weight, taken, zero, one = formulas.first_weight, formulas.taken, real(0), real(1)
+    load_of_share = _make_now(compiler, real).load
 
     @compiler.compiled
     def share(values, place):
@@ -200,28 +215,23 @@ def _make_gather(compiler: Compiler, real: Any, formulas: SimpleNamespace, lever
                 load += one
         for place in range(starts[k], starts[k + 1]):
             if forces[links[place] // 3, F_DEPTH] > zero:
-                load += share(values, links[place])
+                part = share(values, links[place])
+                load += load_of_share(part) if levered else part
         return load
 
     return gather, load_of
 
 
 @cache
-def make_project(
-    real: Any, math: str, friction: bool, surfaces: bool = False, has_levers: bool = False
-) -> SimpleNamespace:
+def make_project(real: Any, math: str, friction: bool, surfaces: bool = False) -> SimpleNamespace:
     """`link_contacts` and `project_contacts`; arrays as cpu_backend/contact/self_contact.py makes them. `surfaces`: contacts
-    look at where their triangle is now; `has_levers`: and rub without a moment."""
-    words = ("friction" if friction else "smooth") + "_surfaces" * surfaces + "_levers" * has_levers
+    look at where their triangle is now, and rub without a moment."""
+    words = ("friction" if friction else "smooth") + "_surfaces" * surfaces
     variant = f"{np.dtype(real).name}_{math}_{words}"
     compiler = Compiler(variant, math)
     formulas, zero = contact.make(real, compiler.compiled), real(0)
-    (depth_of, push), shifted = (
-        _make_contact(compiler, real, formulas, friction, surfaces, has_levers),
-        formulas.shifted,
-    )
-    levered = friction and has_levers
-    gather, load_of = _make_gather(compiler, real, formulas, levered)
+    (depth_of, push), shifted = _make_contact(compiler, real, formulas, friction, surfaces), formulas.shifted
+    gather, load_of = _make_gather(compiler, real, formulas, friction and surfaces)
 
     def project_contacts(
         team, member, bands, sweeps, position, begin, found, corners, values, starts, links, weights, parameters, points,
@@ -249,7 +259,7 @@ def make_project(
                             push(slot, k, points, begin, corners, values, weights, loads, parameters, forces)
             for band in shares(team, member, bands):
                 for k in range(masses * band // bands, masses * (band + 1) // bands):
-                    if (levered or loads[k] > zero) and weights[k] > zero:  # levers also move corners of no weight
+                    if loads[k] > zero and weights[k] > zero:
                         i, j = k // columns, k % columns
                         x, y, z = gather(k, found, values, starts, links, forces)
                         position[0, i, j] = shifted(points[k, 0], weights[k], x)

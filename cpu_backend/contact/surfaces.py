@@ -10,7 +10,7 @@ from cpu_backend.contact.neighbours import Neighbours
 from cpu_backend.contact.self_contact import HeldContacts
 from cpu_backend.contact.surfaces_find import VALUES, make_find
 from model.contact.particle_parameters import G_REACH
-from model.contact.surface_parameters import TETRAHEDRA_MEET, Meeting, has_levers, neighbour_record
+from model.contact.surface_parameters import TETRAHEDRA_MEET, Meeting, neighbour_record
 from model.scene.scene import Scene
 
 AXES = 3
@@ -27,7 +27,7 @@ class SurfaceContacts(HeldContacts):
     def __init__(
         self, scene: Scene, real: Any, math: str, threads: int, weights: np.ndarray, meeting: Meeting = TETRAHEDRA_MEET
     ):
-        super().__init__(scene.contact, real, math, threads, weights, VALUES, surfaces=True, levers=has_levers(scene))
+        super().__init__(scene.contact, real, math, threads, weights, VALUES, surfaces=True)
         self._meeting, surface = meeting, meeting.surface(scene)
         self._vertices, self._body, count = surface.vertices, surface.body, len(surface.vertices)
         self._rest = np.ascontiguousarray(surface.rest, real)

@@ -38,7 +38,6 @@ class HeldContacts:
         weights: np.ndarray,
         stream: Any,
         surfaces: bool = False,
-        levers: bool = False,
     ):
         self._real, self._stream, self._sweeps = real, stream, part.sweeps
         masses = len(weights)
@@ -51,8 +50,8 @@ class HeldContacts:
         self._links, self._lost = self._integers(3 * most), self._new(np.zeros(1, np.int64))
         self._link_scan = Scan(masses, stream)
         rubs = part.static_friction > 0
-        self._turns = self._new(np.zeros(2 * SIZE * most if rubs and levers else 0, real))
-        self._project, self._of_masses = make_project(real, math, rubs, surfaces, levers), self._launch(masses)
+        self._turns = self._new(np.zeros(2 * SIZE * most if rubs and surfaces else 0, real))
+        self._project, self._of_masses = make_project(real, math, rubs, surfaces), self._launch(masses)
 
     def _new(self, array: np.ndarray) -> Any:
         return cuda.to_device(array, stream=self._stream)

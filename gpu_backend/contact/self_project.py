@@ -48,9 +48,9 @@ def _make_corners(real: Any, math: str) -> SimpleNamespace:
     return SimpleNamespace(held=held, offset=offset, share=share)
 
 
-def _link(real: Any, math: str) -> tuple[Any, ...]:
+def _link(real: Any, math: str, levered: bool) -> tuple[Any, ...]:
     """Which contacts a mass is a corner of, in one order, and what they load it with."""
-    corners_of, zero, one = _make_corners(real, math), real(0), real(1)
+    corners_of, load_of_share, zero, one = _make_corners(real, math), _make_now(real, math).load, real(0), real(1)
     held, share = corners_of.held, corners_of.share
 
     def fill_links(found, corners, cursors, links):
@@ -81,7 +81,8 @@ def _link(real: Any, math: str) -> tuple[Any, ...]:
                     load += one
             for entry in range(starts[k], starts[k] + counts[k]):
                 if load_quad(forces, links[entry] // 3)[3] > zero:
-                    load += share(weights, links[entry])
+                    part = share(weights, links[entry])
+                    load += load_of_share(part) if levered else part
             loads[k] = load
 
     return fill_links, sort_links, load_up
@@ -91,7 +92,8 @@ def _link(real: Any, math: str) -> tuple[Any, ...]:
 def _make_now(real: Any, math: str) -> SimpleNamespace:
     """As on the CPU."""
     device, f = cuda.jit(device=True, **kernel_options(math)), device_formulas(surface_contact.make, real, math)
-    still_deep, levers = f.still_deep, f.levers
+    still_deep, rub, load, split = f.still_deep, f.rub, f.load, f.split
+    first_weight = device_formulas(contact.make, real, math).first_weight
 
     @device
     def difference(points, a, b):
@@ -106,8 +108,17 @@ def _make_now(real: Any, math: str) -> SimpleNamespace:
         )  # fmt: skip
 
     @device
-    def turned(a, b, c, position, r, j):
-        return levers(r, j, difference(position, a, b), difference(position, a, c))
+    def rubbed(k, a, b, c, position, before, n, w, mass_weights, loads, parameters, r, slid, depth):
+        first = first_weight(w[0], w[1])
+        masses = (
+            mass_weights[k] * loads[k], split(mass_weights[a], load(first), loads[a]),
+            split(mass_weights[b], load(w[0]), loads[b]), split(mass_weights[c], load(w[1]), loads[c]),
+        )  # fmt: skip
+        return rub(
+            (n[0], n[1], n[2]), r, slid, depth, (first, w[0], w[1]), masses, difference(position, a, b),
+            difference(position, a, c), difference(before, a, b), difference(before, a, c), parameters.static_friction,
+            parameters.dynamic_friction,
+        )  # fmt: skip
 
     @device
     def lever(turns, place):
@@ -119,13 +130,13 @@ def _make_now(real: Any, math: str) -> SimpleNamespace:
         s = load_quad(turns, 2 * slot + corner - 1)
         return s[0], s[1], s[2]
 
-    return SimpleNamespace(shallower=shallower, turned=turned, lever=lever)
+    return SimpleNamespace(shallower=shallower, rubbed=rubbed, lever=lever, load=load)
 
 
-def _move(real: Any, math: str, friction: bool, surfaces: bool, has_levers: bool) -> tuple[Any, ...]:
+def _move(real: Any, math: str, friction: bool, surfaces: bool) -> tuple[Any, ...]:
     current = _make_now(real, math)
-    shallower, turned, lever = current.shallower, current.turned, current.lever
-    levered = friction and has_levers
+    shallower, rubbed_surfaces, lever = current.shallower, current.rubbed, current.lever
+    levered = friction and surfaces
     corners_of, f, zero = _make_corners(real, math), device_formulas(contact.make, real, math), real(0)
     held, offset, share = corners_of.held, corners_of.offset, corners_of.share
     dot, length, along, stiffness, inverse, slip = f.dot, f.length, f.along, f.stiffness, f.inverse, f.slip
@@ -158,34 +169,38 @@ def _move(real: Any, math: str, friction: bool, surfaces: bool, has_levers: bool
                 if depth > zero:
                     n, w = load_quad(normals, slot), load_quad(weights, slot)
                     a, b, c = corners[3 * slot], corners[3 * slot + 1], corners[3 * slot + 2]
-                    scale = inverse(stiffness(
-                        mass_weights[k], loads[k], mass_weights[a], loads[a], mass_weights[b], loads[b],
-                        mass_weights[c], loads[c], w[0], w[1],
-                    ))  # fmt: skip
                     if friction:
-                        x, y, z = offset(position, k, a, b, c, w[0], w[1])
-                        r = x, y, z
+                        r = offset(position, k, a, b, c, w[0], w[1])
                         ox, oy, oz = offset(before, k, a, b, c, w[0], w[1])
-                        x, y, z = x - ox, y - oy, z - oz
-                        toward = dot(n[0], n[1], n[2], x, y, z)
-                        x, y, z = along(x, n[0], toward), along(y, n[1], toward), along(z, n[2], toward)
-                        part = slip(length(x, y, z), depth, parameters.static_friction, parameters.dynamic_friction)
-                        x = rubbed(depth, n[0], part, x, scale)
-                        y = rubbed(depth, n[1], part, y, scale)
-                        z = rubbed(depth, n[2], part, z, scale)
-                        if has_levers:
-                            d, e = turned(a, b, c, position, r, (x, y, z))
-                            store_quad(turns, 2 * slot, d[0], d[1], d[2], zero)
-                            store_quad(turns, 2 * slot + 1, e[0], e[1], e[2], zero)
+                        x, y, z = r[0] - ox, r[1] - oy, r[2] - oz
+                    if levered:
+                        j, d, e = rubbed_surfaces(
+                            k, a, b, c, position, before, n, w, mass_weights, loads, parameters, r, (x, y, z), depth
+                        )
+                        x, y, z = j
+                        store_quad(turns, 2 * slot, d[0], d[1], d[2], zero)
+                        store_quad(turns, 2 * slot + 1, e[0], e[1], e[2], zero)
                     else:
-                        x, y, z = (
-                            correction(depth, n[0], scale), correction(depth, n[1], scale), correction(depth, n[2], scale)
-                        )  # fmt: skip
+                        scale = inverse(stiffness(
+                            mass_weights[k], loads[k], mass_weights[a], loads[a], mass_weights[b], loads[b],
+                            mass_weights[c], loads[c], w[0], w[1],
+                        ))  # fmt: skip
+                        if friction:
+                            toward = dot(n[0], n[1], n[2], x, y, z)
+                            x, y, z = along(x, n[0], toward), along(y, n[1], toward), along(z, n[2], toward)
+                            part = slip(length(x, y, z), depth, parameters.static_friction, parameters.dynamic_friction)
+                            x = rubbed(depth, n[0], part, x, scale)
+                            y = rubbed(depth, n[1], part, y, scale)
+                            z = rubbed(depth, n[2], part, z, scale)
+                        else:
+                            x, y, z = (
+                                correction(depth, n[0], scale), correction(depth, n[1], scale), correction(depth, n[2], scale)
+                            )  # fmt: skip
                     store_quad(forces, slot, x, y, z, depth)
 
     def gather(position, found, weights, starts, counts, links, mass_weights, loads, forces, turns):
         k = np.int64(cuda.grid(1))
-        if k < found.size and (levered or loads[k] > zero) and mass_weights[k] > zero:
+        if k < found.size and loads[k] > zero and mass_weights[k] > zero:
             x, y, z = zero, zero, zero
             first, last = held(found, k)
             for slot in range(first, last):
@@ -207,13 +222,11 @@ def _move(real: Any, math: str, friction: bool, surfaces: bool, has_levers: bool
 
 
 @cache
-def make_project(
-    real: Any, math: str, friction: bool, surfaces: bool = False, has_levers: bool = False
-) -> SimpleNamespace:
+def make_project(real: Any, math: str, friction: bool, surfaces: bool = False) -> SimpleNamespace:
     """The kernels `fill_links` and `sort_links` (once a substep), `deepen`, `load_up`, `push` and `gather` (each sweep).
     `surfaces`: as on the CPU; `turns`: where they rub, two quads a contact, else nothing."""
-    words = "_surfaces" * surfaces + "_levers" * has_levers
-    variant = f"contacts_{variant_name(real, math, f'friction_{int(friction)}')}{words}"
+    variant = f"contacts_{variant_name(real, math, f'friction_{int(friction)}')}{'_surfaces' * surfaces}"
+    levered = friction and surfaces
     return make_kernels(
-        (*_link(real, math), *_move(real, math, friction, surfaces, has_levers)), variant, **kernel_options(math)
+        (*_link(real, math, levered), *_move(real, math, friction, surfaces)), variant, **kernel_options(math)
     )

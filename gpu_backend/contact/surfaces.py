@@ -12,7 +12,8 @@ from gpu_backend.contact.self_contact import HeldContacts, contact_bytes
 from gpu_backend.contact.surfaces_find import make_find
 from gpu_backend.core.quads import SIZE
 from model.contact.particle_parameters import G_OWN, G_REACH
-from model.contact.surface_parameters import TETRAHEDRA_MEET, Meeting, has_levers, neighbour_record
+from model.contact.self_contact_parameters import MAX_CONTACTS
+from model.contact.surface_parameters import TETRAHEDRA_MEET, Meeting, neighbour_record
 from model.scene.scene import Scene
 
 
@@ -22,7 +23,9 @@ def surface_contact_bytes(scene: Scene, item: int, meeting: Meeting = TETRAHEDRA
     particles, vertices = len(surface.rest), len(surface.vertices)
     lists = 4 * (4 * len(surface.triangles) + 2 * vertices + len(surface.at_vertex.indices) + particles)
     own = neighbour_bytes(vertices, True, item) + SIZE * item * (vertices + particles)
-    return contact_bytes(particles, item) + own + lists
+    assert scene.contact is not None
+    levers = 2 * SIZE * item * MAX_CONTACTS * particles if scene.contact.static_friction > 0 else 0
+    return contact_bytes(particles, item) + levers + own + lists
 
 
 class SurfaceContacts(HeldContacts):
@@ -31,7 +34,7 @@ class SurfaceContacts(HeldContacts):
     def __init__(
         self, scene: Scene, real: Any, math: str, weights: np.ndarray, stream: Any, meeting: Meeting = TETRAHEDRA_MEET
     ):
-        super().__init__(scene.contact, real, math, weights, stream, surfaces=True, levers=has_levers(scene))
+        super().__init__(scene.contact, real, math, weights, stream, surfaces=True)
         self._meeting, surface = meeting, meeting.surface(scene)
         vertices, bodies = surface.vertices, len(surface.edge)
         self._vertices, self._body = self._new(vertices), self._new(surface.body)

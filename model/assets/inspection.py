@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -11,32 +11,41 @@ from typing import Any
 import numpy as np
 
 from model.core.errors import InputError, SoftlabError
+from model.core.waiting import report
 from model.geometry.arithmetic.ordered import norm, total
-from model.geometry.edges import NonManifold, edge_uses
+from model.geometry.edges import NonManifold, components, edge_uses
 from model.geometry.measures import triangle_areas
 from model.geometry.mending.holes import rims, width
-from model.geometry.mending.welding import many, welded, without_flat
+from model.geometry.mending.welding import many, welded
 from model.geometry.mesh import TriangleMesh, triangle_mesh
 from model.geometry.mesh_files import READERS as SURFACES
-from model.geometry.mesh_files import MeshArrays, read_arrays
+from model.geometry.mesh_files import read_arrays
 from model.geometry.solid import Solid, solid
 from model.geometry.tetrahedra.files import holds_tetrahedra, read_tetrahedra
 
 METRES = (".glb", ".gltf")  # formats whose unit is the metre
 LARGEST_IN_METRES, LARGEST_IN_CENTIMETRES, LARGEST_IN_MILLIMETRES = 20.0, 250.0, 20_000.0  # longest sides, guessed
 LARGEST_PART = 3.0  # longest side of an STL, which CAD programs write in mm, that is taken for metres
+LARGEST_IN_INCHES = 100.0  # longest side of an STL that may be in inches
+NOTHING = 1e-9  # of the area: rounding
+HALF = 0.5  # of the area: where less than it bounds a volume, a note says so
 FAR = 1e3  # sizes from the origin: float32 keeps 1e-4 of the size there
+BODIES = ("soft_body", "rigid_body", "tetrahedral_body", "distance_field")  # roles that need an inside
+INSPECTING = "inspecting the mesh"  # shown while it takes long
+FILLED = "with fill_holes"
 SURFACE_ROLES = ("cloth", "soft_body", "rigid_body", "tetrahedral_body", "tetrahedral_body_conforming", "mesh_collider",
                  "distance_field")  # fmt: skip
 
 
 @dataclass(frozen=True)
 class Inspection:
-    """A mesh file. Lengths in m: the file's unit times `scale`.
+    """A mesh file. Lengths in m: the file's unit times `scale`. Counts, sizes and area are those of all of its triangles.
 
-    `volume` [m^3]: None where the mesh encloses none; `widest_rim` [m]: the diagonal of the box around the widest rim;
-    `non_manifold_edges`: of more than two triangles; `unit`: a guess; `repairs`: sentences; `roles`: by name, "" where the
-    file fits, else the reason why not; `notes`: what to mind.
+    `volume` [m^3]: None where the mesh encloses none; `filled_volume` [m^3]: with all holes closed (`fill_holes = true`),
+    None where it has none, or no volume then either; `widest_rim` [m]: the diagonal of the box around the widest rim, 0 of
+    slits; `non_manifold_edges`: of more than two triangles; `unit`: a guess, and `unit_scale` [m] the scale that goes with
+    it, None where none can be guessed; `repairs`: sentences; `roles`: by name, "" where the file fits, else the reason why
+    not; `notes`: what to mind.
     """
 
     file: str
@@ -49,42 +58,73 @@ class Inspection:
     high: tuple[float, float, float]
     area: float
     volume: float | None
-    pieces: int | None
+    filled_volume: float | None
+    pieces: int
     rims: int
     widest_rim: float
     non_manifold_edges: int
     unit: str
+    unit_scale: float | None
     repairs: tuple[str, ...]
     roles: dict[str, str]
     notes: tuple[str, ...]
 
     def as_dict(self) -> dict[str, Any]:
-        """Return the fields for JSON: of each role whether it `fits` and the `reason` why not."""
+        """Return the fields for JSON: of each role whether it `fits` and the `reason` why not; which roles the file
+        `fits_with_fill_holes`."""
         roles = {name: {"fits": not reason, "reason": reason} for name, reason in self.roles.items()}
-        return asdict(self) | {"roles": roles}
+        return asdict(self) | {"roles": roles, "fits_with_fill_holes": self._filled()}
 
     def lines(self) -> list[str]:
         """Return what a user reads."""
         tetrahedra = f", {many(self.tetrahedra, 'tetrahedron', 'tetrahedra')}" if self.tetrahedra else ""
-        pieces = "" if self.pieces is None else f", {many(self.pieces, 'piece')}"
-        closed = "closed" if not self.rims else f"{many(self.rims, 'rim')}, the widest {self.widest_rim:.4g} m across"
+        widest = f"the widest {self.widest_rim:.4g} m across" if self.widest_rim else "slits without a width"
+        closed = f"{many(self.rims, 'rim')}, {widest}" if self.rims else "closed"
         fins = (
             f", {many(self.non_manifold_edges, 'edge')} of more than two triangles" if self.non_manifold_edges else ""
         )
         volume = "none" if self.volume is None else f"{self.volume:.6g} m^3"
         reasons: dict[str, list[str]] = {}
         for name, reason in self.roles.items():
+            if reason and name in self._filled():
+                reason = FILLED
             reasons.setdefault(reason, []).append(name.replace("_conforming", ' (tetrahedra = "conforming")'))
         return [
-            f"{many(self.vertices, 'vertex', 'vertices')}, {many(self.triangles, 'triangle')}{tetrahedra}{pieces}",
-            f"size {' x '.join(f'{x:.4g}' for x in self.size)} m, from ({_point(self.low)}) to ({_point(self.high)})",
+            f"{many(self.vertices, 'vertex', 'vertices')}, {many(self.triangles, 'triangle')}{tetrahedra}, "
+            f"{many(self.pieces, 'piece')}",
+            f"size {_size(self.size)}{self._guessed_size()}, from ({_point(self.low)}) to ({_point(self.high)})",
             f"area {self.area:.6g} m^2, volume {volume}; {closed}{fins}",
             f"unit: {self.unit}",
             *(f"note: {note}" for note in self.notes),
             *(f"repair: {repair}" for repair in self.repairs),
             *(f"fits {', '.join(names)}" for reason, names in reasons.items() if not reason),
-            *(f"does not fit {', '.join(names)}: {reason}" for reason, names in reasons.items() if reason),
+            *(
+                f"fits {', '.join(names)} with fill_holes = true, which closes {many(self.rims, 'hole')} (volume "
+                f"{self.filled_volume:.6g} m^3)"
+                for reason, names in reasons.items()
+                if reason == FILLED
+            ),
+            *(
+                f"does not fit {', '.join(names)}: {reason}"
+                for reason, names in reasons.items()
+                if reason not in ("", FILLED)
+            ),
         ]
+
+    def _filled(self) -> tuple[str, ...]:
+        """Return the roles that the file fits with its holes filled."""
+        return () if self.filled_volume is None else tuple(name for name in BODIES if self.roles[name])
+
+    def _guessed_size(self) -> str:
+        """Return what the size is with the scale that is guessed, where it is another one."""
+        if self.scale != 1 or self.unit_scale in (None, 1.0):
+            return ""
+        sides = tuple(side * self.unit_scale for side in self.size)
+        return f" as it is ({_size(sides)} with scale = {self.unit_scale:g})"
+
+
+def _size(sides: tuple[float, ...]) -> str:
+    return " x ".join(f"{side:.4g}" for side in sides) + " m"
 
 
 def _point(place: tuple[float, ...]) -> str:
@@ -100,28 +140,33 @@ def inspected(path: str | Path, scale: float = 1.0) -> Inspection:
     told = list(arrays.notes)
     roles = dict.fromkeys(SURFACE_ROLES, "")
     try:
-        _, welded_triangles = welded(arrays.position, arrays.triangles, told)
+        _, triangles = welded(arrays.position, arrays.triangles, told)
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
-    fins = int((edge_uses(len(arrays.position), welded_triangles)[1] > 2).sum())
+    report(INSPECTING, 0.2)
+    fins = int((edge_uses(len(arrays.position), triangles)[1] > 2).sum())
     mesh, roles["cloth"] = _tried(lambda: triangle_mesh(*arrays[:2], list(arrays.notes)))
     inner, reason = (mesh, roles["cloth"])
     if mesh is None:
         inner, reason = _tried(lambda: triangle_mesh(*arrays[:2], list(arrays.notes), inside=True))
-    body: Solid | None = None
+    report(INSPECTING, 0.5)
+    body, filled = None, None
     if inner is not None:
         body, reason = _tried(lambda: solid(inner, 0.0))
-    for name in ("soft_body", "rigid_body", "tetrahedral_body", "distance_field"):
-        roles[name] = reason
+        if body is None and inner.boundary_loops:
+            filled, without = _tried(lambda: solid(inner, 0.0, fill_holes=True))
+            reason = without or reason
+    roles |= dict.fromkeys(BODIES, reason)
     if importlib.util.find_spec("wildmeshing") is None:
         roles["tetrahedral_body_conforming"] = 'wildmeshing is not installed: pip install -e ".[tets]"'
     tetrahedra = 0
     if holds_tetrahedra(path):
         whole, roles["tetrahedral_body"] = _tried(lambda: read_tetrahedra(path, scale))
         tetrahedra = len(whole[0].tetrahedra) if whole else 0
-    shown = inner or mesh
-    repairs = body.told if body else shown.repairs if shown else tuple(told)
-    return _made(path, scale, arrays, shown, body, fins, tetrahedra, tuple(repairs), roles)
+    report(INSPECTING, 1.0)
+    repairs = body.told if body else inner.repairs if inner else tuple(told)
+    surface = mesh or (arrays.position, triangles)
+    return _made(path, scale, surface, inner, (body, filled), fins, tetrahedra, tuple(repairs), roles)
 
 
 def _tried(make: Callable[[], Any]) -> tuple[Any, str]:
@@ -135,28 +180,53 @@ def _tried(make: Callable[[], Any]) -> tuple[Any, str]:
 
 
 def _made(
-    path: Path, scale: float, arrays: MeshArrays, mesh: TriangleMesh | None, body: Solid | None, fins: int, tetrahedra: int,
-    repairs: tuple[str, ...], roles: dict[str, str],
+    path: Path, scale: float, surface: TriangleMesh | tuple[np.ndarray, np.ndarray], inner: TriangleMesh | None,
+    bodies: tuple[Solid | None, Solid | None], fins: int, tetrahedra: int, repairs: tuple[str, ...], roles: dict[str, str],
 ) -> Inspection:  # fmt: skip
-    position = arrays.position if mesh is None else mesh.position
-    triangles = without_flat(arrays.position, arrays.triangles, []) if mesh is None else mesh.triangles
-    loops = [] if mesh is None else rims(mesh.triangles, mesh.edges.boundary[mesh.edges.sides])
+    """`surface`: all triangles of the file; `inner`: those that bound a volume; `bodies`: without and with filled holes."""
+    position, triangles = surface if isinstance(surface, tuple) else (surface.position, surface.triangles)
     corners = position[np.unique(triangles)]
     low, high = corners.min(axis=0), corners.max(axis=0)
-    size = high - low
-    notes = []
-    middle = float(norm((low + high) / 2))
-    if middle > FAR * float(size.max()):
-        notes.append(
-            f"it lies {middle:.3g} m from its origin, {middle / float(size.max()):.3g} times its size: move it to the origin "
+    size, area = high - low, total(triangle_areas(position, triangles))
+    bounding = area if inner is None else total(triangle_areas(inner.position, inner.triangles))
+    mesh = inner if bounding > (1 - NOTHING) * area else None  # nothing was left out of it
+    pieces, loops = _connected(position, triangles, mesh)
+    points = position if mesh is None else mesh.position
+    widest = max((width(points, loop) for loop in loops), default=0.0)
+    guess, guessed_scale = guessed_unit(path, float(size.max()) / scale, scale)
+    volume, filled_volume = (None if body is None else body.volume for body in bodies)
+    return Inspection(
+        str(path), scale, len(corners), len(triangles), tetrahedra, _three(size), _three(low), _three(high), area, volume,
+        filled_volume, pieces, len(loops), widest, fins, guess,
+        guessed_scale, repairs, roles, tuple(_notes(low, high, bounding / area)),
+    )  # fmt: skip
+
+
+def _connected(position: np.ndarray, triangles: np.ndarray, mesh: TriangleMesh | None) -> tuple[int, list[np.ndarray]]:
+    """Return (pieces, rims: vertices of each) of `mesh`, or of triangles that are none, where rims that share a vertex are
+    one."""
+    if mesh is not None:
+        return mesh.pieces, rims(mesh.triangles, mesh.edges.boundary[mesh.edges.sides])
+    ends, uses = edge_uses(len(position), triangles)
+    label = components(len(position), ends[uses == 1])
+    vertices = np.unique(ends[uses == 1])
+    groups = [vertices[label[vertices] == one] for one in np.unique(label[vertices])]
+    return len(np.unique(components(len(position), ends)[triangles])), groups
+
+
+def _notes(low: np.ndarray, high: np.ndarray, bounding: float) -> Iterator[str]:
+    """Yield what to mind; `bounding`: fraction of the area that bounds a volume."""
+    middle, longest = float(norm((low + high) / 2)), float((high - low).max())
+    if middle > FAR * longest:
+        yield (
+            f"it lies {middle:.3g} m from its origin, {middle / longest:.3g} times its size: move it to the origin "
             "in the program that made it, or float32 loses its shape"
         )
-    return Inspection(
-        str(path), scale, len(corners), len(triangles), tetrahedra, _three(size), _three(low), _three(high),
-        total(triangle_areas(position, triangles)), body.volume if body else None, mesh.pieces if mesh else None, len(loops),
-        max((width(position, loop) for loop in loops), default=0.0), fins, unit(path, float(size.max()) / scale, scale),
-        repairs, roles, tuple(notes),
-    )  # fmt: skip
+    if bounding < HALF:
+        yield (
+            f"only {100 * bounding:.2g} % of its area bounds a volume, which is what a body would be made of: give the "
+            "sheets a thickness (Blender: Solidify), or make it a mesh_collider"
+        )
 
 
 def _three(vector: np.ndarray) -> tuple[float, float, float]:
@@ -168,28 +238,36 @@ def _of_tetrahedra(path: Path, scale: float) -> Inspection:
     """Return the inspection of a file of tetrahedra whose surface no other role reads."""
     mesh, told = read_tetrahedra(path, scale)
     surface = triangle_mesh(mesh.position, mesh.surface, inside=True)
-    arrays = MeshArrays(mesh.position, mesh.surface.astype(np.int64), told)
     roles = dict.fromkeys(
         SURFACE_ROLES, f"{path.suffix} is read as tetrahedra alone; convert it to .ply, .mesh or .msh"
     )
     roles["tetrahedral_body"] = ""
     body, _ = _tried(lambda: solid(surface, 0.0))
-    return _made(path, scale, arrays, surface, body, 0, len(mesh.tetrahedra), told, roles)
+    return _made(path, scale, surface, surface, (body, None), 0, len(mesh.tetrahedra), told, roles)
 
 
-def unit(path: Path, longest: float, scale: float) -> str:
-    """Return a guess of the file's unit by its longest side, in that unit: what people simulate is 1 mm to 20 m long."""
+def guessed_unit(path: Path, longest: float, scale: float) -> tuple[str, float | None]:
+    """Return a guess of the file's unit by its longest side, in that unit, and the scale [m] that goes with it: what people
+    simulate is 1 mm to 20 m long."""
     if scale != 1:
-        return f"given by the scale: {scale:g} m"
+        return f"given by the scale: {scale:g} m", scale
     suffix = path.suffix.lower()
-    if suffix in METRES:
-        return f"m, as {suffix} has it"
     lengths = f"the longest side is {longest:.4g}"
-    if longest <= (LARGEST_PART if suffix == ".stl" else LARGEST_IN_METRES):
-        small = "; if that is too small, give a scale" if longest < 1e-3 else ""
-        return f"probably m ({lengths}{small})"
-    if longest <= LARGEST_IN_CENTIMETRES and suffix != ".stl":
-        return f"probably cm ({lengths}): scale = 0.01; or mm: scale = 0.001"
+    if suffix in METRES:
+        large = f" ({lengths}; if that is too large, its program meant mm: scale = 0.001)"
+        return f"m, as {suffix} has it{large if longest > LARGEST_IN_METRES else ''}", 1.0
+    part = suffix == ".stl"
+    if longest < 1e-3:
+        return f"probably m ({lengths}; if that is too small, give a scale)", 1.0
+    if longest <= (LARGEST_PART if part else LARGEST_IN_METRES):
+        hint = f"; if it is a CAD part in mm: scale = 0.001{_inches(longest) if part else ''}" if longest >= 1 else ""
+        return f"probably m ({lengths}){hint}", 1.0
+    if longest <= LARGEST_IN_CENTIMETRES and not part:
+        return f"probably cm ({lengths}): scale = 0.01; or, as most CAD parts, mm: scale = 0.001", 0.01
     if longest <= LARGEST_IN_MILLIMETRES:
-        return f"probably mm ({lengths}): scale = 0.001"
-    return f"unknown ({lengths}): give the scale that makes it the size it has in m"
+        return f"probably mm ({lengths}): scale = 0.001{_inches(longest) if part else ''}", 1e-3
+    return f"unknown ({lengths}): give the scale that makes it the size it has in m", None
+
+
+def _inches(longest: float) -> str:
+    return ", or in inches: scale = 0.0254" if longest <= LARGEST_IN_INCHES else ""

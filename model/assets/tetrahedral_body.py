@@ -14,7 +14,7 @@ from model.geometry.mesh_files import check_vertices
 from model.geometry.solid import as_mesh, solid
 from model.geometry.tetrahedra.conforming import conforming_mesh
 from model.geometry.tetrahedra.embedding import Embedding
-from model.geometry.tetrahedra.fractions import mean_of_four
+from model.geometry.tetrahedra.fractions import MIN_STIFFNESS, mean_of_four
 from model.geometry.tetrahedra.mesh import TetrahedralMesh, check_density
 from model.geometry.tetrahedra.report import Report, report_of
 from model.geometry.tetrahedra.voxels import PerVoxel, edge_of, voxel_mesh
@@ -43,8 +43,9 @@ class CookedBody:
 
     @property
     def fraction(self) -> np.ndarray:
-        """(n,) float64: the volume of each tetrahedron's part within the surface over that of all of it."""
-        return mean_of_four(self.fractions)
+        """(n,) float64: the share of its stiffness that each tetrahedron has, the volume of its part within the surface over
+        that of all of it, at least MIN_STIFFNESS."""
+        return np.maximum(mean_of_four(self.fractions), MIN_STIFFNESS)
 
     @property
     def per_voxel(self) -> int:

@@ -75,15 +75,6 @@ class ContactSurface:
 _known: WeakKeyDictionary[TetrahedraSet, ContactSurface] = WeakKeyDictionary()
 
 
-def has_levers(scene: Scene) -> bool:
-    """True if friction between the surfaces of a scene takes back the angular momentum that it changes.
-
-    False where a cloth is among them: displacements of its light triangles' corners turned a box that lay on it, faster and
-    faster.
-    """
-    return scene.mesh is None
-
-
 def contact_surface(found: TetrahedraSet) -> ContactSurface:
     """Of all bodies, and the cloth. Kept with them."""
     if found not in _known:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from functools import cache
+from typing import Any
 
 import numpy as np
 
@@ -105,6 +106,16 @@ def rounded_record(scene: Scene, values: Mapping[str, float], fields: Mapping[st
     return record
 
 
+def require_held(name: str, part: Any, real: type) -> None:
+    """Raise SceneError for the first number of a scene's part that is too large for the arithmetic `real`."""
+    largest = float(np.finfo(real).max)
+    for field, value in part.model_dump().items():
+        numbers = value if isinstance(value, list | tuple) else [value]
+        if any(isinstance(number, float) and abs(number) > largest for number in numbers):
+            told = f"is more than {np.dtype(real).name} can hold ({largest:.2g}); use a smaller number, or float64"
+            raise SceneError(f"{name}.{field}", list(value) if isinstance(value, tuple) else value, told)
+
+
 def _oddest(scene: Scene, field: str, exact: float) -> tuple[str, object]:
     """(field, its value) that is to blame for a constant that cannot be held: `field`, from which it follows, or a mass or a
     density of the scene where one is farther from 1 in its unit, as constants follow from masses, too."""
@@ -113,7 +124,7 @@ def _oddest(scene: Scene, field: str, exact: float) -> tuple[str, object]:
     value = given.get(part, {}).get(key, exact)
     found = [(_decades(value), field, value)]
     for name, table in given.items():
-        for mass in ("mass", "density") if isinstance(table, dict) else ():
+        for mass in ("mass", "density", "spacing") if isinstance(table, dict) else ():
             one = table.get(mass)
             if isinstance(one, float) and one != 1.0:
                 found.append((_decades(one), f"{name}.{mass}", one))

@@ -51,7 +51,8 @@ def checked_arrays(state: State, shape: tuple[int, ...], precision: str) -> tupl
             odd = np.argwhere(~finite)
             value = f"{name} of particle {odd[0][0]} is {float(array[tuple(odd[0])]):g}"
             if np.isfinite(array[tuple(odd[0])]):
-                remedy = "see grid.spacing or a body's origin, or use float64"
+                origin = "a body's velocity or spin" if name == "velocity" else "grid.spacing or a body's origin"
+                remedy = f"see {origin}, or use float64"
                 raise InputError(f"{value}, more than {precision} can hold: {remedy}")
             raise InputError(f"{value}, not a finite number")
     inverse_mass = np.asarray(state.inverse_mass)

@@ -18,12 +18,12 @@ from model.formulas.lengths import make as make_lengths
 
 UPRIGHT = 0.99999  # cosine of n with the normal of the triangle, from which n holds wherever the vertex slides
 PAST = 1 / 16  # of a triangle beyond its edges, where what comes through its plane comes through a neighbour, or nearly
-OPERATIONS_LEVERS = 130
+SHARE = 0.25  # beside its weight, of a corner in what splits its particle's mass: levers act where the weight is 0, too
 
 
 def make(real, compiled=plain):
-    """`outward`, `kept_by`, in the arithmetic `real`. Vectors are three numbers."""
-    zero, behind = real(0), real(0.25)
+    """`outward`, `kept_by`, `load`, `split`, in the arithmetic `real`. Vectors are three numbers."""
+    zero, behind, share = real(0), real(0.25), real(SHARE)
     lengths = make_lengths(real, compiled)
     dot, cross, length = lengths.dot, lengths.cross, lengths.length
 
@@ -45,19 +45,31 @@ def make(real, compiled=plain):
         return False, rx / distance, ry / distance, rz / distance
 
     @compiled
+    def load(weight):
+        """Of a corner of this weight, where surfaces rub: its part in what its particle's mass is split by."""
+        return weight + share
+
+    @compiled
+    def split(weight, load, total):
+        """Inverse mass of the piece of a particle that has a load in one contact and the `total` in all."""
+        return weight * total / load
+
+    @compiled
     def kept_by(ratio, length):
         """A length of a contact, of a vertex that keeps `ratio` of what surfaces do."""
         return ratio * length
 
-    return SimpleNamespace(outward=outward, kept_by=kept_by, **vars(make_current(real, compiled)))
+    return SimpleNamespace(
+        outward=outward, kept_by=kept_by, load=load, split=split, **vars(make_current(real, compiled))
+    )
 
 
 def make_current(real, compiled=plain):
-    """`still_deep`, `levers`: of a contact where its four particles are now. Vectors are tuples of three numbers."""
+    """`still_deep`, `rub` and its parts: of a contact where its particles are now. Vectors are tuples of three numbers."""
     zero, one, upright, past = real(0), real(1), real(UPRIGHT), real(PAST)
     lengths, search = make_lengths(real, compiled), make_contact(real, compiled)
     dot, cross, length = lengths.dot, lengths.cross, lengths.length
-    nearest, away = search.nearest, search.away
+    nearest, away, inverse, slip = search.nearest, search.away, search.inverse, search.slip
 
     @compiled
     def along(a, b):
@@ -102,27 +114,91 @@ def make_current(real, compiled=plain):
         return min(depth, distance - length(x, y, z))
 
     @compiled
-    def levers(r, j, q, w):
-        """What corners two and three of a triangle (edges q, w) get beside their weights of the displacement j [m] of a
-        vertex that is r from its point (both of a weight of 1), so that nothing has a moment; corner one gets minus both.
+    def times(part, a):
+        return part * a[0], part * a[1], part * a[2]
 
-        With g_k the gradients of the weights and m the normal, e_k = (g_k . r) j - (m . r) (g_k . j) m: the e_k add up to 0
-        and sum x_k x e_k = r x j. Of j only what is across r has a moment. Where r is longer than the triangle is high, the
-        moment is left in part: levers would magnify j.
-        """
+    @compiled
+    def less(a, part, b):
+        """a - part b."""
+        return a[0] - part * b[0], a[1] - part * b[1], a[2] - part * b[2]
+
+    @compiled
+    def across(a, r):
+        """What of a is across r."""
+        squared = along(r, r)
+        return less(a, along(a, r) / squared if squared > zero else zero, r)
+
+    @compiled
+    def gradients(r, q, w):
+        """(g_2, g_3, lift): gradients [1/m] of the weights of corners two and three of a triangle with the edges q and w, and
+        the part of r along its normal [m]. Where r is longer than the triangle is high, the gradients are shortened: the
+        corners would magnify a force."""
         m = cross(q[0], q[1], q[2], w[0], w[1], w[2])
-        squared, reach = along(m, m), along(r, r)
+        squared = along(m, m)
         s = one / squared if squared > zero else zero
         b, c = cross(w[0], w[1], w[2], m[0], m[1], m[2]), cross(m[0], m[1], m[2], q[0], q[1], q[2])
-        t = along(j, r) / reach if reach > zero else zero
-        x, y, z = j[0] - t * r[0], j[1] - t * r[1], j[2] - t * r[2]
-        up, across = s * along(m, r), (x, y, z)
-        high = (s * s) * (reach * max(along(b, b), along(c, c)))
+        up, high = s * along(m, r), (s * s) * (along(r, r) * max(along(b, b), along(c, c)))
         s = s / sqrt(high) if high > one else s
-        rb, rc, jb, jc = s * along(b, r), s * along(c, r), up * (s * along(b, across)), up * (s * along(c, across))
+        return times(s, b), times(s, c), times(up, m)
+
+    @compiled
+    def levers(r, f, second, third, lift):
+        """Forces on corners two and three which, beside their weights of a force f that acts at r from the triangle's point,
+        have its moment; corner one gets minus both. `second`, `third`, `lift`: of `gradients`.
+
+        e_k = (g_k . r) f' - (g_k . f') lift, f' the part of f across r: the e_k add up to 0, and sum x_k x e_k = r x f.
+        """
+        x = across(f, r)
         return (
-            (rb * x - jb * m[0], rb * y - jb * m[1], rb * z - jb * m[2]),
-            (rc * x - jc * m[0], rc * y - jc * m[1], rc * z - jc * m[2]),
+            less(times(along(second, r), x), along(second, x), lift),
+            less(times(along(third, r), x), along(third, x), lift),
         )  # fmt: skip
 
-    return SimpleNamespace(still_deep=still_deep, levers=levers)
+    @compiled
+    def carried(r, d, e, second, third, lift):
+        """How a triangle moves what is r from its point, beside that point [m]: the transpose of `levers`. d, e: how far its
+        second and third corner went, beyond the first one."""
+        x, y = times(along(second, r), d), times(along(third, r), e)
+        sum_of = x[0] + y[0], x[1] + y[1], x[2] + y[2]
+        return across(less(less(sum_of, along(lift, d), second), along(lift, e), third), r)
+
+    @compiled
+    def rub(n, r, slid, depth, weights, masses, q, w, u, v, static_friction, dynamic_friction):
+        """(j, second, third): how far a contact moves its vertex, and levers on corners two and three, for a weight of 1.
+
+        `n`: the contact's normal; `r` from the triangle's point to the vertex, `slid`: how that changed in the substep [m];
+        `weights` of the corners; `masses`: inverse ones of the vertex and the corners, as split among contacts; `q`, `w`: the
+        triangle's edges, `u`, `v`: as they began.
+
+        First the normal impulse p = depth / sum b_k^2/m_k acts at the triangle's point. Then friction acts at the vertex, on
+        the slip there. A force f at the vertex gives -A_k f to corner k, A_k f = b_k f + lever k of f. The slip is the
+        transpose of that, s = d_0 - sum A_k^T d_k of the displacements d after the normal impulse, its tangential part. The
+        impulse -F s with F = part |s|^2/Y, Y = |s|^2/m_0 + sum |A_k s|^2/m_k, changes sum m d^2/2 by
+
+            -F |s|^2 + F^2 Y/2 = -part (1 - part/2) |s|^4/Y <= 0, as 0 <= part <= 1,
+
+        so that no contact gains energy by friction. Nor do all at once: a particle goes the mean way of its pieces, and the
+        energy of a mean is no more than the mean energy (R. Tonge et al., SIGGRAPH 2012, on splitting). `part` is 1 where
+        F |s| <= static_friction p, else Coulomb's: F |s| = dynamic_friction p.
+        """
+        a, b, c = weights
+        stiffness = masses[0] + ((a * a * masses[1] + b * b * masses[2]) + c * c * masses[3])
+        press = depth * inverse(stiffness)
+        second, third, lift = gradients(r, q, w)
+        first = masses[1] * a
+        d = less((q[0] - u[0], q[1] - u[1], q[2] - u[2]), (masses[2] * b - first) * press, n)
+        e = less((w[0] - v[0], w[1] - v[1], w[2] - v[2]), (masses[3] * c - first) * press, n)
+        s = less(slid, one, carried(r, d, e, second, third, lift))
+        s = less(s, along(n, s), n)
+        x, y = levers(r, s, second, third, lift)
+        fa = a * s[0] - (x[0] + y[0]), a * s[1] - (x[1] + y[1]), a * s[2] - (x[2] + y[2])
+        fb, fc = less(x, -b, s), less(y, -c, s)
+        squared = along(s, s)
+        yields = (masses[0] * squared + masses[1] * along(fa, fa)) + (
+            masses[2] * along(fb, fb) + masses[3] * along(fc, fc)
+        )
+        stops = squared * inverse(yields)
+        stops = stops * slip(stops * sqrt(squared), press, static_friction, dynamic_friction)
+        return less(times(press, n), stops, s), times(-stops, x), times(-stops, y)
+
+    return SimpleNamespace(still_deep=still_deep, gradients=gradients, levers=levers, rub=rub)

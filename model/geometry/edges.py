@@ -110,8 +110,8 @@ def _refuse_fins(places: np.ndarray, beside: np.ndarray, order: np.ndarray, low:
     raise NonManifold(
         f"{edges} more than two triangles (non-manifold), first the edge between vertices {low[side]} and {high[side]} "
         f"with {beside[beside > 2][0]}; a cloth needs two at most: leave the extra ones out, or split the mesh there into "
-        "sheets with vertices of their own, a little apart. rigid_body, soft_body, tetrahedral_body, distance_field and "
-        "mesh_collider take the file as it is"
+        "sheets with vertices of their own, a little apart. mesh_collider takes the file as it is; "
+        "rigid_body, soft_body, tetrahedral_body and distance_field do where it is closed, or with fill_holes = true"
     )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import fmod
 
 import numpy as np
 
@@ -39,7 +40,7 @@ def rotation_matrix(axis: np.ndarray, angle: float) -> np.ndarray:
 def turned_about(axis: Sequence[float], degrees: float) -> np.ndarray:
     """(3, 3) float64: the rotation about an `axis` of any length; by 0 degrees where it has none."""
     along = np.asarray(axis, dtype=np.float64)
-    return rotation_matrix(along / (float(norm(along)) or 1.0), np.radians(degrees))
+    return rotation_matrix(along / (float(norm(along)) or 1.0), np.radians(fmod(degrees, 360.0)))
 
 
 def _dots(a: np.ndarray, b: np.ndarray) -> np.ndarray:

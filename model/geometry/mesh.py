@@ -90,10 +90,10 @@ def triangle_mesh(
     told = list(repairs or [])
     place, triangles = welded(position, triangles, told)
     if inside and (edge_uses(len(position), triangles)[1] > 2).any():
-        source, triangles = bounding(position, triangles, told)
-        mesh = _finished(position[source], triangles, np.arange(len(source)), [])
+        source, points, triangles = bounding(position, triangles, told)
+        mesh = _finished(points, triangles, np.arange(len(points)), [])
         numbering = np.full(len(position), -1, dtype=np.int32)
-        numbering[source[::-1]] = mesh.numbering[::-1]  # of several the first
+        numbering[source[::-1]] = mesh.numbering[: len(source)][::-1]  # of several the first
         return replace(mesh, numbering=numbering[place], repairs=(*told, *mesh.repairs))
     return _finished(position, triangles, place, told)
 

@@ -26,6 +26,7 @@ from model.geometry.formats.ply import read_ply
 from model.geometry.formats.polygons import triangulated
 from model.geometry.formats.source import BYTES_PER_FILE_BYTE, read_bytes
 from model.geometry.formats.stl import read_stl
+from model.geometry.mending.welding import many
 
 LARGEST = 1e9  # m: products of four lengths, as in squared areas, stay inside float32
 MAX_VERTICES = 2**31 // 6  # indices of half edges are 32-bit
@@ -49,6 +50,11 @@ CONVERSIONS = {
     ".3mf": "python -c \"import trimesh; trimesh.load_mesh('FILE').export('part.stl')\" (pip install lxml networkx)",
     **dict.fromkeys((".vtk", ".vtu", ".vtp", ".med", ".inp", ".xdmf", ".meshb"),
                     "pip install meshio && meshio convert FILE part.ply"),
+    **dict.fromkeys((".xyz", ".pts", ".pcd", ".las", ".laz", ".e57"),
+                    "it is a cloud of points: make a surface of it (MeshLab: Screened Poisson) and export that"),
+    **dict.fromkeys((".3dxml", ".catpart", ".sldprt", ".sldasm", ".ipt", ".prt", ".f3d", ".fcstd", ".x_t", ".jt"),
+                    "open it in the CAD program that made it and export it as .stl or .step"),
+    **dict.fromkeys((".zae", ".ctm", ".xaml"), "open it in MeshLab or trimesh and export it as .ply"),
     **dict.fromkeys((".gz", ".zip", ".bz2", ".xz", ".7z"), "unpack it first"),
 }  # fmt: skip
 
@@ -96,7 +102,7 @@ def read_arrays(path: str | Path, scale: float = 1.0) -> MeshArrays:
 
 def _checked(faces: Faces, scale: float) -> MeshArrays:
     if not len(faces.sizes):
-        what = f"{len(faces.position)} points, but no triangle" if len(faces.position) else "no triangle"
+        what = f"{many(len(faces.position), 'point')}, but no triangle" if len(faces.position) else "no triangle"
         raise InputError(f"it holds {what}; a mesh needs faces: export it with them")
     with np.errstate(over="ignore"):
         position = faces.position * scale
@@ -113,14 +119,16 @@ def _checked(faces: Faces, scale: float) -> MeshArrays:
     notes = list(faces.notes)
     if len(triangles) > len(faces.sizes):
         notes.append(
-            f"faces of more than three corners were split: {len(faces.sizes)} faces, {len(triangles)} triangles"
+            f"faces of more than three corners were split: {many(len(faces.sizes), 'face')}, {len(triangles)} triangles"
         )
     if len(crossing):
         first = int(crossing[0])
-        many = "1 face crosses itself" if len(crossing) == 1 else f"{len(crossing)} faces cross themselves"
+        where = f"(first face {first}, counted from 0{_at(faces.face_line(first), '; ', '')})"
         notes.append(
-            f"{many} (first face {first}, counted from 0{_at(faces.face_line(first), '; ', '')}) and has no area of its "
-            "own: it was split from its first corner"
+            f"1 face crosses itself {where} and has no area of its own: it was split from its first corner"
+            if len(crossing) == 1
+            else f"{len(crossing)} faces cross themselves {where} and have no areas of their own: they were split from their "
+            "first corners"
         )
     return MeshArrays(position, triangles, tuple(notes))
 
@@ -137,17 +145,16 @@ def check_vertices(position: np.ndarray, line: Callable[[int], str] = lambda _: 
     wrong = ~np.isfinite(position).all(axis=1)
     if wrong.any():
         vertex, count = int(np.argmax(wrong)), int(wrong.sum())
-        many = "1 vertex" if count == 1 else f"{count} vertices"
         raise InputError(
-            f"{many} without finite coordinates, first vertex {vertex} (counted from 0{_at(line(vertex), '; ', '')}), "
-            f"{position[vertex].tolist()}; export the mesh again"
+            f"{many(count, 'vertex', 'vertices')} without finite coordinates, first vertex {vertex} (counted from "
+            f"0{_at(line(vertex), '; ', '')}), {position[vertex].tolist()}; export the mesh again"
         )
     size = np.abs(position).max(axis=1, initial=0.0)
     if (size > LARGEST).any():
         vertex = int(np.argmax(size))
         raise InputError(
-            f"a coordinate of {size[vertex]:.3g} m{_at(line(vertex))}; at most {LARGEST:g}: give a scale that turns the "
-            "file's unit to m"
+            f"a coordinate of {size[vertex]:.10g} m{_at(line(vertex))}; at most {LARGEST:g}: move the origin nearer "
+            "to 0, or give a scale that turns the file's unit to m"
         )
 
 

@@ -10,9 +10,12 @@ from typing import Any
 import numpy as np
 
 from model.core.errors import InputError
+from model.core.waiting import steps
 from model.geometry.arithmetic.ordered import norm
 
 MAX_PAIRS = 2**26  # kept together: 2 GiB
+FIRST_BLOCK = 1 << 10  # darts thrown together at first
+BLOCK = 1 << 16  # points looked at together
 SLACK = 1 + 2.0**-20  # of the radius that the tree is asked for: more than its rounding can differ from ours
 
 
@@ -69,33 +72,51 @@ def spread(candidates: np.ndarray, taken: np.ndarray, distance: float, urgency: 
     """(n,) int64, ascending: which of `candidates` (k, 3) to take so that none lies nearer than `distance` [m] to another or
     to `taken` (m, 3), and no other could be added.
 
-    Darts are thrown in a fixed random order, those of greater `urgency` (k,) first; in rounds, each that comes first among
-    what is near to it is taken and shuts out the rest (M. Luby, "A simple parallel algorithm for the maximal independent
-    set problem", SIAM J. Comput. 15 (1986)): the same as one after the other.
+    Darts are thrown in a fixed random order, those of greater `urgency` (k,) first. They are taken in blocks, each twice as
+    large as the last one: what lies near to a dart of an earlier block is shut out before its pairs are counted, so that
+    candidates far denser than `distance`, as of a fine mesh, cost little.
     """
-    free = np.ones(len(candidates), dtype=bool)
-    query, _, apart = pairs_within(candidates, taken, distance)
-    free[query[apart < distance]] = False
-    kept = np.flatnonzero(free)
-    first, second, apart = close_pairs(candidates[kept], distance)
+    left = np.flatnonzero(_apart(candidates, taken, distance))
+    late = np.zeros(len(left)) if urgency is None else -urgency[left]
+    left = left[np.lexsort((_scrambled(len(left)), late))]
+    chosen, size = [np.zeros(0, np.int64)], FIRST_BLOCK
+    while len(left):
+        block, left = left[:size], left[size:]
+        chosen.append(block[_first_ones(candidates[block], distance)])
+        left = left[_apart(candidates[left], candidates[chosen[-1]], distance)]
+        size *= 2
+    return np.sort(np.concatenate(chosen))
+
+
+def _apart(points: np.ndarray, taken: np.ndarray, distance: float) -> np.ndarray:
+    """(n,) bool: which of `points` (n, 3) lie at least `distance` [m] from each of `taken` (m, 3)."""
+    free = np.ones(len(points), dtype=bool)
+    begins = range(0, len(points), BLOCK)
+    for begin in steps(begins, len(begins), "particles"):
+        query, _, apart = pairs_within(points[begin : begin + BLOCK], taken, distance)
+        free[begin + query[apart < distance]] = False
+    return free
+
+
+def _first_ones(points: np.ndarray, distance: float) -> np.ndarray:
+    """(n,) bool: which of `points` (n, 3) are taken one after the other, each at least `distance` [m] from those before.
+
+    In rounds, each that comes first among what is near to it is taken and shuts out the rest (M. Luby, "A simple parallel
+    algorithm for the maximal independent set problem", SIAM J. Comput. 15 (1986)).
+    """
+    first, second, apart = close_pairs(points, distance)
     first, second = first[apart < distance], second[apart < distance]
-    order = np.lexsort((_scrambled(len(kept)), -(urgency[kept] if urgency is not None else np.zeros(len(kept)))))
-    rank = np.empty(len(kept), dtype=np.int64)
-    rank[order] = np.arange(len(kept))
-    chosen = np.zeros(len(kept), dtype=bool)
-    open_ = np.ones(len(kept), dtype=bool)
+    chosen = np.zeros(len(points), dtype=bool)
+    open_ = np.ones(len(points), dtype=bool)
     while open_.any():
-        ahead = np.full(len(kept), len(kept))
-        np.minimum.at(ahead, first, rank[second])
-        np.minimum.at(ahead, second, rank[first])
-        won = open_ & (rank < ahead)
+        won = open_.copy()
+        won[second] = False  # second comes after first
         chosen |= won
         open_ &= ~won
-        open_[first[won[second]]] = False
         open_[second[won[first]]] = False
-        left = open_[first] & open_[second]
-        first, second = first[left], second[left]
-    return kept[chosen]
+        stays = open_[first] & open_[second]
+        first, second = first[stays], second[stays]
+    return chosen
 
 
 def _scrambled(count: int) -> np.ndarray:

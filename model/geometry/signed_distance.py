@@ -118,12 +118,14 @@ def _squared(points: np.ndarray, corners: np.ndarray) -> np.ndarray:
     normal = _cross(edges[0], edges[1])
     size, least, best = _dot(normal, normal), np.inf, np.inf
     for start, edge in zip(starts, edges, strict=True):
-        part = np.clip(_dot(start, edge) / _dot(edge, edge), 0, 1)
+        length = _dot(edge, edge)
+        part = np.clip(_dot(start, edge) / np.where(length > 0, length, 1.0), 0, 1)
         way = start - part * edge
         best = np.minimum(best, _dot(way, way))
         least = np.minimum(least, _dot(normal, _cross(edge, start)))
     height = _dot(normal, starts[0])
-    found: np.ndarray = np.where((least >= 0) & (size > 0), height * height / size, best)
+    above = height * height / np.where(size > 0, size, 1.0)
+    found: np.ndarray = np.where((least >= 0) & (size > 0), above, best)
     return found
 
 

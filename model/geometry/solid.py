@@ -15,6 +15,7 @@ from model.geometry.arithmetic.ordered import dot, mean, total
 from model.geometry.edges import MeshEdges, NonManifold, components
 from model.geometry.measures import triangle_areas
 from model.geometry.mending.holes import caps, rims, width
+from model.geometry.mending.welding import many
 from model.geometry.mesh import TriangleMesh, triangle_mesh, with_triangles
 from model.geometry.voxels import winding_numbers
 
@@ -73,7 +74,8 @@ def _volumes(position: np.ndarray, triangles: np.ndarray) -> np.ndarray:
 
 
 def filled(mesh: TriangleMesh, widest: float, instead: str = CLOTH) -> TriangleMesh:
-    """Return the mesh with every hole closed, none of which may be wider than `widest` [m]. Raises InputError."""
+    """Return the mesh with every hole closed, none of which may be wider than `widest` [m]; slits without a width always.
+    Raises InputError."""
     edges = mesh.edges
     if not edges.boundary.any():
         return mesh
@@ -91,11 +93,10 @@ def filled(mesh: TriangleMesh, widest: float, instead: str = CLOTH) -> TriangleM
             f"it has no inside{limit}: {OTHERWISE}, or make it {instead}"
         )
     position, made = caps(mesh.position, mesh.triangles, loops)
-    one = len(loops) == 1
-    told = (
-        f"{len(loops)} hole{'' if one else 's'}, up to {across[worst]:.3g} m across, {'was' if one else 'were'} filled with "
-        f"{len(made)} triangle{'s' if len(made) > 1 else ''}"
-    )
+    hole = f"hole, up to {across[worst]:.3g} m across,", f"holes, up to {across[worst]:.3g} m across,"
+    slit = "slit without a width", "slits without a width"
+    were = "was" if len(loops) == 1 else "were"
+    told = f"{many(len(loops), *(hole if across[worst] else slit))} {were} filled with {many(len(made), 'triangle')}"
     try:
         return with_triangles(mesh, position, np.concatenate([mesh.triangles, made]), [*mesh.repairs, told])
     except NonManifold:

@@ -17,10 +17,10 @@ from model.core.errors import SceneError
 from model.core.integrators import damping_rate
 from model.core.own_forces import own_fields, own_names, own_values
 from model.core.parameters import PARAMETERS as GRID_PARAMETERS
-from model.core.parameters import rounded_record
+from model.core.parameters import require_held, rounded_record
 from model.formulas import cloth, motion
 from model.geometry.arithmetic.ordered import norm
-from model.scene.cloth import SURFACE_KINDS
+from model.scene.cloth import COLLIDER_KINDS, SURFACE_KINDS
 from model.scene.motion import motions_of_pins
 from model.scene.scene import Scene
 
@@ -161,7 +161,11 @@ def cloth_values(scene: Scene, substeps: int, poke: tuple[float, ...], clock: Cl
 
 
 def collider_rows(scene: Scene, real: type) -> np.ndarray:
-    """(colliders, COLLIDER_FIELDS) in the arithmetic `real`, in the order of `scene.colliders`; B_TREE is 0."""
+    """(colliders, COLLIDER_FIELDS) in the arithmetic `real`, in the order of `scene.colliders`; B_TREE is 0.
+    Raises SceneError for a number that the arithmetic cannot hold."""
+    for name, kind in scene.kinds.items():
+        if kind in COLLIDER_KINDS:
+            require_held(name, scene.parts[name], real)
     rows = np.zeros((len(scene.colliders), COLLIDER_FIELDS))
     for row, (kind, collider) in zip(rows, scene.colliders, strict=True):
         part = collider.model_dump()

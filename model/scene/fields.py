@@ -14,9 +14,10 @@ from model.scene.camera import CAMERA, CameraPart
 from model.scene.kinds import KINDS
 from model.scene.mesh_source import MeshSource
 from model.scene.parts import Part
+from model.scene.tank import TANK, Tank
 from model.scene.words import notes_of, suggestion
 
-TOLD = KINDS | {CAMERA: CameraPart, "shape": Shape}  # a shape is a field of a body or mesh, not a table of its own
+TOLD = KINDS | {TANK: Tank, CAMERA: CameraPart, "shape": Shape}  # a shape is a field of a body or mesh, no table
 REQUIRED = "(must be given)"
 WIDE = 2**31 - 1  # a bound that nobody meets: what an index or a seed can hold
 
@@ -105,7 +106,7 @@ def _leaves(annotation: Any) -> list[Any]:
 EXAMPLES = """
 ## Examples
 
-Two blocks of water over a floor, between two walls, in a plane; every other field has its default.
+Two blocks of water in a tank, in a plane; every other field has its default.
 
 ```toml
 title = "Two blocks of water"
@@ -117,20 +118,8 @@ size = [0.4, 0.6]           # m, from the origin
 rest_distance = 0.02        # m
 blocks = [{ origin = [0.8, 0.0], size = [0.2, 0.3] }]
 
-[floor]
-kind = "plane"
-thickness = 0.0
-
-[left]
-kind = "plane"
-normal = [1.0, 0.0, 0.0]
-thickness = 0.0
-
-[right]
-kind = "plane"
-point = [1.2, 0.0, 0.0]
-normal = [-1.0, 0.0, 0.0]
-thickness = 0.0
+[tank]
+size = [1.2, 1.0]           # m
 
 [gravity]
 
@@ -165,7 +154,7 @@ point = [0.0, -1.0, 0.0]
 [contact]
 ```
 
-A world, particles of four families: water, a rigid body of clusters, a body of tetrahedra and a cloth, in a vessel of planes.
+A world, particles of four families: water, a rigid body of clusters, a body of tetrahedra and a cloth, in a tank.
 
 ```toml
 title = "Water, a cloth, a brick and a jelly"
@@ -215,31 +204,8 @@ stiffness = 1e-4            # N m
 distance = 0.015            # m, between surfaces
 sweeps = 4
 
-[floor]
-kind = "plane"
-thickness = 0.0
-
-[left]
-kind = "plane"
-normal = [1.0, 0.0, 0.0]
-thickness = 0.0
-
-[right]
-kind = "plane"
-point = [0.5, 0.0, 0.0]
-normal = [-1.0, 0.0, 0.0]
-thickness = 0.0
-
-[back]
-kind = "plane"
-normal = [0.0, 0.0, 1.0]
-thickness = 0.0
-
-[front]
-kind = "plane"
-point = [0.0, 0.0, 0.3]
-normal = [0.0, 0.0, -1.0]
-thickness = 0.0
+[tank]                      # open at its top
+size = [0.5, 1.0, 0.3]      # m
 
 [gravity]
 
@@ -267,7 +233,7 @@ def document() -> str:
         "| grid, springs, damping, gravity, external, perturbation, manufactured, method | masses in a plane |",
         "| cloth, structural, shear, bending, wind, motion, fold, load, attachments, self_collision | masses in space |",
         "| mesh, volume | a cloth of triangles, and what fills a closed one |",
-        "| plane, sphere, capsule, box, mesh_collider, distance_field | what masses cannot enter |",
+        "| plane, tank, sphere, capsule, box, mesh_collider, distance_field | what masses cannot enter |",
         "| soft_body, soft_sheet, soft_lattice, rigid_body, contact | bodies; shape: the lab's own |",
         "| fluid, emitter, sink, domain, foam, wetting | fluids by particles, where they come from and end, a box whose "
         "sides repeat, spray and foam as points, a cloth that drinks |",

@@ -14,6 +14,7 @@ NARROWEST, WIDEST = 1.2, 4.0  # supports in rest distances: neighbours on the la
 WIDER = 1.001  # a cell's edge over the support: what rounding brings within reach lies in a cell beside
 SPEED_SHARE = 0.5  # supports that a particle moves in a substep at most
 REPEATED = 3  # cells that a side is long at least, where it repeats: cells around a particle are three different ones
+MOST_ALONG = 1e9  # particles along a side of a block: no memory holds more of one row
 Flat = tuple[Number, Number]
 Sides = tuple[Positive, Positive, Positive] | tuple[Positive, Positive]  # of a block, m
 AxisName = Literal["x", "y", "z"]
@@ -74,6 +75,11 @@ class Fluid(Part):
                 raise ValueError(f"{field}: {told}")
             if min(one.size) < self.rest_distance / 2:
                 raise ValueError(f"{field}: holds no particle; a side is half a rest distance long at least")
+            if max(one.size) / self.rest_distance > MOST_ALONG:
+                raise ValueError(
+                    f"{field}: holds more than {MOST_ALONG:g} particles along a side, {self.rest_distance:g} m apart; use a "
+                    "smaller one, or a larger rest_distance"
+                )
             if self.dimensions == 2 and len(one.origin) == 3 and one.origin[2] != 0:
                 raise ValueError("origin: must lie in the plane z = 0 in 2 dimensions")
             if self.dimensions == 3 and len(one.origin) != 3:

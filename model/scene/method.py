@@ -20,6 +20,7 @@ POSITION_BASED = ("xpbd", "pbd", "shape-matching")
 MAX_ROUNDS = 1_000_000  # over all constraints a step: seconds of the smallest sheet, and nothing can interrupt a step
 Rounds = Annotated[int, Field(ge=1, le=MAX_ROUNDS, strict=True)]
 MAX_REGION = 8  # a cluster of 17 x 17: larger ones are sums over a region's edges, not over its masses
+SHORTEST, LONGEST = 1e-150, 1e150  # s: steps whose squares float64 can hold
 
 
 class Method(Part):
@@ -72,6 +73,8 @@ class Method(Part):
             raise ValueError(
                 f"iterations: times {self.substeps} substeps they are more than {MAX_ROUNDS} a step; use fewer"
             )
+        if not SHORTEST <= self.dt / self.substeps <= self.dt <= LONGEST:
+            raise ValueError(f"dt: must make substeps of {SHORTEST:g} to {LONGEST:g} s; use dt = 0.01, for example")
         if self.scheme == "divergence-free" and self.tensile_correction:
             raise ValueError(
                 "tensile_correction: is for the schemes macklin and averaged; leave it out, or take one of them"

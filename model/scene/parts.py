@@ -125,6 +125,8 @@ class Elastic(Part):
         compliance = fields.get("compliance")
         if isinstance(compliance, bool) or not isinstance(compliance, int | float) or not 0 < compliance < math.inf:
             return fields
+        if 1 / compliance == math.inf:
+            raise ValueError("compliance: its inverse, the stiffness, is no finite number; use 0 or at least 1e-300")
         stiffness = fields.setdefault("stiffness", 1 / compliance)
         if isinstance(stiffness, int | float) and not math.isclose(stiffness, 1 / compliance, rel_tol=1e-9):
             raise ValueError(f"stiffness: must be 1 / compliance, {1 / compliance:g}; give one of them")

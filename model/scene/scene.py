@@ -20,7 +20,10 @@ from model.scene.method import FIELDS_OF_SOLVER, Method
 from model.scene.reader import scene_tables
 from model.scene.resting import take_resting_defaults
 from model.scene.scene_parts import SceneParts
+from model.scene.tank import TANK, Tank
 from model.scene.words import suggestion
+
+OWN_NAMES = KINDS | {TANK: Tank, CAMERA: CameraPart}  # what a table may be called without saying its kind
 
 
 class Scene(SceneParts):
@@ -59,6 +62,8 @@ class Scene(SceneParts):
             take_resting_defaults(self)
         if self.camera is not None:
             self.camera.check(self.dimensions)
+        for tank_name, tank in self.tanks.items():
+            tank.check(tank_name, self.dimensions)
 
     @classmethod
     def stored(cls, tables: Mapping[str, Any]) -> Scene:
@@ -89,10 +94,15 @@ class Scene(SceneParts):
             if not field or "." in field:
                 raise SceneError(path, value, f"the key {path!r} must be a dotted path, such as grid.rows or method.dt")
             kind = self.kinds.get(part_name, part_name)
-            if kind not in KINDS and kind != CAMERA:
-                names = [*self.kinds, *(name for name in (*KINDS, CAMERA) if name not in self.kinds)]
+            if part_name in self.tanks:
+                planes = ", ".join(name for name in self.kinds if name.startswith(f"{part_name}-"))
+                raise SceneError(
+                    path, value, f"the tank is read as its planes ({planes}); set their fields, or edit the file"
+                )
+            if kind not in OWN_NAMES:
+                names = [*self.kinds, *(name for name in OWN_NAMES if name not in self.kinds)]
                 raise SceneError(path, value, f"unknown part{suggestion(part_name, names)}; known: {', '.join(names)}")
-            known = (CameraPart if kind == CAMERA else KINDS[kind]).model_fields
+            known = OWN_NAMES[kind].model_fields
             if field not in known:
                 raise SceneError(path, value, f"unknown key{suggestion(field, known)}; known: {', '.join(known)}")
             table = tables.setdefault(part_name, {})
@@ -107,7 +117,7 @@ def _contradicted(kind: str, field: str, value: Any, table: Mapping[str, Any]) -
     """The fields of a part that no longer say anything once `field` gets a `value`: a solver has its own fields."""
     if kind == "method" and field == "solver" and isinstance(value, str) and value in FIELDS_OF_SOLVER:
         return [name for name in table if name not in FIELDS_OF_SOLVER[value]]
-    return [] if kind == CAMERA else list(KINDS[kind].contradicts.get(field, ()))
+    return list(OWN_NAMES[kind].contradicts.get(field, ()))
 
 
 def load_scene(name_or_path: str | Path) -> Scene:

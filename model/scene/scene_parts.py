@@ -49,6 +49,7 @@ from model.scene.parts import (
 )
 from model.scene.regions import Region
 from model.scene.self_collision import SelfCollision
+from model.scene.tank import TANK, Tank
 from model.scene.tetrahedra import TETRAHEDRAL_KINDS, Material, TetrahedralBody
 from model.scene.words import scene_error, suggestion
 from model.scene.xpbd import Attachments, Load
@@ -95,20 +96,26 @@ class SceneParts:
         self.parts: dict[str, Part] = {}
         self.kinds: dict[str, str] = {}
         self.camera: CameraPart | None = None
+        self.tanks: dict[str, Tank] = {}  # as written; what is simulated are their planes
         for part_name, table in tables.items():
             if not isinstance(table, Mapping):
-                if part_name in KINDS:
+                if part_name in KINDS or part_name == TANK:
                     raise SceneError(part_name, table, f"must be a table, such as [{part_name}]")
                 raise SceneError(
-                    part_name, table, f"unknown key; a scene has a title and tables: {', '.join((*KINDS, CAMERA))}"
+                    part_name,
+                    table,
+                    f"unknown key; a scene has a title and tables: {', '.join((*KINDS, TANK, CAMERA))}",
                 )
             fields = dict(table)
             kind = fields.pop("kind", part_name)
             if part_name == CAMERA and kind == CAMERA:
                 self.camera = _build_part(part_name, CameraPart, fields)
                 continue
+            if kind == TANK:
+                self._add_planes(part_name, _build_part(part_name, Tank, fields), tables)
+                continue
             if not isinstance(kind, str) or kind not in KINDS:
-                known = f"{suggestion(str(kind), KINDS)}; known kinds: {', '.join(KINDS)}"
+                known = f"{suggestion(str(kind), (*KINDS, TANK))}; known kinds: {', '.join((*KINDS, TANK))}"
                 if "kind" in table:
                     raise SceneError(f"{part_name}.kind", kind, f"unknown part{known}")
                 raise SceneError(
@@ -121,6 +128,18 @@ class SceneParts:
         """Give a part `fields` that its table does not state; `as_dict` leaves them out, so that they follow changes."""
         self.parts[part_name] = self.parts[part_name].model_copy(update=fields)
         self.derived[part_name] = self.derived.get(part_name, frozenset()) | frozenset(fields)
+
+    def _add_planes(self, name: str, tank: Tank, tables: Mapping[str, Any]) -> None:
+        """Read a tank as its planes. Raises SceneError where a table already has the name of one."""
+        self.tanks[name] = tank
+        kinds = {table.get("kind", key) for key, table in tables.items() if isinstance(table, Mapping)}
+        bodies = bool(kinds & {*BODY_KINDS, *TETRAHEDRAL_KINDS}) and "fluid" not in kinds
+        for plane, part in tank.planes(name, derives_thickness=bodies).items():
+            if plane in tables:
+                raise SceneError(
+                    plane, None, f"is also the name of a plane of the tank [{name}]; rename one of the tables"
+                )
+            self.parts[plane], self.kinds[plane] = part, "plane"
 
     def all_of(self, *kinds: str) -> dict[str, Any]:
         """The parts of these kinds by name, in the order of the file."""

@@ -37,11 +37,12 @@ def notes_of(part: type[Part]) -> dict[str, str]:
 
 
 def _kind_within(kind: type[Part], way: tuple[int | str, ...]) -> type[Part]:
-    """The kind of a part, of a table inside of it, or of one in a list of tables (whose number leads to no other kind)."""
+    """The kind of a part, of a table inside of it, or of one in a list of tables (whose number leads to no other kind);
+    a word, such as the `shape` of a sink, leads to none either."""
     for step in way:
         if isinstance(step, str):
             within = kind.model_fields[step].annotation
-            kind = next(choice for choice in (within, *get_args(within)) if hasattr(choice, "model_fields"))
+            kind = next((choice for choice in (within, *get_args(within)) if hasattr(choice, "model_fields")), kind)
     return kind
 
 

@@ -56,6 +56,6 @@ BODIES = replace(
     reference="bench.reference.shape_matching",
     reach=None,
     apart=bodies_apart,
-    unknown="no error can be told of bodies: clusters are their material, and have no converged reference; softlab bar holds "
-    "that material against closed forms, softlab throughput times bodies",
+    unknown="no error is available for shape-matching bodies: clusters are their material and have no converged reference; "
+    "softlab bar compares that material with closed forms, softlab throughput times bodies",
 )

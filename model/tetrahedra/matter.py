@@ -8,12 +8,17 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from model.core.errors import InputError, SceneError
+from model.geometry.arithmetic.ordered import total
 from model.geometry.tetrahedra.mesh import TetrahedralMesh
 from model.scene.regions import Region
 from model.scene.tetrahedra import Material, TetrahedralBody, lame_of
 from model.scene.words import suggestion
 from model.tetrahedra.masses import limited
 from model.tetrahedra.topology import neighbours
+
+WHOLE_RATIO = (
+    10.0  # of the volumes at two neighbouring vertices, at most, in a lattice of whole voxels of five tetrahedra
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,11 +41,20 @@ class Matter:
 
     def masses(self, mesh: TetrahedralMesh, fractions: np.ndarray, ratio: float | None = None) -> np.ndarray:
         """(vertices,) [kg]: a quarter of each tetrahedron at each of its corners (lumped), times the corner's fraction of it
-        (tetrahedra, 4) (model/geometry/tetrahedra/fractions.py); neighbours at most `ratio` apart."""
-        quarter = np.repeat(mesh.volumes * (self.density / 4), 4) * fractions.ravel()
-        count = len(mesh.position)
-        found = np.bincount(mesh.tetrahedra.ravel(), quarter, minlength=count)
-        return found if ratio is None else limited(found, neighbours(mesh.tetrahedra, count), ratio)
+        (tetrahedra, 4) (model/geometry/tetrahedra/fractions.py); neighbours at most `ratio` apart. Where voxels are cut, the
+        volumes of neighbouring vertices are at most WHOLE_RATIO apart; the body's mass stays."""
+        count, corners = len(mesh.position), mesh.tetrahedra.ravel()
+        volume = np.repeat(mesh.volumes / 4, 4) * fractions.ravel()
+        found = np.bincount(corners, np.repeat(self.density, 4) * volume, minlength=count)
+        cut = bool((fractions < 1).any())
+        if not cut and ratio is None:
+            return found
+        near = neighbours(mesh.tetrahedra, count)
+        if cut:
+            lumped = np.bincount(corners, volume, minlength=count)
+            shared = found * (limited(lumped, near, WHOLE_RATIO) / lumped)
+            found = shared * (total(found) / total(shared))
+        return found if ratio is None else limited(found, near, ratio)
 
 
 NAMES = tuple(field.name for field in fields(Matter))

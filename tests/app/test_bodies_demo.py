@@ -85,7 +85,7 @@ def test_arrows_go_to_the_neighbour_that_way_in_the_same_body(demo: Demo) -> Non
 def test_the_panel_counts_particles_clusters_and_bodies(demo: Demo) -> None:
     text = numbers_text(demo, 0.02, 0.01)
     assert f"{BODY_SET.particle_count} particles in {BODY_SET.clusters.count} clusters of 3 bodies" in text
-    assert "farthest from its goal" in text and "stiffness" not in text and "collider" not in text
+    assert "largest distance from goal" in text and "stiffness" not in text and "collider" not in text
     ball = {"kind": "sphere", "center": [9.0, 0.0, 0.0], "radius": 0.1}
     assert masses_text(beams_and_torus(**PLANE)).endswith("of 3 bodies, 1 collider")
     assert masses_text(beams_and_torus(**PLANE, ball=ball)).endswith("of 3 bodies, 2 colliders")

@@ -90,7 +90,7 @@ def test_looks_that_are_none_are_refused() -> None:
 def test_keys_of_fluids() -> None:
     text = keys_text(1200, "fluid", True)
     assert all(meaning in text for _, meaning in FLUID_KEYS) and all(name in text for name in COLOURINGS)
-    assert "turn" not in keys_text(1200, "fluid", False)
+    assert "rotate" not in keys_text(1200, "fluid", False)
 
 
 def test_colliders_of_a_plane_are_outlined_where_they_are() -> None:

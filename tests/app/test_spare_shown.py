@@ -60,10 +60,10 @@ def test_what_waits_has_no_energy_and_is_in_no_count() -> None:
     ].sum()
     assert raised == pytest.approx(9.81 * BODY_SET.clusters.mass[torus].sum() * height) and one.spare == 2
     weights = simulation.body.inverse_mass
-    assert masses_text(SPARE) == f"{masses_text(ALONE)} + 2 waiting" and masses_text(ALONE).endswith("of 3 bodies")
+    assert masses_text(SPARE) == f"{masses_text(ALONE)} + 2 inactive" and masses_text(ALONE).endswith("of 3 bodies")
     ring = ALONE.bodies["torus"].baked
     more = f"{COUNT + len(ring.position)} particles in {ALONE.body_set.clusters.count + ring.clusters.count} clusters"
-    assert masses_text(SPARE, weights) == f"{more} of 4 bodies + 1 waiting"
+    assert masses_text(SPARE, weights) == f"{more} of 4 bodies + 1 inactive"
     report = bodies_report(simulation)
     assert (report["bodies"], report["waiting"], report["waiting_particles"]) == (4, 1, len(ring.position))
     assert counts(SPARE) == replace(counts(ALONE), waiting=2, waiting_particles=2 * len(ring.position))
@@ -158,7 +158,7 @@ def demo() -> Iterator[Demo]:
 def test_a_key_drops_the_next_body_above_everything_and_another_takes_it_out(demo: Demo) -> None:
     before = demo.statistics
     demo.drop_body((0.0, 2.5, 1.0))
-    assert demo.message == "torus dropped: 4 bodies, 1 waiting"
+    assert demo.message == "torus dropped: 4 bodies, 1 inactive"
     torus = demo.position[BODY_SET.copies[3].particles]
     low, high = torus.min(axis=0), torus.max(axis=0)
     np.testing.assert_allclose((low + high)[[0, 2]] / 2, (0.0, 1.0), atol=1e-6)
@@ -166,12 +166,12 @@ def test_a_key_drops_the_next_body_above_everything_and_another_takes_it_out(dem
     assert demo.statistics.energy > before.energy and demo.statistics.bounds[4] == pytest.approx(high[1], abs=1e-5)
     demo.drop_body((0.0, 9.0, 0.0))
     demo.drop_body((0.0, 19.0, 0.0))
-    assert "torus.spare = 2" in demo.message and "X takes" in demo.message
+    assert "torus.spare = 2" in demo.message and "press X" in demo.message
     demo.remove_body()
-    assert demo.message.startswith("first select a body")
+    assert demo.message.startswith("select a body first")
     demo.take(BODY_SET.copies[3].first_particle, (0.0, 0.0, 0.0))
     demo.remove_body()
-    assert demo.message == "torus taken out: 4 bodies, 1 waiting"
+    assert demo.message == "torus removed: 4 bodies, 1 inactive"
     assert demo.hand.selected is None and demo.hand.held is None
     demo.frame()
     demo.restart()
@@ -194,7 +194,7 @@ def test_parts_take_turns() -> None:
 def test_without_spare_bodies_a_message_says_what_to_add() -> None:
     with Demo([ALONE], open_world=open_fake) as demo:
         demo.drop_body((0.0, 5.0, 0.0))
-        assert "spare = 5 in its [beam]" in demo.message
+        assert "set spare = 5 in [beam]" in demo.message
         demo.take(0, (0.0, 0.0, 0.0))
         demo.remove_body()
         assert "beam.spare" in demo.message and demo.hand.selected == 0
@@ -211,7 +211,7 @@ def test_what_waits_is_neither_picked_nor_selected(demo: Demo) -> None:
     assert demo.hand.held is not None and BODY_SET.body[demo.hand.held.particle] == 2
     mouse.release(1)
     demo.remove_body()
-    assert demo.message.startswith("torus taken out")
+    assert demo.message.startswith("torus removed")
     mouse.press(600.0, 450.0, 1)
     assert demo.hand.held is None
     mouse.release(1)
@@ -221,7 +221,7 @@ def test_what_waits_is_neither_picked_nor_selected(demo: Demo) -> None:
         demo.hand.selected = BODY_SET.copies[copy].first_particle
         demo.remove_body()
     demo.move_selection(0, 0)
-    assert demo.message == "no body is there" and demo.hand.selected is None
+    assert demo.message == "no active body to select" and demo.hand.selected is None
     demo.frame()
     assert not demo.frozen
 
@@ -236,18 +236,18 @@ def test_keys_of_the_window_drop_over_the_pointer_and_take_out(tmp_path: Path, d
         window.xdotool("mousemove", 300, 400)
         window.key("d")
         state = window.wait("a body", lambda state: state["waiting"] == 1)
-        assert state["message"] == "torus dropped: 4 bodies, 1 waiting"
+        assert state["message"] == "torus dropped: 4 bodies, 1 inactive"
         left, high = state["low"][0], state["high"][1]
         window.xdotool("mousemove", 900, 400)
         window.key("d")
         state = window.wait("another one", lambda state: state["waiting"] == 0)
         assert state["high"][1] > high and state["high"][0] > left + 1  # the other one, higher
         window.key("d")
-        window.wait("none is left", lambda state: "X takes" in state["message"])
+        window.wait("none is left", lambda state: "press X" in state["message"])
         window.grab(0)
         window.xdotool("mouseup", 1)
         window.key("x")
         state = window.wait("a body less", lambda state: state["waiting"] == 1)
-        assert state["message"] == "beam taken out: 4 bodies, 1 waiting" and state["selected"] is None
+        assert state["message"] == "beam removed: 4 bodies, 1 inactive" and state["selected"] is None
         window.key("r")
         window.wait("as at the start", lambda state: state["waiting"] == 2)

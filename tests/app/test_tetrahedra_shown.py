@@ -106,7 +106,7 @@ def test_the_state_goes_on_in_another_material(demo: Demo) -> None:
     demo.change_material("damping", 1)
     bar = demo.world.scene.tetrahedra["bar"]
     assert (bar.young_modulus, bar.damping) == (1.25e5, FIRST_DAMPING) and bar.poisson_ratio == pytest.approx(0.25)
-    assert demo.message == "damping 0.001 s, state carried over"
+    assert demo.message == "damping 0.001 s, state kept"
     after = demo.world.state()
     np.testing.assert_array_equal(after.position, before.position)
     np.testing.assert_array_equal(after.velocity, before.velocity)
@@ -122,7 +122,7 @@ def test_what_cannot_be_is_a_message(demo: Demo) -> None:
     grid = Scene({"grid": {"rows": 2, "columns": 2}, "springs": {}})
     with Demo([grid], threads="1") as other:
         other.change_material("damping", 1)
-        assert other.message == "there are no tetrahedra here"
+        assert other.message == "this scene has no tetrahedra"
 
 
 def test_keys_of_tetrahedra_are_told() -> None:
@@ -158,7 +158,7 @@ def test_a_picture_of_stress_has_its_legend(tmp_path: Path) -> None:
     assert title == "von Mises stress / kPa"
     assert most >= von_mises(scene().tetrahedra_set, BENT).max() / 1e3
     assert render_frame(scene(), BENT, tmp_path / "bar.png", 320, 240, look=("stress", "mesh")).exists()
-    with pytest.raises(InputError, match="is for tetrahedral bodies"):
+    with pytest.raises(InputError, match="applies to tetrahedral bodies"):
         render_frame(Scene({"grid": {"rows": 2, "columns": 2}, "springs": {}}), np.zeros((4, 2)), tmp_path / "g.png",
                      look=("stress",))  # fmt: skip
 
@@ -190,6 +190,6 @@ def test_window_keys_change_looks_and_material(tmp_path: Path, display: str) -> 
             ("greater", "damping 0.001 s"),
         ):
             window.key(key)
-            window.wait(message, lambda state, message=message: state["message"] == f"{message}, state carried over")
+            window.wait(message, lambda state, message=message: state["message"] == f"{message}, state kept")
         window.key("r")
         window.wait("a restart", lambda state: state["message"].startswith("restarted"))

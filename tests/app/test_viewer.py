@@ -86,7 +86,7 @@ def test_a_scene_without_springs_says_so() -> None:
     with Demo([Scene({"grid": GRID, "gravity": {}})]) as demo:
         demo.change_stiffness(1)
         demo.frame()
-        assert demo.message == "this scene has no springs that give" and demo.world.step == 10
+        assert demo.message == "this scene has no elastic springs" and demo.world.step == 10
 
 
 def test_pause_holds_the_state(demo: Demo) -> None:
@@ -249,7 +249,7 @@ def test_a_backend_that_is_there_takes_the_state() -> None:
         assert asked == ["cpu", "gpu"] and demo.backend == "gpu" and demo.gravity
         np.testing.assert_array_equal(demo.world.state().velocity, state.velocity)
         demo.cycle_threads()
-        assert "threads belong to the cpu" in demo.message
+        assert "threads apply to the cpu" in demo.message
         demo.switch_backend()
         assert demo.backend == "cpu"
 

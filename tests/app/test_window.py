@@ -84,7 +84,7 @@ def test_window_b_switches_or_names_the_remedy(fresh: Window) -> None:
     fresh.key("b")
     state = fresh.wait("an answer", lambda state: state["backend"] == "gpu" or "GPU" in state["message"])
     if state["backend"] == "gpu":
-        fresh.wait("the state carried over", lambda state: state["step"] > step)
+        fresh.wait("the state kept", lambda state: state["step"] > step)
         fresh.key("b")
     else:
         assert ";" in state["message"]  # what is missing; how to get it

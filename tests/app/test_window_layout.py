@@ -134,7 +134,7 @@ def test_the_key_goes_through_every_detail_and_costs_fall() -> None:
 @pytest.mark.parametrize("bodies", [False, True])
 def test_the_keys_of_space_name_the_detail_and_the_turn_once(bodies: bool) -> None:
     text = keys_text(600, "bodies" if bodies else "sheet", space=True)
-    assert text.count("fine, plain, quick picture") == 1 and text.count("turn (middle)") == 1
+    assert text.count("picture fine, plain, quick") == 1 and text.count("rotate (middle)") == 1
     assert "fine, plain" not in keys_text(600)
 
 
@@ -180,7 +180,7 @@ def test_the_look_changes_in_every_view() -> None:
     looks.next_detail()
     looks.toggle("particles")
     assert [(view.detail, view.particles) for view in looks.views] == [(DETAILS[1], True)] * 2
-    assert said == [f"plain picture: {DETAILS[1].meaning}", "particles behind the skin"]
+    assert said == [f"picture quality plain: {DETAILS[1].meaning}", "particles behind the skin"]
 
 
 # ---------------------------------------------------------------------- the ends of legends, and when nothing is drawn

@@ -193,8 +193,8 @@ def test_ctrl_c_is_answered_before_all_is_imported() -> None:
 @pytest.mark.parametrize(
     "line, told",
     [
-        ("run lab-grid --steps 1.5", "'--steps': must be a whole number"),
-        ("advise lab-grid --error abc", "'--error': must be a number"),
+        ("run lab-grid --steps 1.5", "--steps = '1.5': must be a whole number"),
+        ("advise lab-grid --error abc", "--error = 'abc': must be a number"),
         ("sweep --quick --min-ms -5", "--min-ms = -5.0: must be"),
         ("sweep --quick --size 0", "--size = 0: a grid has"),
     ],

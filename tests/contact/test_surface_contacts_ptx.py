@@ -36,7 +36,7 @@ def test_finding_holds_no_double(name: str, math: str) -> None:
 def test_projecting_knows_the_surfaces_record(name: str, math: str) -> None:
     from gpu_backend.contact.self_project import make_project
 
-    kernels = make_project(np.float32, math, True, surfaces=True, has_levers=True)
+    kernels = make_project(np.float32, math, True, surfaces=True)
     assert ".f64" not in ptx(getattr(kernels, name), PROJECT[name], np.float32, math)
 
 

@@ -150,7 +150,7 @@ def test_a_backend_that_is_missing_is_said() -> None:
     if gpu_available()[0]:
         pytest.skip("there is a GPU")
     (gpu,) = plan_report(grid(6, 6), backends=("gpu",)).backends
-    assert "none here" in gpu.device and not gpu.unmeasured
+    assert "none on this machine" in gpu.device and not gpu.unmeasured
     with pytest.raises(BackendUnavailable):
         plan_report(grid(6, 6), backends=("gpu",), measure=True)
 

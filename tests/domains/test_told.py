@@ -50,9 +50,9 @@ def test_bodies_are_owned_whole_and_send_nothing():
     assert [(s["first_body"], s["end_body"], s["particles"]) for s in shares] == [(0, 3, 942), (3, 5, 1118)]
     assert found.as_dict()["bytes_per_step"] == 0 and found.as_dict()["balance"] == pytest.approx(1030 / 1118)
     first, *owners, last = found.lines()
-    assert "body by body" in first and "nothing crosses" in first
-    assert owners[0] == "  GPU 0: owns bodies 0 to 2 (clay, putty, jelly), 942 particles (29.4 KiB a state)"
-    assert last == "  the heaviest share has 54.3 % of the particles: at most 1.84 times as fast as one"
+    assert "body by body" in first and "no data is exchanged" in first
+    assert owners[0] == "  GPU 0: owns bodies 0 to 2 (clay, putty, jelly), 942 particles (29.4 KiB per state)"
+    assert last == "  the largest part has 54.3 % of the particles: at most 1.84 times as fast as one"
 
 
 def test_slabs_say_what_they_own_hold_and_send():
@@ -76,10 +76,10 @@ def test_partitions_are_told_with_what_is_repeated_and_sent():
     assert told["repeated_particles"] == pytest.approx(72 / 189)
     assert told["bytes_per_step"] == 60 * told["bytes_per_exchange"] == 60 * 4 * 9 * 32
     first, *owners, repeated, sent, link = found.lines()
-    assert "by partitions of the mesh" in first and "60 times a step" in first
-    assert owners[1] == "  GPU 1: owns 99 particles, holds 135 and 280 of 400 tetrahedra"
+    assert "by partitions of the mesh" in first and "60 times per step" in first
+    assert owners[1] == "  GPU 1: owns 99 particles, stores 135 and 280 of 400 tetrahedra"
     assert "38.1 % of the particles" in repeated and "1.43 times as fast" in repeated
-    assert "67.5 KiB a step" in sent and "NVLink" in link
+    assert "67.5 KiB per step" in sent and "NVLink" in link
 
 
 def test_a_link_has_a_latency_and_a_bandwidth():

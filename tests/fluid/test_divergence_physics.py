@@ -15,13 +15,11 @@ FREE = {"method.scheme": "divergence-free"}
 
 @pytest.mark.parametrize("iterations", [5, 10])
 def test_a_column_at_rest_all_at_once(iterations: int) -> None:
-    """F1, with 8 substeps a sixtieth of a second and 120 Pa s, 5 iterations of each solve as well as 10. But for 10's largest
-    speed: layers go on giving way, one particle at a time, and rounding decides which. After 3 s, over viscosities a
-    thousandth apart, it is .5 to 1.1 % (of 5 iterations .2 to .6), and in exact math .8; later up to 1.5."""
+    """F1, with 8 substeps a sixtieth of a second and 120 Pa s, 5 iterations of each solve as well as 10."""
     found = column_at_rest(load_scene("column").replace(FREE | {"method.iterations": iterations}))
     assert abs(found["height"] - 1) < 0.01, found
     assert found["mean"] < 0.01 and found["largest"] < 0.03, found
-    assert found["speed"] < (0.01 if iterations == 5 else 0.02) and found["pressure"] < 0.03, found
+    assert found["speed"] < 0.01 and found["pressure"] < 0.03, found
 
 
 def test_density_error_falls_with_the_squares_of_iterations_and_substeps() -> None:
@@ -38,7 +36,7 @@ def test_density_error_falls_with_the_squares_of_iterations_and_substeps() -> No
 
 
 def test_the_front_of_a_dam_that_breaks() -> None:
-    """F2, shifted once in time: 5.8 % at the worst point, which is the first, 2.3 % on the mean."""
+    """F2, shifted once in time: 6.6 % at the worst point, which is the first, 3.3 % on the mean."""
     scene, a = dam(20, 0.5).replace(FREE), 0.05715
     time, front = [0.0], [1.0]
     with open_simulation(scene, **HOW) as simulation:
@@ -49,7 +47,7 @@ def test_the_front_of_a_dam_that_breaks() -> None:
     shifts = np.linspace(-0.3, 0.3, 121)
     errors = np.array([np.abs(np.interp(FRONT[:, 0] - shift, time, front) / FRONT[:, 1] - 1) for shift in shifts])
     best = errors[np.argmin(errors.max(axis=1))]
-    assert best.max() < 0.065 and best.mean() < 0.03, (best.max(), best.mean())
+    assert best.max() < 0.07 and best.mean() < 0.036, (best.max(), best.mean())
 
 
 def still(scene: Scene) -> tuple[float, float]:
@@ -64,11 +62,11 @@ def still(scene: Scene) -> tuple[float, float]:
 
 
 def test_vortices_slow_down_by_the_methods_own_viscosity() -> None:
-    """At 1 m/s in a box of 1 m about .009 m^2/s with particles 2 cm apart, .003 at 1 cm: it falls as their distance does, or
-    faster; and nothing makes energy."""
+    """At 1 m/s in a box of 1 m about .027 m^2/s with particles 2 cm apart, .0057 at 1 cm: it falls with the square of their
+    distance (within a factor of 1.3); and nothing makes energy."""
     scene = load_scene("taylor-green").replace(FREE | {"water.viscosity": 0.0})
     coarse = viscosity_of(scene)
-    assert 0.004 < coarse < 0.012
-    assert viscosity_of(scene.replace({"water.rest_distance": 0.01})) < coarse / 2 * 1.2
+    assert 0.016 < coarse < 0.034
+    assert viscosity_of(scene.replace({"water.rest_distance": 0.01})) < coarse / 4 * 1.3
     last, largest = still(scene)
-    assert 0.1 < last < 1 and largest < 1 + 1e-3
+    assert 0.02 < last < 1 and largest < 1 + 1e-3

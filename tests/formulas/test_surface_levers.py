@@ -1,4 +1,4 @@
-"""Whether what friction turns a triangle by can add kinetic energy, contact by contact, in the NumPy reference."""
+"""Friction of a vertex with a triangle that turns under it adds no kinetic energy, and takes no angular momentum."""
 
 from __future__ import annotations
 
@@ -9,42 +9,138 @@ import numpy as np
 import pytest
 
 from bench.reference.contact import self_contacts, surface_contacts
+from model.formulas import plain, surface_contact
+
+DISTANCE = 0.03  # m
+STATIC, DYNAMIC = 2.0, 1.5
 
 
-def gains(levers: bool, contacts: int = 1000) -> np.ndarray:
-    """(contacts,): what a projection adds to the kinetic energy of a vertex and a triangle that turns under it, at the
-    distance that is kept, over that energy before. Energies are those of displacements within a substep; the coefficient of
-    friction is 2."""
-    random, part, found = np.random.default_rng(0), SimpleNamespace(static_friction=2.0, dynamic_friction=1.5), []
-    part_of_surface: Any = part
-    for _ in range(contacts):
-        triangle, weights, distance = random.normal(0, 0.05, (3, 3)), random.dirichlet([1, 1, 1]), 0.03
-        normal = np.cross(triangle[1] - triangle[0], triangle[2] - triangle[0])
+def random_contact(random: np.random.Generator, number: int) -> SimpleNamespace:
+    """A vertex (first row) and a triangle; a third of them meet in a face, at an edge and at a corner each, where normals
+    lean."""
+    triangle, weights = random.normal(0, 0.05, (3, 3)), random.dirichlet([1, 1, 1])
+    normal = np.cross(triangle[1] - triangle[0], triangle[2] - triangle[0])
+    normal /= np.linalg.norm(normal)
+    if number % 3:
+        some = [weights[0] + weights[1], 0.0, weights[2]] if number % 3 == 1 else [1.0, 0.0, 0.0]
+        weights, normal = random.permutation(some), normal + random.normal(0, 0.5, 3)
         normal /= np.linalg.norm(normal)
-        before = np.vstack([weights @ triangle + distance * normal, triangle])
-        turn = random.normal(0, 1, 3) * 10 ** random.uniform(-2, -0.7)
-        ways = np.vstack([random.normal(0, 0.003, 3), np.cross(turn, triangle - triangle.mean(axis=0))])
-        mass = 10 ** random.uniform(-1, 1, 4)
-        contact = self_contacts.Found(
-            mass=np.array([0]), triangle=np.array([0]), corners=np.array([[1, 2, 3]]), weights=weights[None],
-            normal=normal[None], held=np.array([distance]), distance=np.array([distance]),
-        )  # fmt: skip
-        after = self_contacts.project(
-            part_of_surface, contact, before, before + ways, 1 / mass, surface_contacts, levers
+    before = np.vstack([weights @ triangle + DISTANCE * normal, triangle])
+    turn = random.normal(0, 1, 3) * 10 ** random.uniform(-2, -0.7)
+    ways = np.vstack([random.normal(0, 0.003, 3), np.cross(turn, triangle - triangle.mean(axis=0))])
+    inverse_mass = 10 ** random.uniform(-1, 1, 4)
+    if number % 5 == 0:
+        inverse_mass[random.integers(4)] = 0.0
+        ways[inverse_mass == 0] = 0.0
+    return SimpleNamespace(weights=weights, normal=normal, before=before, ways=ways, inverse_mass=inverse_mass)
+
+
+def energy(inverse_mass: np.ndarray, ways: np.ndarray) -> float:
+    """Sum of m d^2/2 of displacements, of what is not pinned."""
+    free = inverse_mass > 0
+    return 0.5 * float((ways[free].astype(float) ** 2).sum(axis=1) @ (1 / inverse_mass[free].astype(float)))
+
+
+def after_formula(real: Any, formulas: SimpleNamespace, of: SimpleNamespace) -> tuple[np.ndarray, np.ndarray]:
+    """((4, 3) displacements, (4, 3) forces, the vertex first) after the contact alone in the arithmetic `real`."""
+    b, n = of.weights.astype(real), of.normal.astype(real)
+    before, w = of.before.astype(real), of.inverse_mass.astype(real)
+    now = before + of.ways.astype(real)
+    r, slid = now[0] - b @ now[1:], (now[0] - b @ now[1:]) - (before[0] - b @ before[1:])
+    depth = real(DISTANCE) - n @ r
+    if not depth > 0:
+        return now - before, np.zeros((4, 3), real)
+    edges = [tuple(p[k] - p[1]) for p in (now, before) for k in (2, 3)]
+    j, second, third = (
+        np.array(force, real)
+        for force in formulas.rub(
+            tuple(n), tuple(r), tuple(slid), depth, tuple(b), tuple(w), *edges, real(STATIC), real(DYNAMIC)
         )
-        energies = [0.5 * float(mass @ (way**2).sum(axis=1)) for way in (ways, after - before)]
-        found.append(energies[1] / energies[0] - 1)
-    return np.array(found)
+    )
+    forces = np.stack([j, second + third - b[0] * j, -second - b[1] * j, -third - b[2] * j])
+    return now - before + w[:, None] * forces, forces
 
 
-def test_without_levers_no_contact_gains_energy() -> None:
-    assert gains(levers=False).max() < 1e-12
+def check_gains(real: Any, contacts: int) -> None:
+    random, formulas, gains = np.random.default_rng(0), surface_contact.make(real, plain), []
+    for number in range(contacts):
+        of = random_contact(random, number)
+        after, _ = after_formula(real, formulas, of)
+        gains.append(energy(of.inverse_mass, after) / energy(of.inverse_mass, of.ways) - 1)
+    assert max(gains) < 1e3 * float(np.finfo(real).eps)  # places are some 30 times as long as ways
+    assert np.mean(np.array(gains) < -0.01) > 0.3  # half of them touch
 
 
-@pytest.mark.xfail(
-    strict=True,
-    reason="friction is measured at the triangle's point and acts at the vertex: where the triangle turns, its work may be "
-    "positive",
-)
-def test_with_levers_no_contact_gains_energy() -> None:
-    assert gains(levers=True).max() < 1e-12
+@pytest.mark.parametrize("real", [np.float32, np.float64])
+def test_no_contact_gains_energy(real: Any) -> None:
+    """Beyond rounding, of any masses, pinned ones among them. (4 % did, up to 7 times what they had, when slip was measured
+    at the triangle's point.)"""
+    check_gains(real, 1000)
+
+
+@pytest.mark.parametrize("real", [np.float32, np.float64])
+def test_none_of_ten_thousand_contacts_gains_energy(real: Any) -> None:
+    check_gains(real, 10_000)
+
+
+def test_forces_have_no_moment_but_the_normal_ones() -> None:
+    """Forces add up to 0; their moment is that of the normal impulse at the triangle's point, where the vertex is no farther
+    off than the triangle is high."""
+    random, formulas, counted = np.random.default_rng(1), surface_contact.make(np.float64, plain), 0
+    for number in range(300):
+        of = random_contact(random, number)
+        _, forces = after_formula(np.float64, formulas, of)
+        size = float(np.abs(forces).max())
+        now = of.before + of.ways
+        second, third, _ = formulas.gradients((0.0, 0.0, 0.0), tuple(now[2] - now[1]), tuple(now[3] - now[1]))
+        r = now[0] - of.weights @ now[1:]
+        if size == 0 or np.linalg.norm(r) * max(np.linalg.norm(second), np.linalg.norm(third)) > 1:
+            continue
+        counted += 1
+        np.testing.assert_allclose(forces.sum(axis=0), 0, atol=1e-13 * size)
+        pressed = np.cross(r, (forces[0] @ of.normal) * of.normal)
+        np.testing.assert_allclose(np.cross(now, forces).sum(axis=0), pressed, atol=1e-13 * size)
+    assert counted > 50
+
+
+def test_a_contact_is_the_references() -> None:
+    random, formulas = np.random.default_rng(2), surface_contact.make(np.float64, plain)
+    part: Any = SimpleNamespace(static_friction=STATIC, dynamic_friction=DYNAMIC)
+    for number in range(300):
+        of = random_contact(random, number)
+        ways, _ = after_formula(np.float64, formulas, of)
+        contact = self_contacts.Found(
+            mass=np.array([0]), triangle=np.array([0]), corners=np.array([[1, 2, 3]]), weights=of.weights[None],
+            normal=of.normal[None], held=np.array([DISTANCE]), distance=np.array([DISTANCE]),
+        )  # fmt: skip
+        if number % 3 == 0:  # of a normal that leans the depth is another one
+            after = self_contacts.project(
+                part, contact, of.before, of.before + of.ways, of.inverse_mass, surface_contacts
+            )
+            np.testing.assert_allclose(after - of.before, ways, atol=1e-13)
+
+
+def test_contacts_that_share_particles_gain_no_energy() -> None:
+    """Two vertices and six triangles of the same few particles, projected at once, in the reference: as its bits are the
+    backends' (tests/contact)."""
+    part: Any = SimpleNamespace(static_friction=STATIC, dynamic_friction=DYNAMIC)
+    random, gains = np.random.default_rng(3), []
+    for _ in range(300):
+        corners = random.normal(0, 0.05, (4, 3)) * [1, 0.1, 1]
+        sides = np.array([[0, 1, 2], [0, 2, 3], [0, 1, 3]])
+        weights = random.dirichlet([0.5, 0.5, 0.5], 6)
+        weights[::2] = [1.0, 0.0, 0.0]
+        points = np.vstack([corners, corners.mean(axis=0) + np.array([[0, DISTANCE, 0], [0.01, DISTANCE, 0]])])
+        mass, triangles = np.repeat([4, 5], 3), np.tile(sides, (2, 1))
+        normal = np.tile([0.0, 1.0, 0.0], (6, 1))
+        start = points[mass] - np.einsum("nk,nkd->nd", weights, points[triangles])
+        contact = self_contacts.Found(
+            mass=mass, triangle=np.tile([0, 1, 2], 2), corners=triangles, weights=weights, normal=normal, held=start[:, 1],
+            distance=start[:, 1],
+        )  # fmt: skip
+        turn = random.normal(0, 1, 3) * 10 ** random.uniform(-2, -0.7)
+        ways = np.vstack([np.cross(turn, corners), random.normal(0, 0.003, (2, 3))])
+        inverse_mass = 10 ** random.uniform(-1, 1, 6)
+        after = self_contacts.project(part, contact, points, points + ways, inverse_mass, surface_contacts)
+        gains.append(energy(inverse_mass, after - points) / energy(inverse_mass, ways) - 1)
+    assert max(gains) < 1e-12 and min(gains) < -0.1

@@ -133,7 +133,7 @@ def test_polygons_are_split_and_that_is_said(tmp_path, name, faces):
     triangles = sum(len(face) - 2 for face in faces)
     assert len(mesh.triangles) == triangles
     assert mesh.repairs[0] == (
-        f"faces of more than three corners were split: {len(faces)} faces, {triangles} triangles"
+        f"faces of more than three corners were split: {len(faces)} face{'s' * (len(faces) > 1)}, {triangles} triangles"
     )
     area = (
         np.linalg.norm(np.cross(*(np.diff(mesh.position[mesh.triangles], axis=1).transpose(1, 0, 2))), axis=1).sum() / 2

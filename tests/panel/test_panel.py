@@ -100,7 +100,7 @@ def test_what_is_not_live_opens_the_world_anew_when_it_is_let_go() -> None:
         stage.let_go()
         world = stage.demo.world
         assert world is not before and world.step == 10 and world.scene.springs.rest_length > 1.5  # type: ignore[union-attr]
-        assert "state carried over" in stage.demo.message and stage.demo.generation == 1
+        assert "state kept" in stage.demo.message and stage.demo.generation == 1
         stage.demo.restart()
         assert stage.demo.world.scene.springs.rest_length == 1.0 and stage.demo.world.step == 0  # type: ignore[union-attr]
 
@@ -109,7 +109,7 @@ def test_other_masses_begin_at_the_start() -> None:
     with Stage(scene()) as stage:
         stage.demo.frame()
         assert stage.demo.set_field("grid.rows", 6) and len(stage.demo.position) == 24
-        assert stage.demo.world.step == 0 and "from the start" in stage.demo.message
+        assert stage.demo.world.step == 0 and "restarted because" in stage.demo.message
         stage.frames()
         assert not stage.demo.set_field("grid.rows", 0) and len(stage.demo.position) == 24, stage.demo.message
 
@@ -119,7 +119,7 @@ def test_the_material_of_tetrahedra_has_sliders() -> None:
         stage.drag("bar.young_modulus ", 0.5, 0.75)
         stage.let_go()
         assert stage.demo.world.scene.tetrahedra["bar"].young_modulus == pytest.approx(1e6, rel=0.2)
-        assert stage.demo.message.startswith("E ") and "state carried over" in stage.demo.message
+        assert stage.demo.message.startswith("E ") and "state kept" in stage.demo.message
         stage.type_into("bar.poisson_ratio ", "0.7")
         assert stage.demo.world.scene.tetrahedra["bar"].poisson_ratio == 0.45
         assert "poisson_ratio" in stage.demo.message
@@ -175,19 +175,19 @@ def test_every_section_is_laid_out_for_every_kind_of_scene(tables: dict[str, Any
         assert stage.demo.compare() and len(stage.demo.worlds) == 2
         stage.viewer.views = [stage.viewer.views[0]] * 2
         stage.frames()
-        assert "Change" in stage.state.places
+        assert "Changes apply to" in stage.state.places
 
 
 def test_two_settings_side_by_side() -> None:
     with Stage(scene()) as stage:
         stage.demo.frame()
-        stage.click("Compare: twice")
+        stage.click("Duplicate to compare")
         assert [world.step for world in stage.demo.worlds] == [10, 10] and stage.demo.alone and stage.demo.current == 1
         stage.drag("gravity.acceleration", 0.3, 0.0)
         stage.let_go()
         first, second = (world.scene.gravity.acceleration for world in stage.demo.worlds)  # type: ignore[union-attr]
         assert first == 9.81 and second < 0.5
-        stage.click("This one alone")
+        stage.click("Keep only this scene")
         assert len(stage.demo.worlds) == 1 and stage.demo.world.scene.gravity.acceleration == second  # type: ignore[union-attr]
 
 
@@ -197,7 +197,7 @@ def test_layers_and_colliders() -> None:
         stage.click("Colliders", 0.05)
         view = stage.viewer.views[0]
         assert view.lines and not view.colliders
-        stage.drag("Light turned", 0.5, 0.75)
+        stage.drag("Light rotation", 0.5, 0.75)
         stage.let_go()
         assert view.light == pytest.approx([0.6, 0.8, 0.0], abs=0.05)
         stage.click("picture quick")
@@ -255,14 +255,14 @@ def test_the_error_is_told_where_a_reference_knows_the_motion() -> None:
 
     with Stage(scene(), judge=judge) as stage:
         stage.demo.frame()
-        stage.click("Error now")
-        assert stage.state.error == "error 1.00e-03 of the spacing at 0.100 s" and len(judged) == 1
+        stage.click("Measure the error now")
+        assert stage.state.error == "error 1.00e-03 spacings at 0.100 s" and len(judged) == 1
         stage.drag("gravity.acceleration", 0.3, 0.5)
         stage.let_go()
-        stage.click("Error now")
+        stage.click("Measure the error now")
         assert "a setting was changed while it ran" in stage.state.error and len(judged) == 1
         stage.demo.restart()
-        stage.click("Error now")
+        stage.click("Measure the error now")
         assert len(judged) == 2
 
 

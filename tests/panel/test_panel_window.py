@@ -34,11 +34,11 @@ def test_a_dragged_slider_of_the_window_changes_gravity(tmp_path: Path, display:
         state = window.wait("gravity", lambda state: state["gravity"])
         fell = window.wait("a fall", lambda later: later["step"] > state["step"] + 100)
         assert fell["mean"][1] < state["mean"][1]
-        left, top, right, bottom = window.frames()["panel"]["Compare: twice"]
+        left, top, right, bottom = window.frames()["panel"]["Duplicate to compare"]
         window.xdotool("mousemove", (left + right) // 2, (top + bottom) // 2)
         window.frames()
         window.xdotool("click", 1)
-        both = window.wait("two worlds", lambda state: len(state["worlds"]) == 2)
+        both = window.wait("two worlds", lambda state: len(state.get("worlds", ())) == 2)
         assert both["alone"] and both["current"] == 1 and both["worlds"][0]["step"] == both["worlds"][1]["step"] > 0
         window.xdotool("mousemove", 600, 500)
         window.frames()

@@ -7,14 +7,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from closed_meshes import ball, blocks, box
+from closed_meshes import ball, blocks, both, box, volume_of, without_some
 from meshes import sheet
 from test_cli import command, refused  # noqa: F401
 from test_mesh import binary_stl, obj, write
 
 from app.command.command_line import waiting_shown
-from model.assets.inspection import SURFACE_ROLES, inspected, unit
+from model.assets.inspection import BODIES, SURFACE_ROLES, guessed_unit, inspected
+from model.assets.soft_body import RigidBody
+from model.core.errors import InputError
 from model.core.waiting import steps, waiting_watched
+from model.geometry.mesh import read_mesh
 from model.geometry.signed_distance import squared_distances
 from model.geometry.tetrahedra.voxels import voxel_mesh
 
@@ -33,8 +36,7 @@ def test_an_open_sheet_fits_cloth_and_colliders(tmp_path: Path) -> None:
     assert found.volume is None and found.rims == 1 and found.area == pytest.approx(8.0)
     assert found.widest_rim == pytest.approx(np.hypot(2.0, 4.0))
     assert not found.roles["cloth"] and not found.roles["mesh_collider"]
-    for role in ("soft_body", "rigid_body", "tetrahedral_body", "distance_field"):
-        assert "not closed" in found.roles[role] and "fill_holes = true" in found.roles[role]
+    assert all("holds no volume" in found.roles[role] for role in BODIES)
     assert found.unit == "given by the scale: 2 m"
 
 
@@ -45,6 +47,65 @@ def test_a_soup_fits_bodies_but_no_cloth(tmp_path: Path) -> None:
     assert "1 edge has more than two triangles" in found.roles["cloth"]
     assert not found.roles["soft_body"] and not found.roles["tetrahedral_body"] and not found.roles["distance_field"]
     assert any("winding numbers" in repair for repair in found.repairs)
+
+
+def test_a_scan_with_a_hole_fits_bodies_with_fill_holes(tmp_path: Path) -> None:
+    file = write(tmp_path, "scan.obj", obj(*without_some(ball(), 3)))
+    found = inspected(file)
+    assert found.volume is None and found.filled_volume == pytest.approx(volume_of(ball()), rel=0.02)
+    assert found.as_dict()["fits_with_fill_holes"] == BODIES
+    assert all("fill_holes = true" in found.roles[name] for name in BODIES)
+    lines = "\n".join(found.lines())
+    assert (
+        "fits soft_body, rigid_body, tetrahedral_body, distance_field with fill_holes = true, which closes 1 hole"
+        in lines
+    )
+    assert "does not fit soft_body" not in lines
+    assert RigidBody.from_mesh(read_mesh(file), particle_spacing=0.1, fill_holes=True).mass.sum() == pytest.approx(
+        1000 * found.filled_volume
+    )
+
+
+def test_a_flat_sheet_is_not_told_to_fill_its_holes(tmp_path: Path) -> None:
+    found = inspected(write(tmp_path, "sheet.obj", obj(*sheet(3, 5, 0.5))))
+    assert found.filled_volume is None
+    for name in BODIES:
+        assert "the mesh holds no volume" in found.roles[name] and "fill_holes" not in found.roles[name]
+
+
+def test_a_soup_is_shown_as_it_is_in_the_file(tmp_path: Path) -> None:
+    """A small cube on a large sheet with a fin: what bounds no volume counts, too."""
+    position, triangles = sheet(5, 5, 1.0)
+    fins = np.array([[2.0, -2.0, 3.0], [2.0, -2.0, -3.0]])
+    soup = np.concatenate([triangles, [[12, 13, 25], [12, 13, 26]]])
+    mesh = both((np.concatenate([position, fins]), soup), box((0.5, 0.5, 0.5), (9.0, 9.0, 9.0)))
+    found = inspected(write(tmp_path, "a.obj", obj(*mesh)))
+    area = (
+        float(
+            np.linalg.norm(np.cross(*(mesh[0][mesh[1][:, k]] - mesh[0][mesh[1][:, 0]] for k in (1, 2))), axis=1).sum()
+        )
+        / 2
+    )
+    assert (found.vertices, found.triangles, found.pieces) == (35, len(soup) + 12, 2)
+    assert found.area == pytest.approx(area) and found.size == pytest.approx(tuple(np.ptp(mesh[0], axis=0)))
+    assert found.volume == pytest.approx(0.125) and found.rims == 2
+    assert "of its area bounds a volume" in found.notes[0]
+
+
+def test_the_size_with_the_guessed_scale(tmp_path: Path) -> None:
+    found = inspected(write(tmp_path, "part.stl", binary_stl(*box((300.0, 200.0, 25.0)))))
+    assert "size 300 x 200 x 25 m as it is (0.3 x 0.2 x 0.025 m with scale = 0.001)" in found.lines()[1]
+    found = inspected(tmp_path / "part.stl", scale=0.001)
+    assert found.lines()[1].startswith("size 0.3 x 0.2 x 0.025 m, from")
+
+
+@pytest.mark.parametrize(
+    "name,words",
+    [("a.xyz", "cloud of points"), ("a.SLDPRT", "export it as .stl or .step"), ("a.ctm", "export it as .ply")],
+)
+def test_formats_of_other_programs_name_what_to_do(tmp_path: Path, name: str, words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        inspected(write(tmp_path, name, "1 2 3\n"))
 
 
 def test_tetrahedra(tmp_path: Path) -> None:
@@ -60,11 +121,16 @@ def test_tetrahedra(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "name,longest,words",
     [
+        ("a.obj", 0.15, r"probably m \(the longest side is 0.15\)$"),
         ("a.obj", 1.7, "probably m"),
-        ("a.obj", 170.0, "probably cm .*scale = 0.01; or mm: scale = 0.001"),
+        ("a.obj", 170.0, "probably cm .*scale = 0.01; or, as most CAD parts, mm: scale = 0.001"),
         ("a.obj", 1700.0, "probably mm .*scale = 0.001"),
         ("a.stl", 25.0, "probably mm .*scale = 0.001"),
-        ("a.glb", 25.0, "m, as .glb has it"),
+        ("a.stl", 2.5, "probably m .*in mm: scale = 0.001, or in inches: scale = 0.0254"),
+        ("a.stl", 7.25, "probably mm .*scale = 0.001, or in inches: scale = 0.0254"),
+        ("a.ply", 15.0, "probably m .*if it is a CAD part in mm: scale = 0.001"),
+        ("a.glb", 5.0, "m, as .glb has it$"),
+        ("a.glb", 254.0, "m, as .glb has it .*254; if that is too large, its program meant mm: scale = 0.001"),
         ("a.obj", 1e6, "unknown"),
         ("a.ply", 1e-4, "probably m .*if that is too small, give a scale"),
     ],
@@ -72,7 +138,7 @@ def test_tetrahedra(tmp_path: Path) -> None:
 def test_units_are_guessed(name: str, longest: float, words: str) -> None:
     import re
 
-    assert re.search(words, unit(Path(name), longest, 1.0))
+    assert re.search(words, guessed_unit(Path(name), longest, 1.0)[0])
 
 
 def test_far_from_its_origin(tmp_path: Path) -> None:

@@ -9,8 +9,10 @@ import numpy as np
 import pytest
 from closed_meshes import area_of, ball, box, volume_of
 
+from model.core import waiting
 from model.core.build import masses
 from model.core.errors import InputError, SceneError
+from model.geometry.formats import source
 from model.geometry.formats.polygons import ears, triangulated
 from model.geometry.measures import triangle_areas
 from model.geometry.mesh import read_mesh, triangle_mesh
@@ -261,7 +263,7 @@ def test_every_role_names_a_pointer(tmp_path: Path, role: str) -> None:
 REFUSED = {
     "empty.obj": ("", "is empty: it holds no triangle; export"),
     "blank.off": (" \n \n", "is empty: it holds no triangle; export"),
-    "one.obj": ("v 1 2 3\n", "1 points, but no triangle; a mesh needs faces: export it with them"),
+    "one.obj": ("v 1 2 3\n", "1 point, but no triangle; a mesh needs faces: export it with them"),
     "word.obj": (SQUARE + "v 1 x 2\nf 1 2 3\n", r"'x' is not a number \(line 5\)"),
     "comma.obj": (SQUARE + "v 1,5 0 2\nf 1 2 3\n", r"'1,5' is not a number; write decimals with a point \(line 5\)"),
     "real.obj": (SQUARE + "f 1 2 3.5\n", r"'3.5' is not a whole number \(line 5\)"),
@@ -427,3 +429,42 @@ def test_strips_of_ply(tmp_path: Path) -> None:
     text = head + "0 0 0\n1 0 0\n0 1 0\n1 1 0\n0 2 0\n1 2 0\n8 0 1 2 3 -1 2 3 4\n"
     _, triangles, _ = read_arrays(write(tmp_path, "a.ply", text))
     assert triangles.tolist() == [[0, 1, 2], [2, 1, 3], [2, 3, 4]]
+
+
+# ---------------------------------------------------------------------- long texts
+
+
+@pytest.mark.parametrize("name", ["a.obj", "a.stl", "a.ply", "a.off"])
+@pytest.mark.parametrize("mixed", [False, True])
+def test_long_texts_are_read_in_blocks_that_are_reported(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, mixed: bool
+) -> None:
+    """Of one line each: the same bits as at once; also where faces have three corners and four, and lines more numbers."""
+    position = np.array([[0.1, 0, 0], [1 / 3, 0, 1e-7], [1, 1.7, 0], [0, 1, 0.1], [2.5, 2, 0]])
+    faces = [[0, 1, 2, 3], [3, 2, 4]] if mixed and name != "a.stl" else [[0, 1, 2], [0, 2, 3], [3, 2, 4]]
+    rows = [" ".join(map(repr, point)) for point in position.tolist()]
+    lists = [" ".join(map(str, [len(face), *face])) + (" 7 7" if mixed else "") for face in faces]
+    text = {
+        "a.obj": "".join(f"v {row}\n" for row in rows)
+        + "".join("f " + " ".join(f"{k + 1}/1" for k in face) + "\n" for face in faces),
+        "a.stl": "solid a\n"
+        + "".join(
+            "facet normal 0 0 0\nouter loop\n" + "".join(f"vertex {rows[k]}\n" for k in face) + "endloop\nendfacet\n"
+            for face in faces
+        )
+        + "endsolid a\n",
+        "a.ply": "ply\nformat ascii 1.0\nelement vertex 5\nproperty double x\nproperty double y\nproperty double z\n"
+        f"element face {len(faces)}\nproperty list uchar int vertex_indices\nend_header\n" + "\n".join([*rows, *lists]),
+        "a.off": f"OFF 5 {len(faces)} 0\n" + "\n".join([*rows, *lists]),
+    }[name]
+    file = write(tmp_path, name, text)
+    whole = read_arrays(file)
+    seen: list[str] = []
+    monkeypatch.setattr(source, "LINES", 1)
+    monkeypatch.setattr(waiting, "INTERVAL", -1.0)
+    with waiting.waiting_watched(lambda label, _: seen.append(label)):
+        again = read_arrays(file)
+    assert set(seen) == {"reading the mesh"}
+    assert np.array_equal(whole.position, again.position) and np.array_equal(whole.triangles, again.triangles)
+    corners = whole.position[whole.triangles]
+    assert len(corners) == 3 and set(map(tuple, corners.reshape(-1, 3))) == set(map(tuple, position))

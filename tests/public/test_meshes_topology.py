@@ -15,6 +15,7 @@ from test_mesh import binary_stl, check_sound, obj, write
 from model.assets.cooked import cooked
 from model.assets.soft_body import RigidBody, SoftBody
 from model.core.errors import InputError, SceneError
+from model.geometry import neighbours
 from model.geometry.distance_field import DistanceField
 from model.geometry.edges import NonManifold, edge_uses
 from model.geometry.mending.hull import bounding
@@ -194,7 +195,7 @@ def test_sheets_that_enclose_nothing_are_told_so() -> None:
     mesh = triangle_mesh(position, [[0, 1, 2], [0, 1, 3], [0, 1, 4]], inside=True)
     with pytest.raises(InputError, match="not closed"):
         solid(mesh, 0.0)
-    source, triangles = bounding(position, np.array([[0, 1, 2], [0, 1, 3], [0, 1, 4]]), [])
+    source, _, triangles = bounding(position, np.array([[0, 1, 2], [0, 1, 3], [0, 1, 4]]), [])
     assert len(triangles) == 3 and source.max() == 4
 
 
@@ -305,3 +306,73 @@ def test_rims_of_many_edges_are_closed() -> None:
     triangles = np.concatenate([np.stack([low, after, high], 1), np.stack([high, after, 700 + after], 1)])
     body = solid(triangle_mesh(np.concatenate([ring, ring + np.array([0, 0, 1])]), triangles), 0.0, fill_holes=True)
     assert body.volume == pytest.approx(350 * np.sin(2 * np.pi / 700), rel=1e-12)
+
+
+# ---------------------------------------------------------------------- bodies that touch, and slits
+
+
+def prism(*corners: tuple[float, float]) -> Mesh:
+    """Between z = 0 and 1, over a triangle of these corners, counter-clockwise."""
+    position = np.array([(x, y, z) for z in (0.0, 1.0) for x, y in corners])
+    sides = [t for a, b in ((0, 1), (1, 2), (2, 0)) for t in ((a, b, b + 3), (a, b + 3, a + 3))]
+    return position, np.array([(0, 2, 1), (3, 4, 5), *sides])
+
+
+def test_an_edge_that_a_surface_passes_twice(tmp_path: Path) -> None:
+    """Blocks that touch along an edge and hang together beyond both of its ends, as gears of a CAD assembly."""
+    around = [(x, y, z) for z in (-1, 1) for x, y in ((0, 0), (1, 0), (1, 1))]
+    file = write(tmp_path, "a.obj", obj(*shared(blocks([(0, 0, 0), (1, 1, 0), *around]))))
+    body = solid(read_mesh(file, inside=True), 0.0)
+    assert body.volume == pytest.approx(8.0, rel=1e-12)
+    assert (edge_uses(len(body.position), body.triangles)[1] == 2).all()
+    for part in (RigidBody, SoftBody):
+        assert part.from_mesh(read_mesh(file, inside=True), particle_spacing=0.25).mass.sum() == pytest.approx(8000.0)
+    assert cooked(file, voxels=6, keep=False).report.hull_volume == pytest.approx(8.0)
+    assert DistanceField(file=str(file), spacing=0.1).field.distance.min() < -0.4
+
+
+@pytest.mark.parametrize("degrees", [30.0, 60.0, 90.0, 200.0])
+def test_bodies_that_share_an_edge(degrees: float) -> None:
+    """Two wedges of 60 degrees around it, the second one turned: into the first, against its side, or apart."""
+    one = prism((0, 0), (1, 0), (0.5, 0.75**0.5))
+    two = prism((0, 0), *((float(np.cos(a)), float(np.sin(a))) for a in np.radians([degrees, degrees + 60])))
+    mesh = triangle_mesh(*shared(both(one, two)), inside=True)
+    assert mesh.boundary_loops == 0
+    assert solid(mesh, 0.0).volume == pytest.approx(2 * volume_of(one), rel=1e-12)
+
+
+@pytest.mark.parametrize("scale", [1e-3, 1.0])
+def test_a_slit_without_a_width_is_closed(tmp_path: Path, scale: float) -> None:
+    """A vertex lies on a longer edge of a box, and a triangle without an area closes what is between them."""
+    position, triangles = box((1.0, 1.0, 1.0))
+    whole, (a, b, c) = triangles[1:], triangles[0]
+    middle = (position[a] + position[b]) / 2
+    torn = np.concatenate([whole, [[8, b, c], [a, 8, c], [a, b, 8]]])
+    file = write(tmp_path, "a.obj", obj(np.concatenate([position, middle[None]]), torn))
+    body = solid(read_mesh(file, scale, inside=True), 0.0)
+    assert body.volume == pytest.approx(scale**3, rel=1e-12)
+    assert body.told[-1] == "1 slit without a width was filled with 1 triangle"
+    spacing = 0.2 * scale
+    mass = RigidBody.from_mesh(read_mesh(file, scale, inside=True), particle_spacing=spacing).mass.sum()
+    assert mass == pytest.approx(1000 * scale**3)
+    report = cooked(file, voxels=5, keep=False, scale=scale).report
+    assert report.hull_volume == pytest.approx(scale**3)
+    field = DistanceField(file=str(file), scale=scale, spacing=0.1 * scale, thickness=0.05 * scale).field
+    assert np.isfinite(field.distance).all() and field.distance.min() == pytest.approx(-0.5 * scale, rel=0.2)
+    with pytest.raises(InputError, match=r"a hole, 1\.41"):
+        solid(triangle_mesh(position, whole), 0.0)
+
+
+def test_fine_meshes_make_coarse_bodies(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A turned part of 4 000 facets, each as long as the part, with room for a tenth of all pairs of places tried on it."""
+    monkeypatch.setattr(neighbours, "MAX_PAIRS", 1 << 20)
+    turn = np.linspace(0, 2 * np.pi, 4001)[:-1]
+    ring = np.stack([np.cos(turn), np.sin(turn)], axis=1)
+    position = np.concatenate(
+        [np.column_stack([ring, np.full(4000, z)]) for z in (0.0, 1.0)] + [[[0, 0, 0], [0, 0, 1]]]
+    )
+    a, b, bottom, top = np.arange(4000), (np.arange(4000) + 1) % 4000, np.full(4000, 8000), np.full(4000, 8001)
+    faces = [(a, b, b + 4000), (a, b + 4000, a + 4000), (bottom, b, a), (top, a + 4000, b + 4000)]
+    mesh = triangle_mesh(position, np.concatenate([np.stack(face, axis=1) for face in faces]))
+    body = RigidBody.from_mesh(mesh, particle_spacing=0.5)
+    assert len(body.mass) < 100 and body.mass.sum() == pytest.approx(1000 * np.pi, rel=1e-5)

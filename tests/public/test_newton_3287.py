@@ -73,13 +73,14 @@ def test_friction_of_an_impact_off_the_centre_keeps_the_angular_momentum() -> No
 
 
 def test_levers_have_the_moment_of_the_distance() -> None:
-    """Of any triangle, point and displacement: with them the corners' displacements add up to the vertex's, and have its
-    moment, to rounding, where the vertex is no farther off than the triangle is high."""
-    levers, random = surface_contact.make(np.float64).levers, np.random.default_rng(4)
+    """Of any triangle, point and force: with them the corners' forces add up to the vertex's, and have its moment, to
+    rounding, where the vertex is no farther off than the triangle is high."""
+    formulas, random = surface_contact.make(np.float64), np.random.default_rng(4)
     for _ in range(20):
         corners = np.array([[0.0, 0, 0], [1, 0, 0], [0.3, 1, 0]]) + random.normal(0, 0.1, (3, 3))
         weights, r, j = random.dirichlet((1.0, 1.0, 1.0)), random.normal(0, 0.15, 3), random.normal(size=3)
-        second, third = levers(tuple(r), tuple(j), tuple(corners[1] - corners[0]), tuple(corners[2] - corners[0]))
+        edges = tuple(corners[1] - corners[0]), tuple(corners[2] - corners[0])
+        second, third = formulas.levers(tuple(r), tuple(j), *formulas.gradients(tuple(r), *edges))
         each = weights[:, None] * j + np.stack([-np.add(second, third), second, third])
         np.testing.assert_allclose(each.sum(axis=0), j, atol=1e-14)
         moment = np.cross(weights @ corners + r, j)

@@ -134,7 +134,7 @@ def test_larger_than_memory(side):
 
 @pytest.mark.parametrize(
     "changes",
-    [{"grid.mass": 1e-300}, {"springs.stiffness": 1e300}, {"method.dt": 1e-200}, {"gravity.acceleration": 1e200}],
+    [{"grid.mass": 1e-300}, {"springs.stiffness": 1e300}, {"method.dt": 1e-100}, {"gravity.acceleration": 1e200}],
 )
 def test_values_that_the_precision_cannot_hold(changes):
     scene = load_scene("lab-grid").replace({"grid.rows": 3, "grid.columns": 3} | changes)

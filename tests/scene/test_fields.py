@@ -20,6 +20,7 @@ from model.scene.camera import CAMERA
 from model.scene.fields import REQUIRED, about, document, rows_of
 from model.scene.kinds import KINDS
 from model.scene.scene import Scene
+from model.scene.tank import TANK
 
 PAGE = Path(__file__).parents[2] / "docs" / "scene.md"
 
@@ -38,7 +39,7 @@ def test_every_word_for_pins_is_told() -> None:
 
 def test_every_kind_stands_in_the_table_of_what_it_is_for() -> None:
     rows = [line.split("|")[1] for line in document().splitlines() if line.startswith("| ") and line.count("|") == 3]
-    assert sorted(", ".join(rows[1:]).replace(" ", "").split(",")) == sorted([*KINDS, CAMERA])
+    assert sorted(", ".join(rows[1:]).replace(" ", "").split(",")) == sorted([*KINDS, TANK, CAMERA])
 
 
 def test_fields_bounds_and_units_are_the_parts() -> None:

@@ -117,7 +117,7 @@ def test_a_run_has_every_field_and_says_why_there_is_no_error(command: Any, bodi
         assert line in done.err
     assert report["waiting"] == report["waiting_particles"] == 0 and "waiting" not in command(f"run {bodies_file}").out
     table = command(f"run {bodies_file} --steps 3").out
-    assert "of the spacing, from its goal" in table and "no converged reference" in table
+    assert "spacings, distance from goal" in table and "no converged reference" in table
 
 
 @pytest.mark.usefixtures("falling")
@@ -132,7 +132,7 @@ def test_what_waits_is_counted_apart(command: Any, tmp_path: Path) -> None:  # n
     rate = BODY_SET.particle_count * report["steps"] / report["seconds"]
     assert report["particle_steps_per_second"] == pytest.approx(rate, rel=1e-12)
     table = command(f"run {file} --steps 3").out
-    assert f"{number(BODY_SET.particle_count)} + {number(2 * ring)} waiting" in table and "3 + 2 waiting" in table
+    assert f"{number(BODY_SET.particle_count)} + {number(2 * ring)} inactive" in table and "3 + 2 inactive" in table
 
 
 def test_each_body_is_told_of_once_for_all_its_copies() -> None:

@@ -32,9 +32,9 @@ def projection_text(projection: Projection, real: Any, math: str) -> str:
 
 
 @pytest.mark.parametrize("math", ["fast", "exact"])
-@pytest.mark.parametrize("material", MATERIALS)
-def test_float32_projections_hold_no_double_and_no_local_memory(material: str, math: str) -> None:
-    text = text_of(material, np.float32, math, DAMPED, ITERATED)
+@pytest.mark.parametrize("parts", [*((name,) for name in MATERIALS), (MATERIALS[0], BLOCKS)])
+def test_float32_projections_hold_no_double_and_no_local_memory(parts: tuple[str, ...], math: str) -> None:
+    text = text_of(parts[0], np.float32, math, DAMPED, ITERATED, *parts[1:])
     assert ".f64" not in text
     assert ".local" not in text and "call" not in text
 

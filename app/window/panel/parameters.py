@@ -26,14 +26,14 @@ MOST = {  # where a slider ends for which its own table knows no bound
 WHERE_NONE = {"s": 0.0125, "m": 0.025}  # a quarter of a slider's length, of what is 0 where it begins; else 0.25
 VECTOR = {"velocity": 20.0}  # to either side of 0
 WHY = {  # why a field is not live, by kind of table
-    "method": "the stages of a step are compiled for it",
-    "tetrahedral_body": "it is compiled into the constraints' tables",
-    "material": "it is compiled into the constraints' tables",
-    "foam": "what is drawn was made by it",
-    "wetting": "what drinks is chosen as a scene opens",
+    "method": "the step is compiled for this value",
+    "tetrahedral_body": "the constraint tables are built from it",
+    "material": "the constraint tables are built from it",
+    "foam": "the foam points were generated with it",
+    "wetting": "the absorbing particles are chosen when the scene opens",
 }
-MADE_OF = "masses and springs are made of it"
-WHY_OTHERS = "constants and tables are made of it"
+MADE_OF = "masses and springs are built from it"
+WHY_OTHERS = "constants and tables are built from it"
 SHAPES = ("grid", "cloth", "mesh", "soft_body", "soft_sheet", "soft_lattice", "rigid_body")
 
 

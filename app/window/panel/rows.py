@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from app.window.panel.look import Look
+from app.window.panel.scene_list import Entry, matching
 from app.window.panel.state import PanelState
 
-NAME = 126.0  # units: of the names' column
+NAME, TIP = 126.0, 300.0  # units: of the names' column, of the text of a tooltip
 
 
 class Rows:
@@ -60,14 +61,20 @@ class Rows:
         imgui.pop_style_color()
 
     def tip(self, text: str) -> None:
-        """What is told of the last thing, where the pointer rests on it."""
+        """Explain the last item while the pointer rests on it. The text lies left of the panel, over the scene: below the
+        pointer it would cover the next rows, where the result of a press appears."""
         imgui = self.imgui
-        if text and imgui.is_item_hovered(imgui.HoveredFlags_.for_tooltip):
-            imgui.begin_tooltip()
-            imgui.push_text_wrap_pos(300 * self.look.unit)
-            imgui.text_unformatted(text)
-            imgui.pop_text_wrap_pos()
-            imgui.end_tooltip()
+        if not text or not imgui.is_item_hovered(imgui.HoveredFlags_.for_tooltip):
+            return
+        edge, gap = imgui.get_window_pos().x - 24 * self.look.unit, 2 * imgui.get_style().window_padding.x
+        imgui.set_next_window_pos((edge, imgui.get_item_rect_min().y), 0, (1.0, 0.0))
+        imgui.begin_tooltip()
+        imgui.push_text_wrap_pos(max(min(TIP * self.look.unit, edge - gap), 60.0))
+        imgui.text_unformatted(text)
+        imgui.pop_text_wrap_pos()
+        low, size = imgui.get_window_pos(), imgui.get_window_size()
+        self.state.places["tooltip"] = low.x, low.y, low.x + size.x, low.y + size.y
+        imgui.end_tooltip()
 
     def name(self, name: str, tip: str = "") -> None:
         imgui = self.imgui
@@ -133,6 +140,41 @@ class Rows:
             imgui.end_combo()
         self.keep_place(name)
         return chosen if chosen != now else None
+
+    def scene_choice(
+        self, name: str, now: str, offer: Callable[[], Sequence[Entry]], tip: str = "", height: int = 16
+    ) -> str | None:
+        """A list of scenes with a search field, as wide as the column. `now`: the text of the closed list; `offer`: called
+        when the list opens. Returns the name of the chosen scene; Enter chooses the first one."""
+        imgui, state, chosen = self.imgui, self.state, None
+        imgui.set_next_item_width(-1)
+        imgui.set_next_window_size_constraints((0, 0), (1e4, height * imgui.get_frame_height_with_spacing()))
+        opened = imgui.begin_combo(f"##{name}", now)
+        if opened:
+            if imgui.is_window_appearing():
+                state.search, state.entries = "", list(offer())
+                imgui.set_keyboard_focus_here()
+            imgui.set_next_item_width(-1)
+            _, state.search = imgui.input_text_with_hint("##search", "search by title or name", state.search)
+            self.keep_place(f"{name} search")
+            found = matching(state.entries, state.search)
+            for entry in found:
+                pressed, _ = imgui.selectable(entry.label, False)
+                self.keep_place(f"{name} {entry.name}")
+                chosen = entry.name if pressed else chosen
+            if not found:
+                self.note(
+                    "no scene of this name can be shown here" if state.search else "no other scene can be shown here"
+                )
+            if state.search and found and imgui.is_key_pressed(imgui.Key.enter):
+                chosen = found[0].name
+            if chosen or state.cancels:
+                imgui.close_current_popup()
+            imgui.end_combo()
+        self.keep_place(name)
+        if not opened:
+            self.tip(tip)
+        return chosen
 
     def line(self, name: str, text: str, hint: str) -> str:
         """A line to type in, as it is now."""

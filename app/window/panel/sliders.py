@@ -173,7 +173,7 @@ class Sliders(Rows):
         a = 4.2 * unit
         corners = ((-a, 0.3 * a), (0.5 * a, -a), (0.6 * a, 0.7 * a))
         lines.add_triangle_filled(*((tip_x + right, tip_y + down) for right, down in corners), colour)
-        self.tip("back to what the scene says")
+        self.tip("Reset to the value of the scene file")
         return bool(pressed)
 
 
@@ -181,8 +181,11 @@ def _tip(one: Parameter) -> str:
     lines = [f"{one.path}{f': {one.note}' if one.note else ''}"]
     if one.kind in ("number", "whole") and one.high > one.low:
         lines.append(
-            f"slider {one.low:.4g} to {one.high:.4g} {one.unit}".rstrip() + "; Ctrl and a click: type a number"
+            f"Slider range {one.low:.4g} to {one.high:.4g} {UNITS.get(one.unit, one.unit)}".rstrip()
+            + ". Ctrl+click to type a number."
         )
     if not one.live:
-        lines.append(f"not live: {one.why}, so the world is opened anew when it is let go, with the state as it is")
+        lines.append(
+            f"Releasing the slider reopens the scene ({one.why}). The state is kept if the masses stay the same."
+        )
     return "\n".join(lines)

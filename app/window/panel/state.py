@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
 from app.window.panel.history import History
+from app.window.panel.scene_list import Entry
 
 T = TypeVar("T")
 
@@ -16,7 +17,8 @@ class PanelState:
     """`pending`: dotted path -> value of what is being changed and is given to the scene when it is let go; `history`: of
     energy and momentum; `error`: what was told of it last; `scene_file`, `state_file`: what is typed as the names of
     files; `places`: (left, top, right, bottom) [pixels] of what was laid out last, by name; `every`:
-    whether what can be opened is open at first; `cancels`: a list of words is to close."""
+    whether what can be opened is open at first; `cancels`: a list of words is to close; `search`: text typed in the open
+    list of scenes, `entries`: the scenes that it offers."""
 
     pending: dict[str, Any] = field(default_factory=dict)
     history: History = field(default_factory=History)
@@ -25,6 +27,8 @@ class PanelState:
     state_file: str = ""
     every: bool = False
     cancels: bool = False
+    search: str = ""
+    entries: list[Entry] = field(default_factory=list)
     places: dict[str, tuple[float, float, float, float]] = field(default_factory=dict)
     _kept: dict[str, tuple[tuple[object, ...], Any]] = field(default_factory=dict)
 

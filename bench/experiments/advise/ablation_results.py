@@ -26,7 +26,7 @@ PREFIX = "ablation_"
 CHANGE = "ablation_change"  # spacings: root mean square over the free masses, to the end of the full scene's own run
 SECONDS = "ablation_seconds"  # of wall time a simulated second, the least of the repeats
 SUSPECT = "ablation_suspect"
-NEEDED, NOT_NEEDED, UNTOLD, GAINS = "needed", "not needed", "cannot be told", "finer"  # verdicts, on what was spared
+NEEDED, NOT_NEEDED, UNTOLD, GAINS = "needed", "not needed", "unknown", "finer"  # verdicts, on what was spared
 REPLACED = {NEEDED: "not enough", NOT_NEEDED: "enough"}  # the same, on what stands in its place
 FINER_STEP = {GAINS: "more accurate", NOT_NEEDED: "gains nothing"}
 WIDE = 100  # columns of a terminal that has place for the reasons
@@ -115,14 +115,14 @@ class Ablated:
         if self.full.chaotic:
             broke = [row.name for row in self.rows if row.broke]
             text = (
-                f"{head}: what it needs cannot be told at {self.end:g} s, by when a disturbance has grown "
+                f"{head}: unknown what it needs at {self.end:g} s, because a perturbation has grown "
                 f"{self.full.growth:.1e} times (over {MAX_GROWTH:g}); ask for a shorter --time, or compare the statistics"
             )
             return text + (f"; it diverges {_listed(broke)}." if broke else ".")
         found = {PART: self._parts_words, INTEGRATOR: self._method_words, ARITHMETIC: self._method_words,
                  COARSER: self._step_words, FINER: self._step_words}  # fmt: skip
         told = [found[kind]([row for row in self.rows if row.kind == kind]) for kind in found if self._any(kind)]
-        own = f"{head}, by itself {self.full.error:.1e} spacings off at {self.end:g} s"
+        own = f"{head}, error {self.full.error:.1e} spacings at {self.end:g} s"
         return f"{own}: {'; '.join(filter(None, told)) or 'nothing was left out'}."
 
     def _any(self, kind: str) -> bool:
@@ -241,7 +241,7 @@ def _row(named: Mapping[str, Measure]) -> AblationRow:
 def print_ablation(console: Console, summary: AblationSummary) -> None:
     """A table for each backend, sorted by what is saved, and its sentence."""
     for found in summary.tables:
-        growth = f"a disturbance {growth_words(found.full.growth)} by then"
+        growth = f"a perturbation {growth_words(found.full.growth)} by then"
         console.print(
             f"{found.title}, on the {found.backend}, judged at {found.end:g} s; {growth}", markup=False, soft_wrap=True
         )

@@ -1,4 +1,4 @@
-"""What `softlab advise` answers: the soonest way to an error, the runner-up, and why others do not count."""
+"""What `softlab advise` answers: the fastest configuration for an error, the second, and why others were rejected."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ class Choice:
 @dataclass(frozen=True)
 class Advice:
     """The answer. `scene` as asked about, `error` [spacings] asked for at `time` [s]; `growth`: of a disturbance of 1e-9
-    up to then; `choices`: every configuration that reaches the error and was timed, soonest first; `beaten`: (method in
+    up to then; `choices`: every configuration that reaches the error and was timed, fastest first; `beaten`: (method in
     words, why it was not timed); `why`: why there is no answer, with what to do, None where there is one; `notes`: what
     to know beside it; `seconds` that the search took."""
 
@@ -81,7 +81,7 @@ class Advice:
 
     @property
     def runner_up(self) -> Choice | None:
-        """The next soonest."""
+        """The second fastest."""
         return self.choices[1] if len(self.choices) > 1 else None
 
     def configured(self) -> Scene:
@@ -102,9 +102,9 @@ class Advice:
         assert best is not None
         return "\n".join(
             [
-                f"Written by softlab advise: the soonest way to {self.error:g} spacings of error at {self.time:g} s.",
-                f"There its error is {best.error:.2e}; its dt is {best.share:.0%} of the stability limit {best.limit:.6g} s.",
-                f"Backend {best.backend}, {best.precision}, {1e3 * best.seconds:.3g} ms of wall time a simulated second.",
+                f"Written by softlab advise: fastest with an error of {self.error:g} spacings at {self.time:g} s.",
+                f"Its error is {best.error:.2e} spacings, its dt {best.share:.0%} of the stability limit {best.limit:.6g} s.",
+                f"Backend {best.backend}, {best.precision}, {1e3 * best.seconds:.3g} ms of wall time per simulated second.",
             ]
         )
 
@@ -112,25 +112,25 @@ class Advice:
         grid = self.scene.grid
         lines = [
             f"{self.scene.title}, {grid.rows} x {grid.columns} masses: at most {self.error:g} spacings of error at "
-            f"{self.time:g} s (a disturbance of {DISTURBANCE:g} {growth_words(self.growth)} by then)"
+            f"{self.time:g} s (a perturbation of {DISTURBANCE:g} {growth_words(self.growth)} by then)"
         ]
         if self.why:
             lines.append(f"no answer: {self.why}")
         best, second = self.best, self.runner_up
         if best is not None:
-            lines += [f"soonest    {self._line(best)}", f"           {_margin(best)}"]
+            lines += [f"fastest    {self._line(best)}", f"           {_margin(best)}"]
             lines.append(f"           {self.options()} {self._settings(best)}")
         if best is not None and second is not None:
             ratio = second.seconds / best.seconds
             clear = second.seconds > min(best.median, NOISE * best.seconds)
             close = f"{ratio:.2g} times as long" if clear else "no difference beyond measurement noise"
-            lines += [f"runner-up  {self._line(second)}; {close}", f"           {_margin(second)}"]
+            lines += [f"second     {self._line(second)}; {close}", f"           {_margin(second)}"]
         lines += [f"  then     {self._line(choice)}" for choice in self.choices[2:]]
-        lines += [f"  not      {name}: {reason}" for name, reason in self.beaten]
+        lines += [f"  rejected {name}: {reason}" for name, reason in self.beaten]
         reasons = dict.fromkeys(choice.suspect for choice in self.choices if choice.suspect)
-        lines += [f"?: this time is suspect: {reason}" for reason in reasons]
+        lines += [f"? marks a time that may be too long: {reason}" for reason in reasons]
         lines += [f"note: {note}" for note in self.notes]
-        lines.append(f"{self.seconds:.0f} s")
+        lines.append(f"the search took {self.seconds:.0f} s")
         return "\n".join(lines)
 
     def _settings(self, choice: Choice) -> str:
@@ -144,12 +144,12 @@ class Advice:
         cost, copied = 1e3 * choice.seconds, 1e3 * choice.copied(self.time)
         mark = "?" if choice.suspect else ""
         return (
-            f"{choice.name}: {cost:.3g}{mark} ms a simulated second ({copied:.3g} with the copy to the host), "
-            f"error {choice.error:.2e}"
+            f"{choice.name}: {cost:.3g}{mark} ms per simulated second ({copied:.3g} with a copy of the state to the host), "
+            f"error {choice.error:.2e} spacings"
         )
 
 
 def _margin(choice: Choice) -> str:
     if choice.share == 0:
-        return "it is stable at any dt"
-    return f"its dt is {choice.share:.0%} of its stability limit {choice.limit:.4g} s"
+        return "stable at any dt"
+    return f"dt is {choice.share:.0%} of the stability limit {choice.limit:.4g} s"

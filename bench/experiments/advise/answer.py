@@ -30,16 +30,26 @@ def answer(
     """See `advise`, `advise_tetrahedra`, `advise_fluids`, which take `how`. Raises SceneError, too, for options of others."""
     if scene.fluids:
         if check:
-            raise SceneError("--check", True, "is for sheets; softlab fluids --truth judges every scheme")
+            raise SceneError(
+                "--check",
+                True,
+                "applies to grids and cloth; use softlab fluids --truth to judge every scheme of a fluid",
+            )
         return advise_fluids(store, scene, error, time=time, total_seconds=total_seconds, **how)
     if not scene.tetrahedra:
         return advise(store, scene, error, time=time, total_seconds=total_seconds, **how)
     if time is not None:
         raise SceneError(
-            "--time", time, "tetrahedral bodies are judged at rest and after half a vibration; leave it out"
+            "--time",
+            time,
+            "does not apply to tetrahedral bodies, which are judged at rest and after half a vibration; leave it out",
         )
     if check:
-        raise SceneError("--check", True, "is for sheets; softlab tetrahedra measures bars beside what the laws say")
+        raise SceneError(
+            "--check",
+            True,
+            "applies to grids and cloth; use softlab tetrahedra to compare measured bars with the error laws",
+        )
     return advise_tetrahedra(store, scene, error, **how)
 
 

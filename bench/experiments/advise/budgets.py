@@ -33,7 +33,7 @@ B = TypeVar("B", bound=Timed)
 @dataclass(frozen=True)
 class BudgetAdvice(Generic[B]):
     """The answer. `error`: relative, as asked for; `time` [s]: until then; `choices`: the budgets that reach it, timed, the
-    soonest first; `beaten`: (what, why it is none); `notes`; `seconds` that it took."""
+    fastest first; `beaten`: (what, why it is none); `notes`; `seconds` that it took."""
 
     scene: Scene
     error: float
@@ -50,7 +50,7 @@ class BudgetAdvice(Generic[B]):
     def configured(self) -> Scene:
         """The scene with the best budget. Raises ValueError where there is none."""
         if self.best is None:
-            raise ValueError("nothing reaches it")
+            raise ValueError("no configuration reaches this error")
         return self.scene.replace(self.best.changes)
 
     def options(self) -> str:
@@ -62,18 +62,20 @@ class BudgetAdvice(Generic[B]):
         """All of it: what was `asked`, choices, what they are based on, what is none, notes, the `limits` of the answer."""
         lines = [asked]
         if not self.choices:
-            lines.append("no answer: nothing reaches it; ask for a larger --error or a smaller method.dt")
+            lines.append(
+                "no answer: no configuration reaches this error; ask for a larger --error or a smaller method.dt"
+            )
         for number, one in enumerate(self.choices):
-            head = {0: "soonest    ", 1: "runner-up  "}.get(number, "  then     ")
+            head = {0: "fastest    ", 1: "second     "}.get(number, "  then     ")
             over = f"; {self._over(one)}" if number == 1 else ""
-            lines.append(f"{head}{one}: {1e3 * one.seconds:.3g} ms a step, timed here; {self._errors(one)}{over}")
+            lines.append(f"{head}{one}: {1e3 * one.seconds:.3g} ms per step, timed here; {self._errors(one)}{over}")
             if number == 0:
                 fields = " ".join(f"--set {path}={value}" for path, value in self._fields(one).items())
                 lines.append(f"           {self.options()} {fields}".rstrip())
         lines += [f"  basis    {basis}" for basis in bases]
-        lines += [f"  not      {name}: {reason}" for name, reason in self.beaten]
+        lines += [f"  rejected {name}: {reason}" for name, reason in self.beaten]
         lines += [f"note: {note}" for note in (*self.notes, limits)]
-        return "\n".join([*lines, f"{self.seconds:.0f} s"])
+        return "\n".join([*lines, f"the search took {self.seconds:.0f} s"])
 
     def _errors(self, one: B) -> str:
         """What a budget leaves."""

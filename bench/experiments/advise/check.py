@@ -24,7 +24,7 @@ from model.core.simulation import PRECISIONS
 @dataclass(frozen=True)
 class Check:
     """`judged` configurations of the grid, `reaching` of which reach the error; `advised`: the advice, timed beside
-    `rivals`, the largest step size of each method that reaches it, soonest first."""
+    `rivals`, the largest step size of each method that reaches it, fastest first."""
 
     judged: int
     reaching: int
@@ -36,13 +36,13 @@ class Check:
         return [rival for rival in self.rivals if rival.seconds < self.advised.seconds / factor]
 
     def __str__(self) -> str:
-        lines = [f"checked by brute force: {self.judged} configurations judged, {self.reaching} reach the error"]
+        lines = [f"checked by brute force: {self.judged} configurations run, {self.reaching} reach the error"]
         for choice in (self.advised, *self.rivals):
             share = choice.seconds / self.advised.seconds
             lines.append(f"  {share:8.3f} x the advised time: {choice.name}, error {choice.error:.3g}")
         cheaper = self.cheaper()
         lines.append(
-            f"{len(cheaper)} of them cheaper by more than {100 * (NOISE - 1):.0f} % (the noise of timing): the advice is "
+            f"{len(cheaper)} of them faster by more than {100 * (NOISE - 1):.0f} % (the noise of timing): the advice is "
             + ("wrong" if cheaper else "right")
         )
         return "\n".join(lines)

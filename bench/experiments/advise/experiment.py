@@ -1,4 +1,4 @@
-"""Which method, step size, precision and backend reaches an error soonest on this machine: measured, not looked up.
+"""Which method, step size, precision and backend reaches an error fastest on this machine: measured, not looked up.
 
 The error at a step size is the same story for every backend, and falls by a known power of it; so no full grid is run.
 For each integrator the largest step size that reaches the error is closed in on by its order from one or two coarse
@@ -43,7 +43,7 @@ from model.scene.scene import Scene
 
 REFERENCE_SECONDS = 60.0  # the most that a reference may take, estimated
 TOTAL_SECONDS = 180.0
-ADVISED = tuple(name for name in METHODS if name not in XPBD[1:])  # of the orderings, the one that converges soonest
+ADVISED = tuple(name for name in METHODS if name not in XPBD[1:])  # of the orderings, the one that converges fastest
 ITERATIONS = (1, 4)  # of a position-based method that are tried
 
 
@@ -60,7 +60,7 @@ def advise(
     progress: bool = True,
     command: str = "softlab advise",
 ) -> Advice:
-    """The soonest way to at most `error` spacings (root mean square over the free masses) at `time` [s] (None: 1.5).
+    """The fastest way to at most `error` spacings (root mean square over the free masses) at `time` [s] (None: 1.5).
 
     `integrators`: names of bench.experiments.accuracy.methods.METHODS. `backends`: None: all that are here.
     `total_seconds`: after it no new search is begun; what was found is told.
@@ -77,7 +77,7 @@ def advise(
     revision = code_version()
     machine = enter_machine(store)
     with progress_bar(progress) as bar:
-        row = bar.add_task("growth of a disturbance", total=None)
+        row = bar.add_task("growth of a perturbation", total=None)
         motion = newton(scene)
         growth = growth_of(motion, end, references(store))
         found = Advice(scene, error, end, growth.factor, machine=machine)
@@ -87,7 +87,7 @@ def advise(
         right = converged_of(motion, end, references(store))
         if not right.estimate * RESOLVED <= error * scene.grid.spacing:
             off = right.estimate / scene.grid.spacing
-            why = f"the reference itself is only good to {off:.1e} spacings; ask for a larger --error"
+            why = f"the reference itself is only accurate to {off:.1e} spacings; ask for a larger --error"
             return replace(found, why=why, seconds=clock.perf_counter() - begin)
         run = store.start_run(machine, command, revision)
         search = Search(store, Task(scene, error, end, growth, right, machine, run, begin + total_seconds))
@@ -107,7 +107,7 @@ def advise(
         choices = search.timed()
     notes = [*search.notes(), *disturbed(choices)]
     if not by_numpy(motion, end):
-        notes.append("the reference was solved by the lab's own rk4 in float64: NumPy's would have taken minutes")
+        notes.append("the reference was computed by the lab's own rk4 in float64, since NumPy would have taken minutes")
     return replace(
         found, choices=tuple(choices), beaten=tuple(search.beaten), why=None if choices else search.failure(),
         notes=tuple(notes), seconds=clock.perf_counter() - begin,
@@ -123,34 +123,41 @@ def _check(scene: Scene, error: float, end: float, total_seconds: float) -> None
     """Refuse what has no answer before anything is measured."""
     for name, value in (("--time", end), ("--total-seconds", total_seconds)):
         if not 0 < value < inf:
-            raise SceneError(name, value, "must be greater than 0 and finite")
+            raise SceneError(name, value, "must be a finite number of seconds greater than 0")
     least = RESOLVED * cache.TOLERANCE
     if not least <= error < inf:
         raise SceneError(
-            "--error", error, f"in spacings; must be finite and at least {least:g}, which references resolve"
+            "--error", error, f"must be a finite number of spacings, at least {least:g}, the accuracy of the references"
         )
     motion = newton(scene)
     if scene.external and scene.external.magnitude > 0:
         raise SceneError(
             "external.magnitude",
             scene.external.magnitude,
-            "a random force is another force at every step size, so that no run has an error; "
-            "pass --set external.magnitude=0",
+            "a random force differs at every step size, so there is no reference; pass --set external.magnitude=0",
         )
     if len(set(pinned_indices(scene.grid).tolist())) == scene.grid.particle_count:
-        raise SceneError("grid.pinned", scene.grid.pinned, "every mass is pinned: nothing moves, any method is right")
+        raise SceneError(
+            "grid.pinned", scene.grid.pinned, "every mass is pinned, so nothing moves; leave some masses free"
+        )
     needed = min(numpy_seconds(motion, end), own_seconds(motion, end))
     if needed > REFERENCE_SECONDS:
         fits = end * REFERENCE_SECONDS / needed
         raise SceneError(
-            "--time", end, f"its reference would take about {needed:.0f} s; use at most {fits:.1g}, or a smaller grid"
+            "--time",
+            end,
+            f"the reference would take about {needed:.0f} s to compute; use at most {fits:.1g}, or a smaller grid",
         )
 
 
 def _chaos(growth: Growth) -> str:
     text = (
-        f"chaos: by {growth.times[-1]:g} s a disturbance has grown {growth.factor:.1e} times (over {MAX_GROWTH:g}), and "
-        "every method's trajectory is as wrong as any other's"
+        f"the motion is chaotic: until {growth.times[-1]:g} s a perturbation grows {growth.factor:.1e} times (more than "
+        f"{MAX_GROWTH:g}), so no method has a meaningful error"
     )
     safe = growth.safe_time()
-    return f"{text}; up to {safe:.2g} s it is told: --time {safe:.2g}" if safe else f"{text}; ask for a shorter --time"
+    return (
+        f"{text}; up to {safe:.2g} s they have one: pass --time {safe:.2g}"
+        if safe
+        else f"{text}; ask for a shorter --time"
+    )

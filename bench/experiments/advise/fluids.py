@@ -1,4 +1,4 @@
-"""`softlab advise` of fluids: which scheme, how many substeps and iterations keep the density of a scene soonest.
+"""`softlab advise` of fluids: which scheme, how many substeps and iterations keep the density of a scene fastest.
 
 A fluid's motion has no converged reference; what is asked for is its density: the mean of what densities exceed that at rest
 by, over it, of the last LOOKS steps until a time. Every scheme goes up a ladder of efforts on the scene itself until it is
@@ -104,13 +104,15 @@ def advise_fluids(
     progress: bool = True,
     command: str = "softlab advise",
 ) -> FluidAdvice:
-    """The soonest way to a mean density error of at most `error` at `time` [s] (None: 1), a step of the scene's dt. Raises
+    """The fastest way to a mean density error of at most `error` at `time` [s] (None: 1), a step of the scene's dt. Raises
     SceneError (an error or a time that cannot be), BackendUnavailable, InputError (the store)."""
     end = UNTIL if time is None else time
     if not LEAST <= error <= LARGEST:
-        raise SceneError("--error", error, f"of a fluid's density it is relative, {LEAST:g} to {LARGEST:g}")
+        raise SceneError("--error", error, f"must be a relative density error from {LEAST:g} to {LARGEST:g}")
     if not (isfinite(end) and end >= scene.method.dt):
-        raise SceneError("--time", end, f"must be a step of {scene.method.dt:g} s at least, and finite")
+        raise SceneError(
+            "--time", end, f"must be a finite number of seconds, at least one step of {scene.method.dt:g} s"
+        )
     begin, chosen = clock.perf_counter(), backends_here(backends)
     precision = "float32" if "float32" in precisions else "float64"
     search = _Search(scene, error, end, begin + total_seconds)
@@ -153,8 +155,12 @@ def _nearest(tried: Sequence[FluidBudget], backend: str, scheme: str, error: flo
     if not mine or min(one.density for one in mine) <= error:
         return None
     nearest = min(mine, key=lambda one: one.density)
-    told = f"comes to {nearest.density:.2g} with {nearest.effort}" if isfinite(nearest.density) else "diverges"
-    return f"{scheme}, {backend}", f"{told}; more was not tried: it takes too long"
+    told = (
+        f"reaches {nearest.density:.2g} with {nearest.effort} (substeps x iterations)"
+        if isfinite(nearest.density)
+        else "diverges"
+    )
+    return f"{scheme}, {backend}", f"{told}; more were not tried because they take too long"
 
 
 def _timed(store: Store, run: str, scene: Scene, able: Sequence[FluidBudget]) -> Iterator[FluidBudget]:
@@ -180,20 +186,20 @@ def _beside(store: Store, machine: str, scene: Scene) -> Iterator[str]:
     """What the store's dams say of spacing and fronts."""
     dams = [row for row in rows(measures(store, machine=machine)) if row.kind == DAM and row.frame and not row.peer]
     if not dams:
-        yield "no dam was measured on this machine to tell of fronts; softlab fluids --truth does"
+        yield "no dam break was measured on this machine; softlab fluids --truth measures its front"
         return
     for name, what in ((laws.FRONT, "all points"), (laws.FRONT_LATER, "all but the first")):
         able = [row for row in dams if name in row.numbers and row.numbers[name] <= FRONT]
         if able:
             best = min(able, key=lambda row: row.frame or inf)
-            yield f"a dam's front within {FRONT:.0%} at {what}, soonest here: {_dam_words(best, name)}"
+            yield f"the front of a dam break within {FRONT:.0%} at {what}, fastest here: {_dam_words(best, name)}"
         else:
             nearest = min((row for row in dams if name in row.numbers), key=lambda row: row.numbers[name])
-            yield f"no dam measured here keeps its front within {FRONT:.0%} at {what}; nearest: {_dam_words(nearest, name)}"
+            yield f"no dam break measured here is within {FRONT:.0%} at {what}; nearest: {_dam_words(nearest, name)}"
 
 
 def _dam_words(row: Judged, name: str) -> str:
     return (
-        f"{row.who}, {row.effort} a step of 2 ms, {WIDTH / row.spacing:.0f} particles along its width, "
-        f"{row.numbers[name]:.1%}, {1e3 * (row.frame or 0):.3g} ms a sixtieth of a second"
+        f"{row.who}, {row.effort} per step of 2 ms, {WIDTH / row.spacing:.0f} particles along its width, "
+        f"{row.numbers[name]:.1%}, {1e3 * (row.frame or 0):.3g} ms per 1/60 s"
     )

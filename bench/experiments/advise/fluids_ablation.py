@@ -102,7 +102,9 @@ def ablate_fluids(
     BackendUnavailable, InputError (the store), Diverged (the full scene)."""
     end = UNTIL if time is None else time
     if not (isfinite(end) and end >= scene.method.dt):
-        raise SceneError("--time", end, f"must be a step of {scene.method.dt:g} s at least, and finite")
+        raise SceneError(
+            "--time", end, f"must be a finite number of seconds, at least one step of {scene.method.dt:g} s"
+        )
     chosen = backends_here(backends)
     summary = FluidAblation.begun(store, "ablate")
     summary.title, summary.end, summary.spacing = scene.title, end, scene.fluid_set.spacing
@@ -211,5 +213,5 @@ def print_fluid_ablation(console: Console, summary: FluidAblation) -> None:
         spare = [
             one.name.removeprefix("without ") for one in some if one.verdict(full, twin, summary.spacing) == NOT_NEEDED
         ]
-        console.print(f"not needed: {', '.join(spare) or 'nothing of it'}", markup=False, soft_wrap=True)
+        console.print(f"not needed: {', '.join(spare) or 'none of its parts'}", markup=False, soft_wrap=True)
     console.print(summary.counts() + summary.ending())

@@ -1,4 +1,4 @@
-"""What `softlab advise` answers of fluids: efforts that keep a density, the soonest first."""
+"""What `softlab advise` answers of fluids: configurations that keep a density, the fastest first."""
 
 from __future__ import annotations
 
@@ -49,18 +49,20 @@ class FluidAdvice(BudgetAdvice[FluidBudget]):
         best = self.best
         assert best is not None
         return "\n".join([
-            f"Written by softlab advise: the soonest way to a mean density error of {self.error:g} until {self.time:g} s.",
+            f"Written by softlab advise: fastest with a mean density error of {self.error:g} until {self.time:g} s.",
             f"Density error {best.density:.2g}; backend {best.backend}, {best.precision}, {1e3 * best.seconds:.3g} ms of "
-            "wall time a step.",
+            "wall time per step.",
         ])  # fmt: skip
 
     def __str__(self) -> str:
         count, method = self.scene.fluid_set.particle_count, self.scene.method
         asked = (
-            f"{self.scene.title}, {count} particles: densities at most {self.error:g} over that at rest, on the mean, at "
-            f"{self.time:g} s; a step of {method.dt:.4g} s"
+            f"{self.scene.title}, {count} particles: mean density error at most {self.error:g} at "
+            f"{self.time:g} s; time step {method.dt:.4g} s"
         )
-        limits = "a density kept is no motion foretold: fronts, heights and levels are told by softlab fluids --truth"
+        limits = (
+            "a small density error is no accurate motion; softlab fluids --truth measures fronts, heights and levels"
+        )
         return self._told(asked, (), limits)
 
     def _errors(self, one: FluidBudget) -> str:

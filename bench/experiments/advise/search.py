@@ -119,14 +119,14 @@ class Search:
         """Add the kind to `reached` with the fewest steps that do, or to `beaten` with the reason."""
         limit = self.limit(kind)
         if limit == 0:
-            self._leave(kind.method, "unstable at every step size here")
+            self._leave(kind.method, "unstable at every step size in this scene")
             return
         least = max(MIN_STEPS if limit == inf else 1, ceil(self.task.end / limit * (1 - 1e-12)))
         forces = kind.sweeps
         best = min((n * k.sweeps for k, (n, _) in self.reached.items()), default=None)
         if best is not None and least * forces > HOPELESS * best:
-            self._leave(kind.method, f"its stability limit of {limit:.3g} s alone makes it {least * forces / best:.0f} "
-                        "times as many forces as the best")  # fmt: skip
+            times = f"{least * forces / best:.0f} times as many force evaluations"
+            self._leave(kind.method, f"its stability limit of {limit:.3g} s requires {times} as the best configuration")
             return
         most = None if best is None else int(HOPELESS * best / forces)
         same = [n for k, (n, _) in self.reached.items() if k.method == kind.method]
@@ -162,13 +162,13 @@ class Search:
             if most is not None and high is None and steps > most:
                 needed = steps * kind.sweeps
                 self._leave(
-                    str(kind), f"would need about {needed} forces a run, over {HOPELESS} times those of the best"
+                    str(kind), f"needs about {needed} force evaluations, more than {HOPELESS} times those of the best"
                 )
                 return
         if high:
             self.reached[kind] = high
         else:
-            self._leave(str(kind), f"did not reach it in {MAX_RUNS} runs; the last, of {steps} steps, missed")
+            self._leave(str(kind), f"did not reach the error in {MAX_RUNS} runs, the last of {steps} steps")
 
     def error(self, kind: Kind, steps: int) -> float:
         """The error [spacings] at the end; from the store, where it holds it. Infinite where the run diverged."""
@@ -184,10 +184,10 @@ class Search:
     def _run(self, kind: Kind, case: Case, steps: int) -> float:
         expected, left = steps * self._seconds.get(kind, 0.0), self.task.deadline - clock.perf_counter()
         if left <= 0:
-            raise _OutOfTime("the time for the search was used up")
+            raise _OutOfTime("not tried: the time of --total-seconds was used up")
         if expected > left:
             raise _OutOfTime(
-                f"a run of {steps} steps would take about {expected:.0f} s, of the search {left:.0f} s are left"
+                f"not finished: {steps} steps take about {expected:.0f} s, and {left:.0f} s of --total-seconds are left"
             )
         with case.open() as simulation:
             if kind not in self._seconds:
@@ -208,11 +208,11 @@ class Search:
     # ------------------------------------------------------------------ timing
 
     def timed(self) -> list[Choice]:
-        """What reaches the error, soonest first; all of it timed side by side, unless the store holds all of it."""
+        """What reaches the error, fastest first; all of it timed side by side, unless the store holds all of it."""
         return self.time([(kind, *tried) for kind, tried in self.reached.items()])
 
     def time(self, wanted: Sequence[tuple[Kind, int, float]]) -> list[Choice]:
-        """Time each (kind, steps, error) side by side, unless the store holds sound samples of all; soonest first.
+        """Time each (kind, steps, error) side by side, unless the store holds sound samples of all; fastest first.
 
         Samples that other programs disturbed (by the cores' load, or because they differ much) are taken again: the least
         of all counts, so that more of them can only mend it.
@@ -264,8 +264,8 @@ class Search:
     def failure(self) -> str:
         """Why nothing reaches the error."""
         error, name = self._closest
-        closest = f"the closest is {name} with {error:.1e}" if isfinite(error) else "no run held"
-        return f"nothing tried reaches {self.task.error:g} spacings: {closest}; ask for a larger --error"
+        closest = f"the closest is {name} with {error:.1e}" if isfinite(error) else "every run diverged"
+        return f"no configuration reaches {self.task.error:g} spacings: {closest}; ask for a larger --error"
 
     def notes(self) -> list[str]:
         """What to know beside the answer."""
@@ -273,7 +273,7 @@ class Search:
         way = np.linalg.norm(task.newton.position - start(task.scene)[0], axis=1)
         moved = way.max() / task.scene.grid.spacing
         if moved < task.error:
-            return [f"nothing moves by more than {moved:.1e} spacings until then, so any method is right"]
+            return [f"nothing moves by more than {moved:.1e} spacings until then, so every method reaches the error"]
         return []
 
 
@@ -288,5 +288,5 @@ def _compile(simulation: Simulation) -> None:
 def disturbed(choices: Sequence[Choice]) -> list[str]:
     """A note where other programs ran while the choices were timed."""
     if any("load" in (c.suspect or "") or c.median > DISTURBED * c.seconds for c in choices):
-        return ["other programs ran while this was timed; ask again on a quiet machine before you rely on close times"]
+        return ["other programs ran during the timing; repeat it on a quiet machine before relying on close times"]
     return []

@@ -1,4 +1,4 @@
-"""`softlab advise` of tetrahedral bodies: which solver, how many substeps and iterations reach a relative error soonest.
+"""`softlab advise` of tetrahedral bodies: which solver, how many substeps and iterations reach a relative error fastest.
 
 A body has no converged reference. What is asked for is the error of the solver, on the very mesh that the scene has: of the
 sag at rest, and of the way made in half of its slowest vibration. The budgets follow from laws with measured constants
@@ -65,14 +65,16 @@ def advise_tetrahedra(
     precisions: Sequence[str] = tuple(PRECISIONS),
     command: str = "softlab advise",
 ) -> TetrahedraAdvice:
-    """The soonest way to at most `error` of the sag at rest and of the way made in motion, both relative, a step of the
+    """The fastest way to at most `error` of the sag at rest and of the way made in motion, both relative, a step of the
     scene's dt. Raises SceneError (an error that the laws were not held against), BackendUnavailable, InputError (the store).
     """
     begin = clock.perf_counter()
     if not LEAST <= error <= LARGEST:
-        raise SceneError("--error", error, f"of tetrahedral bodies it is relative, {LEAST:g} to {LARGEST:g}")
+        raise SceneError(
+            "--error", error, f"must be a relative error from {LEAST:g} to {LARGEST:g} for tetrahedral bodies"
+        )
     if scene.mesh:
-        told = "what a cloth beside tetrahedral bodies does to them has no law; leave it out for what its bodies need"
+        told = "there is no error law for a cloth beside tetrahedral bodies; leave it out to get advice for the bodies"
         raise SceneError(scene.name_of("mesh"), "a cloth", told)
     chosen = backends_here(backends)
     stiff, basis = bodies(scene)
@@ -125,9 +127,11 @@ def bodies(scene: Scene) -> tuple[list[Stiff], str]:
             bool(surface[first:last].all()),
         )  # fmt: skip
         result.append(stiff)
-    basis = "frequencies are those of the scene's own meshes, masses lumped, by inverse iteration"
+    basis = "frequencies are computed from the scene's own meshes (lumped masses, inverse iteration)"
     if coarser:
-        basis += f"; of {coarser} too large for it, of waves along it, which is too quick and so asks for more"
+        basis += (
+            f"; for {coarser} larger ones they are estimated from waves along the body, which overestimates the effort"
+        )
     return result, basis
 
 
@@ -138,23 +142,23 @@ def budgets_by_law(scene: Scene, stiff: Sequence[Stiff], error: float) -> Iterat
     """What reaches the error by the laws, and (words, why not) of what does not."""
     dt = scene.method.dt
     quick, rows = max(stiff, key=lambda one: one.frequency), None
-    wave = f"w = {quick.frequency:.3g} 1/s of the quickest body's slowest vibration"
+    wave = f"w = {quick.frequency:.3g} 1/s, the lowest frequency of the stiffest body"
 
     def damped(substeps: int, order: int = 1) -> float:
         return max(one.damped(dt / substeps, order) for one in stiff)
 
     steps = fewest(lambda n: damped(n) <= error)
     if steps is None:
-        yield "newton", f"would take more than {MOST} substeps a step: a vibration is shorter than that"
+        yield "newton", f"needs more than {MOST} substeps per step: the vibration is too fast for the time step"
     else:
         why = f"in motion implicit Euler's damping, {DAMPING:g} pi w h / 4, {wave}"
-        yield Budget("newton", steps, 1, 0.0, damped(steps), f"rests where it should, by its own end; {why}")
+        yield Budget("newton", steps, 1, 0.0, damped(steps), f"no error at rest; {why}")
         yield _descent(dt, stiff, error, damped)
     yield _second(scene, error, damped, wave)
     others = _outside(scene)
     for sweeps, name in SWEEPS.items():
         if others or (sweeps > 1 and any(part.material == "neo-hookean" for part in scene.tetrahedra.values())):
-            yield f"xpbd of {name}", others or "neo-Hookean rows of several sweeps have no law"
+            yield f"xpbd of {name}", others or "there is no error law for neo-Hookean rows with several sweeps"
             continue
 
         def excess(substeps: int, sweeps: int = sweeps) -> float:
@@ -162,7 +166,7 @@ def budgets_by_law(scene: Scene, stiff: Sequence[Stiff], error: float) -> Iterat
 
         rows = fewest(lambda n, ask=excess: max(ask(n), damped(n)) <= error)  # type: ignore[misc]
         if rows is None:
-            yield f"xpbd of {name}", f"would take more than {MOST} substeps a step"
+            yield f"xpbd of {name}", f"needs more than {MOST} substeps per step"
             continue
         worst = max(stiff, key=lambda one: one.excess(dt / rows, sweeps))
         law = "the excess of rows, as (h^2 E / (rho a^2))" + ("" if sweeps == 1 else "^2 and less")
@@ -177,8 +181,8 @@ def _second(scene: Scene, error: float, damped: Any, wave: str) -> Budget | tupl
         return SECOND, f"{', '.join(against)}: {NOT_SMOOTH}"
     steps = fewest(lambda n: damped(n, 2) <= error)
     if steps is None:
-        return SECOND, f"would take more than {MOST} substeps a step"
-    why = f"rests where it should, by its own end; in motion {SWING:g} w^2 h^2, {wave}"
+        return SECOND, f"needs more than {MOST} substeps per step"
+    why = f"no error at rest; in motion {SWING:g} w^2 h^2, {wave}"
     return Budget("newton", steps, 1, 0.0, damped(steps, 2), why, order=2)
 
 
@@ -186,9 +190,9 @@ def _descent(dt: float, stiff: Sequence[Stiff], error: float, damped: Any) -> Bu
     """Vertex block descent: half of the error for its damping, half for what sweeps leave; the fewest sweeps of all."""
     best = least_descent(stiff, dt, error)
     if best is None:
-        return "vbd", f"would take more than {MOST} substeps a step"
+        return "vbd", f"needs more than {MOST} substeps per step"
     substeps, sweeps = best
-    why = "rests where it should; in motion its damping, and as much by what sweeps leave (creep)"
+    why = "no error at rest; in motion its damping, and as much from unfinished sweeps (creep)"
     return Budget("vbd", substeps, sweeps, 0.0, damped(substeps) + error / 2, why)
 
 
@@ -196,7 +200,7 @@ def _outside(scene: Scene) -> str:
     """Why the laws of rows do not hold for a scene; or nothing."""
     cuts = {part.tetrahedra for part in scene.tetrahedra.values()} - {PER_VOXEL}
     if cuts:
-        return f"its law is of {PER_VOXEL} tetrahedra to a voxel; of {', '.join(map(str, cuts))} none is known"
+        return f"its error law holds for {PER_VOXEL} tetrahedra per voxel, not for {', '.join(map(str, cuts))}"
     return ""
 
 
@@ -215,8 +219,8 @@ def _loses(scene: Scene, budget: Budget, lost: float, error: float) -> str:
     assert scene.gravity is not None
     least = least_substep(_place(scene), scene.gravity.acceleration, error)
     return (
-        f"may lose {min(lost, 1.0):.0%} of gravity: substeps of {h:.2g} s move a particle by less than its place is known "
-        f"to; over {least:.2g} s float32 would do"
+        f"may lose {min(lost, 1.0):.0%} of gravity: in a substep of {h:.2g} s a particle moves by less than the resolution "
+        f"of float32; substeps longer than {least:.2g} s would do"
     )
 
 
@@ -270,16 +274,16 @@ def _beside(store: Store, machine: str) -> Iterator[str]:
         found, law, bar = max(held, key=lambda one: one[0] / one[1])
         many = "1 bar" if len(held) == 1 else f"{len(held)} bars"
         yield (
-            f"{many} measured here (softlab tetrahedra) beside the law of rows: at most {found / law:.2f} of what it says "
+            f"{many} measured here (softlab tetrahedra) against the law of rows: at most {found / law:.2f} of its error "
             f"({bar.substeps} x {bar.iterations} at {bar.young:.0e} Pa: {found:.2%}, the law {law:.2%})"
         )
     elif any(bar.precision != "float64" for bar in rows):
         yield (
-            "the bars that were measured on this machine are in float32, whose rounding is in their sag, so that they say "
-            "nothing of the laws; softlab tetrahedra --quick --precision float64 measures some that do"
+            "the bars measured on this machine are in float32, whose rounding hides the error law; "
+            "softlab tetrahedra --quick --precision float64 measures some that show it"
         )
     else:
         yield (
-            "no bar was measured on this machine to hold the laws against; softlab tetrahedra --quick --precision float64 "
+            "no bar was measured on this machine to check the error laws; softlab tetrahedra --quick --precision float64 "
             "measures some"
         )

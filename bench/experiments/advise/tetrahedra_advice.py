@@ -1,4 +1,4 @@
-"""What `softlab advise` answers of tetrahedral bodies: budgets that reach an error, the soonest first, and where each number
+"""What `softlab advise` answers of tetrahedral bodies: budgets that reach an error, the fastest first, and where each number
 is from."""
 
 from __future__ import annotations
@@ -74,18 +74,18 @@ class TetrahedraAdvice(BudgetAdvice[Budget]):
         best = self.best
         assert best is not None
         return "\n".join([
-            f"Written by softlab advise: the soonest way to a solver's error of {self.error:g}, relative, by its laws.",
+            f"Written by softlab advise: fastest with a relative solver error of {self.error:g}, by its error law.",
             f"At rest {best.at_rest:.2g}, in motion {best.in_motion:.2g}: {best.basis}.",
-            f"Backend {best.backend}, {best.precision}, {1e3 * best.seconds:.3g} ms of wall time a step.",
+            f"Backend {best.backend}, {best.precision}, {1e3 * best.seconds:.3g} ms of wall time per step.",
         ])  # fmt: skip
 
     def __str__(self) -> str:
         asked = (
-            f"{self.scene.title}, {self.scene.tetrahedra_set}: at most {self.error:g} of the sag at rest, and of the way "
-            f"made in half of the slowest vibration ({self.time:.3g} s); a step of {self.scene.method.dt:.4g} s"
+            f"{self.scene.title}, {self.scene.tetrahedra_set}: solver error at most {self.error:g} of the sag at rest and "
+            f"of the way in half of the slowest vibration ({self.time:.3g} s); time step {self.scene.method.dt:.4g} s"
         )
         bases = list(dict.fromkeys(f"{one.name} of {one.iterations}: {one.basis}" for one in self.choices))
-        limits = "the mesh's own error is none of it: softlab tetrahedra tells how far linear tetrahedra bend"
+        limits = "the error of the mesh is not included; softlab tetrahedra measures how stiffly linear tetrahedra bend"
         return self._told(asked, bases, limits)
 
     def _fields(self, one: Budget) -> dict[str, Any]:

@@ -40,7 +40,11 @@ class Found:
     def kept(self, most: int) -> Found:
         """The `most` nearest of every mass."""
         rank = np.arange(len(self.mass)) - np.searchsorted(self.mass, self.mass)
-        return Found(*(getattr(self, name)[rank < most] for name in self.__dataclass_fields__))
+        return self.where(rank < most)
+
+    def where(self, chosen: np.ndarray) -> Found:
+        """Those of which `chosen` (n,) bool is true."""
+        return Found(*(getattr(self, name)[chosen] for name in self.__dataclass_fields__))
 
 
 def triangles(rows: int, columns: int) -> np.ndarray:
@@ -145,7 +149,6 @@ def project(
     position: np.ndarray,
     weight: np.ndarray,
     surfaces: Any = None,
-    levers: bool = True,
 ) -> np.ndarray:
     """(particles, 3) [m]: `position` after one sweep; `weight` (particles,): inverse masses, 0 where pinned; `surfaces`: the
     module surface_contacts where contacts are those of surfaces."""
@@ -158,6 +161,8 @@ def project(
     if surfaces is not None:
         depth = surfaces.depth(found, offset(before), before, position, depth)
     on = depth > 0
+    if surfaces is not None and part.static_friction > 0:
+        return position + weight[:, None] * surfaces.rub(part, found.where(on), before, position, weight, depth[on])
     load = np.zeros(len(position))
     np.add.at(load, found.mass[on], 1.0)
     np.add.at(load, found.corners[on], found.weights[on])
@@ -173,8 +178,6 @@ def project(
     moved = np.zeros_like(position)
     np.add.at(moved, found.mass[on], push[on])
     np.subtract.at(moved, found.corners[on], found.weights[on][:, :, None] * push[on][:, None])
-    if surfaces is not None and levers and part.static_friction > 0:
-        np.subtract.at(moved, found.corners[on], surfaces.levers(position[found.corners[on]], now[on], push[on]))
     return position + weight[:, None] * moved
 
 

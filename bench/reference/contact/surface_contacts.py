@@ -10,6 +10,8 @@ outside of it what is seen from behind is none. A cloth has neither: a vertex is
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from bench.reference.contact.self_contacts import FLAT, MARGIN, Found, nearest_weights
@@ -17,8 +19,7 @@ from model.scene.scene import Scene
 from model.tetrahedra.attachments import attachment_sets
 
 BEHIND = 0.25
-
-
+SHARE = 0.25  # of a corner in what its particle's mass is split by, beside its weight: where that is 0, levers act, too
 UPRIGHT = 0.99999  # cosine of a contact's normal with the triangle's, from which it holds wherever the vertex slides
 PAST = 1 / 16  # of a triangle beyond its edges, where what comes through its plane is held to come through it
 
@@ -55,23 +56,62 @@ def depth(found: Found, r: np.ndarray, before: np.ndarray, now: np.ndarray, deep
     return np.where(asked, np.minimum(deep, found.held - apart), deep)
 
 
-def levers(corners: np.ndarray, r: np.ndarray, push: np.ndarray) -> np.ndarray:
-    """(n, 3, 3): what the `corners` (n, 3, 3) get beside their weights of a `push` (n, 3) at `r` (n, 3) from their triangle,
-    so that nothing has a moment: it adds up to nothing and turns back r x push."""
-    result = np.zeros_like(corners)
-    for n, (q, way, whole) in enumerate(zip(corners, r, push, strict=True)):
+def force_matrices(corners: np.ndarray, weights: np.ndarray, r: np.ndarray) -> np.ndarray:
+    """(n, 3, 3, 3): A_k of each corner, which gets A_k f of a force f that acts at `r` (n, 3) [m] from the triangle's point
+    of the `weights` (n, 3): forces add up to f and have its moment, unless r is longer than the triangle `corners` (n, 3, 3)
+    is high, which leaves a part of the moment."""
+    result = weights[:, :, None, None] * np.eye(3)
+    for n, (q, way) in enumerate(zip(corners, r, strict=True)):
         normal = np.cross(q[1] - q[0], q[2] - q[0])
         size, far = np.linalg.norm(normal), float(way @ way)
         if size == 0 or far == 0:
             continue
         normal = normal / size
         gradients = np.linalg.pinv(np.column_stack([q[1] - q[0], q[2] - q[0]]))  # of the second and third weight
-        across = whole - (whole @ way) / far * way
+        across = np.eye(3) - np.outer(way, way) / far
         limit = max(1.0, float(np.sqrt(far) * np.linalg.norm(gradients, axis=1).max()))
-        each = np.outer(gradients @ way, across) - (normal @ way) * np.outer(gradients @ across, normal)
-        result[n, 1:] = each / limit
-        result[n, 0] = -result[n, 1:].sum(axis=0)
+        for k, gradient in enumerate(gradients, start=1):
+            lever = (gradient @ way * across - (normal @ way) * np.outer(normal, gradient @ across)) / limit
+            result[n, k] += lever
+            result[n, 0] -= lever
     return result
+
+
+def rub(
+    part: Any, found: Found, before: np.ndarray, position: np.ndarray, weight: np.ndarray, deep: np.ndarray
+) -> np.ndarray:
+    """(particles, 3): how the contacts `found`, `deep` [m], move particles, for a weight of 1.
+
+    A particle's mass is split among its contacts. Of each contact first the normal impulse acts, at the triangle's point;
+    then friction, on what is left of the slip where it acts: along that slip, as much as stops it, or as Coulomb allows.
+    """
+    parts = found.weights + SHARE
+    load = np.zeros(len(position))
+    np.add.at(load, found.mass, 1.0)
+    np.add.at(load, found.corners, parts)
+    moved, split = np.zeros_like(position), weight * load
+    matrices = force_matrices(
+        position[found.corners], found.weights,
+        position[found.mass] - np.einsum("nk,nkd->nd", found.weights, position[found.corners]),
+    )  # fmt: skip
+    for n, (vertex, corners) in enumerate(zip(found.mass, found.corners, strict=True)):
+        masses = split[corners] / parts[n]
+        bound = split[vertex] + masses @ found.weights[n] ** 2
+        if bound == 0:
+            continue
+        press, normal = deep[n] / bound, found.normal[n]
+        ways = position[corners] - before[corners] - np.outer(masses * found.weights[n] * press, normal)
+        slip = position[vertex] - before[vertex] - np.einsum("kdc,kd->c", matrices[n], ways)
+        slip = slip - (slip @ normal) * normal
+        each = matrices[n] @ slip
+        yielding = split[vertex] * (slip @ slip) + masses @ (each**2).sum(axis=1)
+        stops = slip @ slip / yielding if yielding > 0 else 0.0
+        asked = stops * float(np.linalg.norm(slip))
+        if asked > part.static_friction * press:
+            stops *= part.dynamic_friction * press / asked
+        moved[vertex] += press * normal - stops * slip
+        moved[corners] -= np.outer(found.weights[n] * press, normal) - stops * each
+    return moved
 
 
 def _answers(every: np.ndarray, corners: np.ndarray, weights: np.ndarray) -> np.ndarray:

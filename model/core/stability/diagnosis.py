@@ -25,9 +25,18 @@ MUCH = 2.0  # another integrator is named if its step size is so many times as l
 HALVINGS = 40  # of the range in which the largest ratio that holds is looked for
 LEAST_STEP = 1e-9  # s: shorter ones are of no use, a thousand million to a second
 LIGHT = ("mass", "density", "compliance")  # fields that allow the longer steps the larger they are
-STIFF = ("stiffness", "link_stiffness", "cluster_stiffness", "young_modulus", "coefficient")  # the smaller they are
+STIFF = (  # the smaller they are
+    "stiffness",
+    "link_stiffness",
+    "cluster_stiffness",
+    "young_modulus",
+    "coefficient",
+    "damping",
+    "mass_damping",
+)
 FOLLOWS = {"stiffness": "compliance", "mass": "density"}  # of a part that has both
 DECADES = 6  # from 1, in which a value of such a field is looked for that holds
+ODD = 35.0  # decades from 1: numbers of float32 end at 38
 ROUNDING = 1e-12  # of the limit: over it by less is not over it
 
 
@@ -165,6 +174,19 @@ def stiffness_ratio(at: Situation) -> Diagnosis | None:
     )
 
 
+def odd_number(at: Situation) -> Diagnosis | None:
+    """A number of the scene is so far from 1 in its unit that a step cannot be computed with it."""
+    found = []
+    for name, table in at.scene.as_dict().items():
+        for field, value in table.items() if isinstance(table, dict) else ():
+            numbers = value if isinstance(value, list | tuple) else [value]
+            found += [(abs(log10(abs(x))), f"{name}.{field}", x) for x in numbers if isinstance(x, float) and x]
+    decades, field, value = max(found, default=(0.0, "", 0.0))
+    if decades < ODD:
+        return None
+    return Diagnosis(f"no step can be computed with {field} = {value:g}", "use a number nearer to 1")
+
+
 def over_the_limit(at: Situation) -> Diagnosis | None:
     """The step size is over the explicit limit."""
     if not at.over:
@@ -194,6 +216,7 @@ CAUSES: dict[str, Cause] = {
     "no usable step": no_usable_step,
     "no step size": no_step_size,
     "stiffness ratio": stiffness_ratio,
+    "odd number": odd_number,
     "explicit limit": over_the_limit,
     "fast masses": fast_masses,
     "violent forces": violent_forces,

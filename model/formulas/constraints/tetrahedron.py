@@ -18,9 +18,8 @@ nothing:
     (sum w |G b|^2 + alpha~ C_D^2) x = -C_D^2 - C_D alpha~ lambda,    each corner moves by w x G b,  b its row of B
 
 Scalar rows turn with F, so that multipliers kept through iterations stay along directions that rows have left: they end some
-per cent off the step of implicit Euler that they stand for. `blocks` takes F - R as nine rows instead, R held, which share
-one 3 x 3 system, H + alpha~ with H = sum w g g' over the corners' rows g of B (with - their sum for the first), and ends
-there; the neo-Hookean material ends there without.
+per cent off the step of implicit Euler that they stand for. `blocks` takes F - R as one system instead
+(tetrahedron_block.py), whose multipliers do not turn, and ends there; the neo-Hookean material ends there without.
 
 A damper's stress is `time` times the rate of the elastic one: alpha beta = time in XPBD's eq. 26, gamma = time / h.
 """
@@ -35,6 +34,7 @@ from model.formulas import plain
 from model.formulas.bending import make as make_bending
 from model.formulas.constraints.tetrahedron_block import OPERATIONS as OPERATIONS_BLOCK
 from model.formulas.constraints.tetrahedron_block import OPERATIONS_DAMPER as OPERATIONS_BLOCK_DAMPER
+from model.formulas.constraints.tetrahedron_block import OPERATIONS_KEPT as OPERATIONS_BLOCK_KEPT
 from model.formulas.constraints.tetrahedron_block import make_block
 from model.formulas.constraints.tetrahedron_hookean import OPERATIONS as OPERATIONS_HOOKEAN
 from model.formulas.constraints.tetrahedron_hookean import OPERATIONS_COMBINED, make_hookean
@@ -75,10 +75,14 @@ def operations(
     if material == HOOKEAN:
         shape = OPERATIONS_HOOKEAN + damped * OPERATIONS_HOOKEAN_DAMPER + kept * OPERATIONS_HOOKEAN_KEPT
         return OPERATIONS_FRAMED + shape + volume + (kept and alone) * OPERATIONS_COMBINED
-    shape = OPERATIONS_BLOCK if blocks else 18 + row + kept * OPERATIONS_ROW_KEPT  # 18 for C_D^2
+    shape = (
+        OPERATIONS_BLOCK + kept * OPERATIONS_BLOCK_KEPT if blocks else 18 + row + kept * OPERATIONS_ROW_KEPT
+    )  # 18 for C_D^2
     if blocks and damped:
         shape += rotation + OPERATIONS_BLOCK_DAMPER
-    return OPERATIONS_FRAMED + rotation + 9 + shape + volume  # 9 for F - R
+    if not blocks:
+        shape += 9  # F - R
+    return OPERATIONS_FRAMED + rotation + shape + volume
 
 
 def make(real, compiled=plain, material=FIXED, damped=False, blocks=False, kept=True, alone=True):
@@ -88,7 +92,7 @@ def make(real, compiled=plain, material=FIXED, damped=False, blocks=False, kept=
     terms, one_row = make_terms(real, compiled, material), make_row(real, compiled, damped, kept)
     distortion, dilation, scaled = terms.distortion, terms.dilation, one_row.scaled
     row, row_of_length = one_row.row, one_row.row_of_length
-    block: Any = make_block(real, compiled, damped) if blocks else None
+    block: Any = make_block(real, compiled, damped, kept) if blocks else None
     hookean: Any = make_hookean(real, compiled, damped, kept) if material == HOOKEAN else None
     descend: Any = hookean.descend if hookean else None
     combined: Any = hookean.combined if hookean else None

@@ -1,90 +1,113 @@
-"""The shape of a tetrahedron as a block: F - R as nine rows, R held, that share one 3 x 3 system; see tetrahedron.py.
+"""The shape of a tetrahedron as a block: the stretch S = R'F of F = R S minus 1, six rows that share one system; see
+tetrahedron.py.
 
-A damper's rate is that of the stretch S = R'F in the material's own frame: h times it is R (S - S0) = F - R R0' F0, with F0
-at the substep's start and R0 its rotation. A rigid turn, whose S stays, is not damped (objective rates: J. Simo, T. Hughes,
-"Computational Inelasticity", Springer 1998, section 7.2).
+R turns with the corners: a change R Z of the impulse changes F by R Z H, H = sum w g g' over the corners' rows g of B, and S
+near 1 by the symmetric part of Z H. Held at its old value, R would make the step an oblique projection where H has different
+eigenvalues a, b: it lengthens a disturbance by up to (a + b) / (2 sqrt(a b)) in the norm of the masses, so that sweeps over
+slivers at rest diverge. The step of XPBD (Macklin, Mueller, Chentanez, MIG 2016, eq. 18) with the right slope is
+
+    (Z Ha + Ha Z) / 2 = -(S - 1) - gamma (S - S0) - alpha~ R'Y,    Ha = (1 + gamma) H + alpha~,    Y += R Z
+
+a Lyapunov equation. It ends where alpha~ Y = -(F - R), whatever Ha is. Y is the impulse as a matrix like F, nine multipliers
+that do not turn with R; where it is 0, Z is symmetric, and without compliance the linear step at rest is the orthogonal
+projection in the norm of the masses: it lengthens nothing.
+
+A damper's rate is that of the stretch S in the material's own frame, S0 at the substep's start. A rigid turn, whose S stays,
+is not damped (objective rates: J. Simo, T. Hughes, "Computational Inelasticity", Springer 1998, section 7.2).
 """
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
+import numpy as np
+
 from model.formulas.elastic.deformation import make_framed, make_rotation
 from model.formulas.lengths import make as make_lengths
 
-OPERATIONS = 18 + 75 + 39 + 45 + 33 + 24 + 9  # right side, H + alpha~, its inverse, x, corners, to apply, to keep
-OPERATIONS_DAMPER = 36 + 90 + 27  # besides a rotation: F of before, R R0' F0, the differences
+OPERATIONS = 36 + 69 + 99 + 45 + 33 + 24  # 1 - S, H + alpha~, Z, R Z, corners, to apply
+OPERATIONS_DAMPER = 36 + 30 + 18 + 6  # besides a rotation: F of before, S0, what they add, 1 + gamma
+OPERATIONS_KEPT = 45 + 16 + 49 + 9  # R'Y, what it adds, the skew part of Z, to keep
 
 
-def make_block(real, compiled, damped):
-    """block(points, before, weights, values, compliance, multipliers, gamma) -> (points, nine multipliers): F - R at once."""
-    elastic, rotation, one = make_framed(real, compiled), make_rotation(real, compiled), real(1)
+def make_block(real, compiled, damped, kept):
+    """block(points, before, weights, values, compliance, multipliers, gamma) -> (points, nine multipliers)."""
+    elastic, rotation, lyapunov = (
+        make_framed(real, compiled),
+        make_rotation(real, compiled),
+        make_lyapunov(real, compiled),
+    )
     gradient, corners, dot = elastic.gradient, elastic.corners, make_lengths(real, compiled).dot
-    system = make_system(real, compiled)
+    system, symmetric, skew = make_system(real, compiled, damped), lyapunov.symmetric, lyapunov.skew
+    zero, half, one = real(0), real(0.5), real(1)
 
     @compiled
-    def asked(violation, compliance, multiplier):
-        return -violation - compliance * multiplier
+    def column(q, i, a, j):
+        """An entry of Q'A."""
+        return dot(q[i], q[i + 3], q[i + 6], a[j], a[j + 3], a[j + 6])
 
     @compiled
-    def drawn(violation, gamma, now, before):
-        """With what a damper adds."""
-        return violation + gamma * (now - before)
-
-    @compiled
-    def turned(q, a):
-        """Q A, nine numbers."""
+    def stretch(f, r):
+        """R'F, six entries."""
         return (
-            dot(q[0], q[1], q[2], a[0], a[3], a[6]), dot(q[0], q[1], q[2], a[1], a[4], a[7]),
-            dot(q[0], q[1], q[2], a[2], a[5], a[8]), dot(q[3], q[4], q[5], a[0], a[3], a[6]),
-            dot(q[3], q[4], q[5], a[1], a[4], a[7]), dot(q[3], q[4], q[5], a[2], a[5], a[8]),
-            dot(q[6], q[7], q[8], a[0], a[3], a[6]), dot(q[6], q[7], q[8], a[1], a[4], a[7]),
-            dot(q[6], q[7], q[8], a[2], a[5], a[8]),
+            column(r, 0, f, 0), column(r, 0, f, 1), column(r, 0, f, 2), column(r, 1, f, 1), column(r, 1, f, 2),
+            column(r, 2, f, 2),
         )  # fmt: skip
 
     @compiled
-    def transposed(a):
-        return a[0], a[3], a[6], a[1], a[4], a[7], a[2], a[5], a[8]
+    def less(q, scale, s, t):
+        """Q - scale (S - T), symmetric."""
+        return (
+            q[0] - scale * (s[0] - t[0]), q[1] - scale * (s[1] - t[1]), q[2] - scale * (s[2] - t[2]),
+            q[3] - scale * (s[3] - t[3]), q[4] - scale * (s[4] - t[4]), q[5] - scale * (s[5] - t[5]),
+        )  # fmt: skip
+
+    @compiled
+    def relieved(q, compliance, r, y):
+        """(six entries of Q - compliance R'Y, the three of twice its skew part), Q symmetric."""
+        xy, yx, xz = column(r, 0, y, 1), column(r, 1, y, 0), column(r, 0, y, 2)
+        zx, yz, zy = column(r, 2, y, 0), column(r, 1, y, 2), column(r, 2, y, 1)
+        mean = half * compliance
+        return (
+            q[0] - compliance * column(r, 0, y, 0), q[1] - mean * (xy + yx), q[2] - mean * (xz + zx),
+            q[3] - compliance * column(r, 1, y, 1), q[4] - mean * (yz + zy), q[5] - compliance * column(r, 2, y, 2),
+        ), (compliance * (yz - zy), compliance * (zx - xz), compliance * (xy - yx))  # fmt: skip
+
+    @compiled
+    def row(x, y, z, a):
+        """A row of Q A."""
+        return dot(x, y, z, a[0], a[3], a[6]), dot(x, y, z, a[1], a[4], a[7]), dot(x, y, z, a[2], a[5], a[8])
 
     @compiled
     def moved(point, weight, way):
         return point[0] + weight * way[0], point[1] + weight * way[1], point[2] + weight * way[2]
 
     @compiled
-    def solved(x, y, z, i):
-        """A row of the violation times the inverse."""
-        return dot(x, y, z, i[0], i[1], i[2]), dot(x, y, z, i[1], i[3], i[4]), dot(x, y, z, i[2], i[4], i[5])
-
-    @compiled
     def block(points, before, weights, values, compliance, m, gamma):
         f = gradient(points[0], points[1], points[2], points[3], values)
         r = rotation(f)
-        c = (
-            f[0] - r[0], f[1] - r[1], f[2] - r[2], f[3] - r[3], f[4] - r[4], f[5] - r[5],
-            f[6] - r[6], f[7] - r[7], f[8] - r[8],
-        )  # fmt: skip
+        s = stretch(f, r)
+        q = one - s[0], -s[1], -s[2], one - s[3], -s[4], one - s[5]
         if damped:
             p = gradient(before[0], before[1], before[2], before[3], values)
-            p = turned(r, turned(transposed(rotation(p)), p))
-            c = (
-                drawn(c[0], gamma, f[0], p[0]), drawn(c[1], gamma, f[1], p[1]), drawn(c[2], gamma, f[2], p[2]),
-                drawn(c[3], gamma, f[3], p[3]), drawn(c[4], gamma, f[4], p[4]), drawn(c[5], gamma, f[5], p[5]),
-                drawn(c[6], gamma, f[6], p[6]), drawn(c[7], gamma, f[7], p[7]), drawn(c[8], gamma, f[8], p[8]),
-            )  # fmt: skip
-        i = system(values, weights, compliance, one + gamma)
-        x0, x1, x2 = solved(
-            asked(c[0], compliance, m[0]), asked(c[1], compliance, m[1]), asked(c[2], compliance, m[2]), i
-        )
-        x3, x4, x5 = solved(
-            asked(c[3], compliance, m[3]), asked(c[4], compliance, m[4]), asked(c[5], compliance, m[5]), i
-        )
-        x6, x7, x8 = solved(
-            asked(c[6], compliance, m[6]), asked(c[7], compliance, m[7]), asked(c[8], compliance, m[8]), i
-        )
-        x = x0, x1, x2, x3, x4, x5, x6, x7, x8
-        wa, wb, wc, wd = corners(x, values)
+            q = less(q, gamma, s, stretch(p, rotation(p)))
+        h = system(values, weights, compliance, one + gamma)
+        x, y, z = zero, zero, zero
+        if kept:
+            q, k = relieved(q, compliance, r, m)
+            x, y, z = skew(h, k)
+        q = symmetric(h, q)
+        a = q[0], q[1] - z, q[2] + y, q[1] + z, q[3], q[4] - x, q[2] - y, q[4] + x, q[5]
+        x0, x1, x2 = row(r[0], r[1], r[2], a)
+        x3, x4, x5 = row(r[3], r[4], r[5], a)
+        x6, x7, x8 = row(r[6], r[7], r[8], a)
+        wa, wb, wc, wd = corners((x0, x1, x2, x3, x4, x5, x6, x7, x8), values)
         points = (
             moved(points[0], weights[0], wa), moved(points[1], weights[1], wb), moved(points[2], weights[2], wc),
             moved(points[3], weights[3], wd),
         )  # fmt: skip
+        if not kept:
+            return points, (zero, zero, zero, zero, zero, zero, zero, zero, zero)
         return points, (
             m[0] + x0, m[1] + x1, m[2] + x2, m[3] + x3, m[4] + x4, m[5] + x5, m[6] + x6, m[7] + x7, m[8] + x8,
         )  # fmt: skip
@@ -92,9 +115,9 @@ def make_block(real, compiled, damped):
     return block
 
 
-def make_system(real, compiled):
-    """system(rest, weights, compliance, stiffening): the inverse of what a block's nine rows share, six entries."""
-    zero, one, dot = real(0), real(1), make_lengths(real, compiled).dot
+def make_system(real, compiled, damped):
+    """system(rest, weights, compliance, stiffening): Ha, six entries, and 1 over its trace."""
+    zero, one = real(0), real(1)
 
     @compiled
     def weighted(weights, a, b, c, d, i, j):
@@ -104,27 +127,78 @@ def make_system(real, compiled):
         )
 
     @compiled
-    def inverse_of(xx, xy, xz, yy, yz, zz):
-        """Of a symmetric matrix, six entries, by cofactors, over its trace first so that no product is too large or small."""
-        trace = (xx + yy) + zz
-        s = one / (trace if trace > zero else one)
-        xx, xy, xz, yy, yz, zz = s * xx, s * xy, s * xz, s * yy, s * yz, s * zz
-        cxx, cxy, cxz = yy * zz - yz * yz, xz * yz - xy * zz, xy * yz - xz * yy
-        cyy, cyz, czz = xx * zz - xz * xz, xy * xz - xx * yz, xx * yy - xy * xy
-        determinant = dot(xx, xy, xz, cxx, cxy, cxz)
-        t = s / determinant if determinant > zero else zero
-        return t * cxx, t * cxy, t * cxz, t * cyy, t * cyz, t * czz
-
-    @compiled
     def system(rest, weights, compliance, stiffening):
         a = -rest[0], -(rest[1] + rest[3]), -(rest[2] + rest[4]) - rest[5]
         b, c, d = (rest[0], rest[1], rest[2]), (zero, rest[3], rest[4]), (zero, zero, rest[5])
-        return inverse_of(
-            stiffening * weighted(weights, a, b, c, d, 0, 0) + compliance, stiffening * weighted(weights, a, b, c, d, 0, 1),
-            stiffening * weighted(weights, a, b, c, d, 0, 2),
-            stiffening * weighted(weights, a, b, c, d, 1, 1) + compliance,
-            stiffening * weighted(weights, a, b, c, d, 1, 2),
-            stiffening * weighted(weights, a, b, c, d, 2, 2) + compliance,
-        )  # fmt: skip
+        xx, xy = weighted(weights, a, b, c, d, 0, 0), weighted(weights, a, b, c, d, 0, 1)
+        xz, yy = weighted(weights, a, b, c, d, 0, 2), weighted(weights, a, b, c, d, 1, 1)
+        yz, zz = weighted(weights, a, b, c, d, 1, 2), weighted(weights, a, b, c, d, 2, 2)
+        if damped:
+            xx, xy, xz = stiffening * xx, stiffening * xy, stiffening * xz
+            yy, yz, zz = stiffening * yy, stiffening * yz, stiffening * zz
+        xx, yy, zz = xx + compliance, yy + compliance, zz + compliance
+        trace = (xx + yy) + zz
+        return xx, xy, xz, yy, yz, zz, one / trace if trace > zero else zero
 
     return system
+
+
+def make_lyapunov(real, compiled):
+    """`symmetric`, `skew`: Z of (Z H + H Z) / 2 = Q, for the two parts of Q.
+
+    By elimination in an order of its own, which for positive definite systems needs no pivoting (N. Higham, "Accuracy and
+    Stability of Numerical Algorithms", SIAM 2002, section 10.1): the diagonal of a symmetric Z first, of which no two share
+    a row. H is divided by its trace before, so that no product is too large or small. A pivot that is less than `units` of
+    the sum that it is left of is rounding: that sum takes its place, which makes Z smaller, and never larger than right.
+    """
+    zero, one, two = real(0), real(1), real(2)
+    units, least = real(64 * np.finfo(real).eps), real(np.finfo(real).tiny / np.finfo(real).eps)
+
+    @compiled
+    def inverse(pivot, floor):
+        larger = pivot if pivot > floor else floor
+        return one / larger if larger > least else zero
+
+    @compiled
+    def solved(xx, xy, xz, yy, yz, zz, floors, x, y, z):
+        """Of a symmetric 3 x 3 system; `floors` of its pivots."""
+        i = inverse(xx, floors[0])
+        u, v = i * xy, i * xz
+        j = inverse(yy - u * xy, floors[1])
+        w = yz - v * xy
+        o = j * w
+        k = inverse((zz - v * xz) - o * w, floors[2])
+        y = y - u * x
+        z = k * ((z - v * x) - o * y)
+        y = j * y - o * z
+        return i * x - (u * y + v * z), y, z
+
+    @compiled
+    def symmetric(h, q):
+        """Six entries, of six of Q; `h`: six of H, and 1 over its trace."""
+        s = h[6]
+        a, xy, xz, b, yz, c = s * h[0], s * h[1], s * h[2], s * h[3], s * h[4], s * h[5]
+        qa, qb, qc = s * q[0], s * q[3], s * q[5]
+        qxy, qxz, qyz = s * q[1], s * q[2], s * q[4]
+        ia, ib, ic = inverse(a, zero), inverse(b, zero), inverse(c, zero)
+        ya, yb = xy * ia, xy * ib  # of the entry xy of Z in the rows of the diagonal's entries a and b
+        za, zc = xz * ia, xz * ic
+        wb, wc = yz * ib, yz * ic
+        ab, ac, bc = a + b, a + c, b + c
+        x, y, z = solved(
+            ab - xy * (ya + yb), yz - xy * za, xz - xy * wb, ac - xz * (za + zc), xy - xz * wc, bc - yz * (wb + wc),
+            (units * ab, units * ac, units * bc),
+            two * qxy - (ya * qa + yb * qb), two * qxz - (za * qa + zc * qc), two * qyz - (wb * qb + wc * qc),
+        )  # fmt: skip
+        return ia * qa - (ya * x + za * y), x, y, ib * qb - (yb * x + wb * z), z, ic * qc - (zc * y + wc * z)
+
+    @compiled
+    def skew(h, q):
+        """(x, y, z) of Z = [[0, -z, y], [z, 0, -x], [-y, x, 0]], of twice those of Q: Z H + H Z is skew as well, and its
+        three numbers are (tr H - H)(x, y, z)."""
+        s = h[6]
+        a, b, c = s * (h[3] + h[5]), s * (h[0] + h[5]), s * (h[0] + h[3])
+        floors = units * a, units * b, units * c
+        return solved(a, -(s * h[1]), -(s * h[2]), b, -(s * h[4]), c, floors, s * q[0], s * q[1], s * q[2])
+
+    return SimpleNamespace(symmetric=symmetric, skew=skew)

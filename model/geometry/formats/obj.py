@@ -10,7 +10,17 @@ import numpy as np
 
 from model.core.errors import InputError
 from model.geometry.formats.faces import Faces
-from model.geometry.formats.source import NotANumber, joined, line_of, plain, reals, wholes, without_comments
+from model.geometry.formats.source import (
+    NotANumber,
+    joined,
+    line_of,
+    plain,
+    reals,
+    table,
+    whole_table,
+    wholes,
+    without_comments,
+)
 
 VERTEX = rb"^[ \t]*v(?=[ \t]|$)[ \t]*(.*)$"
 FACE = rb"^[ \t]*f(?=[ \t]|$)[ \t]*(.*)$"
@@ -29,6 +39,15 @@ def read_obj(data: bytes) -> Faces:
     def face_line(number: int) -> str:
         return line_of(text, FACE, number)
 
+    found = table(vertices, 3)
+    position = _points(vertices, vertex_line) if found is None else np.ascontiguousarray(found[:, :3])
+    named, sizes = _polygons(faces, face_line)
+    corners = _corners(text, named, sizes, len(position), face_line)
+    return Faces(position, corners, sizes, vertex_line, face_line, first=1)
+
+
+def _points(vertices: list[bytes], vertex_line: Callable[[int], str]) -> np.ndarray:
+    """Return (vertices, 3) float64 of `v` lines."""
     rows = [line.split(None, 3)[:3] for line in vertices]
     short = [number for number, row in enumerate(rows) if len(row) < 3]
     if short:
@@ -36,12 +55,20 @@ def read_obj(data: bytes) -> Faces:
             f"vertices of fewer than three coordinates: {len(short)}, the first in {vertex_line(short[0])}; export it again"
         )
     try:
-        position = reals(chain.from_iterable(rows), 3 * len(rows)).reshape(-1, 3)
+        return reals(chain.from_iterable(rows), 3 * len(rows)).reshape(-1, 3)
     except NotANumber as error:
         raise InputError(
             f"it cannot be read as OBJ: {error.message} ({vertex_line(error.number // 3)}); export it again"
         ) from None
-    tokens = [line.split() for line in re.sub(rb"/[^\s]*", b"", b"\n".join(faces)).split(b"\n")] if faces else []
+
+
+def _polygons(faces: list[bytes], face_line: Callable[[int], str]) -> tuple[np.ndarray, np.ndarray]:
+    """Return (vertices as the file numbers them, sizes) of `f` lines."""
+    lines = re.sub(rb"/[^\s]*", b"", b"\n".join(faces)).split(b"\n") if faces else []
+    same = whole_table(lines, 3)
+    if same is not None:
+        return same.ravel(), np.full(len(same), same.shape[1], np.int64)
+    tokens = [line.split() for line in lines]
     sizes = np.fromiter(map(len, tokens), np.int64, len(tokens))
     if len(sizes) and sizes.min() < 3:
         raise InputError(
@@ -49,12 +76,10 @@ def read_obj(data: bytes) -> Faces:
             f"{face_line(int(np.argmax(sizes < 3)))}; remove them, or export it again"
         )
     try:
-        named = wholes(chain.from_iterable(tokens), int(sizes.sum()))
+        return wholes(chain.from_iterable(tokens), int(sizes.sum())), sizes
     except NotANumber as error:
         face = int(np.searchsorted(np.cumsum(sizes), error.number, "right"))
         raise InputError(f"it cannot be read as OBJ: {error.message} ({face_line(face)}); export it again") from None
-    corners = _corners(text, named, sizes, len(rows), face_line)
-    return Faces(position, corners, sizes, vertex_line, face_line, first=1)
 
 
 def _corners(

@@ -11,8 +11,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from model.core.errors import InputError
+from model.core.waiting import steps
 from model.geometry.formats.faces import Faces
-from model.geometry.formats.source import NotANumber, plain, reals, wholes
+from model.geometry.formats.source import READING, NotANumber, plain, polygon_table, reals, table, wholes
 
 TYPES = {
     "char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4", "float": "f4", "double": "f8",
@@ -126,8 +127,11 @@ def _text_vertices(element: _Element, lines: list[bytes], numbers: list[int], he
     places = _coordinates(element)
     if any(one.count for one in element.properties):
         raise InputError("it cannot be read as PLY: its vertices hold lists; export it without them")
-    rows = [lines[number].split() for number in numbers]
     wanted = len(element.properties)
+    found = table([lines[number] for number in numbers], wanted)
+    if found is not None:
+        return np.ascontiguousarray(found[:, places])
+    rows = [lines[number].split() for number in numbers]
     for number, row in zip(numbers, rows, strict=True):
         if len(row) < wanted:
             raise InputError(
@@ -144,8 +148,12 @@ def _text_vertices(element: _Element, lines: list[bytes], numbers: list[int], he
 def _text_lists(element: _Element, lines: list[bytes], numbers: list[int], header: int) -> _Lists:
     """Return the lists of vertices of an element's rows."""
     place = _list_of(element)
+    if place == 0 and len(numbers) == element.length:
+        same = polygon_table([lines[number] for number in numbers])
+        if same is not None:
+            return element.name, same.ravel(), np.full(len(same), same.shape[1], np.int64)
     found: list[list[bytes]] = []
-    for number in numbers:
+    for number in steps(numbers, len(numbers), READING):
         words, at = lines[number].split(), 0
         for which, one in enumerate(element.properties):
             length = 1

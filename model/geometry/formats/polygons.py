@@ -48,7 +48,7 @@ def triangulated(position: np.ndarray, corners: np.ndarray, sizes: np.ndarray) -
             other = rest & _covers(flat, _fan(4, 1))
             triangles[rows[other]] = polygon[other][:, _fan(4, 1)]
             rest &= ~other
-        for k in np.flatnonzero(rest | (~has_plane & ~_on_a_line(position[polygon]))).tolist():
+        for k in np.flatnonzero(rest | (~has_plane & ~on_a_line(position[polygon]))).tolist():
             cut = ears(flat[k]) if has_plane[k] else None
             if cut is None:
                 crossing.append(int(number[k]))
@@ -80,7 +80,7 @@ def _projected(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return np.stack([dot(local, u[:, None]), dot(local, v[:, None])], axis=-1), has_plane
 
 
-def _on_a_line(points: np.ndarray) -> np.ndarray:
+def on_a_line(points: np.ndarray) -> np.ndarray:
     """Return (n,) bool: the polygons (n, k, 3) whose corners lie on one line, or at one point."""
     local = points - points[:, :1]
     far = np.take_along_axis(local, norm(local).argmax(axis=1)[:, None, None], axis=1)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from itertools import islice
 from pathlib import Path
 
@@ -12,8 +12,12 @@ import numpy as np
 from model.core.errors import InputError, shortened
 from model.core.files import SAMPLE, check_pointer, check_source
 from model.core.memory import available_bytes, readable
+from model.core.waiting import steps
 
 BYTES_PER_FILE_BYTE = 25  # of memory while a file is read and mended: 8 to 18 measured with a million vertices
+READING = "reading the mesh"  # shown while it takes long
+LINES = 1 << 15  # of a text read at once
+LARGEST_WHOLE = 2.0**53  # below it float64 holds whole numbers
 MARK = b"\xef\xbb\xbf"  # byte-order mark of UTF-8
 WIDE_MARKS = (  # UTF-32 first: its little-endian mark begins with that of UTF-16
     (b"\xff\xfe\0\0", "UTF-32"),
@@ -96,6 +100,40 @@ def word(token: bytes | str) -> str:
     """Return a token of a file as a message shows it."""
     text = token if isinstance(token, str) else token.decode("utf-8", "replace")
     return f"'{shortened(text, 40)}'"
+
+
+def table(lines: Sequence[bytes], columns: int) -> np.ndarray | None:
+    """Return the numbers of lines that all hold equally many, `columns` or more: (lines, numbers) float64. None for lines of
+    another kind, which the caller reads one by one, and of which it says what is wrong."""
+    blocks: list[np.ndarray] = []
+    begins = range(0, len(lines), LINES)
+    try:
+        for begin in steps(begins, len(begins), READING):
+            if not lines[begin].strip():
+                return None
+            block = np.loadtxt(lines[begin : begin + LINES], np.float64, comments=None, ndmin=2)
+            if len(block) != min(LINES, len(lines) - begin) or block.shape[1] != (blocks or [block])[0].shape[1]:
+                return None
+            blocks.append(block)
+    except ValueError:
+        return None
+    return np.concatenate(blocks) if blocks and blocks[0].shape[1] >= columns else None
+
+
+def polygon_table(lines: Sequence[bytes]) -> np.ndarray | None:
+    """Return the corners of polygons (faces, k) int64, from lines of their number and themselves; None as of `table`."""
+    rows = whole_table(lines, 4)
+    if rows is None or rows[0, 0] < 3 or rows[0, 0] >= rows.shape[1] or (rows[:, 0] != rows[0, 0]).any():
+        return None
+    return np.ascontiguousarray(rows[:, 1 : 1 + rows[0, 0]])
+
+
+def whole_table(lines: Sequence[bytes], columns: int) -> np.ndarray | None:
+    """Return `table` of whole numbers as int64; None where one is not."""
+    rows = table(lines, columns)
+    if rows is None or not ((np.rint(rows) == rows) & (np.abs(rows) < LARGEST_WHOLE)).all():
+        return None
+    return rows.astype(np.int64)
 
 
 def reals(tokens: Iterable[bytes | str], count: int) -> np.ndarray:

@@ -8,7 +8,7 @@ import numpy as np
 
 from model.core.errors import InputError
 from model.geometry.formats.faces import Faces, uniform
-from model.geometry.formats.source import NotANumber, line_of, plain, reals
+from model.geometry.formats.source import NotANumber, line_of, plain, reals, table
 
 HEADER, TRIANGLE = 84, 50  # bytes of a binary file
 RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
@@ -32,9 +32,11 @@ def read_stl(data: bytes) -> Faces:
             f"{promised} triangles promised, which take {needed} bytes, but there are {len(data)}: damaged or cut short; "
             "export it again"
         )
-    rows = [line.split()[:3] for line in re.findall(VERTEX, text, re.MULTILINE)]
-    whole = min(len(rows) // 3, len(re.findall(WHOLE, text, re.MULTILINE)))
-    if whole != facets or len(rows) != 3 * facets or any(len(row) < 3 for row in rows):
+    lines = re.findall(VERTEX, text, re.MULTILINE)
+    found = table(lines, 3)
+    rows = [line.split()[:3] for line in lines if found is None]
+    whole = min(len(lines) // 3, len(re.findall(WHOLE, text, re.MULTILINE)))
+    if whole != facets or len(lines) != 3 * facets or any(len(row) < 3 for row in rows):
         raise InputError(f"{facets} triangles begin, {whole} are whole: cut short or damaged; export it again")
     if facets and not re.search(END, text, re.MULTILINE):
         raise InputError(f"no `endsolid` follows its {facets} triangles: cut short; export it again")
@@ -43,7 +45,8 @@ def read_stl(data: bytes) -> Faces:
         return line_of(text, VERTEX, number)
 
     try:
-        position = reals([token for row in rows for token in row], 9 * facets).reshape(-1, 3)
+        flat = reals([token for row in rows for token in row], 9 * facets) if found is None else found[:, :3]
+        position = np.ascontiguousarray(flat).reshape(-1, 3)
     except NotANumber as error:
         raise InputError(
             f"it cannot be read as STL: {error.message} ({vertex_line(error.number // 3)}); export it again"

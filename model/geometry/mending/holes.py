@@ -6,7 +6,7 @@ import numpy as np
 
 from model.geometry.arithmetic.ordered import mean, norm
 from model.geometry.edges import edge_uses
-from model.geometry.formats.polygons import triangulated
+from model.geometry.formats.polygons import on_a_line, triangulated
 
 LONGEST = 500  # edges of a rim that is cut as a polygon, in O(n^2)
 
@@ -40,7 +40,10 @@ def rims(triangles: np.ndarray, bare: np.ndarray) -> list[np.ndarray]:
 
 
 def width(position: np.ndarray, loop: np.ndarray) -> float:
-    """Return the diagonal of the box around a rim [m]."""
+    """Return the diagonal of the box around a rim [m]; 0 of a slit, whose vertices lie on a line: a triangle without an area
+    stood there, as CAD programs write them where a vertex lies on a longer edge."""
+    if on_a_line(position[loop][None])[0]:
+        return 0.0
     return float(norm(np.ptp(position[loop], axis=0)))
 
 

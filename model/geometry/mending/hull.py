@@ -7,6 +7,8 @@ have an inside on one side only; walls within a volume and fins outside are left
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 
 from model.core.waiting import steps
@@ -18,16 +20,18 @@ from model.geometry.voxels import winding_numbers
 
 PROBES = 3  # triangles of a sheet at which the winding number is taken
 SMALL = 4  # triangles: of a sheet with so few, one; none where it hangs on the others by less than half of its outline
+DIGITS = 9  # of an angle around an edge, in turns: triangles nearer to each other stand at one angle
 TOGETHER = 16  # probes between two reports
 
 
-def bounding(position: np.ndarray, triangles: np.ndarray, told: list[str]) -> tuple[np.ndarray, np.ndarray]:
+def bounding(position: np.ndarray, triangles: np.ndarray, told: list[str]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the sheets of `triangles` (n, 3) that bound a volume, and say in `told` what became of the others.
 
     Returns
     -------
     source : (m,) int64, the vertex of `position` at which each vertex lies; several where sheets touch
-    triangles : (k, 3) int64, of those m vertices, two at most at an edge
+    points : (m + added, 3) float64, where they lie, and the middles of edges that a surface passes more than once
+    triangles : (k, 3) int64, of those vertices, two at most at an edge
     """
     fins = int((edge_uses(len(position), triangles)[1] > 2).sum())
     source, cut = split(triangles, _pairs(len(position), triangles))
@@ -43,7 +47,9 @@ def bounding(position: np.ndarray, triangles: np.ndarray, told: list[str]) -> tu
         left, sheets = many(int((~keep).sum()), "triangle"), many(len(np.unique(sheet[~keep])), "sheet")
         note += f", and {left} of {sheets} that bound no volume were left out"
     told.append(note)
-    return split(triangles[keep], _pairs(len(position), triangles[keep], position))
+    pairs = _pairs(len(position), triangles[keep], position)
+    source, cut = split(triangles[keep], pairs)
+    return source, *_passed_once(position[source], cut, pairs)
 
 
 def _bounds(position: np.ndarray, triangles: np.ndarray, sheet: np.ndarray) -> np.ndarray:
@@ -127,7 +133,9 @@ def _around(position: np.ndarray, triangles: np.ndarray, sides: np.ndarray) -> n
     """Return pairs of `sides` (n,) of one edge with an inside between them, by their angles around it.
 
     Seen along the edge from its lower vertex, a triangle that passes it that way has its outer side at larger angles, one
-    that passes it the other way at smaller ones.
+    that passes it the other way at smaller ones: they close and open an inside. Each is paired with its match, as brackets
+    are, so that insides that overlap are closed, too; of triangles at one angle, as where two bodies touch, those that close
+    come first.
     """
     triangle, corner = np.divmod(sides, 3)
     start, end = triangles[triangle, corner], triangles[triangle, (corner + 1) % 3]
@@ -138,12 +146,54 @@ def _around(position: np.ndarray, triangles: np.ndarray, sides: np.ndarray) -> n
     away = away - dot(away, axis)[:, None] * axis
     across = np.cross(axis, away[0])
     angle = np.arctan2(dot(away, across[None]), dot(away, away[:1]) * norm(across))
-    order = np.argsort(angle, kind="stable")
-    forwards = (start == low)[order]
-    ring = sides[order]
-    following, next_forwards = np.roll(ring, -1), np.roll(forwards, -1)
-    inside = ~forwards & next_forwards
-    return np.stack([ring[inside], following[inside]], axis=1)
+    turn = np.round(angle / (2 * np.pi) % 1, DIGITS) % 1
+    opens = start != low
+    order = np.lexsort((opens, turn))
+    depth = np.cumsum(np.where(opens[order], 1, -1))
+    order = np.roll(order, -1 - int(np.argmin(depth)))  # from where the least is open
+    found, waiting = [], []
+    for side, opening in zip(sides[order].tolist(), opens[order].tolist(), strict=True):
+        if opening:
+            waiting.append(side)
+        elif waiting:
+            found.append((waiting.pop(), side))
+    return np.array(found, dtype=np.int64).reshape(-1, 2)
+
+
+def _passed_once(position: np.ndarray, triangles: np.ndarray, pairs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return (position, triangles) with a vertex at the middle of edges that a surface passes more than once.
+
+    Where the triangles around both ends hang together, an edge keeps four triangles though `pairs` (n, 2) of sides tell which
+    two are neighbours: each pair but the first, and each side without one, gets a vertex of its own there.
+    """
+    start, end = triangles.ravel(), triangles[:, [1, 2, 0]].ravel()
+    key = np.minimum(start, end) * len(position) + np.maximum(start, end)
+    _, number, uses = np.unique(key, return_inverse=True, return_counts=True)
+    if not (uses > 2).any():
+        return position, triangles
+    group = components(len(key), pairs)  # of each side: the lower one of its pair
+    several = np.flatnonzero(uses[number] > 2)
+    lowest = np.full(len(uses), len(key))
+    np.minimum.at(lowest, number[several], group[several])
+    parted = several[group[several] != lowest[number[several]]]
+    groups, which = np.unique(group[parted], return_inverse=True)
+    middle = np.full(len(key), -1)
+    middle[parted] = len(position) + which
+    added = (position[start[groups]] + position[end[groups]]) / 2
+    rows = middle.reshape(-1, 3)
+    divided = (rows >= 0).any(axis=1)
+    fans = [_fanned(*row) for row in zip(triangles[divided].tolist(), rows[divided].tolist(), strict=True)]
+    return np.concatenate([position, added]), np.concatenate([triangles[~divided], *fans])
+
+
+def _fanned(corners: list[int], middles: list[int]) -> np.ndarray:
+    """Return the triangles of one whose sides have a vertex at their middle, or -1: a fan from the first such vertex."""
+    first = next(k for k in range(3) if middles[k] >= 0)
+    ring = [middles[first]]
+    for k in (first + 1, first + 2, first + 3):
+        ring += [corners[k % 3], middles[k % 3]]
+    ring = [vertex for vertex in ring[:-1] if vertex >= 0]
+    return np.array([(ring[0], one, two) for one, two in pairwise(ring[1:])])
 
 
 def split(triangles: np.ndarray, pairs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -17,6 +17,9 @@ from model.geometry.arithmetic.ordered import determinant, dot, total
 from model.geometry.tetrahedra.pieces import PROBES, Chords, Pieces
 
 MIN_FRACTION = 1e-3  # of a tetrahedron: no vertex is without mass, no tetrahedron without stiffness
+MIN_STIFFNESS = (
+    0.1  # of a tetrahedron: nearly empty ones carry contacts, too, and softer ones turn inside out under them
+)
 MIN_CORNER = 0.25  # of a tetrahedron's fraction, at each corner: bounds the frequency of a corner far from the inside
 NO_CROSSING = 1e-3  # weight of an axis along which no line meets the surface
 BATCH = 1 << 18  # chords at once

@@ -127,7 +127,8 @@ def _check(position: np.ndarray, corners: np.ndarray) -> None:
     size = float(np.abs(position).max(initial=0.0))
     if size > LARGEST:
         raise InputError(
-            f"a coordinate of {size:.3g} m; at most {LARGEST:g}: give a scale that turns the file's unit to m"
+            f"a coordinate of {size:.10g} m; at most {LARGEST:g}: move the origin nearer to 0, or give a scale that turns "
+            "the file's unit to m"
         )
     least, most = int(corners.min()), int(corners.max())
     if least < 0 or most >= len(position):

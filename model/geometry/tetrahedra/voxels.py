@@ -16,14 +16,14 @@ from typing import Literal
 
 import numpy as np
 
-from model.core.errors import InputError, SceneError
+from model.core.errors import SceneError
 from model.core.memory import available_bytes, readable
 from model.geometry.arithmetic.ordered import applied, determinant, dot
 from model.geometry.edges import components
 from model.geometry.mesh import TriangleMesh
 from model.geometry.mesh_files import LARGEST
 from model.geometry.normals import mesh_normals
-from model.geometry.solid import CLOTH, OTHERWISE, Solid, as_mesh, solid
+from model.geometry.solid import CLOTH, Solid, as_mesh, filled, solid
 from model.geometry.tetrahedra.embedding import Embedding
 from model.geometry.tetrahedra.fractions import fractions_of
 from model.geometry.tetrahedra.meeting import Cells
@@ -105,8 +105,9 @@ def voxel_mesh(
 
     Raises SceneError (a parameter) and InputError (an open mesh, nothing inside, coordinates beyond those of a body).
     """
-    mesh = as_mesh(mesh, inside=True)
-    _refuse_open(mesh)
+    mesh = filled(
+        as_mesh(mesh, inside=True), 0.0, f'a body with tetrahedra = "conforming", which closes holes, {CLOTH}'
+    )
     hull = solid(mesh, 0.0)
     low, high = hull.position.min(axis=0), hull.position.max(axis=0)
     size, counts = _lattice(hull, low, high, edge, voxels, per_voxel)
@@ -121,17 +122,6 @@ def voxel_mesh(
     pairs = triangle, cells.number(through)
     pieces = pieces_of(snapped, hull.triangles, mesh.edges, cells, pairs)
     return _cut(hull, place, snapped, cells, pieces, pairs, (origin, size, per_voxel))
-
-
-def _refuse_open(mesh: TriangleMesh) -> None:
-    rims = mesh.boundary_loops
-    if mesh.edges.boundary.any():
-        rim = mesh.position[mesh.edges.edges[int(np.argmax(mesh.edges.boundary))]].mean(axis=0)
-        raise InputError(
-            f"the mesh is open, it has {rims} rim{'' if rims == 1 else 's'} ({int(mesh.edges.boundary.sum())} edges with a "
-            f"triangle on one side only, the first at ({', '.join(f'{x:.4g}' for x in rim)})), so it has no inside: "
-            f'{OTHERWISE}, take tetrahedra = "conforming", which closes holes, or make it {CLOTH}'
-        )
 
 
 def _slack(hull: Solid, size: float) -> float:
@@ -150,10 +140,8 @@ def _lattice(
     size = edge_of(hull.position, edge, voxels)
     largest = float(np.abs(hull.position).max())
     if size < COARSEST * largest:
-        raise InputError(
-            f"voxels of {size:.3g} m at coordinates of {largest:.3g} m are below what these can tell apart; move the mesh to "
-            "the origin, or take larger voxels"
-        )
+        told = f"makes voxels of {size:.3g} m at coordinates of {largest:.3g} m, below what these can tell apart"
+        raise SceneError(*field, f"{told}; move the mesh to the origin, or {advice}")
     wide = (high - low) / size
     if wide.max() > MOST_VOXELS:
         raise SceneError(*field, f"makes {wide.max():.3g} voxels along an axis; at most {MOST_VOXELS}: {advice}")

@@ -169,7 +169,7 @@ def test_of_chaos_nothing_is_told(store, clockwork, monkeypatch, capsys):
     assert {found.verdict(one) for one in found.rows} == {UNTOLD}
     assert all(math.isinf(one.error) for one in (found.full, *found.rows))
     assert all(math.isfinite(one.energy_off) and math.isfinite(one.mean_off) for one in found.rows)
-    assert "cannot be told at 4 s" in found.sentence()
+    assert "unknown what it needs at 4 s" in found.sentence()
 
 
 # ---------------------------------------------------------------------- drawn and told

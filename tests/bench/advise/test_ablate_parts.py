@@ -129,7 +129,7 @@ def test_the_sentence_is_made_from_the_data():
         replace(row("dt 0.005 s", FINER, error=2.5e-4, seconds=2.0), spares="dt 0.01 s"),
     ]
     assert table(row(), *rows).sentence() == (
-        "A scene at dt 0.01 s with velocity-verlet, on the CPU, by itself 1.0e-03 spacings off at 1.5 s: it needs springs "
+        "A scene at dt 0.01 s with velocity-verlet, on the CPU, error 1.0e-03 spacings at 1.5 s: it needs springs "
         "and gravity, not wind (without it changes 5.0e-04, 2 times as fast); rk4 is needed (euler changes 1.0e+00); "
         "float32 is enough (changes 3.0e-06, saves nothing); dt 0.02 s is too long (diverges); dt 0.005 s would make the "
         "error 4 times smaller for 2 times the time."
@@ -139,7 +139,7 @@ def test_the_sentence_is_made_from_the_data():
     assert "times the time" not in doubtful
     assert "not wind (without it changes 5.0e-04)" in doubtful
     chaotic = table(row(growth=1e6, error=math.inf), *rows).sentence()
-    assert "cannot be told at 1.5 s" in chaotic
+    assert "unknown what it needs at 1.5 s" in chaotic
     assert chaotic.endswith("it diverges dt 0.02 s.")
 
 

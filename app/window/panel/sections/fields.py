@@ -9,9 +9,7 @@ from app.window.materials import FACTORS
 from app.window.panel.parameters import Parameter, parameters_of, value_of
 from app.window.panel.sections.said import Said
 
-ANEW = (
-    "A change of these opens the world anew when you let go, with the state carried over where the masses are the same."
-)
+ANEW = "Changing one of these reopens the scene when you release the slider. The state is kept if the masses stay the same."
 DEAR = 2000  # fields: of more, as a scene of hundreds of parts has, the first are shown
 
 
@@ -24,7 +22,7 @@ def parameters(said: Said) -> None:
     gravity = [one for one in found if one.path.startswith("gravity.")]
     if not gravity:
         rows.heading("gravity")
-        if rows.check("Gravity on", demo.gravity, "G"):
+        if rows.check("Gravity on", demo.gravity, "Key G."):
             demo.toggle_gravity()
     _rows(said, [one for one in found if one.live][:DEAR])
     if scene.tetrahedra:
@@ -35,7 +33,7 @@ def parameters(said: Said) -> None:
     rows.gap(2)
     once = int(rows.imgui.Cond_.once)
     rows.imgui.set_next_item_open(said.state.every, once)
-    if rows.imgui.tree_node(f"Compiled in ({len(fixed)})###fixed"):
+    if rows.imgui.tree_node(f"Needs a recompile ({len(fixed)})###fixed"):
         rows.note(ANEW)
         for part, of_part in groupby(fixed, key=lambda one: one.part):
             rows.imgui.set_next_item_open(said.state.every, once)
@@ -44,7 +42,7 @@ def parameters(said: Said) -> None:
                 rows.imgui.tree_pop()
             rows.keep_place(f"table {part}")
         rows.imgui.tree_pop()
-    rows.keep_place("compiled in")
+    rows.keep_place("needs a recompile")
 
 
 def _material(said: Said, found: list[Parameter]) -> None:
@@ -52,7 +50,7 @@ def _material(said: Said, found: list[Parameter]) -> None:
     demo, rows, scene = said.demo, said.rows, said.demo.world.scene
     bodies = list(scene.tetrahedra)
     told = demo.scenes[demo.current].tetrahedra.get(bodies[0])
-    rows.heading(bodies[0] if len(bodies) == 1 else f"material of {len(bodies)} bodies, which change alike")
+    rows.heading(bodies[0] if len(bodies) == 1 else f"material of {len(bodies)} bodies (changed together)")
     for field in FACTORS:
         one = next((one for one in found if one.path == f"{bodies[0]}.{field}"), None)
         if one is None:

@@ -11,23 +11,25 @@ from app.window.panel.sections.said import Said
 def files(said: Said) -> None:
     """What saves and what loads."""
     viewer, rows, state, demo = said.viewer, said.rows, said.state, said.demo
-    clip = "End the clip" if viewer.shots.recording else "Record a clip"
+    clip = "Stop recording" if viewer.shots.recording else "Record a clip"
     pressed = rows.buttons(("Picture", clip), clip if viewer.shots.recording else "")
     if pressed == "Picture":
         viewer.shots.ask()
     elif pressed:
         viewer.shots.toggle_clip()
-    rows.heading("the scene as it stands")
-    state.scene_file = rows.line("Scene file", state.scene_file, "named by itself, .toml")
+    rows.heading("scene with the current settings")
+    state.scene_file = rows.line("Scene file", state.scene_file, "name.toml (empty: automatic)")
     if rows.button("Save the scene", -1.0):
         keeping.save_scene(demo, state.scene_file)
-    rows.heading("its state: where everything is, how fast, when")
-    state.state_file = rows.line("State file", state.state_file, "named by itself, .npz")
+    rows.heading("state: positions, velocities, time")
+    state.state_file = rows.line("State file", state.state_file, "name.npz (empty: automatic)")
     pressed = rows.buttons(("Save the state", "Load the state"))
     if pressed == "Save the state":
         state.state_file = keeping.save_state(demo, state.state_file) or state.state_file
     elif pressed:
         keeping.load_state(demo, state.state_file)
-    found = rows.choice("In this folder", "...", tuple(sorted(path.name for path in Path.cwd().glob("*.npz")))[:200])
+    found = rows.choice(
+        "Existing files", "choose ...", tuple(sorted(path.name for path in Path.cwd().glob("*.npz")))[:200]
+    )
     if found is not None:
         state.state_file = found

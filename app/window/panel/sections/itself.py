@@ -16,4 +16,4 @@ def itself(said: Said) -> None:
     pressed = rows.buttons(sizes, f"{look.unit:g}x")
     if pressed:
         look.unit = SIZES[sizes.index(pressed)]
-    rows.note("A closes it. Every slider: Ctrl and a click to type a number.")
+    rows.note("Key A closes the panel. Ctrl+click a slider to type a number.")

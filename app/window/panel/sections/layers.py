@@ -17,8 +17,12 @@ def _fluid(said: Said) -> None:
         if pressed and (pressed == "Particles") != first.lines:
             looks.toggle_lines()
     else:
-        rows.note("A fluid in a plane is drawn as particles.")
-    if rows.check("Spray, foam, bubbles", first.foam, "points that come where air is trapped, drawn only; W"):
+        rows.note("A fluid in a plane is always drawn as particles.")
+    if rows.check(
+        "Spray, foam, bubbles",
+        first.foam,
+        "Points generated where air is trapped. Drawn only; they do not change the motion. Key W.",
+    ):
         looks.toggle_foam()
 
 
@@ -29,7 +33,7 @@ def layers(said: Said) -> None:
     if first.subject == "fluid":
         _fluid(said)
     elif not viewer.space:
-        rows.note("A scene in the plane is drawn in one way: springs coloured by strain.")
+        rows.note("A scene in a plane is always drawn as springs coloured by strain.")
     elif viewer.bodies:
         for name, word in INSIDE:
             if rows.check(word, getattr(first, name)):
@@ -43,21 +47,21 @@ def layers(said: Said) -> None:
                 looks.toggle_lines()
             if pressed != names[2] and (pressed == names[0]) != first.skin:
                 looks.toggle("skin")
-    elif rows.check("Springs", first.lines, "in place of the surface; L"):
+    elif rows.check("Springs", first.lines, "Show springs instead of the surface. Key L."):
         looks.toggle_lines()
     if viewer.space and scene.colliders and rows.check("Colliders", first.colliders):
         looks.toggle_colliders()
     if first.colourings:
-        rows.heading("coloured by")
+        rows.heading("colour by")
         pressed = rows.buttons(first.colourings, first.colouring, "colour ")
         if pressed:
             looks.colour_by(pressed)
     if viewer.space:
-        rows.heading("picture")
+        rows.heading("picture quality")
         pressed = rows.buttons([detail.name for detail in DETAILS], first.detail.name, "picture ")
         if pressed:
             looks.show_in(next(detail for detail in DETAILS if detail.name == pressed))
-    rows.heading("over the picture")
+    rows.heading("overlays")
     overlay = viewer.overlay
     for word, on, toggle in (
         ("Numbers", overlay.show_numbers, overlay.toggle_numbers), ("Frame times", overlay.show_graph, overlay.toggle_graph),

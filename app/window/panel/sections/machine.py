@@ -7,8 +7,8 @@ from app.window.demo import THREAD_WORDS
 from app.window.panel.sections.said import Said
 from model.core.options import MATHS, PRECISIONS
 
-OWN = "its own choice"
-KERNELS = {  # the words of --kernel; which of them a solver has, it says itself
+OWN = "automatic"
+KERNELS = {  # the words of --kernel; a solver refuses those it lacks
     "cpu": ("fused", "team", "tiled", "stages"),
     "gpu": ("one-block", "resident", "tiles", "tiled", "graph", "launch", "cooperative", "stages"),
 }
@@ -18,19 +18,27 @@ def machine(said: Said) -> None:
     """One choice a row."""
     demo, rows = said.demo, said.rows
     world, options = demo.world, demo.options
-    rows.note(f"{world.device}, kernel {world.kernel}, {world.threads} threads{' a block' * (world.backend == 'gpu')}")
-    chosen = rows.choice("Backend", demo.backend, BACKENDS, "B")
+    rows.note(
+        f"{world.device}, kernel {world.kernel}, {world.threads} threads{' per block' * (world.backend == 'gpu')}"
+    )
+    chosen = rows.choice("Backend", demo.backend, BACKENDS, "Key B.")
     if chosen is not None:
         demo.switch_backend()
     if demo.backend == "cpu":
-        chosen = rows.choice("Threads", demo.threads, (*THREAD_WORDS, "1", "auto"), "T: of the cores, or a number")
+        chosen = rows.choice(
+            "Threads", demo.threads, (*THREAD_WORDS, "1", "auto"), "Threads per core, a fixed number, or auto. Key T."
+        )
         if chosen is not None and demo.run_with(threads=chosen):
-            demo.say(f"{demo.world.threads} threads ({chosen}), state carried over")
+            demo.say(f"{demo.world.threads} threads ({chosen}), state kept")
     for name, words in (("Precision", tuple(PRECISIONS)), ("Math", MATHS)):
-        chosen = rows.choice(name, str(options[name.lower()]), words, "not live: kernels are compiled for it")
+        chosen = rows.choice(
+            name, str(options[name.lower()]), words, "A change recompiles the kernels. The state is kept."
+        )
         if chosen is not None and demo.run_with(**{name.lower(): chosen}):
-            demo.say(f"{chosen}, state carried over")
+            demo.say(f"{chosen}, state kept")
     now, known = options["kernel"] or OWN, (OWN, *KERNELS[demo.backend])
-    chosen = rows.choice("Kernel", now, known, "which of them a solver has, it says")
+    chosen = rows.choice(
+        "Kernel", now, known, "A kernel that the solver of this scene does not have is refused with a message."
+    )
     if chosen is not None and demo.run_with(kernel=None if chosen == OWN else chosen):
-        demo.say(f"kernel {demo.world.kernel}, state carried over")
+        demo.say(f"kernel {demo.world.kernel}, state kept")

@@ -12,7 +12,7 @@ def head(said: Said) -> None:
     world = demo.world
     rows.bold(demo.titles[demo.current], 17.0)
     state = "diverged" if demo.frozen else "paused" if demo.paused else "running"
-    rows.note(f"{world.time:.3f} s   step {world.step}   {state}", "warning" if demo.frozen else "faint")
+    rows.note(f"time {world.time:.3f} s   step {world.step}   {state}", "warning" if demo.frozen else "faint")
     pressed = rows.buttons(("Play" if demo.paused else "Pause", "Step", "Restart"), "" if demo.paused else "Pause")
     if pressed in ("Play", "Pause"):
         demo.toggle_pause()
@@ -22,10 +22,10 @@ def head(said: Said) -> None:
         said.state.pending.clear()
         demo.restart()
     place = STEPS_PER_FRAME.index(demo.steps_per_frame)
-    rows.name("Speed", "steps a frame; - and +")
+    rows.name("Speed", "Steps per frame of the window. Keys - and +.")
     imgui.set_next_item_width(-1)
     pace = demo.steps_per_frame * max(w.scene.method.dt for w in demo.worlds)
-    each = f"{demo.steps_per_frame} step{'s' * (demo.steps_per_frame != 1)} a frame, {pace * 1e3:.3g} ms"
+    each = f"{demo.steps_per_frame} step{'s' * (demo.steps_per_frame != 1)} per frame ({pace * 1e3:.3g} ms)"
     last = len(STEPS_PER_FRAME) - 1
     changed, found = rows.filled(lambda: imgui.slider_int("##speed", place, 0, last, each), place / last)
     rows.keep_place("speed")

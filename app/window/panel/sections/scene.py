@@ -1,24 +1,18 @@
-"""The panel's choice of scenes: another one, or two side by side."""
+"""The panel's choice of scenes: another one, or several side by side."""
 
 from __future__ import annotations
 
-from functools import cache
-
+from app.window.panel.scene_list import Entry, scene_entries
 from app.window.panel.sections.said import Said
+from app.window.panes import MAX_WORLDS, view_kind
 from model.core.errors import SoftlabError
-from model.scene.reader import catalogue
 from model.scene.scene import Scene, load_scene
 
-EVERY = "every world"
-
-
-@cache
-def _names() -> tuple[str, ...]:
-    return tuple(sorted(catalogue()))
+ALL, DUPLICATE, ONLY = "all scenes", "Duplicate to compare", "Keep only this scene"
 
 
 def _loaded(said: Said, name: str) -> Scene | None:
-    """A scene of the catalogue; what is wrong with it is said."""
+    """A scene by its name or file; an error is shown as a message."""
     try:
         return load_scene(name)
     except SoftlabError as error:
@@ -26,29 +20,42 @@ def _loaded(said: Said, name: str) -> Scene | None:
         return None
 
 
+def _beside(said: Said) -> list[Entry]:
+    """The scenes that can be shown beside the current ones."""
+    kind = view_kind(said.demo.world.scene)
+    return [entry for entry in scene_entries() if entry.kind == kind]
+
+
 def scene(said: Said) -> None:
-    """Another scene, another beside this one, this one twice."""
+    """Another scene, a scene beside the current ones, the current scene twice."""
     demo, rows, state = said.demo, said.rows, said.state
-    chosen = rows.choice("Scene", demo.world.scene.name, _names(), "of the catalogue; it opens at its start")
+    now = demo.world.scene
+    chosen = rows.scene_choice(
+        "Scene", now.title, scene_entries, "Open another scene: yours in this folder, or one of the lab's."
+    )
     if chosen is not None and (found := _loaded(said, chosen)) is not None:
         state.pending.clear()
         if demo.show([found]):
             demo.say(f"opened {chosen}")
-    beside = rows.choice(
-        "Beside it", "...", _names(), "another scene side by side with this one, both from their start"
-    )
-    if beside is not None and (found := _loaded(said, beside)) is not None:
-        demo.show([demo.world.scene, found])
+    if len(demo.worlds) < MAX_WORLDS:
+        tip = f"Show another scene side by side, from its start. The list holds those that show {view_kind(now)}."
+        beside = rows.scene_choice("Add", "Add a scene beside it", lambda: _beside(said), tip)
+        if beside is not None and (found := _loaded(said, beside)) is not None:
+            demo.show([*(world.scene for world in demo.worlds), found])
     several = len(demo.worlds) > 1
     rows.gap(1)
-    pressed = rows.buttons(("Compare: twice",) + (("This one alone",) if several else ()))
-    rows.tip("the scene as it is now, side by side with itself; what you change then is changed in the second")
-    if pressed == "Compare: twice":
+    pressed = rows.buttons((DUPLICATE,) + ((ONLY,) if several else ()))
+    rows.tip(
+        "" if several else "Show the scene twice, side by side, as it is now. Later changes apply to the second copy."
+    )
+    if pressed == DUPLICATE:
         demo.compare()
     elif pressed:
         demo.keep_current()
     if len(demo.worlds) > 1:
-        now = demo.titles[demo.current] if demo.alone else EVERY
-        chosen = rows.choice("Change", now, (EVERY, *demo.titles), "Tab: what is changed below, and by keys")
+        target = demo.titles[demo.current] if demo.alone else ALL
+        chosen = rows.choice(
+            "Changes apply to", target, (ALL, *demo.titles), "The scene that sliders and keys change. Key Tab."
+        )
         if chosen is not None:
-            demo.choose(None if chosen == EVERY else demo.titles.index(chosen))
+            demo.choose(None if chosen == ALL else demo.titles.index(chosen))

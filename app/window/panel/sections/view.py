@@ -16,10 +16,10 @@ def _light(said: Said) -> None:
     rows, looks = said.rows, said.viewer.looks
     x, y, z = said.viewer.views[0].light.tolist()
     turned, height = atan2(x, z), asin(min(max(y, -1.0), 1.0))
-    found = rows.slider("Light turned", degrees(turned), -180, 180, "°")
+    found = rows.slider("Light rotation", degrees(turned), -180, 180, "°")
     if found is not None:
         looks.shine(radians(found), height)
-    found = rows.slider("Light from above", degrees(height), LOWEST, HIGHEST, "°")
+    found = rows.slider("Light elevation", degrees(height), LOWEST, HIGHEST, "°")
     if found is not None:
         looks.shine(turned, radians(min(max(found, LOWEST), HIGHEST)))
 
@@ -30,11 +30,11 @@ def view(said: Said) -> None:
     camera = viewer.camera
     if viewer.space:
         yaw = (degrees(camera.yaw) + 180) % 360 - 180
-        found = rows.slider("Turned", yaw, -180, 180, "°")
+        found = rows.slider("Rotation", yaw, -180, 180, "°")
         if found is not None:
             camera.yaw = radians(found)
         most = degrees(MAX_PITCH)
-        found = rows.slider("From above", degrees(camera.pitch), -most, most, "°")
+        found = rows.slider("Elevation", degrees(camera.pitch), -most, most, "°")
         if found is not None:
             camera.pitch = radians(min(max(found, -most), most))
         size = max(world.body.size for world in said.demo.worlds)
@@ -50,7 +50,7 @@ def view(said: Said) -> None:
             camera.magnify(found / camera.scale)
     if viewer.space:
         _light(said)
-    if rows.check("Follow what moves", viewer.follow):
+    if rows.check("Follow the motion", viewer.follow):
         viewer.follow = not viewer.follow
-    if rows.button("Frame everything", -1.0):
+    if rows.button("Fit everything in view", -1.0):
         viewer.frame_everything()
