@@ -28,7 +28,7 @@ from model.world.world_set import WorldSet
 
 COARSEST = 1.25  # rest distances that particles of a body may be apart: wider, a fluid runs through between them
 THIN = 2.0  # by which volumes of a cloth's samples are larger: nothing behind it holds water back
-BEARING = 1.2  # by which volumes of a body's samples are larger; measured: a submerged cube is pushed by rho g V within 5 %
+BEARING = 1.2  # by which volumes of a body's samples are larger; measured: a held cube is pushed by rho g V within 5 %
 NEAREST = (
     0.9  # of half of both spacings together: of what a fluid and a body keep from each other at the start, at least
 )

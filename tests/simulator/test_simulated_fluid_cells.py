@@ -57,7 +57,7 @@ def made(kind: str, axes: int, most: int, real: Any) -> SimpleNamespace:
         cells.bound(given[0])
         cells.sort(record, given, into)
     find = make_density_kernels(real, "exact", frozenset({"flat"} if axes == 2 else ()), repeats, NEIGHBOURS).find
-    table = cells.table, cells.found, cells.beyond
+    table = cells.table, cells.found, cells.counts
     find[-(-count // 32), 32](into[0], record, cells.sorted_keys, cells.numbers, cells.begins, *table)
     return SimpleNamespace(cells=cells, arrays=arrays, into=into, numbers=cells.numbers.copy_to_host())
 
