@@ -76,12 +76,13 @@ class Window:
     def state(self) -> dict[str, Any]:
         return json.loads(self.state_file.read_text()) if self.state_file.exists() else {}
 
-    def wait(self, what: str, condition: Callable[[dict[str, Any]], bool]) -> dict[str, Any]:
-        """Until the state fulfils the condition; fails with the last state and the program's output."""
+    def wait(self, what: str, condition: Callable[[dict[str, Any]], bool], compiling: bool = False) -> dict[str, Any]:
+        """Until the state fulfils the condition, with `compiling` also while kernels compile; fails with the last state and
+        the program's output."""
         end = time.monotonic() + PATIENCE
         while time.monotonic() < end:
             state = self.state()
-            if state and condition(state):
+            if state and (compiling or "compiling" not in state) and condition(state):
                 return state
             if self.process.poll() is not None and not state.get("closed"):
                 break

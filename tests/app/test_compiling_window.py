@@ -30,7 +30,7 @@ class SlowWindow(Window):
         self._start(folder, screen, SLOW)
 
     def __enter__(self) -> SlowWindow:
-        self.wait("a second of compiling", lambda state: state.get("compiling", 0) > 1)
+        self.wait("a second of compiling", lambda state: state.get("compiling", 0) > 1, True)
         self.xdotool("mousemove", 5, 700)
         return self
 
@@ -41,7 +41,7 @@ def test_escape_closes_a_window_that_compiles(tmp_path: Path, display: str) -> N
     with SlowWindow(tmp_path, display) as window:
         window.key("g")
         now = window.state()["compiling"]
-        window.wait("going on after a key", lambda state: state.get("compiling", 0) > now + 1)
+        window.wait("going on after a key", lambda state: state.get("compiling", 0) > now + 1, True)
         window.key("Escape")
         assert window.process.wait(timeout=60) == 0, window.log.read_text()
 
