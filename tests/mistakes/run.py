@@ -114,7 +114,8 @@ class Copy:
         try:
             judged = _judged(*self.run(mistake.tests if tests is None else tests, timeout))
             if tests is None and judged[0] in (SURVIVED, NO_TEST):
-                judged = _judged(*self.run(mistake.tests, timeout, ["--rest"]))
+                rest = _judged(*self.run(mistake.tests, timeout, ["--rest"]))
+                judged = judged if rest[0] == NO_TEST else rest
         finally:
             file.write_text(text, encoding="utf-8")
         return Result(mistake, *judged, time.monotonic() - begin)
