@@ -11,6 +11,8 @@ import numpy as np
 
 from model.assets.baked_body import BakedBody
 from model.core.errors import InputError, SceneError
+from model.geometry.arithmetic.functions import power
+from model.geometry.arithmetic.ordered import mean
 from model.scene.bodies import BODY_KINDS
 from model.scene.cloth import COLLIDER_KINDS
 from model.scene.members import SUBSTEPS
@@ -105,7 +107,7 @@ def _sizes(scene: SceneParts) -> Iterator[_Size]:
                 yield _size_of_particles(part.baked)
             else:
                 mesh = cut(part).mesh
-                spacing = float(np.cbrt(6 * mesh.volumes.mean()))
+                spacing = float(power(6 * mean(mesh.volumes), 1 / 3))
                 yield _Size(spacing, float(np.ptp(mesh.position, axis=0).max()), 0.0)
         except SceneError as error:
             raise SceneError(f"{name}.{error.field}", error.value, error.allowed) from None
@@ -116,5 +118,5 @@ def _sizes(scene: SceneParts) -> Iterator[_Size]:
 def _size_of_particles(body: BakedBody) -> _Size:
     skin, particles = body.skin.position, body.position
     gaps = [particles.min(axis=0) - skin.min(axis=0), skin.max(axis=0) - particles.max(axis=0)]
-    depth = float(np.clip(np.mean(gaps), 0.0, body.spacing))
+    depth = float(np.clip(mean(np.concatenate(gaps)), 0.0, body.spacing))
     return _Size(body.spacing, float(np.ptp(skin, axis=0).max()), depth)

@@ -45,6 +45,8 @@ EXCEPTIONS = {
     "fluid/foam.py": "drawn points", "fluid/foam_walls.py": "drawn points",
     "world/meeting.py": "a search distance, which is wider than what counts",
     "contact/surface_parameters.py": "a search distance, which is wider than what counts",
+    "geometry/formats/polygons.py": "a sum of angles, compared with half a turn, which it is far from",
+    "geometry/mending/hull.py": "angles about an edge, rounded before they are ordered",
     "core/integrators.py": "the limit of a step size", "core/stability/limit.py": "the limit of a step size",
 }  # fmt: skip
 NAMES = {"dot", "einsum", "matmul", "tensordot", "inner", "vdot", "linalg", "cov"}

@@ -248,7 +248,7 @@ def test_a_full_standard_output_is_a_line() -> None:
             stdout=full, stderr=subprocess.PIPE, cwd=folder, text=True, env=environment, check=False,
         )  # fmt: skip
     assert done.returncode == 2
-    assert done.stderr == "softlab: what is printed cannot be written: No space left on device; make room\n"
+    assert done.stderr == "softlab: the output cannot be written: No space left on device; free some disk space\n"
 
 
 @pytest.mark.parametrize(

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from model.core.errors import InputError
+from model.geometry.arithmetic.ordered import applied, determinant
 from model.geometry.formats.faces import Faces, uniform
 
 COMPRESSED = (b"KHR_draco_mesh_compression", b"EXT_meshopt_compression")
@@ -41,9 +42,9 @@ def read_gltf(data: bytes, path: Path) -> Faces:
         if not isinstance(mesh, trimesh.Trimesh):
             continue
         points = np.asarray(mesh.vertices, dtype=np.float64)
-        moved = points @ transform[:3, :3].T + transform[:3, 3]
+        moved = applied(transform[:3, :3], points) + transform[:3, 3]
         faces = np.asarray(mesh.faces, dtype=np.int64)
-        if np.linalg.det(transform[:3, :3]) < 0:  # a mirror image
+        if determinant(transform[:3, :3]) < 0:  # a mirror image
             faces = faces[:, ::-1]
         position.append(moved)
         triangles.append(faces + count)

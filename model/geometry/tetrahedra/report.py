@@ -131,7 +131,7 @@ def report_of(
     edges (3) [m], how many are doubled; `fractions` (tetrahedra, 4): of what each holds (fractions.py), all unless given;
     `surface`: (position, triangles), that of the tetrahedra unless given. Raises SceneError (density)."""
     check_density(density)
-    worst = int(np.argmin(mesh.quality))
+    worst = int(np.argmin(np.round(mesh.quality, 9)))  # the first of those that differ by roundings alone
     beyond = embedding.beyond(mesh.position, mesh.tetrahedra)
     corners = mesh.volumes[:, None] / 4 * (np.ones((len(mesh.tetrahedra), 4)) if fractions is None else fractions)
     masses = np.bincount(mesh.tetrahedra.ravel(), corners.ravel(), minlength=len(mesh.position))
