@@ -273,7 +273,7 @@ REFUSED = {
     "beyond.obj": (SQUARE + "f 1 2 3\nf 1 2 8\n", r"names vertex 8, counted from 1, and there are 4 \(line 6\)"),
     "huge.obj": (
         SQUARE + "v 1e12 0 0\nf 1 2 5\n",
-        r"a coordinate of 1e\+12 m \(line 5\); at most 1e\+09: give a scale",
+        r"a coordinate of 1e\+12 m \(line 5\); at most 1e\+09: move the origin nearer to 0, or give a scale",
     ),
     "word.off": ("OFF\n3 1 0\n0 0 0\n1 0 0\n0 y 0\n3 0 1 2\n", r"'y' is not a number \(line 5\)"),
     "beyond.off": ("OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 3\n", r"names vertex 3.*\(line 6\)"),

@@ -125,7 +125,7 @@ def test_an_answer_in_words(store: Store) -> None:
         assert part in text
     configured = found.configured()
     assert (configured.method.solver, configured.method.substeps) == (found.best.solver, found.best.substeps)
-    assert "by its laws" in found.heading()
+    assert "by its error law" in found.heading()
 
 
 def test_float32_is_not_advised_where_it_loses_gravity(store: Store) -> None:
