@@ -10,10 +10,9 @@ from pydantic.fields import FieldInfo
 
 from model.core.errors import SceneError
 from model.geometry.shapes import Shape
-from model.scene.camera import CAMERA, CameraPart
 from model.scene.kinds import KINDS
 from model.scene.mesh_source import MeshSource
-from model.scene.parts import Part
+from model.scene.parts import CAMERA, CameraPart, Part
 from model.scene.tank import TANK, Tank
 from model.scene.words import notes_of, suggestion
 

@@ -12,11 +12,11 @@ from pathlib import Path
 from typing import Any
 
 from model.core.errors import SceneError
-from model.scene.camera import CAMERA, CameraPart
 from model.scene.checks.fit import check_fit
 from model.scene.checks.solver import check_solver
 from model.scene.kinds import KINDS, SEVERAL, SHEETS
 from model.scene.method import FIELDS_OF_SOLVER, Method
+from model.scene.parts import CAMERA, CameraPart
 from model.scene.reader import scene_tables
 from model.scene.resting import take_resting_defaults
 from model.scene.scene_parts import SceneParts

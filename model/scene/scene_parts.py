@@ -17,7 +17,6 @@ from model.core.errors import InputError, SceneError
 from model.fluid.fluid_set import FluidSet, make_fluid_set
 from model.scene.attachment import Attachment, motion_with, pins
 from model.scene.bodies import BODY_KINDS, Placed
-from model.scene.camera import CAMERA, CameraPart
 from model.scene.cloth import (
     COLLIDER_KINDS,
     CONSTRAINT_KINDS,
@@ -37,6 +36,8 @@ from model.scene.method import Method
 from model.scene.motion import Motion
 from model.scene.particle_contact import Contact
 from model.scene.parts import (
+    CAMERA,
+    CameraPart,
     Damping,
     Elastic,
     External,

@@ -135,7 +135,7 @@ def test_workers_by_slurm(tmp_path: Path, slurm: Path) -> None:
         ("--sbatch partition=x", 2, "goes with --cluster"),
         ("--cluster local --sbatch partition=x", 2, "goes with --cluster slurm"),
         ("--cluster slurm --sbatch partition", 2, "must be NAME=VALUE"),
-        ("--cluster local --peers", 2, "does not go with --peers"),
+        ("--cluster local --peers", 2, "cannot be combined with --peers"),
         ("--cluster slurm", 3, "sbatch is not on the PATH"),
         ("--cluster dask://127.0.0.1:9", 3, "no Dask scheduler answers"),
     ],

@@ -16,9 +16,9 @@ from app.driver import open_simulation
 from model.assets.strokes import letters
 from model.core.errors import SceneError
 from model.core.pins import PIN_WORDS
-from model.scene.camera import CAMERA
 from model.scene.fields import REQUIRED, about, document, rows_of
 from model.scene.kinds import KINDS
+from model.scene.parts import CAMERA
 from model.scene.scene import Scene
 from model.scene.tank import TANK
 
