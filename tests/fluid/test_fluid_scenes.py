@@ -101,7 +101,7 @@ def test_what_plan_tells() -> None:
     for word in (
         "water.viscosity = 9  (Pa s",
         "oil.density = 700  (kg/m^3)",
-        "nothing faster than 5.455 m/s",
+        "5.455 m/s (half a support radius per substep)",
         "XSPH takes",
     ):
         assert word in lines
