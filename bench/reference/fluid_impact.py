@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 
 from bench.reference import fluid_world
-from model.contact.surface_collider import SurfaceCollider
 
 
 def velocities(
@@ -40,7 +39,7 @@ def without_rebound(
         share, slope = world.kernels.wall_at(distance - collider.thickness)
         push = world.weight * multiplier * slope * fluid_world.rate(share, total) / world.h
         wall = np.array(collider.velocity, float)
-        if isinstance(collider, SurfaceCollider):
+        if hasattr(collider, "spin"):  # meshes and distance fields turn
             wall = wall + np.cross(collider.spin, at - collider.origin - wall * end)
         before = np.maximum((u * normal).sum(axis=1), (wall * normal).sum(axis=1))
         gained = (v * normal).sum(axis=1) - before

@@ -102,7 +102,7 @@ def test_what_plan_tells() -> None:
         "water.viscosity = 9  (Pa s",
         "oil.density = 700  (kg/m^3)",
         "5.455 m/s (half a support radius per substep)",
-        "XSPH takes",
+        "XSPH removes",
     ):
         assert word in lines
     report = plan_report(scene, backends=("cpu", "gpu"))
