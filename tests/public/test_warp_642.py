@@ -18,7 +18,7 @@ from model.core.build import build
 from model.core.simulation import State
 from model.scene.scene import Scene
 
-METHOD = {"solver": "xpbd", "dt": 1 / 60}
+METHOD = {"solver": "xpbd", "dt": 1 / 60, "substeps": 1}
 CUBE: dict[str, Any] = {
     "kind": "tetrahedral_body", "shape": {"name": "box", "sides": [0.3, 0.3, 0.3]}, "edge": 0.15, "young_modulus": 1e5,
     "material": "neo-hookean",

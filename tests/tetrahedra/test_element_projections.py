@@ -90,5 +90,5 @@ def test_rates_are_kept_and_told(tmp_path: object, monkeypatch: pytest.MonkeyPat
 def test_sheets_have_sizes_and_bars_do_not(tmp_path: object) -> None:
     from bench.commands import projections
 
-    with pytest.raises(SceneError, match="of sheets"):
+    with pytest.raises(SceneError, match="applies to sheets"):
         projections(size=[8], tetrahedra=True)
