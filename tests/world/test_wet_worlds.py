@@ -44,7 +44,7 @@ def test_a_cloth_that_drinks() -> None:
         simulation.advance(1)
         state = simulation.state()
         wet = state.wetness[cloth]  # type: ignore[index]
-        assert wet.max() == pytest.approx(1 - np.exp(-0.01 / 0.02), rel=1e-12) and wet.min() < wet.max()
+        assert wet.max() == pytest.approx(1 - np.exp(-0.01 / 0.02), rel=1e-12) and wet.min() > 0
         assert np.array_equal(simulation.read("wetness"), state.wetness)
         simulation.load(replace(begin, wetness=np.ones(len(begin.position))))
         wet_energy = simulation.energies()["kinetic"]
