@@ -9,7 +9,7 @@ from model.core.errors import SceneError
 from model.core.simulation import Simulation
 from model.scene.scene import Scene
 
-MAX_RATE = 240.0  # frames/s
+USUAL_RATE, MAX_RATE = 1 / FRAME, 240.0  # frames/s
 
 
 def parse_size(text: str) -> tuple[int, int]:
@@ -52,7 +52,8 @@ def check_rate(fps: float) -> None:
 
 
 class ClipView:
-    """Fits the view of a clip to each frame while the run goes on, so that the clip itself is drawn from one place."""
+    """Fits the view of a clip to each frame while the run goes on, so that the clip itself is drawn from one place; a context
+    manager."""
 
     def __init__(self, simulation: Simulation, picture: Picture):
         self.every = frame_steps(simulation, 1 / picture.fps)
@@ -72,10 +73,13 @@ class ClipView:
         if done % self.every == 0:
             self._renderer.fit(simulation.read("position"), simulation.time)
 
-    def finish(self) -> Fitted:
-        """Return the view that holds every frame, and free the renderer."""
-        self._renderer.close()
+    @property
+    def fitted(self) -> Fitted:
+        """The view that holds every frame so far."""
         return self._renderer.fitted
 
+    def __enter__(self) -> ClipView:
+        return self
 
-USUAL_RATE = 1 / FRAME  # frames/s
+    def __exit__(self, *_: object) -> None:
+        self._renderer.close()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Protocol
@@ -20,7 +21,7 @@ from app.outcome import INCOMPLETE, fault_lines, fault_words
 from app.output.export import Exporter, Target, check_export
 from app.output.files import check_state_target, read_state, write_state, write_trajectory
 from app.output.offscreen import check_look
-from app.output.video import Picture, check_render, render
+from app.output.video import CLIP, Picture, check_render, render
 from app.shared import USUAL_LINK, check_asked, check_cut, check_shared
 from cpu_backend.core.threads import core_count, wait_policy
 from model.core.errors import Diverged, Incomplete, InputError, SceneError
@@ -72,6 +73,11 @@ class Request:
     size: str | None = None
     fps: float | None = None
     hud: bool = True
+
+    @property
+    def draws_clip(self) -> bool:
+        """True if `--render` names a clip rather than a picture."""
+        return self.render is not None and self.render.suffix.lower() == CLIP
 
     def picture(self) -> Picture:
         """What `--render` draws. Raises SceneError."""
@@ -150,16 +156,16 @@ def run_scene(scene: Scene, request: Request, *, progress: bool = True) -> Resul
         kernel=request.kernel, initial=initial, allow_unstable=request.allow_unstable, gpus=request.gpus,
         ranks=request.ranks, exchange_every=request.exchange_every, link=request.link or USUAL_LINK,
     )  # fmt: skip
-    with simulation:
+    with simulation, ExitStack() as opened:
         start = simulation.state()
         if steps > 0:
             simulation.warm_up(min(steps, WARM_UP_STEPS) if simulation.kernel in ("graph", "tiles") else 1)
         compile_seconds = time.perf_counter() - begin
-        clip = request.render is not None and request.render.suffix.lower() == ".mp4"
+        clip = request.draws_clip
         recorder = _Recorder(start, request.record_every if request.record else 0)
         exporter = Exporter(simulation, target) if target else None
         foaming = Foaming(simulation) if request.render and not clip and shows_foam(scene, request.look) else None
-        view = ClipView(simulation, request.picture()) if clip and steps > 0 else None
+        view = opened.enter_context(ClipView(simulation, request.picture())) if clip and steps > 0 else None
         keepers = [keeper for keeper in (recorder, exporter, foaming, view) if keeper is not None]
         try:
             seconds, diverged = _advance(simulation, steps, keepers, progress and simulation.rank == 0)
@@ -178,6 +184,7 @@ def run_scene(scene: Scene, request: Request, *, progress: bool = True) -> Resul
         notes += fault_lines(result.report) + fluid_notes(result.report) + newton_notes(result.report)
         if exporter:
             result.written += exporter.finish(simulation, notes)
+        opened.close()  # before the clip is drawn with a renderer of its own
         _write_results(result, request, recorder, simulation, start, view, foaming.points if foaming else None)
         if diverged is not None:
             notes.append(f"the numbers above are of the last good state, at step {state.step}")
@@ -270,8 +277,7 @@ def _write_results(
     if request.record:
         result.written.append(write_trajectory(request.record, simulation.scene, recorder.states))
     picture = request.picture()
-    clip = request.render is not None and request.render.suffix.lower() == ".mp4"
-    if request.render and not clip:
+    if request.render and not request.draws_clip:
         state = result.state
         how: dict[str, Any] = {"time": state.time, "inverse_mass": state.inverse_mass, "picture": picture}
         how |= {"velocity": state.velocity, "foam": foam, "wetness": state.wetness}
@@ -281,7 +287,7 @@ def _write_results(
         if steps < 1 or view is None:
             raise InputError(f"{request.render}: a run of 0 steps has no clip; pass --steps N or --time SECONDS")
         simulation.load(start)
-        picture = replace(picture, fps=view.rate, fitted=view.finish())
+        picture = replace(picture, fps=view.rate, fitted=view.fitted)
         result.written.append(
             render(simulation, request.render, steps=steps, steps_per_frame=view.every, picture=picture)
         )
