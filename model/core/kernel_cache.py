@@ -15,8 +15,7 @@ import sys
 import tempfile
 import time
 import warnings
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -25,11 +24,12 @@ from typing import Any
 from model.core.disk_cache import user_cache
 from model.core.errors import InputError
 from model.core.files import replacing
+from model.core.waiting import Watchers
 
 MAX_BYTES = 1 << 30  # of kept machine code; beyond it the longest unused half goes
 SECONDS = "seconds.json"  # of each kernel's last compilation, by label
-Watcher = Callable[["str", "float | None"], None]
-_watchers: list[Watcher] = []
+_watchers = Watchers()
+watched = _watchers.watched  # its watcher(label, seconds): a kernel that begins to compile, and what it took last time
 _begun: dict[str, float] = {}
 _told: set[str] = set()
 
@@ -53,16 +53,6 @@ def folder() -> Path | None:
     return None
 
 
-@contextmanager
-def watched(watcher: Watcher) -> Iterator[None]:
-    """Within it, watcher(label, seconds) is called when a kernel begins to compile; `seconds`: what it took last time."""
-    _watchers.append(watcher)
-    try:
-        yield
-    finally:
-        _watchers.remove(watcher)
-
-
 @cache
 def _seconds() -> dict[str, float]:
     place = folder()
@@ -74,8 +64,7 @@ def _seconds() -> dict[str, float]:
 
 def _begin(label: str) -> None:
     _begun[label] = time.perf_counter()
-    for watcher in _watchers:
-        watcher(label, _seconds().get(label))
+    _watchers.tell(label, _seconds().get(label))
 
 
 def _end(label: str) -> None:

@@ -5,28 +5,33 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
-from typing import TypeVar
+from typing import Any, TypeVar
 
 Item = TypeVar("Item")
-Watcher = Callable[[str, float], None]  # what is done, which fraction of it: 1 at its end
 INTERVAL = 0.1  # s between two reports
-_watchers: list[Watcher] = []
 
 
-@contextmanager
-def waiting_watched(watcher: Watcher) -> Iterator[None]:
-    """Within it, `watcher(label, fraction)` is called as work goes on."""
-    _watchers.append(watcher)
-    try:
-        yield
-    finally:
-        _watchers.remove(watcher)
+class Watchers(list[Callable[..., None]]):
+    """Functions that are called with what `tell` is given, each while its `watched` block lasts."""
+
+    @contextmanager
+    def watched(self, watcher: Callable[..., None]) -> Iterator[None]:
+        """Call `watcher` of everything that happens within the block."""
+        self.append(watcher)
+        try:
+            yield
+        finally:
+            self.remove(watcher)
+
+    def tell(self, *what: Any) -> None:
+        """Call every watcher with `what`."""
+        for watcher in self:
+            watcher(*what)
 
 
-def report(label: str, fraction: float) -> None:
-    """Report that `fraction` (0 to 1) of the work called `label` is done."""
-    for watcher in _watchers:
-        watcher(label, fraction)
+_of_work = Watchers()
+waiting_watched = _of_work.watched  # its watcher(label, fraction): the work, which fraction of it is done, 1 at its end
+report = _of_work.tell
 
 
 def steps(items: Iterable[Item], count: int, label: str) -> Iterator[Item]:
