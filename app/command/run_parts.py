@@ -12,7 +12,6 @@ from model.fluid.measure import compression, height
 from model.fluid.parameters import speed_limit
 from model.scene.scene import Scene
 from model.shape_matching.spare import counts
-from model.tetrahedra.placed import cut
 
 
 def body_lines(scene: Scene) -> list[str]:
@@ -23,7 +22,7 @@ def body_lines(scene: Scene) -> list[str]:
         times += f" and {part.spare} inactive" if part.spare else ""
         lines += [f"{name}{times}: {line}" for line in part.baked.report.lines()]
     for name, body in scene.tetrahedra.items():
-        lines += [f"{name}: {line}" for line in cut(body).report.brief(scene.tetrahedra_set.mass_of(name))]
+        lines += [f"{name}: {line}" for line in body.cooked.report.brief(scene.tetrahedra_set.mass_of(name))]
     return lines
 
 
@@ -34,7 +33,7 @@ def built_report(scene: Scene) -> dict[str, Any]:
     built = {}
     for member in members:
         for name, part in member.tetrahedra.items():
-            report = cut(part).report
+            report = part.cooked.report
             built[name] = {
                 "tetrahedra": report.tetrahedra,
                 "vertices": report.vertices,

@@ -11,6 +11,7 @@ from functools import cache
 from math import inf
 from pathlib import Path
 from typing import Any, Literal, get_args
+from weakref import WeakValueDictionary
 
 import numpy as np
 
@@ -46,6 +47,9 @@ WHAT = (
     "a body comes from a .obj, .stl or .ply mesh (or .off, .glb, .gltf, .mesh, .msh), a file of tetrahedra (.msh, .mesh, "
     ".vtk, .ele, .node, .npz), or is one of "
 )
+_held: WeakValueDictionary[tuple[str, float], CookedBody] = (
+    WeakValueDictionary()
+)  # of the user's cache, in use somewhere
 
 Source = Shape | str | Path | TriangleMesh | tuple[np.ndarray, np.ndarray]
 
@@ -112,8 +116,14 @@ def cooked(
     cut = f"{edge!r} {voxels!r} {per_voxel!r}" + (f" {unite!r} {simplify!r}" if prepared else "")
     cut += " filled" if fill_holes else ""
     key = body_key(source, scale, "as it is" if settled else cut)
+    held = _held.get((key, density)) if folder is None else None
+    if held is not None:
+        return held
     file = (folder or cache_folder("tetrahedra")) / f"body-{key}.npz"
-    return kept(file, key, _unpacked, make, _packed).with_density(density)
+    body = kept(file, key, _unpacked, make, _packed).with_density(density)
+    if folder is None:
+        _held[key, density] = body
+    return body
 
 
 def save(path: Path, body: CookedBody) -> None:

@@ -18,7 +18,6 @@ from model.scene.cloth import COLLIDER_KINDS
 from model.scene.members import SUBSTEPS
 from model.scene.scene_parts import SceneParts
 from model.scene.tetrahedra import TETRAHEDRAL_KINDS
-from model.tetrahedra.placed import cut
 
 SINKING = 0.01  # of the spacing, that a resting body may sink in a substep
 MIN_THICKNESS = 0.01  # of the spacing, of a collider: rounding does not put who rests on it inside
@@ -106,7 +105,7 @@ def _sizes(scene: SceneParts) -> Iterator[_Size]:
             if scene.kinds[name] in BODY_KINDS:
                 yield _size_of_particles(part.baked)
             else:
-                mesh = cut(part).mesh
+                mesh = part.cooked.mesh
                 spacing = float(power(6 * mean(mesh.volumes), 1 / 3))
                 yield _Size(spacing, float(np.ptp(mesh.position, axis=0).max()), 0.0)
         except SceneError as error:

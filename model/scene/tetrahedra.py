@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import cached_property
 from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
+from model.assets.cooked import cooked, is_settled
+from model.assets.tetrahedral_body import CookedBody
+from model.geometry.topology import mesh_path
 from model.scene.mesh_source import MeshSource
 from model.scene.parts import ZERO, AtLeastOne, Count, Flag, NotNegative, Part, Positive, Vector
 
@@ -69,6 +73,16 @@ class TetrahedralBody(MeshSource):
             told = "voxels keep it that are 5 tetrahedra, swept by voxels, fixed-corotated or neo-hookean"
             raise ValueError(f"volume: {told}; or leave it out")
         return self
+
+    @cached_property
+    def cooked(self) -> CookedBody:
+        """The body where its mesh lies, neither turned nor moved; kept on disk. Raises InputError, SceneError."""
+        source = self.shape or mesh_path(self.file or "")
+        voxels = None if self.edge is not None or is_settled(source) else self.voxels
+        return cooked(
+            source, edge=self.edge, voxels=voxels, per_voxel=self.tetrahedra, scale=self.scale, density=self.density,
+            fill_holes=self.fill_holes,
+        )  # fmt: skip
 
     @property
     def lame(self) -> tuple[float, float]:

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from model.assets.cooked import cooked, is_settled
 from model.assets.tetrahedral_body import CookedBody
 from model.core.errors import InputError, SceneError
 from model.geometry.arithmetic.ordered import applied, total
 from model.geometry.measures import turned_about
 from model.geometry.tetrahedra.mesh import TetrahedralMesh
-from model.geometry.topology import mesh_path
 from model.scene.regions import Region
 from model.scene.tetrahedra import Material, TetrahedralBody
 from model.tetrahedra.matter import Matter, matter_of
@@ -54,7 +52,7 @@ def placed_body(
     """The body `name` of a scene with such `materials` and `regions`; `attached`: words for vertices that attachments pin.
     Raises SceneError, InputError, which name the body."""
     try:
-        body = cut(part)
+        body = part.cooked
         if part.volume == "voxels" and not body.per_voxel:
             raise SceneError("volume", part.volume, "is of bodies cut into voxels; this file has tetrahedra alone")
         mesh = TetrahedralMesh(
@@ -64,7 +62,7 @@ def placed_body(
         words = (*part.pinned, *attached)
         held = [vertices_of(word, body.mesh.position, mesh.position, regions) for word in words]
         pinned = np.unique(np.concatenate([np.zeros(0, np.int64), *held]))
-        velocity = _velocity(part, mesh.position, matter.masses(body.mesh, body.fractions), pinned)
+        velocity = _velocity(part, mesh.position, lambda: matter.masses(body.mesh, body.fractions), pinned)
         masses = matter.masses(mesh, body.fractions, part.mass_ratio)
     except SceneError as error:
         raise SceneError(f"{name}.{error.field}", error.value, error.allowed) from None
@@ -74,20 +72,14 @@ def placed_body(
     return PlacedBody(mesh, body, matter, masses, velocity, pinned, run)
 
 
-def cut(part: TetrahedralBody) -> CookedBody:
-    """The body where its mesh lies, neither turned nor moved; kept on disk. Raises InputError, SceneError."""
-    source = part.shape or mesh_path(part.file or "")
-    voxels = None if part.edge is not None or is_settled(source) else part.voxels
-    return cooked(
-        source, edge=part.edge, voxels=voxels, per_voxel=part.tetrahedra, scale=part.scale, density=part.density,
-        fill_holes=part.fill_holes,
-    )  # fmt: skip
-
-
-def _velocity(part: TetrahedralBody, here: np.ndarray, masses: np.ndarray, pinned: np.ndarray) -> np.ndarray:
-    """(particles, 3) [m/s]: how fast those `here` (particles, 3) [m] are at the start, where they are not `pinned`."""
-    mass = masses[:, None]
-    centre = total(mass * here) / total(masses)
-    moving = np.asarray(part.velocity) + np.cross(np.asarray(part.spin), here - centre)
+def _velocity(
+    part: TetrahedralBody, here: np.ndarray, masses_of: Callable[[], np.ndarray], pinned: np.ndarray
+) -> np.ndarray:
+    """Return (particles, 3) [m/s], the start velocities of the vertices at `here` (particles, 3) [m], 0 where they are
+    `pinned`. `masses_of()` places the axis of a spin; it is dear, and most bodies have none."""
+    moving = np.tile(np.asarray(part.velocity), (len(here), 1))
+    if any(part.spin):
+        masses = masses_of()
+        moving += np.cross(np.asarray(part.spin), here - total(masses[:, None] * here) / total(masses))
     moving[pinned] = 0.0
     return moving

@@ -9,7 +9,6 @@ import pytest
 
 from app.command.run_parts import body_lines, built_report
 from model.scene.scene import Scene
-from model.tetrahedra.placed import cut
 
 BEAM = {"kind": "tetrahedral_body", "shape": {"name": "beam"}}
 BALL = {"kind": "tetrahedral_body", "shape": {"name": "ball", "resolution": 12}, "voxels": 5, "origin": [3.0, 0.0, 0.0]}
@@ -48,7 +47,7 @@ def test_a_run_says_what_was_built(world: bool) -> None:
         "that within the surface"
     )
     (ball,) = (line for line in lines if line.startswith("ball: ") and "voxels" in line)
-    mesh = cut(scene.parts["ball"]).report  # type: ignore[arg-type]
+    mesh = scene.parts["ball"].cooked.report  # type: ignore[arg-type]
     assert f"{1000 * mesh.hull_volume:.6g} kg" in ball and re.search(r"; \d+ tetrahedra are partly outside", ball)
     moments = [line for line in lines if "moments of inertia about x, y, z through the centre" in line]
     assert [line.split(":")[0] for line in moments] == [
