@@ -44,7 +44,7 @@ class TetrahedralMesh:
         """(n,) float64 [m^3]."""
         return signed_volumes(self.position, self.tetrahedra)
 
-    @cached_property
+    @property  # not cached: cube roots differ between processors, and what a simulation holds must not
     def quality(self) -> np.ndarray:
         """(n,) float64 in (0, 1]: the mean ratio 12 (3 V)^(2/3) / (sum of the squared edges), 1 of a regular tetrahedron,
         near 0 of a flat one (A. Liu, B. Joe, "Relationship between tetrahedron shape measures", BIT 34 (1994), eta)."""

@@ -131,7 +131,8 @@ def report_of(
     edges (3) [m], how many are doubled; `fractions` (tetrahedra, 4): of what each holds (fractions.py), all unless given;
     `surface`: (position, triangles), that of the tetrahedra unless given. Raises SceneError (density)."""
     check_density(density)
-    worst = int(np.argmin(np.round(mesh.quality, 9)))  # the first of those that differ by roundings alone
+    quality = mesh.quality
+    worst = int(np.argmin(np.round(quality, 9)))  # the first of those that differ by roundings alone
     beyond = embedding.beyond(mesh.position, mesh.tetrahedra)
     corners = mesh.volumes[:, None] / 4 * (np.ones((len(mesh.tetrahedra), 4)) if fractions is None else fractions)
     masses = np.bincount(mesh.tetrahedra.ravel(), corners.ravel(), minlength=len(mesh.position))
@@ -155,10 +156,10 @@ def report_of(
         moments=_three(moments),
         vertex_moments=_three(point_moments(mesh.position, masses)[2]),
         hull_moments=_three(hull_moments),
-        worst_quality=float(mesh.quality[worst]),
+        worst_quality=float(quality[worst]),
         worst=worst,
         worst_place=(x, y, z),
-        mean_quality=float(mesh.quality.mean()),
+        mean_quality=float(quality.mean()),
         points=len(embedding.tetrahedron),
         outside=int((beyond > 0).sum()),
         farthest=float(beyond.max(initial=0.0)),
