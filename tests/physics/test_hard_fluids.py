@@ -12,7 +12,7 @@ from bench.store.database import Store
 from bench.stress import fluid_cases, fluids
 from bench.stress.cases import CASES
 from bench.stress.experiment import case_scene, judge_case, run_hard
-from bench.stress.fluid_cases import FLUID_CASES, OUTRUN, SHOT, SLOWED
+from bench.stress.fluid_cases import FLUID_CASES, OUTRUN, SLOWED
 from bench.stress.trial import Check, Trial
 from model.core.simulation import State
 from model.fluid.parameters import speed_limit
@@ -28,7 +28,6 @@ RUN = [
 ]
 REASONS = {
     "F1 outrun": OUTRUN,
-    "F4": SHOT,
     "F5 slowed": SLOWED,
 }
 
