@@ -209,8 +209,9 @@ from model.scene.scene import Scene
 tables, folder = json.loads(sys.argv[1]), sys.argv[2]
 with Demo([Scene(tables | {"title": "left"}), Scene(tables | {"title": "right"})]) as demo:
     viewer = Viewer(demo, None, None)
-    def frames(count):
-        for _ in range(count):
+    def frames(count):  # frames of physics: those before, while kernels are compiled, do not count, and ignore keys
+        last = viewer.frame_count + count
+        while viewer.frame_count < last:
             viewer._draw()
     frames(30)
     first = read_pixels(viewer.width, viewer.height)
