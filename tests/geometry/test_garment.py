@@ -3,8 +3,8 @@
 from importlib import resources
 
 import numpy as np
+from garment import Tunic, make_tunic, obj_text
 
-from model.geometry.garment import Tunic, make_tunic, obj_text
 from model.geometry.mesh import read_mesh, triangle_mesh
 
 FILE = resources.files("model") / "catalogue" / "meshes" / "garment.obj"
