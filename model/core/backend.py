@@ -1,4 +1,4 @@
-"""What a backend writes of a simulation, one class per backend and solver; model/core/simulation.py is the rest of it.
+"""The methods that each backend and solver implements; model/core/simulation.py contains the rest of a simulation.
 
 The state stays on the backend's device; nothing is allocated while steps run.
 """
@@ -17,8 +17,8 @@ from model.scene.sheets import scene_normals
 
 
 class Backend(ABC):
-    """The methods that a solver on a backend has of its own. Those that are not abstract are for scenes with what they speak
-    of, or have an answer that holds for any backend."""
+    """Base of the solvers of a backend. Methods that are not abstract apply only to scenes with the parts that they
+    name, or have an implementation that is valid on any backend."""
 
     scene: Scene
     real: Any  # the numpy type of the precision
@@ -29,16 +29,19 @@ class Backend(ABC):
 
     @abstractmethod
     def _keep(self) -> None:
-        """Copy the state aside, on the device."""
+        """Copy the state into a snapshot on the device."""
 
     @abstractmethod
     def _restore(self) -> None:
-        """Take the state put aside by `_keep` back."""
+        """Restore the state from the snapshot of `_keep`."""
 
     @abstractmethod
     def _first_diverged(self) -> int:
-        """The lowest index of a particle with a non-finite value, or farther than `self._bound` from `self._centre`
-        along an axis, or -1."""
+        """Return the lowest index of a diverged particle, or -1.
+
+        A particle has diverged if a value is not finite, or it is farther than `self._bound` from `self._centre` along
+        an axis.
+        """
 
     @abstractmethod
     def _parameters_changed(self) -> None:
@@ -50,19 +53,20 @@ class Backend(ABC):
 
     @abstractmethod
     def _upload(self, position: np.ndarray, velocity: np.ndarray) -> None:
-        """Take (particles, dimensions) arrays in the simulation's precision as the state."""
+        """Set the state from (particles, dimensions) arrays in the simulation's precision."""
 
     @property
     def rank(self) -> int:
-        """Of this process, where several have a share each (model/domains); 0 speaks for all."""
+        """Rank of this process where several share the scene (model/domains); rank 0 prints."""
         return 0
 
     def slowest(self, seconds: float) -> float:
-        """The longest of the times [s] that the processes took, the same for all of them."""
+        """Return the longest of the times [s] that the processes took, the same on all of them."""
         return seconds
 
     def _read_position(self, into: Any) -> Any:
-        """Position into `into` (None: a new host array). A backend with a device overrides this for device targets."""
+        """Read the position into `into` (None: a new host array). A backend with a device overrides this for device
+        targets."""
         position, _ = self._download()
         if into is None:
             return position
@@ -70,8 +74,10 @@ class Backend(ABC):
         return into
 
     def _read_normal(self, into: Any) -> Any:
-        """A cloth's normals into `into` (None: a new host array, in the simulation's precision). Computed on the host in
-        float64; a backend overrides this to compute them where the state is."""
+        """Read a cloth's normals into `into` (None: a new host array, in the simulation's precision).
+
+        Computed on the host in float64; a backend overrides this to compute them on its device.
+        """
         normal = scene_normals(self.scene, self._read_position(None))
         if into is None:
             return normal.astype(self.real)
@@ -79,56 +85,61 @@ class Backend(ABC):
         return into
 
     def _download_rotation(self) -> np.ndarray | None:
-        """The clusters' rotations of the state, see State; None where a scene has no bodies."""
+        """Return the clusters' rotations of the state (see State); None where a scene has no bodies."""
         return None
 
     def _upload_rotation(self, rotation: np.ndarray | None) -> None:  # noqa: B027 - most scenes have none
-        """Take rotations, or find those of the state that was uploaded, from no rotation."""
+        """Set the rotations; None: compute those of the uploaded state, starting from no rotation."""
 
     def _download_plastic(self) -> np.ndarray | None:
-        """What clusters have been bent by, see State; None where a scene has no plastic bodies."""
+        """Return the plastic deformation of clusters (see State); None where a scene has no plastic bodies."""
         return None
 
     def _download_wetness(self) -> np.ndarray | None:
-        """How wet a cloth is, see State; None where a scene has none that drinks."""
+        """Return the wetness of a cloth (see State); None where a scene has no absorbing cloth."""
         return None
 
     def _upload_plastic(self, plastic: np.ndarray | None) -> None:  # noqa: B027 - most scenes have none
-        """Take it; None: no cluster is bent. Comes before `_upload_rotation`."""
+        """Set the plastic deformation of clusters (None: none). Called before `_upload_rotation`."""
 
     def _read_deformation(self) -> np.ndarray:
-        """(clusters, 3, 3): what takes rest offsets to goals, with particles where they are now, as a new host array."""
+        """Return the maps from rest offsets to goals at the current positions, (clusters, 3, 3), as a new host
+        array."""
         raise NotImplementedError
 
     def _multipliers(self) -> np.ndarray:
-        """(particles,) [m^2]: of the density constraints of fluids, of the last substep, as a new host array."""
+        """Return the multipliers of the fluids' density constraints in the last substep, (particles,) [m^2], as a new
+        host array."""
         raise NotImplementedError
 
     def _read_pressure(self) -> np.ndarray:
-        """(particles,) [Pa]: what the pairs of each carry, as a new host array."""
+        """Return the pressure of each particle from its pairs, (particles,) [Pa], as a new host array."""
         return pressures(self.scene, self._download()[0], self._multipliers())
 
     def _read_clusters(self) -> tuple[np.ndarray, np.ndarray]:
-        """(rotation (clusters, 4), centre of mass (clusters, 3) [m]) of bodies with particles where they are now, as new
-        host arrays; the state stays as it is."""
+        """Return (rotation (clusters, 4), centre of mass (clusters, 3) [m]) of bodies at the current positions, as new
+        host arrays.
+
+        The state does not change.
+        """
         raise NotImplementedError
 
     def _weights_changed(self) -> None:
-        """Send `self.body.inverse_mass` to where the state is; the state itself is uploaded right after it."""
+        """Send `self.body.inverse_mass` to the device; the state itself is uploaded right after it."""
         raise NotImplementedError
 
     def _pin_velocity(self, step: int) -> Any:
-        """Of the pinned masses [m/s] when step `step` begins: 0, or what their motions say."""
+        """Return the velocity [m/s] of the pinned masses at the start of step `step`: 0, or that of their motions."""
         return 0
 
     @abstractmethod
     def synchronize(self) -> None:
-        """Return when every step asked for has been done."""
+        """Return when all steps are done."""
 
     closed = False
 
     def close(self) -> None:
-        """Free what the simulation holds. Nothing else may be called after it, which `require_open` sees to."""
+        """Free the simulation's memory. After that, every other call fails (`require_open`)."""
         self.closed = True
 
     def require_open(self) -> None:

@@ -1,4 +1,4 @@
-"""Description -> arrays: the grid's masses in builder order (row-major, row 0 on top), its pins, its constants."""
+"""Arrays of a scene: the masses in builder order (row-major, row 0 on top), pins, inverse masses."""
 
 from __future__ import annotations
 
@@ -27,15 +27,15 @@ from model.shape_matching.body_set import BodySet
 from model.tetrahedra.body_set import TetrahedraSet
 from model.world.world_set import WorldSet
 
-MASS_BYTES = 160  # on the host: position, velocity and inverse mass in float64, two solver states, a snapshot
+MASS_BYTES = 160  # host memory per mass: position, velocity and inverse mass in float64, two solver states, a snapshot
 
 
 @dataclass(frozen=True)
 class Body:
-    """The arrays a solver starts from, to be read only: simulations of one scene share them.
+    """Arrays from which a solver starts, read-only: simulations of one scene share them.
 
-    float64; `position`, `velocity` (particles, dimensions); `inverse_mass` (particles,), 0 where pinned; `pinned` sorted
-    indices (int64); `size` [m]: the length that divergence is measured against, from the `centre`.
+    `position`, `velocity`: (particles, dimensions) float64; `inverse_mass`: (particles,) float64, 0 where pinned;
+    `pinned`: sorted indices (int64); `size`: length [m] that scales the divergence limit, from the `centre`.
     """
 
     rows: int
@@ -48,7 +48,8 @@ class Body:
 
     @cached_property
     def centre(self) -> np.ndarray:
-        """(dimensions,) [m]: the middle of the box around all particles at time 0 but those that wait for an emitter."""
+        """Centre [m] of the bounding box of all particles at time 0 without those that wait for an emitter,
+        (dimensions,)."""
         position = self.position[self.position[:, 0] != PARKED]
         if not len(position):
             return np.zeros(self.position.shape[1])
@@ -57,7 +58,7 @@ class Body:
 
 
 def sheet_name(scene: Scene) -> str:
-    """What the scene calls its sheet; `bodies` where it has bodies."""
+    """Return the name of the scene's sheet; `bodies` where it has bodies."""
     return scene.name_of(*SHEETS, default="bodies")
 
 
@@ -65,7 +66,7 @@ Sheet = Grid | BodySet | TetrahedraSet | FluidSet | WorldSet
 
 
 def pinned_indices(grid: Sheet) -> np.ndarray:
-    """Sorted flat indices (row * columns + column) of the masses that `grid.pinned` names."""
+    """Return the sorted flat indices (row * columns + column) of the masses in `grid.pinned`."""
     if isinstance(grid, TetrahedraSet | WorldSet):
         return grid.pinned_vertices
     if isinstance(grid, Mesh) and grid.file is not None:
@@ -74,8 +75,11 @@ def pinned_indices(grid: Sheet) -> np.ndarray:
 
 
 def rest_positions(grid: Sheet) -> np.ndarray:
-    """(particles, dimensions) float64 [m]: (column * spacing, -row * spacing), row-major; a cloth's from its origin, in
-    z = const where it hangs, along +z instead of -y where it lies. Of a mesh, where its vertices are."""
+    """Return the rest positions, (particles, dimensions) float64 [m]: (column * spacing, -row * spacing), row-major.
+
+    A cloth's start at its origin: in z = const where it hangs, along +z instead of -y where it lies. A mesh has those
+    of its vertices.
+    """
     if isinstance(grid, BodySet | TetrahedraSet | FluidSet | WorldSet):
         return grid.position
     if isinstance(grid, Mesh):
@@ -88,7 +92,7 @@ def rest_positions(grid: Sheet) -> np.ndarray:
 
 
 def folded_positions(cloth: Cloth, fold: Fold) -> np.ndarray:
-    """(particles, 3) float64 [m]: `rest_positions` with the rows laid along a zig-zag line."""
+    """Return `rest_positions` with the rows along a zig-zag line, (particles, 3) float64 [m]."""
     long = fold.rows - 1
     layer, place = np.divmod(np.arange(cloth.rows), long + fold.apart)
     along = np.minimum(place, long)
@@ -102,8 +106,11 @@ def folded_positions(cloth: Cloth, fold: Fold) -> np.ndarray:
 
 
 def wave(grid: Grid, amplitude: float, time: float = 0.0) -> np.ndarray:
-    """(particles, dimensions) [m]: amplitude * [sin(2 t + 1.7 i + 0.9 j), cos(3 t + 0.6 i - 1.3 j)], i = row, j = column;
-    of a cloth also amplitude * sin(0.8 i - 0.7 j) along z."""
+    """Return the displacements amplitude * [sin(2 t + 1.7 i + 0.9 j), cos(3 t + 0.6 i - 1.3 j)], (particles,
+    dimensions) [m].
+
+    i = row, j = column. A cloth also has amplitude * sin(0.8 i - 0.7 j) along z.
+    """
     i, j = np.divmod(np.arange(grid.particle_count), grid.columns)
     axes = [sine(2 * time + 1.7 * i + 0.9 * j), cosine(3 * time + 0.6 * i - 1.3 * j)]
     if isinstance(grid, Cloth):
@@ -111,14 +118,15 @@ def wave(grid: Grid, amplitude: float, time: float = 0.0) -> np.ndarray:
     return amplitude * np.stack(axes, axis=1)
 
 
-_built: WeakValueDictionary[str, Body] = WeakValueDictionary()  # those that an open simulation holds
+_built: WeakValueDictionary[str, Body] = WeakValueDictionary()  # those in use by an open simulation
 _given: ContextVar[Body | None] = ContextVar("given", default=None)  # see `given`
 
 
 def build(scene: Scene) -> Body:
-    """The scene's masses at time 0: the same Body while anything holds it, since a large one takes seconds to make.
+    """Return the scene's masses at time 0.
 
-    Raises SceneError where they would not fit into memory or into 32-bit indices.
+    The same Body is returned while anything refers to it, since a large one takes seconds to make. Raises SceneError
+    where the masses do not fit into memory or into 32-bit indices.
     """
     told = _given.get()
     if told is not None:
@@ -131,7 +139,7 @@ def build(scene: Scene) -> Body:
 
 
 def some_of(whole: Body, held: slice | np.ndarray, rows: int = 1) -> Body:
-    """Those `held` of the whole's particles, in so many rows, measured by its `size`: of a slice views of its arrays."""
+    """Return the particles `held` of the whole in `rows` rows, with its `size`. A slice gives views of its arrays."""
     inverse_mass = whole.inverse_mass[held]
     return Body(
         rows, len(inverse_mass) // rows, whole.position[held], whole.velocity[held], inverse_mass,
@@ -141,7 +149,7 @@ def some_of(whole: Body, held: slice | np.ndarray, rows: int = 1) -> Body:
 
 @contextmanager
 def given(body: Body) -> Iterator[None]:
-    """What is built within is this one, whatever the scene."""
+    """Let `build` return `body` within the block, whatever the scene."""
     token = _given.set(body)
     try:
         yield
@@ -160,7 +168,7 @@ def _build(scene: Scene) -> Body:
         return Body(1, count, grid.position.copy(), grid.velocity, inverse_mass, np.flatnonzero(waiting), grid.extent)
     cloth, fold = scene.cloth, scene.fold
     position = folded_positions(cloth, fold) if cloth and fold else rest_positions(grid)
-    if not isinstance(grid, Grid):  # whose arrays are its own; a sheet's are made anew
+    if not isinstance(grid, Grid):  # those of other sets are their own arrays, a sheet's are new
         position = position.copy()
     velocity = (
         grid.velocity.copy() if isinstance(grid, TetrahedraSet | FluidSet | WorldSet) else np.zeros(position.shape)
@@ -186,8 +194,10 @@ def _build(scene: Scene) -> Body:
 
 
 def masses(scene: Scene, waiting: np.ndarray | None = None) -> np.ndarray | float:
-    """Of each particle [kg], pinned or not: (particles, 1), or the one number where all weigh the same. Those `waiting`
-    (particles,) bool, of bodies or fluids that are not there, weigh nothing."""
+    """Return the mass of each particle [kg], pinned or not: (particles, 1), or one number where all are equal.
+
+    `waiting`: (particles,) bool; inactive particles of bodies or fluids get the mass 0.
+    """
     if scene.bodies:
         mass = scene.body_set.clusters.mass
         return (mass if waiting is None else np.where(waiting, 0.0, mass))[:, None]

@@ -1,8 +1,8 @@
-"""Constraints as data: what a backend's executor of position-based constraints needs to know of them.
+"""Constraints as data for a backend's executor of position-based constraints.
 
-A constraint is corners, values, a colour and a projection function (model/formulas/constraints). Constraints come in runs,
-often of one: those of a run are projected one after the other, and no two runs of a colour move the same particle, so that
-all runs of a colour are projected at once, in any order, to the same bits.
+A constraint has corners, values, a colour and a projection function (model/formulas/constraints). Constraints come in
+runs, often of one. Those of a run are projected one after the other. No two runs of a colour move the same particle, so
+that all runs of a colour are projected at once, in any order, with the same bits.
 """
 
 from __future__ import annotations
@@ -16,13 +16,13 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Projection:
-    """How the constraints of a set are projected: what a kernel is compiled for.
+    """Projection of a constraint set, for which a kernel is compiled.
 
-    `make`, `flags`: the factory in model/formulas/constraints, and its flags. Of one constraint: how many `corners`, of which
-    the first `moves` are moved (None: all); `values`; `multipliers`, which are kept through a substep's iterations where it
-    is `soft`. `damped`: it asks where its corners were when the substep began. `constants`: what in the solver's record
-    compliance, damping and stiffening lie; None: it takes none of them. `run`: how many constraints one thread projects one
-    after the other.
+    `make`, `flags`: the factory in model/formulas/constraints and its flags. Per constraint: `corners`, of which the
+    first `moves` are moved (None: all); `values`; `multipliers`, stored through a substep's iterations if `soft`.
+    `damped`: the projection reads its corners at the substep's start. `constants`: names of compliance, damping and
+    stiffening in the solver's record; None: it uses none of them. `run`: constraints that one thread projects one after
+    the other.
     """
 
     name: str
@@ -39,22 +39,25 @@ class Projection:
 
     @property
     def around(self) -> bool:
-        """Whether the constraints of a run stand around its last one, whose corners are c0, c1, ...: each of the others has a
-        corner of its own in place of one of these, constraint m in place of cm, then c(m + 1), c(m + 2), ... in turn."""
+        """True if each constraint of a run shares all but one corner with its last one.
+
+        The last one has the corners c0, c1, ...; constraint m has a corner of its own in place of cm, then c(m + 1),
+        c(m + 2), ... cyclically.
+        """
         return self.run == self.corners + 1
 
     @property
     def moved(self) -> int:
-        """How many corners it moves."""
+        """Number of corners that it moves."""
         return self.corners if self.moves is None else self.moves
 
 
 @dataclass(frozen=True, eq=False)
 class ConstraintSet:
-    """Constraints of one kind: colour c is those from `starts[c]` to before `starts[c + 1]`, `run` after `run`.
+    """Constraints of one kind: colour c contains those from `starts[c]` to before `starts[c + 1]`, `run` after `run`.
 
-    `kind`: of the scene's part; `model`: its name among MODELS (model/xpbd/mesh_constraints.py); `corners` (constraints,
-    corners) int32: particles; `values` (constraints, values) float64, as the projection takes them.
+    `kind`: of the scene's part; `model`: a name in MODELS (model/xpbd/mesh_constraints.py); `corners`: (constraints,
+    corners) int32 particles; `values`: (constraints, values) float64, as the projection takes them.
     """
 
     kind: str
@@ -66,12 +69,14 @@ class ConstraintSet:
 
     @property
     def colours(self) -> int:
-        """How many."""
+        """Number of colours."""
         return len(self.starts) - 1
 
     def some(self, chosen: np.ndarray, particles: np.ndarray) -> ConstraintSet:
-        """The `chosen` (constraints,) bool, whole runs, in their colours and order; of the `particles` (n,), ascending, the
-        first is number 0. Colours of which none is left are gone."""
+        """Return the `chosen` constraints, (constraints,) bool, whole runs, in their colours and order.
+
+        `particles`: (n,), ascending; they are renumbered from 0. Empty colours are removed.
+        """
         before = np.concatenate([[0], np.cumsum(chosen)])
         starts = np.unique(before[self.starts]).astype(self.starts.dtype)
         corners = np.searchsorted(particles, self.corners[chosen]).astype(np.int32)
@@ -79,6 +84,6 @@ class ConstraintSet:
 
     @property
     def sweep(self) -> list[np.ndarray]:
-        """Constraints no two of which move the same particle, one such set after the other: an iteration."""
+        """Sets of constraints of which no two move the same particle, in the order of an iteration."""
         colours = (np.arange(*self.starts[c : c + 2]).reshape(-1, self.run) for c in range(self.colours))
         return [members for colour in colours for members in colour.T]

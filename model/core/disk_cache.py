@@ -1,4 +1,5 @@
-"""Arrays that are dear to make, kept in files: what cannot be read or written costs the time to make it again, no more."""
+"""Arrays that are expensive to compute, cached in files. A failure to read or write costs only the time to compute them
+again."""
 
 from __future__ import annotations
 
@@ -21,7 +22,7 @@ Kept = TypeVar("Kept")
 
 
 def user_cache(name: str) -> Path | None:
-    """A folder of the user's cache, made where it is missing; None where that cannot be written."""
+    """Return a folder of the user's cache, created if missing; None where it cannot be written."""
     base = os.environ.get("XDG_CACHE_HOME")
     try:
         folder = (Path(base) if base else Path.home() / ".cache") / "softlab" / name
@@ -33,9 +34,9 @@ def user_cache(name: str) -> Path | None:
 
 @cache
 def cache_folder(name: str) -> Path:
-    """A folder of the user's cache, or a fresh private one, gone with the process, where that cannot be written.
+    """Return a folder of the user's cache, or a new private one for this process where that cannot be written.
 
-    Never a shared folder under a name that another user could guess and fill.
+    It is never a shared folder under a name that another user could guess and fill.
     """
     folder = user_cache(name)
     if folder is not None:
@@ -46,16 +47,17 @@ def cache_folder(name: str) -> Path:
 
 
 def read_arrays(file: Path) -> dict[str, np.ndarray] | None:
-    """The arrays of an .npz file by name; None where it is not there, cut short or damaged."""
+    """Return the arrays of an .npz file by name; None where it is missing, truncated or damaged."""
     try:
         with np.load(file) as held:
             return dict(held)
-    except Exception:  # a damaged archive can trip its parser anywhere
+    except Exception:  # a damaged archive can fail anywhere in its parser
         return None
 
 
 def write_arrays(file: Path, **arrays: np.ndarray | float) -> None:
-    """Under another name first, so that a killed process leaves no half of a file; in silence where it cannot be."""
+    """Write the arrays to an .npz file, under another name first, so that a killed process leaves no partial file.
+    Failures are ignored."""
     with suppress(OSError, InputError):
         file.parent.mkdir(exist_ok=True)
         with replacing(file) as temporary, open(temporary, "wb") as opened:
@@ -69,7 +71,8 @@ def kept(
     make: Callable[[], Kept],
     packed: Callable[[Kept], Mapping[str, np.ndarray | float]],
 ) -> Kept:
-    """What the arrays of `file` are if they lie there under `key` and are whole, else made and put there."""
+    """Return the object in `file` if its arrays are complete and have the `key`; otherwise make it and write it
+    there."""
     held = read_arrays(file)
     found = unpacked(held) if held and str(held.get("key")) == key else None
     if found is None:

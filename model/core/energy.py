@@ -1,4 +1,4 @@
-"""Energies and strain of any scene, in float64 on the host; for judging and showing, not for stepping."""
+"""Energies and strain of any scene, in float64 on the host, for accuracy checks and display, not for stepping."""
 
 from __future__ import annotations
 
@@ -13,8 +13,11 @@ from model.shape_matching.spare import absent
 def spring_strain(
     scene: Scene, position: np.ndarray, kind: str = "structural", plastic: np.ndarray | None = None
 ) -> np.ndarray:
-    """(springs,) float64: (length - rest) / rest, in the order of the family's springs (see `sheet_strain`, `edge_strain`);
-    `kind` of a cloth's springs. Of bodies: (entries,), see `goal_strain`."""
+    """Return (length - rest) / rest, (springs,) float64, in the order of the family's springs (see `sheet_strain`,
+    `edge_strain`).
+
+    `kind`: kind of a cloth's springs. Bodies: (entries,), see `goal_strain`.
+    """
     return family_of(scene).strain(scene, position, kind, plastic)
 
 
@@ -22,8 +25,8 @@ STORING = ("grid", "cloth", "springs", "structural", "shear", "bending", "gravit
 
 
 def keeps(scene: Scene) -> str:
-    """What the step of a sheet does to its `conserved` energy, as a clause: whether it keeps it, or what else would have to
-    be left out of the scene."""
+    """Return a clause on the step's effect on a sheet's `conserved` energy: conserved, or which parts would have to be
+    removed."""
     rates = {"damping": "coefficient", "external": "magnitude"}
     acting = [
         kind
@@ -44,16 +47,17 @@ def energies(
     inverse_mass: np.ndarray | None = None,
     wetness: np.ndarray | None = None,
 ) -> dict[str, float]:
-    """Energies in joules: `kinetic`, `spring`, `gravity`, `potential` (both), `total`, `conserved`; of a cloth also that of
-    its springs by kind. Where clusters take the place of springs, `spring` is theirs; `plastic`, `inverse_mass` and
-    `wetness` as in State: what waits by the second (None: at the scene's start) has none.
+    """Return energies [J]: `kinetic`, `spring`, `gravity`, `potential` (the sum of the last two), `total`, `conserved`.
 
-    With the true mass. Gravity's zero is at y = 0. `conserved` is what the scheme itself keeps (up to a bounded
-    wobble) without damping: the total, except for the hand-out's step `lab`, which moves exactly like semi-implicit
-    Euler with doubled masses under the same forces, and so keeps 2 * kinetic + potential.
+    A cloth also has those of its springs by kind. Where clusters replace springs, `spring` is theirs. `plastic`,
+    `inverse_mass` and `wetness` as in State. Particles that are inactive by `inverse_mass` (None: at the scene's start)
+    have no energy. Energies use the true mass. Gravity's zero is at y = 0. `conserved` is the quantity that the scheme
+    conserves (up to a bounded oscillation) without damping. It is the total, except for the hand-out's step `lab`,
+    which moves exactly like semi-implicit Euler with doubled masses under the same forces, and so conserves 2 * kinetic
+    + potential.
     """
     gravity, v = scene.gravity, np.asarray(velocity, dtype=np.float64)
-    mass = masses(scene, absent(scene, inverse_mass))  # what waits is at rest, and stores nothing
+    mass = masses(scene, absent(scene, inverse_mass))  # inactive particles are at rest and store no energy
     if wetness is not None:
         mass = mass * (1 + scene.one("wetting").capacity * wetness[:, None])
     kinetic = 0.5 * float(np.sum(mass * v * v))

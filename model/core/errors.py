@@ -1,19 +1,19 @@
 """Errors with a reason and a remedy.
 
-Every error a user can cause is one of these: one line that names what is wrong and what to do about it. The command
-line prints it and exits with `exit_status`; nothing else is written.
+Every error that a user can cause is one of these: one line with what is wrong and what to do. The command line prints
+it and exits with `exit_status`; nothing else is written.
 """
 
 from __future__ import annotations
 
 from math import isfinite
 
-LONGEST = 560  # characters of a message: some lines of a terminal, however long the key or the file's name was
+LONGEST = 560  # characters of a message: a few lines of a terminal, for any length of key or file name
 LONGEST_FIELD, LONGEST_VALUE = 120, 80
 
 
 def shortened(text: str, most: int = LONGEST) -> str:
-    """`text` in at most `most` characters: begin and end, which hold what is wrong and what to do, without the middle."""
+    """Return `text` in at most `most` characters: its beginning and end, which contain the fault and the remedy."""
     if len(text) <= most:
         return text
     kept = most - len(" ... ")
@@ -21,36 +21,36 @@ def shortened(text: str, most: int = LONGEST) -> str:
 
 
 def shown(value: object) -> str:
-    """A value as a message shows it: on one line, at most LONGEST_VALUE characters, whatever it is."""
+    """Return a value as messages show it: on one line, at most LONGEST_VALUE characters, whatever it is."""
     try:
         text = repr(value)
     except (RecursionError, MemoryError):
         return f"({type(value).__name__}, nested too deep to be shown)"
-    except ValueError:  # Python writes no whole number of thousands of digits
+    except ValueError:  # Python does not print integers of thousands of digits
         return f"({type(value).__name__}, too long to be shown)"
     return text if len(text) <= LONGEST_VALUE else text[: LONGEST_VALUE - 3] + "..."
 
 
 class SoftlabError(Exception):
-    """Base of every error the lab raises on purpose; `str()` of it is the line a user reads."""
+    """Base of every error that the lab raises on purpose; its `str()` is the line that a user reads."""
 
     exit_status = 2
 
     def __init__(self, message: str):
-        # one line, printable and short, whatever a user's file held
+        # one line, printable and short, whatever a user's file contained
         printable = "".join(c if c.isprintable() else repr(c)[1:-1] for c in shortened(message, 4 * LONGEST))
         super().__init__(shortened(printable))
 
 
 class SceneError(SoftlabError):
-    """A field of a scene (or an option of a command) holds a value it cannot hold.
+    """A field of a scene (or an option of a command) has an invalid value.
 
-    Attributes: `field` (dotted path), `value` (as given), `allowed` (what would be accepted).
+    Attributes: `field` (dotted path), `value` (as passed), `allowed` (what would be accepted).
     """
 
     def __init__(self, field: str, value: object, allowed: str):
         self.field, self.value, self.allowed = field, value, allowed
-        given = "" if value is None else f" = {shown(value)}"  # nothing was
+        given = "" if value is None else f" = {shown(value)}"  # without a value
         super().__init__(f"{shortened(field, LONGEST_FIELD)}{given}: {allowed}")
 
 
@@ -59,8 +59,11 @@ class InputError(SoftlabError):
 
 
 class UnstableTimeStep(SceneError):
-    """The step size is over the stability limit of the scene and integrator. `limit` [s] is the largest that holds;
-    `cause` and `way_out`: of model/core/stability/diagnosis.py, where the plain ones do not tell enough."""
+    """The step size exceeds the stability limit of the scene and integrator.
+
+    `limit`: the largest stable step size [s]; `cause`, `way_out`: from model/core/stability/diagnosis.py, where they
+    say more than the default message.
+    """
 
     def __init__(self, dt: float, limit: float, integrator: str, cause: str | None = None, way_out: str | None = None):
         self.limit = limit
@@ -74,7 +77,7 @@ class UnstableTimeStep(SceneError):
 
 
 class BackendUnavailable(SoftlabError):
-    """Something the machine lacks (a GPU, a driver, OpenGL, a font): what is missing, and how to get it."""
+    """The machine lacks something (a GPU, a driver, OpenGL, a font): what is missing, and how to get it."""
 
     exit_status = 3
 
@@ -84,11 +87,11 @@ class BackendUnavailable(SoftlabError):
 
 
 class Diverged(SoftlabError):
-    """The state left the finite world: a non-finite value, or a particle farther than 1e6 times the scene's size
-    from the centre of its start.
+    """The state diverged: a non-finite value, or a particle farther than 1e6 times the scene's size from its initial
+    centre.
 
-    Attributes: `step` (the first bad step, counted from the scene's start), `particle` (the lowest bad index),
-    `limit` (the dt [s] that would have held, or None where none is known), `cause` and `remedy` (with its number; given by
+    Attributes: `step` (the first bad step, counted from the scene's start), `particle` (the lowest bad index), `limit`
+    (the largest stable dt [s], or None where none is known), `cause` and `remedy` (with its number; from
     model/core/stability/diagnosis.py).
     """
 
@@ -116,8 +119,8 @@ class Diverged(SoftlabError):
 
 
 class Incomplete(SoftlabError):
-    """A run ended in a finite state, but not all of its physics was computed: contacts or neighbours were lost, or elements
-    are inverted or caught in others. `faults`: which, in a few words."""
+    """A run ended in a finite state with incomplete physics: contacts or neighbours were lost, or elements are inverted
+    or trapped in others. `faults`: which, in a few words."""
 
     exit_status = 1
 

@@ -1,5 +1,5 @@
-"""The registry of solver families: who solves a scene, and what follows from that. A new family is one entry here, a module
-`family.py` in its room, and a solver in the room of each backend."""
+"""The registry of solver families. A new family is one entry here, a module `family.py` in its package, and a solver in
+each backend's package."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ FAMILIES = (GRID, CLOTH, SHEET, MESH, WINDOWS, BODIES, TETRAHEDRA, TETRAHEDRA_VB
 
 
 def family_of(scene: Scene) -> SolverFamily:
-    """The family that solves the scene. Raises SceneError for a part that it does not know."""
+    """Return the family that solves the scene. Raises SceneError for a part that it does not support."""
     (found,) = (family for family in FAMILIES if family.accepts(scene))
     for name, kind in scene.kinds.items():
         if kind not in found.knows:

@@ -1,4 +1,4 @@
-"""What the rest of the lab needs to know of a solver family, in one entry (model/core/families.py lists them)."""
+"""The description of a solver family for the rest of the lab, one entry each (model/core/families.py lists them)."""
 
 from __future__ import annotations
 
@@ -21,26 +21,30 @@ from model.scene.scene import Scene
 class SolverFamily:
     """One way to step one structure of particles, on every backend.
 
-    `accepts(scene)`: whether it is this one that solves the scene; of all families exactly one does.
-    `knows`: the kinds of tables that a scene of it may have; others are refused, not ignored.
-    `plan(scene, live)`: the stages of a step. `record(scene, real, poke, clock)`: the constants that kernels read.
-    `limit(scene, frequency)` [s]: the largest stable step size; `frequency` [1/s]: what no vibration exceeds, where more is
-    known of it than model/core/integrators.py's `frequency_bound`. `limited_by_net`: whether that limit hangs on the springs'
-    largest frequency. `note(scene)`: a line on what the method does to a motion.
-    `stored(scene, position, plastic)` [J]: the energy in springs or clusters, and of a cloth's springs by kind as well.
-    `strain(scene, position, kind, plastic)`: (springs,) or (entries,), what read("strain") tells.
-    `spring_count(scene)`: springs, or what takes their place.
-    `solvers`, `passes`: where the class that a backend opens, and the function that tells `softlab plan` what the backend
-    makes of a step, are found: `module:name`, as they lie above the model. `reference`: the module in bench/reference/ whose
-    `simulate` judges it. `unknown`: why no converged reference of the motion is known, and what to ask instead; None: one is.
-    `reach(scene)`: how far a step reads along the rows of its sheet, so that several can share it (model/domains); raises
-    SceneError for a part that cannot be shared; None: no scene of the family can yet.
-    `apart(scene)`: the bodies of a scene in which none acts on another, so that several share them body by body
-    (model/domains/bodies.py); raises SceneError for what lets them; None: no scene of the family can yet.
-    `halo(scene)` [m]: how far a substep reads, so that several share the scene by slabs of space (model/domains/slabs.py);
-    raises SceneError for a part that cannot be shared; None: no scene of the family can yet.
-    `partitions(scene)`: the meshes of a scene, so that more share them than there are bodies (model/domains/partitions.py);
-    raises SceneError as `apart` does; None: no scene of the family can yet.
+    - `accepts(scene)`: True if this family solves the scene; exactly one family does.
+    - `knows`: the kinds of tables that its scenes may have; others are refused.
+    - `plan(scene, live)`: the stages of a step.
+    - `record(scene, real, poke, clock)`: the constants that kernels read.
+    - `limit(scene, frequency)`: the largest stable step size [s]. `frequency` [1/s]: an upper bound of all vibrations,
+      where a
+      better one is known than `frequency_bound` of model/core/integrators.py.
+    - `limited_by_net`: True if that limit depends on the springs' largest frequency.
+    - `note(scene)`: a line on the method's effect on a motion.
+    - `stored(scene, position, plastic)`: the energy [J] in springs or clusters, and of a cloth's springs also by kind.
+    - `strain(scene, position, kind, plastic)`: the result of read("strain"), (springs,) or (entries,).
+    - `spring_count(scene)`: the number of springs, or of what replaces them.
+    - `solvers`, `passes`: by backend, the class that it opens and the function that describes its passes for `softlab
+      plan`, as
+      `module:name`, since both are in layers above the model.
+    - `reference`: the module in bench/reference/ whose `simulate` computes its reference.
+    - `unknown`: why no converged reference of the motion is known, and what to use instead; None: one is known.
+    - `reach(scene)`: how far a step reads along the rows of its sheet, for sharing by rows (model/domains).
+    - `apart(scene)`: the bodies of a scene in which none acts on another, for sharing by bodies
+      (model/domains/bodies.py).
+    - `halo(scene)`: how far a substep reads [m], for sharing by slabs of space (model/domains/slabs.py).
+    - `partitions(scene)`: the meshes of a scene, for sharing by parts of bodies (model/domains/partitions.py).
+
+    The last four raise SceneError for a part that prevents sharing; None: not yet supported for the family.
     """
 
     name: str
@@ -64,10 +68,10 @@ class SolverFamily:
     partitions: Callable[[Scene], SharedMesh] | None = None
 
 
-ANY_SHEET = frozenset({"damping", "gravity", "external", "perturbation", "method"})  # kinds that go with every sheet
+ANY_SHEET = frozenset({"damping", "gravity", "external", "perturbation", "method"})  # kinds that every sheet supports
 
 
 def named(place: str) -> Any:
-    """What lies at `module:name`, imported now. Raises ImportError."""
+    """Return the object at `module:name`, imported now. Raises ImportError."""
     module, _, name = place.partition(":")
     return getattr(import_module(module), name)

@@ -1,4 +1,4 @@
-"""Files that a user names: read where they are files, and of a size that makes sense; written whole or not at all."""
+"""Files that a user names: read only if they are regular files of a sensible size, written completely or not at all."""
 
 from __future__ import annotations
 
@@ -17,20 +17,20 @@ import numpy as np
 from model.core.errors import InputError, shortened
 from model.core.memory import available_bytes, readable
 
-LONGEST_TEXT = 2**24  # bytes of a scene: a hundred thousand pinned masses, told one by one, are a tenth of it
-OLD_SECONDS = 3600.0  # nothing is written for so long: what is older was left by a process that is no more
-SAMPLE = 64  # bytes at the head of a file by which its kind is told
+LONGEST_TEXT = 2**24  # bytes of a scene: a hundred thousand pinned masses listed one by one take a tenth of it
+OLD_SECONDS = 3600.0  # older temporary files without writes were left by a process that has ended
+SAMPLE = 64  # bytes at the head of a file that identify its kind
 POINTER = b"version https://git-lfs.github.com/spec/"
-NAME_SHOWN = 40  # characters of a file's name in its temporary one, which must not be too long for a file system
+NAME_SHOWN = 40  # characters of a file's name in its temporary one, which must not exceed the file system's limit
 
 
 def why(error: Exception) -> str:
-    """What the system has against a file, in its words."""
+    """Return the operating system's reason for an error."""
     return getattr(error, "strerror", None) or str(error) or type(error).__name__
 
 
 def is_there(path: Path | str) -> bool:
-    """Whether there is anything of that name; no name is too odd to ask for."""
+    """Return True if the path exists; any name is allowed."""
     try:
         os.stat(path)
     except (OSError, ValueError):
@@ -39,13 +39,15 @@ def is_there(path: Path | str) -> bool:
 
 
 def _named(path: Path) -> str:
-    """The path in a message; what was given as '' has become the folder one is in."""
+    """Return the path for a message; '' has become the current folder."""
     return "the empty name '' (this folder)" if path == Path() else str(path)
 
 
 def check_source(path: Path | str, what: str) -> Path:
-    """`path`, if it is a file that can be read to its end: neither a folder nor a pipe or device, where reading may never
-    come back. `what` says what it should be: "a scene is a .toml file". Raises InputError."""
+    """Return `path` if it is a regular file: neither a folder nor a pipe or device, where reading may never end.
+
+    `what`: what it should be, such as "a scene is a .toml file". Raises InputError.
+    """
     try:
         mode = os.stat(path).st_mode
     except FileNotFoundError:
@@ -60,10 +62,10 @@ def check_source(path: Path | str, what: str) -> Path:
 
 
 def read_text(path: Path | str, what: str) -> str:
-    """The text of a file of at most LONGEST_TEXT bytes in UTF-8; `what`: see `check_source`. Raises InputError."""
+    """Return the text of a UTF-8 file of at most LONGEST_TEXT bytes; `what`: see `check_source`. Raises InputError."""
     source = check_source(path, what)
     try:
-        with source.open("rb") as opened:  # some files of the system have no size until they are read
+        with source.open("rb") as opened:  # some system files have no size until they are read
             held = opened.read(LONGEST_TEXT + 1)
     except OSError as error:
         raise InputError(f"{path} cannot be read: {why(error)}; {what}") from None
@@ -76,9 +78,9 @@ def read_text(path: Path | str, what: str) -> str:
 
 
 def check_target(path: Path | str, suffixes: tuple[str, ...], what: str = "a picture") -> Path:
-    """`path` as a Path, if `what` may be written there: known suffix, existing folder, not a folder itself.
+    """Return `path` as a Path if `what` may be written there: known suffix, existing folder, not a folder itself.
 
-    Raises InputError; to be called before the work whose result it is.
+    Raises InputError. Call it before the work whose result it is.
     """
     path = Path(path)
     name = path.name.lower()
@@ -97,7 +99,7 @@ def check_target(path: Path | str, suffixes: tuple[str, ...], what: str = "a pic
     if not path.parent.is_dir():
         raise InputError(f"{path}: the folder {path.parent} does not exist; make it first")
     try:
-        with TemporaryFile(dir=path.parent):  # tried: of some folders of the system permissions do not tell
+        with TemporaryFile(dir=path.parent):  # tried, since permissions are not reliable in some system folders
             pass
     except OSError as error:
         raise InputError(f"{path}: the folder {path.parent} cannot be written to: {why(error)}; name another") from None
@@ -106,16 +108,16 @@ def check_target(path: Path | str, suffixes: tuple[str, ...], what: str = "a pic
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """A hidden name beside `path`, renamed to it when the block succeeds and deleted when it does not; what a killed
-    process left under such a name is deleted, too.
+    """Yield a hidden name beside `path`; rename it to `path` when the block succeeds and delete it when it fails.
 
-    Raises InputError where the folder cannot be written to, or is full.
+    Files that a killed process left under such a name are deleted, too. Raises InputError where the folder cannot be
+    written to or is full.
     """
     clear_left(path)
     temporary = path.with_name(f"{_hidden(path)}{os.getpid()}{path.suffix[:8]}")
     try:
         temporary.unlink(missing_ok=True)
-        os.close(os.open(temporary, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))  # through nobody else's link
+        os.close(os.open(temporary, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))  # not through another user's link
         yield temporary
         os.replace(temporary, path)
     except OSError as error:
@@ -126,7 +128,7 @@ def replacing(path: Path) -> Iterator[Path]:
 
 
 def clear_left(path: Path) -> None:
-    """Delete what processes that are gone left of `path` under hidden names."""
+    """Delete the hidden files that ended processes left for `path`."""
     with suppress(OSError):
         start = _hidden(path)
         for name in os.listdir(path.parent):
@@ -139,24 +141,25 @@ def clear_left(path: Path) -> None:
 
 
 def _hidden(path: Path) -> str:
-    """How the hidden names of a file begin: the name's own digest tells it from others that begin alike."""
+    """Return the prefix of a file's hidden names: the name's own digest distinguishes it from others with the same
+    beginning."""
     digest = hashlib.sha256(os.fsencode(path.name)).hexdigest()[:8]
     return f".{path.stem[:NAME_SHOWN]}-{digest}.part-"
 
 
 def _still_writes(process: int, left: Path) -> bool:
-    """Whether the process may be at work on that file yet."""
+    """Return True if the process may still write that file."""
     if process == os.getpid():
         return True
     if time.time() - left.stat().st_mtime > OLD_SECONDS:
         return False
-    if os.name == "nt":  # there, asking for a process by a signal would end it
+    if os.name == "nt":  # on Windows a signal would end the process
         return True
     try:
         os.kill(process, 0)
     except ProcessLookupError:
         return False
-    except (OSError, OverflowError):  # another user's, or none that could be
+    except (OSError, OverflowError):  # another user's process, or an impossible number
         return True
     return True
 
@@ -168,8 +171,10 @@ def check_pointer(path: Path | str, head: bytes) -> None:
 
 
 def read_archive(path: Path | str, what: str) -> dict[str, np.ndarray]:
-    """The arrays of an .npz file by name; `what`: see `check_source`. Raises InputError: no such file, no archive, cut short,
-    or larger than the memory that is free."""
+    """Return the arrays of an .npz file by name; `what`: see `check_source`.
+
+    Raises InputError: no such file, no archive, truncated, or larger than the free memory.
+    """
     source = check_source(path, what)
     try:
         with source.open("rb") as opened:
@@ -183,6 +188,6 @@ def read_archive(path: Path | str, what: str) -> dict[str, np.ndarray]:
             return {name: np.asarray(loaded[name]) for name in loaded.files}
     except InputError:
         raise
-    except Exception as error:  # whatever a parser of a foreign file trips over is the file's fault
+    except Exception as error:  # any failure of the parser is the file's fault
         reason = shortened(why(error).splitlines()[0], 120)
         raise InputError(f"{path} cannot be read as a .npz file ({reason}); {what}") from None

@@ -1,7 +1,8 @@
-"""What is known of each integrator: its order, its cost, the step size it holds to.
+"""Properties of each integrator: its order, its cost, its largest stable step size.
 
-The limits are those of the linear test equation x'' = -w^2 x - gamma x' at the largest w of the scene; nonlinear motion
-is covered as far as frozen coefficients go (the bound on w holds for any state of the grid, see `frequency_bound`).
+The limits are those of the linear test equation x'' = -w^2 x - gamma x' at the largest w of the scene. They apply to
+nonlinear motion as far as frozen coefficients do (the bound on w is valid in any state of the grid, see
+`frequency_bound`).
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from model.scene.scene import Scene
 
 
 def _lab_limit(w: float, gamma: float) -> float:
-    """dt^2 w^2 + 2 dt gamma < 8 (and dt gamma < 4, which the first contains unless w = 0)."""
+    """dt^2 w^2 + 2 dt gamma < 8 (and dt gamma < 4, which the first implies unless w = 0)."""
     if w == 0:
         return 4 / gamma if gamma else inf
     return 8 / (gamma + sqrt(gamma * gamma + 8 * w * w))
@@ -40,12 +41,12 @@ def _verlet_limit(w: float, gamma: float) -> float:
 def _explicit_limit(w: float, gamma: float, taylor: bool) -> float:
     """dt < gamma / w^2 (Euler) or 2 gamma / w^2 (taylor), and the damper's own dt gamma < 2.
 
-    An overdamped mode has real roots, of which Euler needs dt * larger < 2; a slower mode of the same scene may be
-    overdamped while the fastest is not, so the limit is the least over all frequencies from 0 to w.
+    An overdamped mode has real roots, for which Euler needs dt * larger < 2. A slower mode of the same scene may be
+    overdamped while the fastest is not, so the limit is the smallest over all frequencies from 0 to w.
     """
     if gamma == 0:
         return inf if w == 0 else 0.0
-    bound = 2 / gamma  # the mode w -> 0, whose velocity decays at gamma
+    bound = 2 / gamma  # from the mode w -> 0, whose velocity decays at gamma
     if w == 0:
         return bound
     if taylor:
@@ -54,7 +55,7 @@ def _explicit_limit(w: float, gamma: float, taylor: bool) -> float:
 
 
 def _rk4_limit(w: float, gamma: float) -> float:
-    """|R(dt lambda)| <= 1 for both roots lambda of every mode up to w; no closed form, found by bisection."""
+    """|R(dt lambda)| <= 1 for both roots lambda of every mode up to w; no closed form, computed by bisection."""
     if w == 0 and gamma == 0:
         return inf
     frequencies = np.append(np.linspace(0, w, 65), w)
@@ -65,7 +66,7 @@ def _rk4_limit(w: float, gamma: float) -> float:
         z = dt * eigenvalues
         return bool(np.all(np.abs(1 + z + z**2 / 2 + z**3 / 6 + z**4 / 24) <= 1 + 1e-13))
 
-    high = 4 / max(w, gamma)  # surely unstable: the stability region ends at |z| = 2.83
+    high = 4 / max(w, gamma)  # unstable: the stability region ends at |z| = 2.83
     low = 0.25 * high
     for _ in range(60):
         middle = (low + high) / 2
@@ -75,9 +76,12 @@ def _rk4_limit(w: float, gamma: float) -> float:
 
 @dataclass(frozen=True)
 class Integrator:
-    """`order`: of the error at a fixed time against Newton's law. `forces`: evaluations per step, 0 where the state decides.
-    `limit(w, gamma)`: the largest stable dt [s] at angular frequency w [1/s] and damping rate gamma = coefficient / mass
-    [1/s]."""
+    """Properties of an integrator.
+
+    `order`: of the error at a fixed time against Newton's law. `forces`: force evaluations per step, 0 where the state
+    decides. `limit(w, gamma)`: the largest stable dt [s] at angular frequency w [1/s] and damping rate gamma =
+    coefficient / mass [1/s].
+    """
 
     name: str
     order: int
@@ -86,7 +90,7 @@ class Integrator:
     note: str
 
 
-INTEGRATORS = {  # of every sheet
+INTEGRATORS = {  # for every sheet
     entry.name: entry
     for entry in (
         Integrator("lab", 0, 1, _lab_limit, "the hand-out's step: half the acceleration, order 1 against that"),
@@ -100,11 +104,11 @@ INTEGRATORS = {  # of every sheet
 
 
 def _no_limit(w: float, gamma: float) -> float:
-    """No eigenvalue of the step is beyond 1 at any dt, w and gamma."""
+    """Return inf: no eigenvalue of the step exceeds 1 at any dt, w and gamma."""
     return inf
 
 
-IMPLICIT = {  # of cloths
+IMPLICIT = {  # for cloths
     entry.name: entry
     for entry in (
         Integrator("implicit-euler", 1, 0, _no_limit, "Newton's method to 1e-8; loses energy; wind and poke explicit"),
@@ -116,12 +120,13 @@ IMPLICIT = {  # of cloths
 
 
 def integrators_for(scene: Scene) -> dict[str, Integrator]:
-    """The integrators that the scene's sheet can be stepped by, by name."""
+    """Return the integrators that can step the scene's sheet, by name."""
     return INTEGRATORS | IMPLICIT if scene.cloth else INTEGRATORS
 
 
 def amplification_matrix(integrator: str, dt: float, w: float, gamma: float) -> np.ndarray:
-    """One step of x'' = -w^2 x - gamma x' as a (2, 2) matrix on (x, v): the definition that the limits are tested on."""
+    """Return one step of x'' = -w^2 x - gamma x' as a (2, 2) matrix on (x, v): the definition for the tests of the
+    limits."""
 
     def acceleration(x: np.ndarray, v: np.ndarray) -> np.ndarray:
         return -w * w * x - gamma * v
@@ -158,13 +163,14 @@ def amplification_matrix(integrator: str, dt: float, w: float, gamma: float) -> 
 
 
 def frequency_bound(scene: Scene) -> float:
-    """An angular frequency [1/s] that no vibration of the scene exceeds, in any state of the grid.
+    """Return an angular frequency [1/s] that no vibration of the scene exceeds, in any state of the grid.
 
-    A spring's stiffness matrix has no eigenvalue above k in any state, so w^2 <= k/m times the largest eigenvalue of the
-    grid's Laplacian, which is at most twice the most springs on one mass (Gershgorin): 8 k/m inside a grid. Where springs
-    alternate, k is the stiffest one's; where masses differ, m the lightest one; model/core/stability/limit.py tells how
-    much of it the net itself needs. A cloth's is model/mass_spring/cloth_bounds.py; of a mesh from a file and of bodies,
-    whose solvers have no limit that follows from it, nothing is known.
+    A spring's stiffness matrix has no eigenvalue above k in any state, so w^2 <= k/m times the largest eigenvalue of
+    the grid's Laplacian, which is at most twice the largest number of springs on one mass (Gershgorin): 8 k/m inside a
+    grid. Where springs alternate, k is the stiffest one's; where masses differ, m is the lightest one.
+    model/core/stability/limit.py computes the frequency of the net itself. A cloth's bound is in
+    model/mass_spring/cloth_bounds.py. No bound is known for a mesh from a file and for bodies, whose solvers have no
+    limit that depends on it.
     """
     if scene.cloth:
         return sqrt(laplacian_bound(scene, "stiffness") / lightest_mass(scene))
@@ -176,7 +182,7 @@ def frequency_bound(scene: Scene) -> float:
 
 
 def lightest_mass(scene: Scene) -> float:
-    """The least mass [kg] that moves, or may, of spare bodies; the sheet's where nothing does."""
+    """Return the smallest mass [kg] that moves, or of inactive bodies may; the sheet's where nothing moves."""
     if scene.bodies:
         return float(scene.body_set.clusters.mass.min())
     if scene.tetrahedra:
@@ -198,29 +204,31 @@ def lightest_mass(scene: Scene) -> float:
 
 
 def damping_rate(scene: Scene) -> float:
-    """coefficient / mass [1/s] of a mass like the sheet's, or their mean; 0 where the scene has no damping."""
+    """Return coefficient / mass [1/s] for the sheet's mass, or the mean mass; 0 where the scene has no damping."""
     return scene.damping.coefficient / scene.grid.mass if scene.damping else 0.0
 
 
 def fastest_damping(scene: Scene) -> float:
-    """The same of the lightest mass: no damper takes a velocity away faster."""
+    """Return coefficient / mass [1/s] for the lightest mass: no damper reduces a velocity faster."""
     return scene.damping.coefficient / lightest_mass(scene) if scene.damping else 0.0
 
 
 def spring_damping_bound(scene: Scene) -> float:
-    """A rate [1/s] that the dampers along a cloth's springs do not exceed: their matrix is a Laplacian, bounded like the
-    springs' (see `frequency_bound`)."""
+    """Return a rate [1/s] that the dampers along a cloth's springs do not exceed.
+
+    Their matrix is a Laplacian, bounded like the springs' (see `frequency_bound`).
+    """
     return laplacian_bound(scene, "damping") / scene.grid.mass
 
 
 def explicit_limit(scene: Scene, frequency: float | None = None) -> float:
-    """The largest step size [s] at which the scene's integrator is stable for any state of the sheet (may be inf or 0).
+    """Return the largest step size [s] at which the scene's integrator is stable for any state of the sheet (may be inf
+    or 0).
 
-    `frequency` [1/s]: what no vibration exceeds, where more is known of it than `frequency_bound`.
-
-    Dampers along springs are evaluated at the step's start by every explicit integrator, velocity Verlet too, which then is
-    semi-implicit Euler as far as its limit goes. A mode has anything from none to all of their rate. Wind is left out:
-    it only damps, weakly for cloth that is heavier than the air it moves in a step.
+    `frequency` [1/s]: an upper bound of all vibrations, where a better one is known than `frequency_bound`. Every
+    explicit integrator evaluates dampers along springs at the step's start; velocity Verlet then has the limit of
+    semi-implicit Euler. A mode has anything from none to all of their rate. Wind is omitted: it only damps, weakly for
+    cloth that is heavier than the air it moves in a step.
     """
     name, gamma = scene.method.integrator, damping_rate(scene)
     w = frequency_bound(scene) if frequency is None else frequency

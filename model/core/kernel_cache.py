@@ -1,10 +1,10 @@
-"""Machine code kept on disk, for both backends: where it lies, what is told while a kernel compiles, how long that took.
+"""Machine code cached on disk, for both backends: its folder, reports while a kernel compiles, compile times.
 
-numba's own caches key a function by its place in a source file and by its closure, which here holds other compiled
-functions and so differs in every process. Kernels here have their content in their name (model/core/digest.py), so that one
-folder of the user's cache serves every checkout, and a kernel is compiled anew only if something that it is made of has
-changed. Mixed into numba's cache classes by cpu_backend/core/compile.py and gpu_backend/core/compile.py; nothing here needs
-numba.
+numba's own caches key a function by its place in a source file and by its closure, which here contains other compiled
+functions and so differs in every process. Kernels here have their content in their name (model/core/digest.py), so that
+one folder of the user's cache serves every checkout, and a kernel is compiled again only if something that it is made
+of has changed. cpu_backend/core/compile.py and gpu_backend/core/compile.py mix these classes into numba's cache
+classes; nothing here needs numba.
 """
 
 from __future__ import annotations
@@ -26,22 +26,22 @@ from model.core.errors import InputError
 from model.core.files import replacing
 from model.core.waiting import Watchers
 
-MAX_BYTES = 1 << 30  # of kept machine code; beyond it the longest unused half goes
+MAX_BYTES = 1 << 30  # of cached machine code; above it the half that was unused for longest is deleted
 SECONDS = "seconds.json"  # of each kernel's last compilation, by label
 _watchers = Watchers()
-watched = _watchers.watched  # its watcher(label, seconds): a kernel that begins to compile, and what it took last time
+watched = _watchers.watched  # its watcher(label, seconds): a kernel that starts to compile, and its previous time
 _begun: dict[str, float] = {}
 _told: set[str] = set()
 
 
 class KernelCacheWarning(UserWarning):
-    """Machine code cannot be kept: every run compiles anew."""
+    """Machine code cannot be cached: every run compiles again."""
 
 
 @cache
 def folder() -> Path | None:
-    """Where machine code is kept: below NUMBA_CACHE_DIR if that is set, else in the user's cache; None where neither can
-    be written."""
+    """Return the folder of cached machine code: below NUMBA_CACHE_DIR if that is set, else in the user's cache; None
+    where neither can be written."""
     base = os.environ.get("NUMBA_CACHE_DIR")
     place = Path(base) / "softlab-kernels" if base else user_cache("kernels")
     if place is None:
@@ -74,7 +74,7 @@ def _end(label: str) -> None:
 
 
 def keep(dispatcher: Any, kernel_cache: type, label: str) -> None:
-    """Give a numba dispatcher a cache of type `kernel_cache`, where one can be written. `label`: what a watcher is told."""
+    """Give a numba dispatcher a cache of type `kernel_cache`, where one can be written. `label`: passed to watchers."""
     try:
         dispatcher._cache = kernel_cache(dispatcher.py_func)
         dispatcher._cache.label = label
@@ -83,7 +83,7 @@ def keep(dispatcher: Any, kernel_cache: type, label: str) -> None:
 
 
 def _unwritable(reason: object) -> None:
-    """Told once a process, as a warning: a cache that cannot be written costs time and no more."""
+    """Warn once per process: a cache that cannot be written only costs time."""
     if "unwritable" not in _told:
         _told.add("unwritable")
         text = f"machine code cannot be kept ({reason}): every run compiles anew"
@@ -92,14 +92,15 @@ def _unwritable(reason: object) -> None:
 
 @cache
 def _make_room() -> None:
-    """Once a process: of more than MAX_BYTES, what was not used for longest goes, until half is free."""
+    """Once per process, if the cache exceeds MAX_BYTES, delete the files that were unused for longest until half is
+    free."""
     place = folder()
     with suppress(OSError):
         files = list(place.glob("*.nb?")) if place else []
         held = sum(file.stat().st_size for file in files)
         if held <= MAX_BYTES:
             return
-        used: dict[str, float] = {}  # when a kernel was last used: its index is touched then, its code is not
+        used: dict[str, float] = {}  # time of a kernel's last use: its index is touched then, its code is not
         for file in files:
             kernel = file.name.split(".")[0]
             used[kernel] = max(used.get(kernel, 0.0), file.stat().st_mtime)
@@ -111,41 +112,41 @@ def _make_room() -> None:
 
 
 class Place:
-    """Stands in for numba's locators of caches: one folder for all kernels."""
+    """Replacement of numba's cache locators: one folder for all kernels."""
 
     @classmethod
     def from_function(cls, py_func: Any, py_file: str) -> Place | None:
-        """The place, or None where no folder can be written."""
+        """Return the place, or None where no folder can be written."""
         return cls() if folder() else None
 
     def ensure_cache_path(self) -> None:
-        """Make the folder."""
+        """Create the folder."""
         Path(self.get_cache_path()).mkdir(parents=True, exist_ok=True)
 
     def get_cache_path(self) -> str:
-        """The folder of all kernels."""
+        """Return the folder of all kernels."""
         return str(folder())
 
     def get_source_stamp(self) -> str:
-        """Nothing: what a kernel is made of is in its name."""
+        """Return '': a kernel's content is in its name."""
         return ""
 
     def get_disambiguator(self) -> str:
-        """Nothing, for the same reason."""
+        """Return '', for the same reason."""
         return ""
 
 
 class NamedByContent:
-    """Mixin of numba's cache implementations: a file's name is the kernel's, which holds its content."""
+    """Mixin of numba's cache implementations: a file has the kernel's name, which contains its content."""
 
     def get_filename_base(self, fullname: str, abiflags: str) -> str:
-        """The kernel's name, and the Python it is for."""
+        """Return the kernel's name and its Python version."""
         return f"{fullname.partition('.')[2]}.py{sys.version_info[0]}{sys.version_info[1]}{abiflags}"
 
 
 @cache
 def _versions() -> tuple[str, ...]:
-    """Of the compilers: what one version made another need not be able to run."""
+    """Return the compilers' versions: code of one version may not run with another."""
     found = []
     for package in ("numba", "llvmlite", "numba-cuda"):
         with suppress(PackageNotFoundError):
@@ -154,7 +155,8 @@ def _versions() -> tuple[str, ...]:
 
 
 class Kept:
-    """Mixin of numba's caches of functions: tells the watchers, and does without what cannot be read or written."""
+    """Mixin of numba's function caches: notifies watchers, and continues without files that cannot be read or
+    written."""
 
     _py_func: Any
     _cache_file: Any
@@ -165,14 +167,14 @@ class Kept:
 
     @property
     def has_any(self) -> bool:
-        """Whether machine code of this function is kept, for arguments of some type."""
+        """True if machine code of this function is cached for some argument types."""
         return os.path.exists(self._cache_file._index_path)
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """The machine code for these types, or None: it is to be compiled, as watchers are told."""
+        """Return the machine code for these types, or None if it must be compiled, after notifying watchers."""
         try:
             found = super().load_overload(sig, target_context)  # type: ignore[misc]
-        except Exception:  # a damaged file, or one that names modules of another version, can fail anywhere
+        except Exception:  # a damaged file, or one that refers to modules of another version, can fail anywhere
             found = None
             with suppress(OSError):
                 os.unlink(self._cache_file._index_path)
@@ -184,7 +186,7 @@ class Kept:
         return found
 
     def save_overload(self, sig: Any, data: Any) -> None:
-        """Keep machine code for these types, if it can be written."""
+        """Cache machine code for these types, if it can be written."""
         _end(self.label)
         try:
             _make_room()
@@ -197,8 +199,8 @@ class Kept:
 
 
 def _save_seconds() -> None:
-    """Under another name first; other processes' numbers that came in between may be lost, which harms nobody."""
+    """Write the compile times under another name first; times that other processes wrote meanwhile may be lost."""
     place = folder()
-    assert place is not None  # something was written there just now
+    assert place is not None  # it was written to just now
     with replacing(place / SECONDS) as part:
         part.write_text(json.dumps(_seconds(), indent=0, sort_keys=True))

@@ -1,8 +1,8 @@
-"""What a scheme cannot keep of a law that its solver otherwise keeps: each once, with its bound and where that comes
-from.
+"""Conservation laws that a scheme violates although its solver otherwise fulfils them, each once with its bound and
+source.
 
-Read by the notes of a run (`limit_notes`), by docs/limits.md and by the tests of the laws (tests/laws), which hold
-every solver to its bound. What is missing here is kept.
+The notes of a run (`limit_notes`), docs/limits.md and the tests of the laws (tests/laws) use them; the tests check
+every solver against its bound. Laws without an entry are fulfilled.
 """
 
 from __future__ import annotations
@@ -16,9 +16,12 @@ from model.scene.scene import Scene
 
 @dataclass(frozen=True)
 class Limit:
-    """`law`: its name (tests/laws/law.py). `applies(scene)`: whether the scene's scheme has it. `bound`: the scheme's
-    own law, a clause; `source`: the equation, paper or page that it follows from; `part`: of the bound, where the law
-    asks for a number. `note(scene)`: what a run says of it to a user who would be misled, or ""."""
+    """A violated law and its bound.
+
+    `law`: its name (tests/laws/law.py). `applies(scene)`: True if the scene's scheme violates it. `bound`: the scheme's
+    own law, a clause; `source`: the equation, paper or page that it follows from; `part`: the bound as a number, where
+    the law needs one. `note(scene)`: a run's note for a user who would be misled, or "".
+    """
 
     name: str
     law: str
@@ -68,7 +71,7 @@ def _is_linear(scene: Scene) -> bool:
 
 
 def _spin_note(scene: Scene) -> str:
-    """Of rigid bodies that turn: what is left of a turn a second."""
+    """Return the note on rigid bodies that rotate: how much of a rotation is left after a second."""
     h = scene.method.dt / scene.method.substeps
     left = 1 / (1 + (2 * pi) ** 2 * h) ** 0.5
     if left > 0.99:
@@ -195,10 +198,10 @@ LIMITS: tuple[Limit, ...] = (
 
 
 def limits_of(scene: Scene) -> list[Limit]:
-    """Those that the scene's scheme has."""
+    """Return the limits of the scene's scheme."""
     return [limit for limit in LIMITS if limit.applies(scene)]
 
 
 def limit_notes(scene: Scene) -> list[str]:
-    """What a run of the scene says of its scheme's limits."""
+    """Return the notes of a run of the scene on its scheme's limits."""
     return [note for limit in limits_of(scene) if (note := limit.note(scene))]

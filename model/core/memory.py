@@ -1,4 +1,4 @@
-"""How much memory this machine can still give, so that a scene that cannot fit is refused before anything is allocated."""
+"""Free memory of this machine, to refuse a scene that cannot fit before anything is allocated."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ MAX_PARTICLES = 2**31 - 1  # flat indices are 32-bit on the GPU
 
 
 def available_bytes() -> int:
-    """Bytes of main memory that can be taken without swapping: the smaller of what the machine has free and what a control
-    group (a container) still allows."""
+    """Return the bytes of main memory available without swapping: the smaller of the machine's free memory and what a
+    control group (a container) still allows."""
     free, allowed = int(psutil.virtual_memory().available), _control_group_free()
     return free if allowed is None else min(free, allowed)
 
@@ -28,7 +28,7 @@ def _control_group_free() -> int | None:
 
 
 def readable(count: float) -> str:
-    """A number of bytes as a person writes it: 1.5 GiB."""
+    """Return a number of bytes with a binary prefix: 1.5 GiB."""
     for unit in ("B", "KiB", "MiB", "GiB", "TiB", "PiB"):
         if count < 1024 or unit == "PiB":
             return f"{count:.0f} {unit}" if unit == "B" else f"{count:.1f} {unit}"
@@ -45,7 +45,7 @@ def require_sheet(rows: int, columns: int, bytes_each: int, name: str) -> None:
 
 
 def require(needed: int, available: int | None, field: str, value: object, where: str) -> None:
-    """Raise SceneError if `needed` bytes are more than 90 % of `available` ones (None: unknown, let it try)."""
+    """Raise SceneError if `needed` bytes exceed 90 % of `available` ones (None: unknown, always allowed)."""
     if available is not None and needed > 0.9 * available:
         raise SceneError(
             field,

@@ -1,4 +1,4 @@
-"""How a scene is run, apart from what it is: precision, arithmetic, kernel, and what may change while it runs."""
+"""Run options of a scene: precision, arithmetic, kernel, and the fields that may change while it runs."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from model.scene.scene import Scene
 
 PRECISIONS = {"float32": np.float32, "float64": np.float64}
 MATHS = ("fast", "exact")
-LIVE_PATHS = {  # what may be named in `live=`, and the stage that then is compiled in even if it starts switched off
+LIVE_PATHS = {  # names for `live=`, and the fields whose stage is then compiled even if it starts switched off
     "gravity": ("gravity.enabled", "gravity.acceleration"),
     "poke": (),
     "dt": ("method.dt",),
@@ -28,8 +28,11 @@ LIVE_PATHS = {  # what may be named in `live=`, and the stage that then is compi
 
 @dataclass(frozen=True)
 class Options:
-    """How a scene is run, apart from what it is. `kernel` None: the backend's own choice; `first_particle`: of a window of a
-    larger sheet (model/domains), the number of its first particle there."""
+    """Run options of a scene, separate from its content.
+
+    `kernel` None: the backend's own choice; `first_particle`: in a window of a larger sheet (model/domains), the number
+    of its first particle there.
+    """
 
     precision: str = "float32"
     math: str = "fast"
@@ -61,5 +64,5 @@ def check_live(scene: Scene, live: Iterable[str], path: str, value: Any) -> None
 
 
 def unknown_kernel(wanted: str | None, known: Iterable[str], where: str) -> SceneError:
-    """The error for a kernel that a solver does not have; `where`: "for a mesh on the cpu"."""
+    """Return the error for a kernel that a solver does not have; `where`: "for a mesh on the cpu"."""
     return SceneError("--kernel", wanted, f"must be one of {', '.join(known)} {where}")

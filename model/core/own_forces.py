@@ -1,7 +1,8 @@
-"""Forces that look at one particle alone, whatever its neighbours do: written once for both backends, for two axes and three.
+"""Forces that depend on one particle alone, not on its neighbours: written once for both backends, for two axes and
+three.
 
-A new one is an entry of OWN_FORCES: from it follow the part and the stage of every plan, and the constants of every record.
-Kernels call `own` of `make_own` and do not know which forces there are, plain or fused, on threads or on CUDA.
+A new one is an entry of OWN_FORCES: every plan gets its part and stage from it, and every record its constants. Kernels
+call `own` of `make_own` and do not depend on which forces there are, separate or fused, on threads or on CUDA.
 """
 
 from __future__ import annotations
@@ -16,21 +17,23 @@ from model.core.plan import Plan
 from model.formulas import distance, random
 from model.scene.scene import Scene
 
-# places in the integers that kernels read; POKED: 1 + the particle, 0 for none; FIRST: particle of a window, of grids alone
+# indices into the integers that kernels read; POKED: 1 + the particle, 0 for none; FIRST: window's first particle
+# (grids)
 EXTERNAL_SEED, POKED, FIRST = 0, 1, 2
-WINDOW = "window"  # the part of a plan whose particles are not counted from the sheet's first
-Made = Callable[[Callable[..., Any]], Any]  # what a backend makes of a factory of formulas
+WINDOW = "window"  # the part of a plan whose particles are not numbered from the sheet's first
+Made = Callable[[Callable[..., Any]], Any]  # a backend's version of a factory of formulas
 
 
 @dataclass(frozen=True)
 class OwnForce:
-    """`part`: of the plan, there where `present(scene, live)`; `stage`: its name.
+    """A force on one particle.
 
-    `make(real, compiled, made, axes)` -> force(k, parameters, integers, step): what it accelerates particle k by [m/s^2], a
-    tuple of `axes` numbers, counted by the sheet's mass. `names`: of its constants, under which kernels read them;
-    `values(scene, poke, axes)`: these in float64, `poke` the force held [N]; `field`: that of the scene which they follow
-    from. `traffic`: numbers of a mass and axis that its stage reads and writes; `operations` of a mass. `changes`: with the
-    number of the step, so that velocity Verlet's two kicks that meet have each their own.
+    `part`: of the plan, present where `present(scene, live)`; `stage`: its name. `make(real, compiled, made, axes)` ->
+    force(k, parameters, integers, step): its acceleration of particle k [m/s^2], a tuple of `axes` numbers, for the
+    sheet's mass. `names`: names of its constants in the kernels; `values(scene, poke, axes)`: these in float64, `poke`
+    the applied force [N]; `field`: the scene's field that they follow from. `traffic`: numbers per mass and axis that
+    its stage reads and writes; `operations`: per mass. `changes`: True if it depends on the step number, so that
+    velocity Verlet's two adjacent kicks each need their own.
     """
 
     part: str
@@ -46,7 +49,7 @@ class OwnForce:
 
 
 def _external(real: Any, compiled: Any, made: Made, axes: int) -> Any:
-    """Uniform in (-1, 1) per axis times the magnitude; see model/formulas/random.py."""
+    """Make the random force: uniform in (-1, 1) per axis times the magnitude; see model/formulas/random.py."""
     philox, external, zero = random.make_philox(compiled), made(random.make).add_external, real(0)
 
     @compiled
@@ -61,12 +64,12 @@ def _external(real: Any, compiled: Any, made: Made, axes: int) -> Any:
 
 
 def _poke(real: Any, compiled: Any, made: Made, axes: int) -> Any:
-    """A force that is held on one particle until it is let go."""
+    """Make the force that acts on one particle until it is released."""
     zero = real(0)
 
     @compiled
     def force(k, parameters, integers, step):
-        poked = np.int64(integers[POKED]) == k + 1  # as they are, the two kinds of integer would meet as doubles
+        poked = np.int64(integers[POKED]) == k + 1  # explicit int64: mixed integer kinds would be converted to doubles
         x, y = parameters.poke_x if poked else zero, parameters.poke_y if poked else zero
         if axes == 2:
             return x, y
@@ -103,12 +106,12 @@ OWN_FORCES = (
 
 
 def own_parts(scene: Scene, live: frozenset[str]) -> set[str]:
-    """The parts of those that the scene has, or that may be switched on."""
+    """Return the parts of the forces that the scene has, or that may be switched on."""
     return {force.part for force in OWN_FORCES if force.present(scene, live)}
 
 
 def own_values(scene: Scene, poke: Sequence[float], axes: int) -> dict[str, float]:
-    """The constants of all of them, 0 where the scene has none: over mass [m/s^2]."""
+    """Return the constants of all own forces over mass [m/s^2], 0 where the scene has none."""
     found: dict[str, float] = {}
     for force in OWN_FORCES:
         found |= force.values(scene, poke, axes)
@@ -116,28 +119,30 @@ def own_values(scene: Scene, poke: Sequence[float], axes: int) -> dict[str, floa
 
 
 def own_names(axes: int) -> tuple[str, ...]:
-    """What they are called."""
+    """Return the names of the constants."""
     return tuple(name for force in OWN_FORCES for name in force.names if axes == 3 or not name.endswith("_z"))
 
 
 def own_fields() -> dict[str, str]:
-    """The scene's field that each of them follows from."""
+    """Return the scene's field that each constant follows from."""
     return {name: force.field for force in OWN_FORCES for name in force.names}
 
 
 def own_forces(parts: frozenset[str]) -> tuple[OwnForce, ...]:
-    """Those among the parts, in the order in which they are added."""
+    """Return the own forces among the parts, in the order in which they are added."""
     return tuple(force for force in OWN_FORCES if force.part in parts)
 
 
 def own_changes(parts: frozenset[str]) -> bool:
-    """Whether one of them changes with the number of the step."""
+    """Return True if one of them depends on the step number."""
     return any(force.changes for force in own_forces(parts))
 
 
 def make_add(compiled: Any, made: Made, axes: int, parts: frozenset[str]) -> Any:
-    """add(a, weight, f) -> the acceleration `a` and `f` [m/s^2] (`axes` numbers each), counted by the `weight` where the
-    scene has a `load`."""
+    """Make add(a, weight, f) -> the sum of the acceleration `a` and `f` [m/s^2] (`axes` numbers each).
+
+    f is multiplied by the `weight` where the scene has a `load`.
+    """
     added, has_load = made(distance.make).added, "load" in parts
 
     @compiled
@@ -154,9 +159,11 @@ def make_add(compiled: Any, made: Made, axes: int, parts: frozenset[str]) -> Any
 
 
 def make_own(real: Any, compiled: Any, made: Made, axes: int, parts: frozenset[str]) -> Any:
-    """own(a, k, weight, parameters, integers, step) -> the acceleration `a` [m/s^2] (`axes` numbers) of particle k with all
-    that acts on it by itself. `weight`: the sheet's mass over its own, where the scene has a `load`. `compiled`: decorates
-    device functions; `made(factory)`: a backend's formulas."""
+    """Make own(a, k, weight, parameters, integers, step) -> the acceleration `a` of particle k plus its own forces.
+
+    `a`: `axes` numbers [m/s^2]. `weight`: the sheet's mass over the particle's, where the scene has a `load`.
+    `compiled`: decorates device functions; `made(factory)`: a backend's formulas.
+    """
     add = make_add(compiled, made, axes, parts)
 
     @compiled
@@ -169,7 +176,7 @@ def make_own(real: Any, compiled: Any, made: Made, axes: int, parts: frozenset[s
 
 
 def _counted_in_sheet(own: Any, compiled: Any) -> Any:
-    """`own` for particles that are counted in a window."""
+    """Make `own` for particles that are numbered in a window."""
 
     @compiled
     def own_of_window(a, k, weight, parameters, integers, step):
@@ -179,8 +186,10 @@ def _counted_in_sheet(own: Any, compiled: Any) -> Any:
 
 
 def in_window(plan: Plan, first_particle: int | None) -> Plan:
-    """The plan where its particles are those of a window that begins with `first_particle` of the sheet (None: it is the
-    sheet). Only a force that asks for their numbers makes a difference."""
+    """Return the plan for particles of a window that begins with `first_particle` of the sheet (None: the whole sheet).
+
+    Only a force that uses particle numbers makes a difference.
+    """
     if first_particle is None or not own_forces(plan.parts):
         return plan
     return replace(plan, parts=plan.parts | {WINDOW})

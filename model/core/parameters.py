@@ -1,4 +1,5 @@
-"""The small record of constants that every kernel reads: computed once in float64, rounded once, the same everywhere."""
+"""The record of constants that every kernel reads: computed once in float64 and rounded once, the same on every
+backend."""
 
 from __future__ import annotations
 
@@ -21,22 +22,22 @@ PARAMETERS = (
     "half_dt_squared",
     "sixth_dt",
     "third_dt",
-    "first_step",  # since which time is counted in steps of dt: a number of steps,
+    "first_step",  # origin of time, a step number,
     "first_time",  # and that step's time, s
     "stiffness",  # spring stiffness over mass, 1/s^2
     "stiffness_rest",  # times the rest length, m/s^2
     "damping",  # damping rate, 1/s
     "inverse_damping",  # 1 / (1 + dt rate / 2)
     "gravity",  # m/s^2, along +y (so negative)
-    *own_names(2),  # of forces on a mass by itself, over mass, m/s^2
+    *own_names(2),  # of forces on a mass alone, over mass, m/s^2
     "amplitude",  # of the manufactured solution, m
     "inertia",
     "spacing",  # m
     "stiff",  # stiffness of every second spring over mass, 1/s^2
     "stiff_rest",  # times the rest length, m/s^2
 )
-ODD = 20.0  # decades that a mass must be farther from 1 than the field itself, to be to blame
-FIELDS = {  # of the scene, by the value that follows from them
+ODD = 20.0  # decades that a mass must be farther from 1 than the field itself, to be named as the cause
+FIELDS = {  # the scene's field, by the value that follows from it
     "dt": "method.dt",
     "half_dt_squared": "method.dt",
     "stiffness": "springs.stiffness",
@@ -54,10 +55,11 @@ FIELDS = {  # of the scene, by the value that follows from them
 def parameter_record(
     scene: Scene, real: type, poke: tuple[float, ...] = (0.0, 0.0), clock: Clock = START
 ) -> np.ndarray:
-    """The small record every kernel reads its constants from: (1,), a field for each of PARAMETERS, in the arithmetic `real`.
+    """Return the record of constants that every kernel reads: (1,), a field for each of PARAMETERS, in the arithmetic
+    `real`.
 
-    Computed in float64 and rounded once, so that both backends hold the same bits. Raises SceneError for a value that
-    the arithmetic cannot hold (it overflows, or vanishes where it must not).
+    Computed in float64 and rounded once, so that both backends use the same bits. Raises SceneError for a value that
+    the arithmetic cannot represent (it overflows, or vanishes where it must not).
     """
     grid, dt, mass = scene.grid, scene.method.dt, scene.grid.mass
     springs, manufactured = scene.springs, scene.manufactured
@@ -86,8 +88,11 @@ def parameter_record(
 
 
 def rounded_record(scene: Scene, values: Mapping[str, float], fields: Mapping[str, str], real: type) -> np.ndarray:
-    """(1,): `values` (name -> float64) in the arithmetic `real`, a field each in their order. `fields`: the scene's field
-    that a value follows from. Raises SceneError for a value that the arithmetic cannot hold."""
+    """Return `values` (name -> float64) as a record in the arithmetic `real`, (1,), in their order.
+
+    `fields`: the scene's field that a value follows from. Raises SceneError for a value that the arithmetic cannot
+    represent.
+    """
     limits = np.finfo(real)
     record: np.ndarray = np.zeros(1, record_type(tuple(values), real))
     with np.errstate(over="ignore", under="ignore"):
@@ -117,8 +122,11 @@ def require_held(name: str, part: Any, real: type) -> None:
 
 
 def _oddest(scene: Scene, field: str, exact: float) -> tuple[str, object]:
-    """(field, its value) that is to blame for a constant that cannot be held: `field`, from which it follows, or a mass or a
-    density of the scene where one is farther from 1 in its unit, as constants follow from masses, too."""
+    """Return (field, its value) to blame for a constant that cannot be represented.
+
+    It is `field`, from which the constant follows, or a mass or a density of the scene where one is farther from 1 in
+    its unit, as constants follow from masses, too.
+    """
     given = scene.as_dict()
     part, _, key = field.partition(".")
     value = given.get(part, {}).get(key, exact)
@@ -133,13 +141,13 @@ def _oddest(scene: Scene, field: str, exact: float) -> tuple[str, object]:
 
 
 def _decades(value: object) -> float:
-    """How far a number is from 1, in powers of ten; 0 of 0 and of what is no number."""
+    """Return the distance of a number from 1 in powers of ten; 0 for 0 and for values that are not finite numbers."""
     return abs(math.log10(abs(value))) if isinstance(value, int | float) and value and math.isfinite(value) else 0.0
 
 
 @cache
 def record_type(names: tuple[str, ...], real: type) -> np.dtype:
-    """The structured type of such a record. Aligned: of a type that is not, compilers read single bytes."""
+    """Return the structured type of such a record. It is aligned: without alignment, compilers read single bytes."""
     taken = set(names) & set(dir(np.record))
     assert not taken, f"{taken}: attributes of every record of numpy"
     return np.dtype((np.record, np.dtype([(name, real) for name in names], align=True)))

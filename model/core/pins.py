@@ -1,4 +1,4 @@
-"""Which masses of a sheet are pinned: by a word, or as a list of places."""
+"""Pinned masses of a sheet: named by a word, or a list of [row, column]."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ Pins = str | list[tuple[int, int]]
 
 
 def checked_pins(value: object) -> Any:
-    """`value` as Pins. Raises ValueError for what is neither a word nor a list of pairs of whole numbers."""
+    """Return `value` as Pins. Raises ValueError for values that are neither a word nor a list of pairs of integers."""
     if isinstance(value, str):
         if value not in PIN_WORDS and not re.fullmatch(r"every:([1-9][0-9]{0,9})", value):
             raise ValueError(PIN_RULE)
@@ -32,7 +32,7 @@ def checked_pins(value: object) -> Any:
 
 
 def pin_indices(pins: Pins, rows: int, columns: int) -> np.ndarray:
-    """Sorted flat indices (row * columns + column), int64, of the masses of a sheet that `pins` names."""
+    """Return the sorted flat indices (row * columns + column), int64, of the masses of a sheet that `pins` names."""
     if isinstance(pins, list):
         return np.unique(np.array([row * columns + column for row, column in pins], dtype=np.int64))
     if pins.startswith("every:"):

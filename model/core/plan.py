@@ -1,4 +1,4 @@
-"""The plan: the tree of named stages that one step of a scene consists of. A solver builds it and owns no loop.
+"""The plan: the tree of named stages of one step of a scene. A solver builds it and contains no loop.
 
 Each backend's executor runs the tree: stage by stage (kernel `stages`), or through a fused kernel that is registered as
 the replacement of the whole tree and tested against it. `softlab plan SCENE` prints it.
@@ -13,8 +13,11 @@ from functools import cached_property
 
 @dataclass(frozen=True)
 class Stage:
-    """A leaf of the plan. `reads` and `writes`: scalars per particle and axis of the unfused stage; `operations`:
-    floating-point operations per particle. `argument` is the stage time's offset in steps where it matters."""
+    """A leaf of the plan.
+
+    `reads`, `writes`: scalars per particle and axis of the unfused stage; `operations`: floating-point operations per
+    particle; `argument`: the stage time's offset in steps, where needed.
+    """
 
     name: str
     reads: int
@@ -23,14 +26,15 @@ class Stage:
     argument: float = 0.0
 
     def bytes(self, item: int, dimensions: int = 2) -> int:
-        """Bytes per particle that the stage moves through memory when it runs alone, `item` bytes a scalar."""
+        """Return the bytes per particle that the stage moves through memory when it runs alone, `item` bytes per
+        scalar."""
         return dimensions * item * (self.reads + self.writes)
 
 
 @dataclass(frozen=True)
 class Moment:
-    """When a stage runs: in step number `step`, in which `substep` of `substeps`, in which `iteration` of that; `argument`:
-    the stage's own."""
+    """The time at which a stage runs: step number `step`, `substep` of `substeps`, `iteration`; `argument`: the stage's
+    own."""
 
     step: int = 0
     substep: int = 0
@@ -40,12 +44,12 @@ class Moment:
 
     @property
     def number(self) -> int:
-        """Of the substep, counted from time 0."""
+        """Number of the substep, counted from time 0."""
         return self.step * self.substeps + self.substep
 
     @property
     def fresh(self) -> bool:
-        """Whether this is a substep's first iteration, where multipliers are 0."""
+        """True in a substep's first iteration, where multipliers are 0."""
         return self.iteration == 0
 
 
@@ -54,14 +58,14 @@ StageRun = Callable[[Moment], None]
 
 @dataclass(frozen=True)
 class Node:
-    """A branch of the plan: its children run `times` times (substeps, iterations, colours are such nodes)."""
+    """A branch of the plan: its children run `times` times (substeps, iterations and colours are such nodes)."""
 
     name: str
     children: tuple[Node | Stage, ...]
     times: int = 1
 
     def stages(self) -> Iterator[Stage]:
-        """The leaves in the order they run, each as often as it runs."""
+        """Yield the leaves in the order in which they run, each as often as it runs."""
         for _ in range(self.times):
             for child in self.children:
                 if isinstance(child, Stage):
@@ -70,7 +74,7 @@ class Node:
                     yield from child.stages()
 
     def leaves(self, at: Moment) -> Iterator[tuple[Stage, Moment]]:
-        """The same, and when each runs."""
+        """Yield the leaves and the moment of each."""
         for turn in range(self.times):
             if self.name == "substep":
                 at = replace(at, substep=turn, substeps=self.times)
@@ -98,7 +102,8 @@ class Plan:
         return sum(stage.operations for stage in self.root.stages())
 
     def bytes(self, item: int) -> int:
-        """Bytes per particle and step that one fused pass moves, `item` bytes a scalar: 32 for float32, one force."""
+        """Return the bytes per particle and step that one fused pass moves, `item` bytes per scalar: 32 for float32,
+        one force."""
         return self.dimensions * item * self.fused_scalars
 
     @cached_property
@@ -106,20 +111,20 @@ class Plan:
         return tuple(self.root.leaves(Moment()))
 
     def moments(self, step: int) -> Iterator[tuple[Stage, Moment]]:
-        """The stages of step number `step` in the order in which they run, and when each does."""
+        """Yield the stages of step number `step` in the order in which they run, and the moment of each."""
         for stage, at in self._leaves:
             yield stage, replace(at, step=step)
 
     def has(self, name: str) -> bool:
-        """Whether a step has a stage of that name."""
+        """Return True if a step has a stage of that name."""
         return any(stage.name == name for stage in self.root.stages())
 
 
 @dataclass(frozen=True)
 class Executor:
-    """Runs a plan on a backend: `fused(step, steps)`, the replacement of the whole tree, or else stage by stage.
+    """Executor of a plan on a backend: `fused(step, steps)`, the replacement of the whole tree, or else stage by stage.
 
-    `stages` maps a stage's name to what runs it.
+    `stages` maps a stage's name to the function that runs it.
     """
 
     plan: Plan
@@ -132,7 +137,7 @@ class Executor:
             raise LookupError(f"stages of the plan that nothing runs: {', '.join(sorted(missing))}; bind them")
 
     def run(self, step: int, steps: int) -> None:
-        """Advance by `steps` steps, the first of which is number `step`."""
+        """Advance by `steps` steps, starting with step number `step`."""
         if self.fused is not None:
             self.fused(step, steps)
             return

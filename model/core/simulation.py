@@ -1,8 +1,8 @@
-"""The contract a backend fulfils: one class per backend and solver, opened by app/driver.py.
+"""The part of a simulation that is the same for every backend: states in and out, reads, live parameters.
 
-`Simulation` holds what is the same for every backend: states in and out, what is read of them, live parameters; steps, their
-count and the hunt for the first bad one are in model/core/stepping.py. A backend adds the methods of model/core/backend.py.
-The state stays on the backend's device; nothing is allocated in `advance`.
+model/core/stepping.py counts steps and finds the first bad one; a backend adds the methods of model/core/backend.py;
+app/driver.py opens one class per backend and solver. The state stays on the backend's device; nothing is allocated in
+`advance`.
 """
 
 from __future__ import annotations
@@ -32,12 +32,12 @@ from model.shape_matching.cluster_tables import checked_clusters, every_plastic
 
 
 class Simulation(Stepping):
-    """One world under one solver on one backend, a context manager.
+    """One scene under one solver on one backend, a context manager.
 
     Public attributes: `scene`, `body` (its arrays at time 0), `options`, `real` (numpy type of the precision), `plan`,
-    `backend` ("cpu" or "gpu"), `device` (the processor's name), `threads` (CPU threads, or GPU threads a block),
-    `kernel` (which kernel runs), `step`, `time` [s], `limit` (largest stable dt [s]), `check_interval` (steps),
-    `kept` (how many states were put aside so far).
+    `backend` ("cpu" or "gpu"), `device` (the processor's name), `threads` (CPU threads, or GPU threads per block),
+    `kernel` (the kernel's name), `step`, `time` [s], `limit` (largest stable dt [s]), `check_interval` (steps), `kept`
+    (number of snapshots so far).
     """
 
     backend: str
@@ -47,7 +47,7 @@ class Simulation(Stepping):
     plan: Plan
     _executor: Executor
 
-    threads_reason: str | None = None  # of so many threads, where they were asked for as `auto`
+    threads_reason: str | None = None  # reason for the number of threads, where `auto` chose it
     lost_when_opened: Mapping[str, int] = MappingProxyType({})  # see model/contact/shortfalls.py
 
     def __init__(self, scene: Scene, options: Options):
@@ -55,12 +55,12 @@ class Simulation(Stepping):
         self.options = options
         self.real: Any = PRECISIONS[options.precision]
         self.body: Body = build(scene)
-        self._first_body = self.body  # `self.body` tells which bodies wait now
+        self._first_body = self.body  # `self.body` has the currently inactive bodies
         self.step = 0
         self.time = 0.0
         self.limit = stability_limit(scene)
         self.check_interval = check_interval(len(self.body.position), self.backend)
-        largest = 1e38 if options.precision == "float32" else 1e307  # what the arithmetic can still tell from infinity
+        largest = 1e38 if options.precision == "float32" else 1e307  # still distinguishable from infinity
         self._bound, self._centre = min(DIVERGED_SIZE * self.body.size, largest), self.body.centre
         self._poke_particle = -1
         self._poke_force = (0.0,) * scene.dimensions
@@ -72,20 +72,20 @@ class Simulation(Stepping):
 
     @property
     def stages(self) -> Mapping[str, StageRun]:
-        """What runs each stage of the plan by itself, by name; of the kernel `stages` only."""
+        """The function that runs each stage of the plan by itself, by name; only with the kernel `stages`."""
         return self._executor.stages
 
     def warm_up(self, steps: int = 1) -> None:
         """Compile, and on a GPU capture, what `steps` steps need, and keep the state: the first `advance` of a simulation
         contains this otherwise, up to a minute."""
         start = self.state()
-        with suppress(Diverged):  # the run itself will find and report it
+        with suppress(Diverged):  # the run itself will detect and report it
             self.advance(steps)
             self.check()
         self.load(start)
 
     def _make_record(self, scene: Scene, poke: Sequence[float], clock: Clock) -> np.ndarray:
-        """(1,): the small record of constants that the kernels read."""
+        """Return the record of constants that the kernels read, (1,)."""
         return family_of(scene).record(scene, self.real, tuple(poke), clock)
 
     # ------------------------------------------------------------------ what a user calls
@@ -117,7 +117,7 @@ class Simulation(Stepping):
         self.require_open()
         arrays, inverse_mass = checked_arrays(state, self.body.position.shape, self.options.precision)
         self._note_waiting(arrays["position"])
-        # as on every reset, where comparing millions takes a while; of fluids positions tell who waits
+        # as on every reset, where comparing millions takes a while; of fluids, positions mark inactive particles
         same = inverse_mass is self.body.inverse_mass or self._flows
         if not same and not np.allclose(inverse_mass, self.body.inverse_mass, rtol=1e-6, atol=0):
             self._take_weights(inverse_mass)
@@ -126,7 +126,7 @@ class Simulation(Stepping):
             rotation, plastic = checked_clusters(rotation, plastic, self.plan.parts, self._cluster_count(), self.real)
         self._set_clock(clock_of(state.clock, int(state.step), float(state.time), self.scene.method.dt))
         if len(self.body.pinned):
-            arrays["velocity"] = arrays["velocity"].copy()  # it may be the caller's
+            arrays["velocity"] = arrays["velocity"].copy()  # the array may be the caller's
             arrays["velocity"][self.body.pinned] = self._pin_velocity(int(state.step))
         self._take_taps(state.taps)
         self._upload(arrays["position"], arrays["velocity"])
@@ -136,38 +136,40 @@ class Simulation(Stepping):
         self._put_aside()
 
     def _set_clock(self, clock: Clock) -> None:
-        """Count time by another clock, if it is one."""
+        """Set the clock, if it differs."""
         if clock != self._clock:
             self._clock, self._record = clock, self._make_record(self.scene, self._poke_force, clock)
             self._parameters_changed()
 
     def follow(self, scene: Scene, particle: int, force: Sequence[float], clock: Clock) -> None:
-        """Take over, from the next step on, what has changed in a world that this is a member of: the member's `scene`, the
-        `particle` that is poked (-1: none) with a `force` [N], the clock."""
+        """Take over, from the next step on, the changes of a world of which this is a member.
+
+        `scene`: the member's; `particle`: the poked one (-1: none); `force`: on it [N]; `clock`: the world's.
+        """
         self.scene, self._clock, self.limit = scene, clock, stability_limit(scene)
         self._poke_particle, self._poke_force = particle, tuple(force)
         self._record = self._make_record(scene, force, clock)
         self._parameters_changed()
 
     def _take_weights(self, inverse_mass: np.ndarray) -> None:
-        """Other bodies wait than do now. Raises InputError where anything else is different."""
+        """Set which bodies are inactive. Raises InputError where anything else differs."""
         weights = spare.weights(self.scene, self.plan.parts, inverse_mass)
         self.body = replace(self.body, inverse_mass=weights, pinned=np.flatnonzero(weights == 0))
         self._weights_changed()
 
     @property
     def _flows(self) -> bool:
-        """Whether particles come and go by emitters and sinks."""
+        """True if emitters or sinks add and remove particles."""
         return bool(self.scene.emitters or self.scene.sinks)
 
     def _note_waiting(self, position: np.ndarray) -> None:
-        """Of fluids: who waits by these positions, as inverse masses of `body` tell."""
+        """Set the inverse masses of `body` from the positions of a fluid, which mark inactive particles."""
         if self._flows:
             found = self.scene.fluid_set
             self.body = replace(self.body, inverse_mass=np.where(found.there(position), 1 / found.masses, 0.0))
 
     def _take_taps(self, taps: np.ndarray | None) -> None:
-        """Those of a state; None: as the scene starts. Raises InputError for others than the scene's."""
+        """Set the emitter states; None: those of the scene's start. Raises InputError for arrays of another shape."""
         found = taps_at_start(self.scene) if taps is None else np.array(taps, np.float64)
         if found.shape != self._taps.shape or not np.isfinite(found).all():
             raise InputError(f"taps has shape {found.shape}, this scene needs {self._taps.shape}, of finite numbers")

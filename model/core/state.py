@@ -1,4 +1,4 @@
-"""The state of a simulation: every array the next step reads, and what it must be to continue from it."""
+"""The state of a simulation: every array that the next step reads, and the checks before a run continues from it."""
 
 from __future__ import annotations
 
@@ -35,8 +35,11 @@ class State:
 
 
 def checked_arrays(state: State, shape: tuple[int, ...], precision: str) -> tuple[dict[str, np.ndarray], np.ndarray]:
-    """(position and velocity in that precision, C-contiguous, by name; inverse masses as they are) of a state for positions
-    of that shape. Raises InputError for other shapes, for what are no real numbers, and for values that are not finite."""
+    """Return (position and velocity in that precision, C-contiguous, by name; inverse masses unchanged) of a state.
+
+    `shape`: that of the positions. Raises InputError for other shapes, values that are not real numbers, and non-finite
+    values.
+    """
     arrays = {}
     for name in ("position", "velocity"):
         array = np.asarray(getattr(state, name))

@@ -1,7 +1,7 @@
-"""Steps of a simulation, and the hunt for the first bad one: what is the same for every backend and solver.
+"""Steps of a simulation and the search for the first bad one: the part that is the same for every backend and solver.
 
-The state is looked at every so many steps (model/core/stability/divergence.py). A good one is put aside on the device; from
-there the steps up to a bad one are done again, to name the step and the particle where it began.
+The state is checked at intervals (model/core/stability/divergence.py). A good one is copied to a snapshot on the
+device; from there the steps up to a bad one are repeated, to find the step and the particle where it began.
 """
 
 from __future__ import annotations
@@ -16,13 +16,14 @@ from model.core.stability.diagnosis import diagnose
 
 
 class Stepping(Backend):
-    """`advance`, `check` and `rewind` of model/core/simulation.py's Simulation, which sets all of this up."""
+    """Methods `advance`, `check` and `rewind` of Simulation (model/core/simulation.py), which sets up their
+    attributes."""
 
     step: int
     time: float  # s
     limit: float  # s, the largest stable dt
     check_interval: int  # steps
-    kept: int  # how many states were put aside so far
+    kept: int  # number of snapshots so far
     _kept_step: int
     _kept_time: float
     _clock: Clock
@@ -59,7 +60,7 @@ class Stepping(Backend):
             return
         last = self.step
         self.rewind()
-        begin, _ = self._replay(last, isqrt(last - self.step))  # so that both ways together look the fewest times
+        begin, _ = self._replay(last, isqrt(last - self.step))  # the fewest checks in both replays together
         self.rewind()
         if begin > self.step:
             self._run(begin - self.step)
@@ -71,7 +72,8 @@ class Stepping(Backend):
         raise Diverged(step, bad, self.scene.method.dt, self.limit, found.cause, found.remedy)
 
     def _replay(self, last: int, interval: int) -> tuple[int, int]:
-        """Go on to step `last` or the first look at a bad state: (step of the look before, the bad particle or -1)."""
+        """Advance to `last` or to the first failed check. Returns (step of the last good check, first bad particle or
+        -1)."""
         begin, bad = self.step, -1
         while bad < 0 and self.step < last:
             begin = self.step

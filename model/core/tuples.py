@@ -1,4 +1,4 @@
-"""Tuples of a number of things that is known when a kernel is made, as both backends' compilers take them."""
+"""Tuples whose length is known when a kernel is made, in a form that both backends' compilers accept."""
 
 from collections import namedtuple
 from functools import cache
@@ -7,7 +7,8 @@ from model.formulas import plain
 
 
 def tuple_of(count, item, compiled=plain):
-    """all_of(a, b, c, k) -> (item(0)(a, b, c, k), ..., item(count - 1)(a, b, c, k)); `item(n)`: a compiled function."""
+    """Make all_of(a, b, c, k) -> (item(0)(a, b, c, k), ..., item(count - 1)(a, b, c, k)); `item(n)`: a compiled
+    function."""
     one = item(count - 1)
 
     @compiled
@@ -29,7 +30,7 @@ def _before(one, rest, compiled):
 
 
 def each_of(count, item, compiled=plain):
-    """every(a, b, c, k, given): calls item(n)(a, b, c, k, given[n]) for n = 0 ... count - 1."""
+    """Make every(a, b, c, k, given): calls item(n)(a, b, c, k, given[n]) for n = 0 ... count - 1."""
     found = None
     for n in range(count - 1, -1, -1):
         found = _calls(n, item(n), found, compiled)
@@ -49,9 +50,11 @@ def _calls(n, one, rest, compiled):
 
 
 def reader(fields, compiled=plain, prefix=""):
-    """read(record) -> the record's values of these names, each after `prefix`, as a named tuple of the names without it.
+    """Make read(record) -> the record's values of these fields as a named tuple; `prefix` precedes their names in the
+    record.
 
-    A loop that reads the tuple keeps the values in registers; of the record it would load them again after each barrier.
+    A loop that reads the tuple keeps the values in registers; it would load those of the record again after each
+    barrier.
     """
     made = named(tuple(fields))
 
@@ -70,5 +73,5 @@ def reader(fields, compiled=plain, prefix=""):
 
 @cache
 def named(fields):
-    """The named tuple of such fields: one type, whoever asks."""
+    """Return the named tuple type of these fields, the same for every caller."""
     return namedtuple("Values", fields)

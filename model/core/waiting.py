@@ -1,4 +1,4 @@
-"""Steps of work that takes long, reported to whoever shows progress (app/command), without the model knowing who that is."""
+"""Progress reports of long work, for the command line (app/command), on which the model does not depend."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ INTERVAL = 0.1  # s between two reports
 
 
 class Watchers(list[Callable[..., None]]):
-    """Functions that are called with what `tell` is given, each while its `watched` block lasts."""
+    """Functions that are called with the arguments of `tell`, each while its `watched` block lasts."""
 
     @contextmanager
     def watched(self, watcher: Callable[..., None]) -> Iterator[None]:
-        """Call `watcher` of everything that happens within the block."""
+        """Call `watcher` for everything that happens within the block."""
         self.append(watcher)
         try:
             yield
@@ -30,7 +30,7 @@ class Watchers(list[Callable[..., None]]):
 
 
 _of_work = Watchers()
-waiting_watched = _of_work.watched  # its watcher(label, fraction): the work, which fraction of it is done, 1 at its end
+waiting_watched = _of_work.watched  # its watcher(label, fraction): the work, and its fraction done, 1 at its end
 report = _of_work.tell
 
 

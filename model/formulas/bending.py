@@ -1,20 +1,22 @@
-"""Bending of two triangles that share an edge: a hinge between a and b, with wings c and d, as position-based constraints.
+"""Bending of two triangles that share an edge: a hinge between a and b, with wings c and d, as position-based
+constraints.
 
-Triangles are (a, b, c) and (b, a, d), flat where the angle theta between their normals is 0. Both constraints are lengths
-[m] that for small angles are |b - a| theta, so that both have the compliance (A_c + A_d) / (3 B) [m/N], areas at rest, B [N
-m] the stiffness against bending: the energies of E. Grinspun et al., "Discrete Shells", SCA 2003, eq. 2, and of M. Bergou
-et al., "A Quadratic Bending Model for Inextensible Surfaces", SGP 2006, eq. 4 and 5, which agree there.
+Triangles are (a, b, c) and (b, a, d), flat where the angle theta between their normals is 0. Both constraints are
+lengths [m] that for small angles equal |b - a| theta. Both therefore have the compliance (A_c + A_d) / (3 B) [m/N],
+with the areas at rest and the bending stiffness B [N m]. Their energies are those of E. Grinspun et al., "Discrete
+Shells", SCA 2003, eq. 2, and of M. Bergou et al., "A Quadratic Bending Model for Inextensible Surfaces", SGP 2006, eq.
+4 and 5, which agree there.
 
-`isometric`: the vector k = K0 a + K1 b + K2 c + K3 d of the cotangents at rest, which is |b - a| (t_c + t_d) long, t the
-wings' directions away from the edge: 2 |b - a| sin(theta/2) while triangles keep their shape. It is linear, so that its
-energy is quadratic and one projection exact. It holds only the length of k, and has no slope at k = 0, so that scenes need a
-mesh that is flat at rest (model/xpbd/rest_shape.py).
+`isometric`: the vector k = K0 a + K1 b + K2 c + K3 d of the cotangents at rest. Its length is |b - a| (t_c + t_d),
+where t are the wings' directions away from the edge: 2 |b - a| sin(theta/2) while triangles keep their shape. It is
+linear, so that its energy is quadratic and one projection is exact. It constrains only the length of k and has no slope
+at k = 0, so that scenes need a mesh that is flat at rest (model/xpbd/rest_shape.py).
 
-`dihedral`: |b - a| (4 tan(theta/4) - the same at rest). It needs no arc function, is smooth from -180 to 180 degrees, where
-it is 4 instead of pi, and has a derivative everywhere, so that a hinge folded flat still opens (2 sin(theta/2) has none
-there). Gradient of theta: R. Bridson, S. Marino, R. Fedkiw, "Simulation of Clothing with Folds and Wrinkles", SCA 2003,
-section 4; PBD's own (M. Mueller et al., "Position Based Dynamics", 2006, appendix A) divides by the sine and has none at 0
-and 180 degrees.
+`dihedral`: |b - a| (4 tan(theta/4) - the same at rest). It needs no inverse trigonometric function. It is smooth from
+-180 to 180 degrees, where it is 4 instead of pi, and has a derivative everywhere, so that a hinge folded flat still
+opens (2 sin(theta/2) has none there). Gradient of theta: R. Bridson, S. Marino, R. Fedkiw, "Simulation of Clothing with
+Folds and Wrinkles", SCA 2003, section 4. PBD's own gradient (M. Mueller et al., "Position Based Dynamics", 2006,
+appendix A) divides by the sine and is undefined at 0 and 180 degrees.
 """
 
 from __future__ import annotations
@@ -32,21 +34,22 @@ OPERATIONS_DIHEDRAL = 170
 
 
 def make(real, compiled=plain):
-    """Of hinges of both kinds, and of what else moves corners by coefficients; in the arithmetic `real`."""
+    """Make the functions that both hinges and other constraints with one coefficient per corner use, in the arithmetic
+    `real`."""
 
     @compiled
     def softness(compliance, area):
-        """The hinge's compliance, of no unit. `compliance`: m / (B h^2) [1/m^2]; `area`: (A_c + A_d) / 3 [m^2]."""
+        """Compliance of the hinge (dimensionless). `compliance`: m / (B h^2) [1/m^2]; `area`: (A_c + A_d) / 3 [m^2]."""
         return compliance * area
 
     @compiled
     def shifted(position, weight, coefficient, change):
-        """A corner after it, one axis."""
+        """Position of a corner after the change, one axis."""
         return position + weight * (coefficient * change)
 
     @compiled
     def shift(point, weight, gx, gy, gz, change):
-        """The same along a gradient, all axes."""
+        """Position of a corner after the change along its gradient, all axes."""
         x, y, z = point
         return shifted(x, weight, gx, change), shifted(y, weight, gy, change), shifted(z, weight, gz, change)
 
@@ -54,25 +57,25 @@ def make(real, compiled=plain):
 
 
 def make_isometric(real, compiled=plain):
-    """See the functions, and `make`; in the arithmetic `real`."""
+    """Make the functions of the isometric hinge and those of `make`, in the arithmetic `real`."""
     one, normal = real(1), real(4 * np.finfo(real).tiny)
     lengths = make_lengths(real, compiled)
     squared_length, inverse_length = lengths.squared_length_3d, lengths.inverse_length
 
     @compiled
     def curvature(kb, kc, kd, e, f, g):
-        """k [m], one axis; e, f, g: the ways from a to b, c and d, since K adds up to 0."""
+        """k [m], one axis. e, f, g: b - a, c - a and d - a; a itself cancels, since the entries of K sum to 0."""
         return (kb * e + kc * f) + kd * g
 
     @compiled
     def square_sum(wa, wb, wc, wd, ka, kb, kc, kd):
-        """The sum of weight times coefficient squared."""
+        """Sum over the corners of weight times coefficient squared."""
         return (wa * (ka * ka) + wb * (kb * kb)) + (wc * (kc * kc) + wd * (kd * kd))
 
     @compiled
     def kept_part(x, y, z, rest):
-        """What is left of k = (x, y, z) [m] after taking `rest` [m] of its length away, over its length; all of it where its
-        square is no normal number, of which `fast` math knows no root."""
+        """Factor that shortens k = (x, y, z) [m] by `rest` [m]. It is 1 where the square of k is below the normal
+        numbers, for which `fast` math has no root."""
         squared = squared_length(x, y, z)
         return one - rest * inverse_length(squared) if squared > normal else one
 
@@ -88,15 +91,15 @@ def make_isometric(real, compiled=plain):
 
 
 def make_dihedral(real, compiled=plain):
-    """See the functions, and `make`; in the arithmetic `real`."""
+    """Make the functions of the dihedral hinge and those of `make`, in the arithmetic `real`."""
     zero, half, one, four = real(0), real(0.5), real(1), real(4)
     lengths = make_lengths(real, compiled)
     inverse_length, dot, cross = lengths.inverse_length, lengths.dot, lengths.cross
 
     @compiled
     def quarter_tangent(sine, cosine):
-        """tan(theta/4) in [-1, 1]. The larger of the half angle's sine and cosine is found by the root, the other one by
-        division: neither loses digits."""
+        """tan(theta/4) in [-1, 1]. The larger of the half angle's sine and cosine comes from a root, the other one from
+        a division, so that neither loses digits."""
         if cosine >= zero:
             adjacent = sqrt(half * (one + cosine))
             opposite = half * sine / adjacent
@@ -109,9 +112,11 @@ def make_dihedral(real, compiled=plain):
 
     @compiled
     def hinge(ex, ey, ez, fx, fy, fz, gx, gy, gz):
-        """(tan(theta/4), gradient of theta [1/m] by c (3), by d (3), where along the edge c and d lie (2)), from a to b
-        (e), c (f) and d (g); all 0 where a triangle has no area. theta > 0: the wings come nearer on the side of the
-        normals."""
+        """(tan(theta/4), gradients of theta [1/m] by c (3) and by d (3), positions of c and of d along the edge (2)).
+
+        e, f, g: b - a, c - a, d - a. All are 0 where a triangle has no area. theta > 0: the wings approach each other
+        on the side of the normals.
+        """
         nx, ny, nz = cross(ex, ey, ez, fx, fy, fz)
         mx, my, mz = cross(gx, gy, gz, ex, ey, ez)
         nn, mm, ee = dot(nx, ny, nz, nx, ny, nz), dot(mx, my, mz, mx, my, mz), dot(ex, ey, ez, ex, ey, ez)
@@ -128,22 +133,22 @@ def make_dihedral(real, compiled=plain):
 
     @compiled
     def by_ends(along_c, along_d, uc, ud):
-        """The gradients by a and by b, one axis, from those by c and d."""
+        """Gradients by a and by b, one axis, from those by c and d."""
         return -((one - along_c) * uc) - (one - along_d) * ud, -(along_c * uc) - along_d * ud
 
     @compiled
     def steepness(edge, t):
-        """The derivative [m] of the constraint by theta; `edge`: its length at rest."""
+        """Derivative [m] of the constraint by theta. `edge`: the edge's length at rest."""
         return edge * (one + t * t)
 
     @compiled
     def gradient_sum(steep, wa, wb, wc, wd, aa, bb, cc, dd):
-        """The sum of weight times gradient squared; `aa` and so on: theta's."""
+        """Sum of weight times gradient squared. `aa`, `bb`, `cc`, `dd`: squared gradients of theta by each corner."""
         return steep * steep * ((wa * aa + wb * bb) + (wc * cc + wd * dd))
 
     @compiled
     def dihedral_change(edge, t, rest, steep, reciprocal, compliance, multiplier):
-        """(change of the multiplier [m], the same times the constraint's derivative by theta); `rest`: t at rest."""
+        """(change of the multiplier [m], that times the constraint's derivative by theta). `rest`: t at rest."""
         change = (-(four * edge * (t - rest)) - compliance * multiplier) * reciprocal
         return change, change * steep
 

@@ -1,10 +1,11 @@
-"""Colliders as signed distances, and what a mass does that comes too near one.
+"""Colliders as signed distances, and the response of a mass that touches one.
 
-Each distance function takes a point and the collider's own lengths and returns (distance, nx, ny, nz): the way to the
-surface, negative inside, and the unit normal that leads out. Distances: J. C. Hart, "Sphere tracing", The Visual Computer
+Each distance function takes a point and the collider's own lengths and returns (distance, nx, ny, nz): the distance to
+the surface, negative inside, and the outward unit normal. Distances: J. C. Hart, "Sphere tracing", The Visual Computer
 12 (1996), appendix. Response: R. Bridson, R. Fedkiw and J. Anderson, "Robust treatment of collisions, contact and
-friction for cloth animation", SIGGRAPH 2002, section 7.2 (inelastic, Coulomb friction by the change of normal velocity);
-bouncing: M. Mueller et al., "Detailed Rigid Body Simulation with Extended Position Based Dynamics", SCA 2020, section 3.6.
+friction for cloth animation", SIGGRAPH 2002, section 7.2 (inelastic, Coulomb friction by the change of normal
+velocity). Bouncing: M. Mueller et al., "Detailed Rigid Body Simulation with Extended Position Based Dynamics", SCA
+2020, section 3.6.
 """
 
 from __future__ import annotations
@@ -14,16 +15,19 @@ from types import SimpleNamespace
 
 from model.formulas import joined, plain
 
-# Per mass and collider, contact included. Of a mesh, of a mass that rests on the 8192 triangles of soft-on-mesh and is looked
-# at twice: its way meets the boxes of 24 nodes (6 comparisons each) and half a triangle (110), its thickness those of 32 (14)
-# and 3 triangles (150). Of a field, of one that is looked at twice, and where its way began: 3 samples (75).
+# Per mass and collider, contact included. Mesh: a mass that rests on the 8192 triangles of soft-on-mesh and is tested
+# twice: its path meets the boxes of 24 nodes (6 comparisons each) and half a triangle (110), its thickness those of 32
+# (14) and 3 triangles (150). Field: a mass that is tested twice, and the start of its path: 3 samples (75).
 OPERATIONS = {"plane": 40, "sphere": 60, "capsule": 65, "box": 60, "mesh_collider": 2200, "distance_field": 350}
 OPERATIONS_SLID = 20  # friction on positions
 
 
 def make(real, compiled=plain):
-    """What `make_distances` makes, `respond`, and of colliders that give back `rebound`, `settling_speed`; `slid`, where
-    friction acts on positions, too; in the arithmetic `real`."""
+    """Make the distances of `make_distances` and the responses `respond`, `rebound`, `settling_speed` and `slid`, in
+    `real`.
+
+    `rebound` and `settling_speed` are for colliders with restitution, `slid` for friction that acts on positions, too.
+    """
     zero, one, two = real(0), real(1), real(2)
 
     @compiled
@@ -32,10 +36,11 @@ def make(real, compiled=plain):
 
     @compiled
     def respond(vx, vy, vz, cx, cy, cz, nx, ny, nz, static_friction, dynamic_friction):
-        """The velocity of a touching mass: nothing into the collider (which moves at c), the rest slowed by friction.
+        """Velocity of a touching mass: without its component into the collider (which moves at c), the rest slowed by
+        friction.
 
-        The normal velocity that is taken away, times the coefficient, is what friction may take from the tangential one:
-        all of it, if the static coefficient allows.
+        The normal velocity that is removed, times the coefficient, is the most that friction removes from the
+        tangential one; it removes all of it if the static coefficient allows.
         """
         rx, ry, rz = vx - cx, vy - cy, vz - cz
         normal = (rx * nx + ry * ny) + rz * nz
@@ -51,13 +56,17 @@ def make(real, compiled=plain):
 
     @compiled
     def settling_speed(gravity, dt):
-        """Twice what `gravity` [m/s^2] adds within a step of `dt` [s]: who comes no faster rests, and must not jitter."""
+        """Twice the speed that `gravity` [m/s^2] adds within a step of `dt` [s]: slower impacts do not bounce, which
+        avoids jitter."""
         return two * abs(gravity) * dt
 
     @compiled
     def rebound(vx, vy, vz, cx, cy, cz, nx, ny, nz, static_friction, dynamic_friction, restitution, settling):
-        """As `respond`, and of the normal velocity the share `restitution` comes back, where it is more than `settling`
-        [m/s]. Friction is limited by the whole change of the normal velocity."""
+        """Velocity as by `respond`, with the fraction `restitution` of a normal velocity above `settling` [m/s]
+        returned.
+
+        Friction is limited by the whole change of the normal velocity.
+        """
         rx, ry, rz = vx - cx, vy - cy, vz - cz
         normal = (rx * nx + ry * ny) + rz * nz
         if normal < zero:
@@ -75,8 +84,10 @@ def make(real, compiled=plain):
 
     @compiled
     def slid(h, ux, uy, uz, vx, vy, vz, nx, ny, nz):
-        """The displacement [m] by which friction holds a mass back in a substep of h [s] as it changes its velocity from v to
-        u: a particle that sticks is where it was, one that slides went at its new speed (Mueller et al. 2020, eq. 30)."""
+        """Displacement [m] that friction causes in a substep of h [s] as it changes a mass's velocity from v to u.
+
+        A particle that sticks stays where it was; one that slides moved at its new speed (Mueller et al. 2020, eq. 30).
+        """
         x, y, z = ux - vx, uy - vy, uz - vz
         along = (x * nx + y * ny) + z * nz
         return h * (x - along * nx), h * (y - along * ny), h * (z - along * nz)
@@ -86,13 +97,13 @@ def make(real, compiled=plain):
 
 
 def make_distances(real, compiled, root):
-    """Distances `plane`, `sphere`, `capsule`, `box`, and `sphere_entry` (swept), in the arithmetic `real`."""
+    """Make the distances `plane`, `sphere`, `capsule`, `box` and the swept `sphere_entry`, in the arithmetic `real`."""
     zero, one = real(0), real(1)
-    touching = real(1e-3)  # of the squared reach: so near to a ball a mass is in contact
+    touching = real(1e-3)  # of the squared `reach`: a mass this near to a ball is in contact
 
     @compiled
     def from_center(dx, dy, dz, radius):
-        """Distance and normal of a ball of `radius` around the origin; upward at its very centre."""
+        """Distance to and normal of a ball of `radius` around the origin. At its centre the normal is +y."""
         length = root((dx * dx + dy * dy) + dz * dz)
         if length > zero:
             return length - radius, dx / length, dy / length, dz / length
@@ -100,12 +111,13 @@ def make_distances(real, compiled, root):
 
     @compiled
     def plane(dx, dy, dz, nx, ny, nz):
-        """`d`: from a point of the plane to the mass; `n`: its unit normal."""
+        """Distance to and normal of a plane. `d`: from a point of the plane to the mass; `n`: its unit normal."""
         return (dx * nx + dy * ny) + dz * nz, nx, ny, nz
 
     @compiled
     def capsule(dx, dy, dz, ex, ey, ez, radius):
-        """`d`: from the segment's start to the mass; `e`: from its start to its end."""
+        """Distance to and normal of a capsule. `d`: from the segment's start to the mass; `e`: from its start to its
+        end."""
         squared = (ex * ex + ey * ey) + ez * ez
         part = zero
         if squared > zero:
@@ -114,7 +126,8 @@ def make_distances(real, compiled, root):
 
     @compiled
     def box(dx, dy, dz, hx, hy, hz):
-        """`d`: from the centre; `h`: half the edges. Inside, out by the nearest face."""
+        """Distance to and normal of a box. `d`: from the centre; `h`: half the edges. Inside, the nearest face
+        decides."""
         qx, qy, qz = abs(dx) - hx, abs(dy) - hy, abs(dz) - hz
         sx, sy, sz = one if dx >= zero else -one, one if dy >= zero else -one, one if dz >= zero else -one
         if qx <= zero and qy <= zero and qz <= zero:
@@ -128,12 +141,14 @@ def make_distances(real, compiled, root):
 
     @compiled
     def sphere_entry(ax, ay, az, bx, by, bz, reach):
-        """The part of the way from a to b (relative to the ball's centre) after which a mass is within `reach` of it;
-        1 where it is not, began inside, or ends in the half it came from inside the ball (where pushing it out is right) or
-        having begun in contact. Whether a mass in contact is a rounding outside or inside must not matter: both count as
-        outside, and one that would pass through is held where it is.
+        """Fraction of the segment from a to b (relative to the ball's centre) after which a mass comes within `reach`
+        of the centre.
 
-        |a + t (b - a)|^2 = reach^2, the smaller root: what keeps a fast ball from passing between two steps.
+        It is 1 where the mass does not come that near or began inside. It is also 1 where the mass ends inside, in the
+        half of the ball that it came from (where pushing it out is right), and where it ends in that half after it
+        began in contact. A mass in contact may be outside or inside by rounding: both count as outside, and one that
+        would pass through stops where it is. |a + t (b - a)|^2 = reach^2, the smaller root: this keeps a fast ball from
+        passing between two steps.
         """
         dx, dy, dz = bx - ax, by - ay, bz - az
         squared = (dx * dx + dy * dy) + dz * dz

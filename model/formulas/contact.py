@@ -1,15 +1,16 @@
-"""A cloth that meets itself: a mass against a triangle of the sheet.
+"""Self-contact of a cloth: a mass against a triangle of the sheet.
 
-The point of a triangle nearest to a mass: C. Ericson, "Real-Time Collision Detection", 2005, section 5.1.5. The constraint
-n . (p - sum of b_k q_k) >= distance with n and the b_k held for a substep: C. Lewin, "Cloth Self Collision with Predictive
+Nearest point of a triangle: C. Ericson, "Real-Time Collision Detection", 2005, section 5.1.5. Constraint n . (p - sum
+of b_k q_k) >= distance, with n and the b_k fixed for a substep: C. Lewin, "Cloth Self Collision with Predictive
 Contacts", GDC 2018. Friction by a change of position: M. Macklin et al., "Unified Particle Physics for Real-Time
-Applications", SIGGRAPH 2014, eq. 24. Contacts are projected all at once from one state, each for a mass that is split among
-its contacts, so that momentum is kept: R. Tonge et al., "Mass Splitting for Jitter-Free Parallel Rigid Body Simulation",
-SIGGRAPH 2012; here split by the contacts' gradients, which is Gershgorin's bound of their system (see `stiffness`).
-Hashing: M. Teschner et al., "Optimized Spatial Hashing for Collision Detection of Deformable Objects", VMV 2003.
+Applications", SIGGRAPH 2014, eq. 24. All contacts are projected at once from one state, each for a mass that is split
+among its contacts, so that momentum is conserved: R. Tonge et al., "Mass Splitting for Jitter-Free Parallel Rigid Body
+Simulation", SIGGRAPH 2012. Here the split follows the contacts' gradients, which is Gershgorin's bound of their system
+(see `stiffness`). Hashing: M. Teschner et al., "Optimized Spatial Hashing for Collision Detection of Deformable
+Objects", VMV 2003.
 
-A sheet's triangles are numbered by twice the cell, plus 1 for the second one: of cell (i, j) with the masses A = (i, j),
-B = (i, j + 1), C = (i + 1, j), D = (i + 1, j + 1) they are (A, C, D) and (A, D, B).
+A sheet's triangles are numbered by twice the cell, plus 1 for the second one. Cell (i, j) with the masses A = (i, j), B
+= (i, j + 1), C = (i + 1, j), D = (i + 1, j + 1) has (A, C, D) and (A, D, B).
 """
 
 from __future__ import annotations
@@ -23,10 +24,10 @@ from model.formulas import joined, plain
 from model.formulas.lengths import make as make_lengths
 
 FACE, FIRST, SECOND, THIRD, FIRST_SECOND, FIRST_THIRD, SECOND_THIRD = range(7)  # where a triangle's nearest point lies
-SHEET = 7  # of the bits of what a triangle answers for: it is a cloth's, of which neither side is inside
+SHEET = 7  # bits of the features that a triangle owns: it belongs to a cloth, whose two sides are both outside
 
-OPERATIONS_NEAREST = 75  # the nearest point of one triangle
-OPERATIONS_CONTACT = 90  # one contact of one iteration: its gap, its stiffness, friction, four masses moved
+OPERATIONS_NEAREST = 75  # nearest point of one triangle
+OPERATIONS_CONTACT = 90  # one contact of one iteration: its gap, its stiffness, friction, four displacements
 
 PRIMES = np.int64(73856093), np.int64(19349663), np.int64(83492791)  # Teschner et al. 2003, section 4.1
 KEY_BITS, KEY_BITS_TWICE = np.int64(21), np.int64(42)
@@ -35,12 +36,12 @@ ONE, TWO = np.int64(1), np.int64(2)
 
 
 def make_numbers(compiled=plain):
-    """What is whole numbers: `corners`, `owns`, `key`, `bucket`."""
+    """Make the integer functions `corners`, `owns`, `key` and `bucket`."""
     prime_x, prime_y, prime_z = PRIMES
 
     @compiled
     def corners(triangle, columns):
-        """The three masses of a triangle of a sheet with so many columns of masses."""
+        """The three masses of a triangle of a sheet with `columns` columns of masses."""
         cell = triangle // TWO
         i = cell // (columns - ONE)
         a = i * columns + (cell - i * (columns - ONE))
@@ -50,9 +51,11 @@ def make_numbers(compiled=plain):
 
     @compiled
     def owns(second, feature, i, j):
-        """Whether a triangle of cell (i, j) is the one that answers for a corner or an edge that it shares: the first of
-        them. `second`: whether it is the cell's second one. The nearest of all triangles is not lost by asking only owners:
-        the owner of the feature on which the nearest point lies is as near."""
+        """True if a triangle of cell (i, j) owns a corner or an edge that it shares, i.e. is the first to have it.
+
+        `second`: True for the cell's second triangle. Testing only owners does not lose the nearest triangle: the owner
+        of the feature on which the nearest point lies is equally near.
+        """
         if feature in (FACE, SECOND_THIRD):
             return True
         if second:
@@ -63,27 +66,30 @@ def make_numbers(compiled=plain):
 
     @compiled
     def key(x, y, z):
-        """A number for a cell of space; equal for cells 2^21 apart, which distances tell apart."""
+        """Number of a cell of space. Cells 2^21 apart have equal numbers; distances separate them."""
         return ((x & KEY_MASK) << KEY_BITS_TWICE) | ((y & KEY_MASK) << KEY_BITS) | (z & KEY_MASK)
 
     @compiled
     def bucket(x, y, z, mask):
-        """The cell's place in a table of mask + 1 of them, a power of two."""
+        """Index of the cell in a hash table of mask + 1 entries, a power of two."""
         return ((x * prime_x) ^ (y * prime_y) ^ (z * prime_z)) & mask
 
     return SimpleNamespace(corners=corners, owns=owns, key=key, bucket=bucket)
 
 
 def make(real, compiled=plain):
-    """See the functions; in the arithmetic `real`. Vectors are three numbers; b and c are the weights of a triangle's second
-    and third corner, the first one's is 1 - b - c."""
+    """Make the search and projection of contacts in the arithmetic `real`.
+
+    Vectors are three numbers. b and c are the weights of a triangle's second and third corner; the first one's is 1 - b
+    - c.
+    """
     zero, one, quarter = real(0), real(1), real(0.25)
     lengths = make_lengths(real, compiled)
     dot, length = lengths.dot, lengths.length
 
     @compiled
     def part(a, b):
-        """a / b of numbers that are not negative; 0 where there is nothing to divide by."""
+        """a / b of non-negative numbers; 0 where b is 0."""
         return a / b if b > zero else zero
 
     @compiled
@@ -92,17 +98,18 @@ def make(real, compiled=plain):
 
     @compiled
     def middle(a, b, c, d):
-        """Of a cell's four corners, one axis."""
+        """Mean of a cell's four corners, one axis."""
         return ((a + b) + (c + d)) * quarter
 
     @compiled
     def scaled(x, factor):
-        """A coordinate in cells of space, or a distance in spacings."""
+        """x times `factor`: a coordinate in cells of space, or a distance in spacings."""
         return x * factor
 
     @compiled
     def nearest(ux, uy, uz, vx, vy, vz, px, py, pz):
-        """(feature, b, c) of the triangle's point nearest to p. u, v, p: from the first corner to the others, to the mass."""
+        """(feature, b, c) of the triangle's point nearest to p. u, v, p: from the first corner to the others and to the
+        mass."""
         d1, d2 = dot(ux, uy, uz, px, py, pz), dot(vx, vy, vz, px, py, pz)
         if d1 <= zero and d2 <= zero:
             return FIRST, zero, zero
@@ -129,17 +136,19 @@ def make(real, compiled=plain):
 
     @compiled
     def rest_distance(row, row_u, row_v, column, column_u, column_v, b, c, spacing):
-        """How far [m] the mass lies from that point of the triangle in the flat sheet; rows and columns as u, v, p."""
+        """Distance [m] of the mass from that point of the triangle in the flat sheet. Rows and columns are as u, v,
+        p."""
         i, j = row - (b * row_u + c * row_v), column - (b * column_u + c * column_v)
         return spacing * sqrt(i * i + j * j)
 
     @compiled
     def normal(rx, ry, rz, distance, ux, uy, uz, vx, vy, vz, flat, coincident, above):
-        """The unit direction in which the contact holds the mass away from the triangle; 0 where there is none.
+        """Unit direction in which the contact pushes the mass away from the triangle; 0 where there is none.
 
-        That from the nearest point to the mass (r); nearer than `flat`, where it is rounding, the triangle's normal on the
-        mass's side; nearer than `coincident`, where there is no side, the normal that points up (or else along +x, or +z) if
-        `above`, else the other one: then of two layers in one place the same one ends above wherever one looks.
+        It leads from the nearest point to the mass (r). Below the distance `flat`, where r is rounding, it is the
+        triangle's normal on the mass's side. Below `coincident`, where there is no side, it is the normal that points
+        up (or else along +x, or +z) if `above`, else the opposite one: then of two layers in one place the same one
+        ends above from every point of view.
         """
         if distance > flat:
             return rx / distance, ry / distance, rz / distance
@@ -164,23 +173,23 @@ def make(real, compiled=plain):
 
 
 def make_projection(real, compiled=plain):
-    """Of one contact, see the functions; in the arithmetic `real`."""
+    """Make the functions that project one contact, in the arithmetic `real`."""
     zero, one = real(0), real(1)
 
     @compiled
     def held_distance(thickness, rest, gap, push):
-        """What the contact keeps [m]: the thickness, nowhere more than the flat sheet has there (or neighbours would repel
-        each other), and of what began nearer no more than `push` beyond it."""
+        """Distance [m] that the contact enforces: the thickness, but no more than the flat sheet has there (or
+        neighbours would repel each other), and for a contact that began nearer no more than `push` beyond its gap."""
         return min(min(thickness, rest), gap + push)
 
     @compiled
     def away(p, u, v, b, c):
-        """From the nearest point to the mass, one axis."""
+        """Vector from the nearest point to the mass, one axis."""
         return p - (b * u + c * v)
 
     @compiled
     def mixed(qa, qb, qc, b, c):
-        """The point of the triangle, one axis."""
+        """Point of the triangle with the weights b and c, one axis."""
         return (((one - b) - c) * qa + b * qb) + c * qc
 
     @compiled
@@ -189,47 +198,50 @@ def make_projection(real, compiled=plain):
 
     @compiled
     def stiffness(weight, load, wa, la, wb, lb, wc, lc, b, c):
-        """What a depth is divided by: the sum over the contact's masses of |gradient| weight load, the load of a mass being
-        the sum of the gradients of all its contacts. By Gershgorin the contacts' system is no stiffer, so that all
-        projected at once do not overshoot."""
+        """Divisor of a contact's depth: the sum over its masses of |gradient| weight load.
+
+        The load of a mass is the sum of the gradients of all its contacts. By Gershgorin's theorem the contacts' system
+        is no stiffer, so that projecting all at once does not overshoot.
+        """
         a = (one - b) - c
         return weight * load + ((a * (wa * la) + b * (wb * lb)) + c * (wc * lc))
 
     @compiled
     def inverse(stiffness):
-        """1 over it; 0 where every mass of the contact is pinned."""
+        """1 / stiffness; 0 where every mass of the contact is pinned."""
         return one / stiffness if stiffness > zero else zero
 
     @compiled
     def slip(sliding, depth, static_friction, dynamic_friction):
-        """The part of the sliding [m] that friction takes back, by the depth [m] that the contact takes."""
+        """Fraction of the sliding [m] that friction removes, from the depth [m] that the contact corrects."""
         if sliding <= static_friction * depth:
             return one
         return dynamic_friction * depth / sliding
 
     @compiled
     def along(d, n, normal_part):
-        """What of a displacement d lies in the contact's plane, one axis."""
+        """Component of a displacement d in the contact's plane, one axis."""
         return d - n * normal_part
 
     @compiled
     def correction(depth, n, inverse_stiffness):
-        """How far the contact moves the mass, for a weight of 1, one axis."""
+        """Displacement of the mass by the contact for a weight of 1, one axis."""
         return depth * n * inverse_stiffness
 
     @compiled
     def rubbed(depth, n, slipping, tangential, inverse_stiffness):
-        """The same with friction."""
+        """Displacement as by `correction`, with friction."""
         return (depth * n - slipping * tangential) * inverse_stiffness
 
     @compiled
     def taken(total, share, moved):
-        """A sum of displacements less what a corner of this share gets of one, one axis."""
+        """Sum of displacements minus the displacement `moved` of one contact times the corner's weight `share`, one
+        axis."""
         return total - share * moved
 
     @compiled
     def shifted(position, weight, total):
-        """A mass after all its contacts, one axis."""
+        """Position of a mass after all its contacts, one axis."""
         return position + weight * total
 
     return SimpleNamespace(

@@ -1,9 +1,10 @@
-"""Position-based dynamics of springs: the prediction, one distance constraint's projection, the velocity after it.
+"""Position-based dynamics of springs: the prediction, the projection of a distance constraint, the velocity after it.
 
-M. Macklin, M. Mueller, N. Chentanez, "XPBD: Position-Based Simulation of Compliant Constrained Dynamics", MIG 2016, eq. 18
-and 26; M. Mueller et al., "Position Based Dynamics", 2006. Masses are counted in those of the sheet: a mass has the weight
-w = 1, 0 where it is pinned; the compliance is alpha m / h^2 (no unit), the multiplier lambda / m [m]. One constraint
-|d| = rest is one implicit Euler step of its spring and damper, exactly but for the turning of d within the step.
+M. Macklin, M. Mueller, N. Chentanez, "XPBD: Position-Based Simulation of Compliant Constrained Dynamics", MIG 2016, eq.
+18 and 26; M. Mueller et al., "Position Based Dynamics", 2006. The mass unit is that of the sheet's masses: a mass has
+the weight w = 1, or 0 where it is pinned. The compliance is alpha m / h^2 (dimensionless), the multiplier lambda / m
+[m]. One constraint |d| = rest is one implicit Euler step of its spring and damper, exact except for the rotation of d
+within the step.
 """
 
 from __future__ import annotations
@@ -14,9 +15,9 @@ from model.formulas import joined, plain
 from model.formulas.lengths import make as make_lengths
 
 OPERATIONS_RIGID = (
-    22  # 3 differences, 5 for the square, 2 for 1/length, 4 for the change, 1 for its scale, 6 to apply, ...
+    22  # 3 differences, 5 for the square, 2 for 1/length, 4 for the change, 1 for its scale, 6 to apply it
 )
-OPERATIONS_SOFT = 25  # ... 3 for the multiplier
+OPERATIONS_SOFT = 25  # as above, and 3 for the multiplier
 OPERATIONS_DAMPER = 26  # 6 differences, 10 for the products, 10
 OPERATIONS_PREDICT = 5  # per axis: the kick and the drift
 OPERATIONS_UPDATE = 2  # per axis
@@ -24,7 +25,8 @@ OPERATIONS_ATTACHMENT = 20
 
 
 def make(real, compiled=plain):
-    """See the functions; in the arithmetic `real`. Squares and inverse lengths are those of formulas/lengths.py."""
+    """Make the functions of a substep and of a constraint in the arithmetic `real`; lengths are those of
+    formulas/lengths.py."""
     zero, one = real(0), real(1)
     lengths = make_lengths(real, compiled)
     squared_length_2d, squared_length_3d = lengths.squared_length, lengths.squared_length_3d
@@ -33,20 +35,24 @@ def make(real, compiled=plain):
     @compiled
     def reciprocal(weight, stiffening, compliance):
         """1 over the denominator of a projection, 0 where nothing can move. `weight`: the sum of the ends' weights;
-        `stiffening`: 1 + gamma of the damper, of PBD 1 / stiffness."""
+        `stiffening`: 1 + gamma of the damper, or 1 / stiffness in PBD."""
         return one / (stiffening * weight + compliance) if weight > zero else zero
 
     @compiled
     def rigid_change(squared, rest, reciprocal):
-        """(change of the multiplier, the same over the length) of an inextensible constraint; 0 where both ends are in one
-        place and so have no direction. `squared`: |d|^2. The ends then move by -+ weight * scale * d."""
+        """(change of the multiplier, that over the length) of an inextensible constraint.
+
+        Both are 0 where the ends coincide and so have no direction. `squared`: |d|^2. The ends move by -+ weight *
+        scale * d.
+        """
         inverse = inverse_length(squared)
         change = (rest - squared * inverse) * reciprocal if squared > zero else zero
         return change, change * inverse
 
     @compiled
     def soft_change(squared, rest, reciprocal, compliance, multiplier):
-        """The same with a compliance and the multiplier so far in this substep (eq. 18)."""
+        """(change, change over length) of a constraint with a compliance; `multiplier`: its value so far in this
+        substep (eq. 18)."""
         inverse = inverse_length(squared)
         change = zero
         if squared > zero:
@@ -55,7 +61,7 @@ def make(real, compiled=plain):
 
     @compiled
     def lengthened(squared, length, along, passed):
-        """|d| - |d - e| = e . (2 d - e) / (|d| + |d - e|), where nothing large cancels."""
+        """|d| - |d - e| = e . (2 d - e) / (|d| + |d - e|), in which no large numbers cancel."""
         gained = (along + along) - passed
         before = squared - gained
         if before > zero:
@@ -64,9 +70,12 @@ def make(real, compiled=plain):
 
     @compiled
     def damped_change(squared, rest, reciprocal, compliance, multiplier, damping, along, passed):
-        """The same with a damper along the spring: `along`: d . e, `passed`: e . e, e what d changed by in this substep;
-        `damping`: gamma = alpha beta / h. The rate is that of the length, (C - C_before) / h in place of eq. 26's
-        grad C . (x - x_before) / h, to which it tends: a rigid turn leaves it at 0, by which the other one would pull."""
+        """(change, change over length) of a constraint with a compliance and a damper along the spring.
+
+        `along`: d . e, `passed`: e . e, with e the change of d in this substep; `damping`: gamma = alpha beta / h. The
+        rate is that of the length, (C - C_before) / h in place of eq. 26's grad C . (x - x_before) / h, to which it
+        tends. It is 0 in a rigid rotation, in which the other one would pull.
+        """
         inverse = inverse_length(squared)
         change = zero
         if squared > zero:
@@ -81,17 +90,17 @@ def make(real, compiled=plain):
 
     @compiled
     def moved(position, weight, scale, d):
-        """An end of a constraint after its projection, one axis: the second one; the first takes -scale."""
+        """Position of a constraint's second end after its projection, one axis. The first end takes -scale."""
         return position + weight * (scale * d)
 
     @compiled
     def tether(squared, reach):
-        """What the way d from an anchor is multiplied by so that it is at most `reach` long."""
+        """Factor that shortens the vector d from an anchor to at most `reach` [m]."""
         return reach * inverse_length(squared) if squared > reach * reach else one
 
     @compiled
     def tethered(position, anchor, d, factor):
-        """The position after it, one axis; the same bits where nothing pulls."""
+        """Position after the tether, one axis; unchanged to the bit where the tether does not pull."""
         return anchor + factor * d if factor < one else position
 
     constraint = SimpleNamespace(
@@ -103,22 +112,22 @@ def make(real, compiled=plain):
 
 
 def make_substep(real, compiled=plain):
-    """Of a substep's beginning and end, see the functions; in the arithmetic `real`."""
+    """Make the functions of a substep's beginning and end, in the arithmetic `real`."""
     one = real(1)
 
     @compiled
     def kicked(velocity, keep, h, acceleration):
-        """Velocity [m/s] of the prediction, one axis: braked by the mass's damper, then kicked."""
+        """Velocity [m/s] of the prediction, one axis: damped by the factor `keep`, then accelerated."""
         return velocity * keep + h * acceleration
 
     @compiled
     def kept(drag, weight):
-        """What the damper leaves of the velocity of a mass of that weight: 1 - h c / m."""
+        """Damping factor of the velocity of a mass of that weight: 1 - h c / m."""
         return one - drag * weight
 
     @compiled
     def slowed(velocity, rate, h):
-        """A velocity [m/s], one axis, after h [s] of a damper of that rate [1/s], the same for all masses."""
+        """Velocity [m/s], one axis, after h [s] of a damper of that rate [1/s], which is the same for all masses."""
         return velocity * (one - h * rate)
 
     @compiled
@@ -128,39 +137,40 @@ def make_substep(real, compiled=plain):
 
     @compiled
     def rate(position, before, inverse_h):
-        """Velocity [m/s] that led from `before` to `position` in a substep, one axis."""
+        """Velocity [m/s] that leads from `before` to `position` in a substep, one axis."""
         return (position - before) * inverse_h
 
     @compiled
     def added(acceleration, weight, force):
-        """An acceleration with that of a force over the sheet's mass [m/s^2], on a mass of that weight, one axis."""
+        """Acceleration plus that of a force over the sheet's mass [m/s^2] on a mass of that weight, one axis."""
         return acceleration + weight * force
 
     return SimpleNamespace(kicked=kicked, kept=kept, slowed=slowed, predicted=predicted, rate=rate, added=added)
 
 
 def make_jacobi(real, compiled=plain):
-    """Of the Jacobi orderings, see the functions; in the arithmetic `real`."""
+    """Make the functions of the Jacobi orderings, in the arithmetic `real`."""
     zero, one = real(0), real(1)
 
     @compiled
     def share(valence, weight):
-        """What a mass contributes to the denominator of each of its constraints in the weighted Jacobi ordering."""
+        """Contribution of a mass to the denominator of each of its constraints in the weighted Jacobi ordering."""
         return valence * weight
 
     @compiled
     def scaled(scale, d):
-        """Displacement of a constraint's second end, for weight 1, one axis: to be summed over a mass's constraints."""
+        """Displacement of a constraint's second end for weight 1, one axis, to be summed over a mass's constraints."""
         return scale * d
 
     @compiled
     def gathered(position, weight, total):
-        """A mass after a Jacobi iteration, one axis. `total`: the sum of its displacements."""
+        """Position of a mass after a Jacobi iteration, one axis. `total`: the sum of its displacements."""
         return position + weight * total
 
     @compiled
     def averaged(position, weight, total, valence):
-        """The same where displacements are averaged, not summed; a mass without constraints stays."""
+        """Position of a mass whose displacements are averaged instead of summed, one axis. A mass without constraints
+        stays."""
         return position + (weight * total) * (one / valence) if valence > zero else position
 
     return SimpleNamespace(share=share, scaled=scaled, gathered=gathered, averaged=averaged)

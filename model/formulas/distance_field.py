@@ -1,18 +1,19 @@
-"""Masses against a sampled signed-distance field: its value and gradient at a point, where a way enters it, the answer.
+"""Masses against a sampled signed-distance field: its value and gradient at a point, the entry of a path, the response.
 
-The distance to a closed surface, negative inside, is known at the points of a regular grid of the spacing h, and interpolated
-trilinearly between them; the normal is the gradient of the interpolant. Where the distance is smooth in a cell, its value is
-wrong by at most h^2/8 (|d_xx| + |d_yy| + |d_zz|), of second order (on a ball of radius R: h^2 / (4 R)), and the normal's
-direction is of first order. Where it is not (beside edges and corners, and inside at places that are as far from two sides),
-a distance, which changes by no more than one goes, is wrong by at most sqrt(3)/2 h, and the normal leads in between.
+The distance to a closed surface, negative inside, is sampled at the points of a regular grid of the spacing h and
+interpolated trilinearly between them; the normal is the gradient of the interpolant. Where the distance is smooth in a
+cell, its error is at most h^2/8 (|d_xx| + |d_yy| + |d_zz|), of second order (on a ball of radius R: h^2 / (4 R)), and
+the normal's direction is of first order. Where it is not smooth (beside edges and corners, and inside at points equally
+far from two sides), the error of a distance, whose slope is at most 1, is at most sqrt(3)/2 h, and the normal is a
+mixture of both.
 
-Everything happens in the collider's own frame (model/formulas/frame.py). Outside the sampled box nothing is met: it is
-larger than the body by more than the thickness. The inside is solid: who is in it is led out, however deep. A way through the
-body is cut off where it enters, by steps as long as the distance to it (J. C. Hart, "Sphere tracing", The Visual Computer 12,
-1996).
+Everything happens in the collider's own frame (model/formulas/frame.py). Outside the sampled box there is no contact:
+the box exceeds the body by more than the thickness. The inside is solid: a mass in it is pushed out from any depth. A
+path through the body is cut off where it enters, by steps as long as the distance to the body (J. C. Hart, "Sphere
+tracing", The Visual Computer 12, 1996).
 
-A field is an array of numbers: HEADER of them (cells along x, y and z; the grid's least x, y, z; cells to a metre; how far
-the body lies inside the box, at least), then the samples, z fastest.
+A field is an array of numbers: HEADER of them (cells along x, y and z; the grid's smallest x, y, z; cells per metre;
+the smallest distance of the body from the sides of the box), then the samples, z fastest.
 """
 
 from __future__ import annotations
@@ -28,42 +29,45 @@ from model.formulas.frame import make as make_frame
 from model.formulas.lengths import make as make_lengths
 
 HEADER = 8
-ROUNDS = 4  # how often a mass is moved, at most: two folds, each looked at twice
-SETTLED = 1 - 2.0**-6  # of the thickness: who was moved and is not nearer than that, stays
-STEPS = 64  # along a way, of half a cell at least: none is cut off that goes farther along a surface, and nearer to it
-NULL = 2.0**-10  # of a distance's slope, which is 1: what is less steep leads nowhere
+ROUNDS = 4  # largest number of corrections of a mass: two folds, each tested twice
+SETTLED = 1 - 2.0**-6  # of the thickness: a corrected mass that is no nearer than that stays
+STEPS = 64  # along a path, of at least half a cell: more are needed only along a surface, and nearer to it
+NULL = 2.0**-10  # of a distance's slope, which is 1: a smaller gradient has no usable direction
 
 
 def make_field(real, compiled, between):
-    """`sample`, of a field at a point; `entry`, of a way; in the arithmetic `real`."""
+    """Make `sample` (a field at a point) and `entry` (of a path into the body) in the arithmetic `real`."""
     zero, half, one = real(0), real(0.5), real(1)
 
     @compiled
     def beyond(u, cells):
-        """How many cells u lies outside the grid."""
+        """Distance of u outside the grid [cells]."""
         return max(max(-u, u - cells), zero)
 
     @compiled
     def cell_of(u, cells):
-        """The cell that u lies in; the last one at the grid's very end."""
+        """Index of the cell that contains u; the last one at the grid's end."""
         return min(real(np.int32(u)), cells - one)
 
     @compiled
     def sample(numbers, field, x, y, z):
-        """(distance [m], gx, gy, gz [m per cell]) at a point; outside the box less than the distance, and no gradient.
-        `field`: where its numbers begin."""
+        """(distance [m], gx, gy, gz [m per cell]) at a point. Outside the box: a lower bound of the distance, and no
+        gradient.
+
+        `field`: the index at which its numbers begin.
+        """
         across, up, deep = numbers[field], numbers[field + 1], numbers[field + 2]
         per_metre = numbers[field + 6]
         u = (x - numbers[field + 3]) * per_metre
         v = (y - numbers[field + 4]) * per_metre
         w = (z - numbers[field + 5]) * per_metre
-        if not (u >= zero and u <= across and v >= zero and v <= up and w >= zero and w <= deep):  # also of no number
+        if not (u >= zero and u <= across and v >= zero and v <= up and w >= zero and w <= deep):  # also true for NaN
             away = max(max(beyond(u, across), beyond(v, up)), beyond(w, deep))
             return numbers[field + 7] + away / per_metre, zero, zero, zero
         i, j, k = cell_of(u, across), cell_of(v, up), cell_of(w, deep)
         u, v, w = u - i, v - j, w - k
         line, plane = deep + one, (up + one) * (deep + one)
-        a = np.int32(field + HEADER + np.int32(i * plane + (j * line + k)))  # whole numbers, in float32 up to 2^24
+        a = np.int32(field + HEADER + np.int32(i * plane + (j * line + k)))  # integers, exact in float32 up to 2^24
         b, c = np.int32(a + np.int32(line)), np.int32(a + np.int32(plane))
         d = np.int32(c + np.int32(line))
         v000, v001, v010, v011 = numbers[a], numbers[a + 1], numbers[b], numbers[b + 1]
@@ -77,10 +81,11 @@ def make_field(real, compiled, between):
 
     @compiled
     def entry(numbers, field, ax, ay, az, bx, by, bz, length):
-        """The part of the way from a to b, `length` [m], after which it enters the body; 1 where it does not, or began in it.
+        """Fraction of the segment from a to b, `length` [m], after which it enters the body; 1 where it does not, or
+        began inside.
 
-        Each step is as long as the distance to the body, or half a cell; where it ends inside, the way is cut off between its
-        two ends as if the distance changed evenly.
+        Each step is as long as the distance to the body, or half a cell. Where a step ends inside, the segment is cut
+        off between the step's ends by linear interpolation of the distance.
         """
         part, last, before = zero, zero, zero
         for step in range(STEPS):
@@ -100,9 +105,12 @@ def make_field(real, compiled, between):
 
 
 def make(real, compiled=plain, bounces=False, in_place=False):
-    """What `make_field` makes; `settle`, of a mass in the collider's frame; `touch`, of a mass. In the arithmetic `real`.
-    `bounces`: whether there is code for restitution; `in_place`: friction acts on positions, too, and `settling` is (that
-    speed, the substep [s])."""
+    """Make the functions of `make_field`, `settle` (a mass in the collider's frame) and `touch` (a mass) in the
+    arithmetic `real`.
+
+    `bounces`: compile restitution; `in_place`: friction acts on positions, too, and `settling` is (that speed, the
+    substep [s]).
+    """
     zero, one, settled, null = real(0), real(1), real(SETTLED), real(NULL)
     sums, answers, lengths = make_cloth(real, compiled), make_colliders(real, compiled), make_lengths(real, compiled)
     between, pushed, norm, cross = sums.between, sums.pushed, lengths.length, lengths.cross
@@ -114,7 +122,7 @@ def make(real, compiled=plain, bounces=False, in_place=False):
 
     @compiled
     def speed_of(pair):
-        """Of `settling`."""
+        """Speed in `settling`."""
         return pair[0] if in_place else pair
 
     @compiled
@@ -122,11 +130,12 @@ def make(real, compiled=plain, bounces=False, in_place=False):
         numbers, field, thickness, static, dynamic, sx, sy, sz, ux, uy, uz, ax, ay, az, x, y, z, vx, vy, vz, restitution,
         settling,
     ):  # fmt: skip
-        """(whether the body was met, x, y, z, vx, vy, vz) of a mass on its way from a to (x, y, z), in the body's frame.
+        """(True if the body was touched, x, y, z, vx, vy, vz) of a mass on its path from a to (x, y, z), in the body's
+        frame.
 
-        `s`: rad/s at which the body turns; `u`: its velocity. Where its way enters the body it is cut off. Then it is pushed
-        along the gradient, by what its distance lacks of `thickness`, ROUNDS times at most; where there is no gradient, back
-        along its way, and up where it has not moved.
+        `s`: the body's angular velocity [rad/s]; `u`: its velocity. The path is cut off where it enters the body. Then
+        the mass is pushed along the gradient by what its distance lacks of `thickness`, at most ROUNDS times. Where
+        there is no gradient, it is pushed back along its path, and up where it has not moved.
         """
         met, reach = False, thickness
         wx, wy, wz = ax - x, ay - y, az - z
@@ -155,7 +164,7 @@ def make(real, compiled=plain, bounces=False, in_place=False):
             else:
                 vx, vy, vz = respond(vx, vy, vz, cx, cy, cz, nx, ny, nz, static, dynamic)
             if in_place:
-                if part == one:  # a way that was cut off has lost what friction would take
+                if part == one:  # a path that was cut off has already lost what friction would remove
                     dx, dy, dz = slid(settling[1], vx, vy, vz, bx, by, bz, nx, ny, nz)
                     x, y, z = x + dx, y + dy, z + dz
             met, reach = True, settled * thickness

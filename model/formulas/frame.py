@@ -1,7 +1,7 @@
-"""A collider that moves and turns, seen from itself: a mass's way through it, and back into the world.
+"""Frame of a collider that moves and rotates: a mass's path in it, and the transformation back into the world.
 
-The way leads from where the mass was, seen from the collider as it was, to where it is, seen from the collider as it is: so
-that a collider in motion sweeps masses along.
+The path leads from the mass's old position, in the collider's old frame, to its new position, in the collider's new
+frame, so that a moving collider sweeps masses along.
 """
 
 from __future__ import annotations
@@ -14,22 +14,25 @@ from model.formulas.motion import make as make_motion
 
 
 def make(real, compiled=plain):
-    """`turned` and `touching` in the arithmetic `real`."""
+    """Make `turned` and `touching` in the arithmetic `real`."""
     zero, one = real(0), real(1)
     sums = make_cloth(real, compiled)
     moved, cross, sine_cosine = sums.moved, sums.cross, make_motion(real, compiled).sine_cosine
 
     @compiled
     def turned(x, y, z, ux, uy, uz, sine, cosine):
-        """(x, y, z) turned about the unit axis u: O. Rodrigues' a' = a + sin t + (1 - cos) n, t = u x a, n = u x t."""
+        """(x, y, z) rotated about the unit axis u: O. Rodrigues' a' = a + sin t + (1 - cos) n, t = u x a, n = u x t."""
         tx, ty, tz = cross(ux, uy, uz, x, y, z)
         nx, ny, nz = cross(ux, uy, uz, tx, ty, tz)
         lifted = one - cosine
         return x + (sine * tx + lifted * nx), y + (sine * ty + lifted * ny), z + (sine * tz + lifted * nz)
 
     def touching(settle):
-        """touch(...) of a kind of collider, from its settle(numbers, place, thickness, static, dynamic, spin (3),
-        velocity (3), a (3), p (3), v (3), restitution, settling) -> (whether it was met, p, v), all in its frame."""
+        """Make touch(...) of a kind of collider from its `settle`.
+
+        settle(numbers, place, thickness, static, dynamic, spin (3), velocity (3), a (3), p (3), v (3), restitution,
+        settling) -> (True if it was touched, p, v), all in its frame.
+        """
 
         @compiled
         def touch(
@@ -39,9 +42,9 @@ def make(real, compiled=plain):
             """(px, py, pz, vx, vy, vz) of a mass that was at a [m] at the time `begin` [s] and is at p, moving at v, at
             `end`.
 
-            `place`: where in `numbers` the collider's begin; `o`: its origin at time 0; `q`: its velocity; `e`: the unit axis
-            about which it turns, at `spin` [rad/s] or `turns` [1/s]. One that does not turn is met without a rounding of
-            directions; who does not meet it, unchanged.
+            `place`: the index in `numbers` at which the collider's begin; `o`: its origin at time 0; `q`: its velocity;
+            `e`: the unit axis about which it rotates, at `spin` [rad/s] or `turns` [1/s]. A collider that does not
+            rotate adds no rounding to directions. A mass that does not touch it is unchanged.
             """
             ax, ay, az = ax - moved(ox, qx, begin), ay - moved(oy, qy, begin), az - moved(oz, qz, begin)
             ox, oy, oz = moved(ox, qx, end), moved(oy, qy, end), moved(oz, qz, end)

@@ -1,14 +1,14 @@
-"""Implicit Euler on springs: the matrix of a Newton step, spring by spring, conjugate gradients, and what comes next.
+"""Implicit Euler on springs: the matrix of a Newton step per spring, conjugate gradients, and the order of passes.
 
-D. Baraff and A. Witkin, "Large steps in cloth simulation", SIGGRAPH 1998 (the step); K.-J. Choi and H.-S. Ko, "Stable but
-responsive cloth", SIGGRAPH 2002 (a spring pressed together has no stiffness across, which keeps the matrix definite);
-A. Chronopoulos and C. W. Gear, "s-step iterative methods for symmetric linear systems", J. Comput. Appl. Math. 25 (1989)
-(conjugate gradients with one sum over all masses an iteration, instead of two); S. C. Eisenstat and H. F. Walker, "Choosing
-the forcing terms in an inexact Newton method", SIAM J. Sci. Comput. 17 (1996), choice 2; J. Nocedal and S. Wright,
-"Numerical optimization" (2006), eq. 3.7b, its upper half (when a step is too long).
+D. Baraff and A. Witkin, "Large steps in cloth simulation", SIGGRAPH 1998 (the step); K.-J. Choi and H.-S. Ko, "Stable
+but responsive cloth", SIGGRAPH 2002 (a compressed spring has no transverse stiffness, so that the matrix stays
+definite); A. Chronopoulos and C. W. Gear, "s-step iterative methods for symmetric linear systems", J. Comput. Appl.
+Math. 25 (1989) (conjugate gradients with one sum over all masses per iteration, instead of two); S. C. Eisenstat and H.
+F. Walker, "Choosing the forcing terms in an inexact Newton method", SIAM J. Sci. Comput. 17 (1996), choice 2; J.
+Nocedal and S. Wright, "Numerical optimization" (2006), eq. 3.7b, its upper half (when a step is too long).
 
-With the velocities u at the step's end as unknowns, over the mass, no eigenvalue of the matrix A is below 1: the norm of a
-residual bounds the error of the velocity.
+The unknowns are the velocities u at the step's end, over the mass. No eigenvalue of the matrix A is below 1: the norm
+of a residual bounds the error of the velocity.
 """
 
 from __future__ import annotations
@@ -22,9 +22,8 @@ OPERATIONS_PRODUCT = 30  # a spring: 6 differences, 5 for the square, 5 for the 
 OPERATIONS_DOT = 6
 OPERATIONS_UPDATE = 8  # per axis
 
-# What a step is made of, one pass over the sheet each. Sums over all masses follow RESIDUAL (r.r, r.s, u.u) and PRODUCT (r.r,
-# r.w).
-START = 0  # v + dt (forces but springs and dampers), x = p, u = 0, where x is without u
+# The passes of a step over the sheet. Sums over all masses follow RESIDUAL (r.r, r.s, u.u) and PRODUCT (r.r, r.w).
+START = 0  # v + dt (forces without springs and dampers), x = p, u = 0, with x the position without u
 RESIDUAL = 1  # r at x, u
 PRODUCT = 2  # w = A r
 UPDATE = 3  # directions q, A q, the solution s, and r
@@ -37,22 +36,23 @@ MAX_ITERATIONS = 5000  # of conjugate gradients, for one matrix
 MAX_HALVINGS = 10  # of a Newton step
 NEWTON_TOLERANCE = 1e-8  # of the step's first residual
 LINEAR_TOLERANCE = 1e-6  # of the residual, where one matrix is all
-LOOSEST = 1e-2  # part of a residual that conjugate gradients may leave to the next Newton step
+LOOSEST = 1e-2  # fraction of a residual that conjugate gradients may leave to the next Newton step
 FORCING = 0.9
-TURNED = 0.9  # part of the slope that may have changed its sign at a Newton step's end
+TURNED = 0.9  # fraction of the slope that may have changed sign at a Newton step's end
 
 
 def make(real, compiled=plain):
-    """Of a step's equations, see the functions; in the arithmetic `real`."""
+    """Make the functions of a step's equations in the arithmetic `real`."""
     zero, lengths = real(0), make_lengths(real, compiled)
     squared_length, inverse_length = lengths.squared_length_3d, lengths.inverse_length
 
     @compiled
     def product_3d(dx, dy, dz, wx, wy, wz, stiffness, stiffness_rest, damping):
-        """-B (own - other) of a spring: with w the other end's entry of a vector less one's own and n = d / |d|,
+        """-B (own - other) of a spring: the product of its matrix with w.
 
-        (dt^2 k [n n^T + max(0, 1 - L0 / |d|) (I - n n^T)] + dt c n n^T) w, all over the mass. `stiffness`: dt^2 k;
-        `stiffness_rest`: dt^2 k L0; `damping`: dt c. Exactly antisymmetric in any rounding.
+        w: the other end's entry of a vector minus the own one; n = d / |d|. The result is (dt^2 k [n n^T + max(0, 1 -
+        L0 / |d|) (I - n n^T)] + dt c n n^T) w, all over the mass. `stiffness`: dt^2 k; `stiffness_rest`: dt^2 k L0;
+        `damping`: dt c. Exactly antisymmetric in any rounding.
         """
         inverse = inverse_length(squared_length(dx, dy, dz))
         across = max(zero, stiffness - stiffness_rest * inverse)
@@ -61,8 +61,10 @@ def make(real, compiled=plain):
 
     @compiled
     def end_pull_3d(dx, dy, dz, wx, wy, wz, stiffness, stiffness_rest, damping, dt):
-        """Pull over mass [m/s^2] of a spring with a damper at the step's end: d the way to its other end at the start, w
-        that one's velocity less one's own. From differences: of coordinates far from the origin p + dt u would lose more.
+        """Pull over mass [m/s^2] of a spring with a damper at the step's end.
+
+        d: vector to its other end at the start; w: that end's velocity minus the own one. It uses differences, since
+        coordinates p + dt u far from the origin would lose more digits.
         """
         dx, dy, dz = dx + dt * wx, dy + dt * wy, dz + dt * wz
         inverse = inverse_length(squared_length(dx, dy, dz))
@@ -72,12 +74,12 @@ def make(real, compiled=plain):
 
     @compiled
     def residual(begin, velocity, acceleration, dt, dt_rate):
-        """What is missing to u = begin + dt a - dt rate u, one axis [m/s]; `begin`: v + dt (forces at the step's start)."""
+        """Residual of u = begin + dt a - dt rate u, one axis [m/s]. `begin`: v + dt (forces at the step's start)."""
         return ((begin - velocity) + dt * acceleration) - dt_rate * velocity
 
     @compiled
     def applied(entry, pulls, own):
-        """A entry, one axis; `pulls`: the sum of `product_3d` over the springs; `own`: 1 + dt rate."""
+        """A times the entry, one axis. `pulls`: the sum of `product_3d` over the springs; `own`: 1 + dt rate."""
         return own * entry - pulls
 
     @compiled
@@ -91,8 +93,10 @@ def make(real, compiled=plain):
 
 
 def make_control(real, compiled=plain, linear=False):
-    """What decides how often each pass runs, in the arithmetic `real`; `linear`: one matrix a step, solved to
-    LINEAR_TOLERANCE."""
+    """Make the functions that decide how often each pass runs, in the arithmetic `real`.
+
+    `linear`: one matrix per step, solved to LINEAR_TOLERANCE.
+    """
     zero, half = real(0), real(0.5)
     tolerance, most_left = real(NEWTON_TOLERANCE**2), real(LINEAR_TOLERANCE**2 if linear else LOOSEST**2)
     least_left, forcing, of_noise, turned = real(LINEAR_TOLERANCE**2), real(FORCING**2), real(0.01), real(TURNED)
@@ -100,19 +104,21 @@ def make_control(real, compiled=plain, linear=False):
 
     @compiled
     def noise(velocity_squared, springs_squared, roundoff):
-        """Squared norm [m^2/s^2] of what rounding leaves of a residual: half a unit in the last place of velocities (`u.u`)
-        and of what a mass's springs would give it in a step if they were as long again (`springs_squared`, of all masses).
+        """Squared norm [m^2/s^2] of the rounding error of a residual.
+
+        Half a unit in the last place of the velocities (`u.u`) and of the velocity that a mass's springs would add in a
+        step if they were twice as long (`springs_squared`, of all masses).
         """
         return roundoff * roundoff * (springs_squared + velocity_squared)
 
     @compiled
     def after_residual(counts, values, sums, springs_squared, roundoff):
-        """(what follows, counts, values) once a residual is known. `counts`: matrices so far, halvings, iterations for this
-        matrix; `values`: squared norms of the step's first residual, of the one before, and the one to iterate to; r.s of
-        the last step; of conjugate gradients r.r, alpha and beta.
+        """(next pass, counts, values) once a residual is known.
 
-        A Newton step that went too far is halved. The solution is found once the residual is below NEWTON_TOLERANCE of
-        the step's first or is rounding (`noise`).
+        `counts`: matrices so far, halvings, iterations for this matrix. `values`: squared norms of the step's first
+        residual, of the previous one, and the target of the iterations; r.s of the last step; of conjugate gradients
+        r.r, alpha and beta. A Newton step that went too far is halved. The solution is found once the residual is below
+        NEWTON_TOLERANCE of the step's first or is rounding (`noise`).
         """
         newton, halvings, _ = counts
         first, before, limit, slope, gamma, alpha, beta = values
@@ -133,7 +139,8 @@ def make_control(real, compiled=plain, linear=False):
 
     @compiled
     def after_product(counts, values, squared, curvature):
-        """(what follows, counts, values) once r.r and r.A r are known: conjugate gradients go on, or their sum is taken."""
+        """(next pass, counts, values) once r.r and r.A r are known: conjugate gradients continue, or their sum is
+        applied."""
         newton, halvings, iterations = counts
         first, before, limit, slope, gamma, alpha, beta = values
         beta, divisor = zero, curvature
@@ -142,7 +149,7 @@ def make_control(real, compiled=plain, linear=False):
             divisor = curvature - beta * squared / alpha
         if squared > limit and divisor > zero and iterations < MAX_ITERATIONS:
             alpha = squared / divisor
-            slope = slope + alpha * squared  # r.s of the residual that they began with
+            slope = slope + alpha * squared  # r.s with the residual at the start of conjugate gradients
             return UPDATE, (newton, halvings, iterations + 1), (first, before, limit, slope, squared, alpha, beta)
         kind = FINISH if iterations == 0 else MOVE
         return kind, (newton + 1, 0, iterations), (first, before, limit, slope, gamma, alpha, beta)

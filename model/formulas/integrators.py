@@ -1,11 +1,10 @@
 """The time steps, one axis of one mass at a time: (position, velocity, acceleration) -> (position, velocity).
 
 Orders are of the error at a fixed time against Newton's law. Limits are for x'' = -w^2 x - gamma x' with the damper
-evaluated at the step's start (velocity Verlet: implicit in the second half kick); model/core/integrators.py computes them.
-
-Sources: Hairer, Lubich and Wanner, "Geometric numerical integration", 2nd ed. (2006), I.1 (Euler methods, Verlet);
-Swope, Andersen, Berens and Wilson (1982) for the velocity form; Kutta (1901) for RK4; the step called `lab` is the
-hand-out's, the one called `taylor` the compute-shader cloth's.
+evaluated at the step's start (velocity Verlet: implicit in the second half kick); model/core/integrators.py computes
+them. Sources: Hairer, Lubich and Wanner, "Geometric numerical integration", 2nd ed. (2006), I.1 (Euler methods,
+Verlet); Swope, Andersen, Berens and Wilson (1982) for the velocity form; Kutta (1901) for RK4; the step called `lab` is
+the hand-out's, the one called `taylor` the compute-shader cloth's.
 """
 
 from __future__ import annotations
@@ -14,7 +13,7 @@ from types import SimpleNamespace
 
 from model.formulas import plain
 
-OPERATIONS = {  # floating-point operations per axis and step, the force apart
+OPERATIONS = {  # floating-point operations per axis and step, without the force
     "lab": 6,
     "semi-implicit-euler": 4,
     "explicit-euler": 4,
@@ -25,26 +24,30 @@ OPERATIONS = {  # floating-point operations per axis and step, the force apart
 
 
 def make(real, compiled=plain, damped=True):
-    """Step formulas in the arithmetic `real`, as attributes of one object. Not `damped`: the kicks of velocity Verlet
-    ignore `rate` and `inverse_damping`, so that a scene without damping does not even read them."""
+    """Make the step formulas in the arithmetic `real`, as attributes of one object.
+
+    Without `damped`, the kicks of velocity Verlet ignore `rate` and `inverse_damping`, so that a scene without damping
+    does not read them.
+    """
 
     @compiled
     def difference(a, b):
-        """a - b, rounded; a backend whose fast math would cancel the terms of `a` replaces it by such an instruction."""
+        """a - b, rounded. A backend whose fast math would cancel the terms of `a` replaces it by such an
+        instruction."""
         return a - b
 
     @compiled
     def quotient(a, b):
-        """a / b; a backend may replace it in `fast` math by a product with 1 / b, the same for every mass."""
+        """a / b. In `fast` math a backend may replace it by a product with 1 / b, which is the same for every mass."""
         return a / b
 
     @compiled
     def lab(position, velocity, acceleration, dt, half_dt_squared):
-        """The hand-out's step, kept to the letter: p' = p + v dt + a dt^2/2, v' = (p' - p)/dt.
+        """The hand-out's step, unchanged: p' = p + v dt + a dt^2/2, v' = (p' - p)/dt.
 
         It integrates half of the acceleration (it is semi-implicit Euler for doubled masses): order 0 against Newton's
-        law, order 1 against x'' = a/2. Limit: dt^2 w^2 + 2 dt gamma < 8 and dt gamma < 4. The subtraction p' - p loses
-        the velocity's digits far from the origin in float32; that is part of the method and is kept in both maths.
+        law, order 1 against x'' = a/2. Limit: dt^2 w^2 + 2 dt gamma < 8 and dt gamma < 4. In float32 the subtraction p'
+        - p loses the velocity's digits far from the origin; that is part of the method, and both maths preserve it.
         """
         new_position = position + velocity * dt + acceleration * half_dt_squared
         return new_position, quotient(difference(new_position, position), dt)
@@ -80,7 +83,7 @@ def make(real, compiled=plain, damped=True):
     def verlet_second_half(half_velocity, acceleration, half_dt, inverse_damping):
         """Second half: v' = (v+ + dt/2 a') / (1 + dt rate / 2), a' at the new positions, the damper implicit.
 
-        Taking the damper explicitly here would silently make the scheme first order.
+        An explicit damper here would silently make the scheme first order.
         """
         velocity = half_velocity + half_dt * acceleration
         if damped:

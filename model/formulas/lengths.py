@@ -1,4 +1,4 @@
-"""Lengths and products of vectors: what most topics share, and what `fast` math replaces by approximate instructions."""
+"""Lengths and products of vectors, which most topics share; `fast` math replaces some by approximate instructions."""
 
 from __future__ import annotations
 
@@ -9,12 +9,15 @@ from model.formulas import plain
 
 
 def make(real, compiled=plain):
-    """`squared_length`, `squared_length_3d`, `inverse_length`; `dot`, `cross`, `length`, which stay as they are in any math;
-    in the arithmetic `real`."""
+    """Make `squared_length`, `squared_length_3d`, `inverse_length`, `dot`, `cross` and `length` in the arithmetic
+    `real`.
+
+    The last three are the same in any math.
+    """
     zero, one = real(0), real(1)
 
-    # In `fast` math a backend may replace the first and the last, by approximate instructions and without the branch: for
-    # coincident masses the inverse length need only be finite, since it is multiplied by a difference of 0.
+    # In `fast` math a backend may replace `squared_length` and `inverse_length` by approximate instructions without the
+    # branch: for coincident masses the inverse length need only be finite, since it is multiplied by a difference of 0.
 
     @compiled
     def squared_length(dx, dy):
@@ -35,7 +38,7 @@ def make(real, compiled=plain):
 
     @compiled
     def cross(ax, ay, az, bx, by, bz):
-        """a x b: normal to the triangle with these edges, twice its area long."""
+        """a x b: normal to the triangle with these edges; its length is twice the area."""
         return ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
 
     @compiled

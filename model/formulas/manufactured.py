@@ -1,7 +1,7 @@
 """The method of manufactured solutions on the grid: the force that makes a chosen motion exact.
 
 Roache, "Code verification by the method of manufactured solutions", J. Fluids Eng. 124 (2002): choose p*(t), put it
-into the equation of motion, and add what is left over as a force. Any error then is the solver's own.
+into the equation of motion, and add the remainder as a force. Any error then is the solver's own.
 """
 
 from __future__ import annotations
@@ -15,7 +15,8 @@ OPERATIONS = 150
 
 
 def make(real, compiled=plain):
-    """`manufactured_acceleration(i, j, rows, columns, t, ...) -> (ax, ay)` and `stage_time`, in the arithmetic `real`."""
+    """Make `manufactured_acceleration(i, j, rows, columns, t, ...) -> (ax, ay)` and `stage_time`, in the arithmetic
+    `real`."""
     two, three, four, nine = real(2), real(3), real(4), real(9)
     p_row, p_column, q_row, q_column = real(1.7), real(0.9), real(0.6), real(1.3)
     spring_acceleration_2d, _ = make_springs(real, compiled)
@@ -32,7 +33,7 @@ def make(real, compiled=plain):
     def manufactured_acceleration(
         i, j, rows, columns, t, amplitude, inertia, spacing, stiffness, stiffness_rest, gravity, rate
     ):
-        """inertia p*'' - a(p*, p*'): what must be added to the scene's own acceleration a [m/s^2] at time t [s]."""
+        """inertia p*'' - a(p*, p*'): the term to add to the scene's own acceleration a [m/s^2] at time t [s]."""
         x, y = displacement(i, j, t, amplitude)
         ax = -(inertia * four) * x
         ay = -(inertia * nine) * y - gravity
@@ -54,7 +55,8 @@ def make(real, compiled=plain):
 
     @compiled
     def stage_time(step, offset, dt, first_step, first_time):
-        """Time [s] of a stage `offset` steps into the step of that number; `first_step` begins at `first_time` [s]."""
+        """Time [s] of a stage `offset` steps into step number `step`. Step number `first_step` begins at `first_time`
+        [s]."""
         return first_time + ((real(step) - first_step) * dt + offset * dt)
 
     return manufactured_acceleration, stage_time

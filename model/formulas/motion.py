@@ -1,7 +1,7 @@
 """Pins that follow a path: a rotation about an axis and a translation, at constant speeds for a while.
 
-Sine and cosine are written out here, since those of two libraries differ in the last bit, and `exact` math is to give the
-same bits on every processor.
+Sine and cosine are written out here, since those of two libraries differ in the last bit, and `exact` math must give
+the same bits on every processor.
 """
 
 from __future__ import annotations
@@ -13,13 +13,13 @@ import numpy as np
 
 from model.formulas import plain
 
-# Taylor's terms up to x^16 / 16! and x^17 / 17! on |x| <= pi/4: what is left out is under 3e-18 of the value, float64 or not.
+# Taylor's terms up to x^16 / 16! and x^17 / 17! on |x| <= pi/4: the truncation error is below 3e-18 of the value.
 SINE_TERMS = tuple((-1) ** k / factorial(2 * k + 1) for k in range(1, 9))
 COSINE_TERMS = tuple((-1) ** k / factorial(2 * k) for k in range(1, 9))
 
 
 def make(real, compiled=plain):
-    """`sine_cosine`, `turn`, `placed`, `middle` in the arithmetic `real`."""
+    """Make `sine_cosine`, `turn`, `placed` and `middle` in the arithmetic `real`."""
     zero, half, one, four = real(0), real(0.5), real(1), real(4)
     quarter, whole_turn = real(0.25), real(2 * pi)
     s3, s5, s7, s9, s11, s13, s15, s17 = (real(term) for term in SINE_TERMS)
@@ -29,8 +29,9 @@ def make(real, compiled=plain):
     def sine_cosine(turns):
         """(sine, cosine) of 2 pi `turns`, |turns| < 2^60.
 
-        The nearest quarter turn is taken off first, without rounding. With u half a unit in the last place of 1, the rest
-        x = 2 pi f is wrong by 2u x, the sine's sum adds 1.4u of it and the cosine's 1.5u: both are within 4u.
+        The nearest quarter turn is subtracted first, without rounding. With u half a unit in the last place of 1, the
+        error of the remainder x = 2 pi f is 2u x; the sine's sum adds 1.4u of the value and the cosine's 1.5u. Both are
+        accurate within 4u.
         """
         quarters = floor(four * turns + half)
         x = whole_turn * (turns - quarter * real(quarters))
@@ -50,9 +51,9 @@ def make(real, compiled=plain):
 
     @compiled
     def turn(time, start, duration, rate):
-        """Where a motion is at `time` [s]: (seconds passed in it, whether it moves, sine and cosine of its angle).
+        """State of a motion at `time` [s]: (seconds passed in it, True if it moves, sine and cosine of its angle).
 
-        `rate`: turns a second. As it begins it moves, as it ends it rests.
+        `rate`: turns per second. It moves at its start and rests at its end.
         """
         since = time - start
         passed = min(max(since, zero), duration)
@@ -61,10 +62,11 @@ def make(real, compiled=plain):
 
     @compiled
     def placed(x, y, z, cx, cy, cz, ux, uy, uz, vx, vy, vz, spin, passed, moves, sine, cosine):
-        """Position [m] and velocity [m/s] (px, py, pz, qx, qy, qz) of a mass that rests at (x, y, z).
+        """Position [m] and velocity [m/s] (px, py, pz, qx, qy, qz) of a mass whose rest position is (x, y, z).
 
-        `c`: the centre; `u`: the unit axis; `v`: the velocity; `spin`: rad/s; the rest: of `turn`. O. Rodrigues' rotation,
-        a' = a + sin t + (1 - cos) n with t = u x a and n = u x t; before the start exactly the mass's rest.
+        `c`: the centre; `u`: the unit axis; `v`: the velocity; `spin`: rad/s; the others: from `turn`. O. Rodrigues'
+        rotation, a' = a + sin t + (1 - cos) n with t = u x a and n = u x t. Before the start it is exactly the mass's
+        rest position.
         """
         ax, ay, az = x - cx, y - cy, z - cz
         tx, ty, tz = uy * az - uz * ay, uz * ax - ux * az, ux * ay - uy * ax
@@ -82,7 +84,7 @@ def make(real, compiled=plain):
 
     @compiled
     def middle(step, dt, first_step, first_time):
-        """Time [s] half-way through the step of that number; step number `first_step` begins at `first_time` [s]."""
+        """Time [s] half-way through step number `step`. Step number `first_step` begins at `first_time` [s]."""
         return first_time + ((real(step) - first_step) + half) * dt
 
     return SimpleNamespace(sine_cosine=sine_cosine, turn=turn, placed=placed, middle=middle)

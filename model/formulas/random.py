@@ -1,8 +1,8 @@
-"""Random numbers that depend on nothing but (seed, step, particle, axis): the same on every backend and thread count.
+"""Random numbers that depend only on (seed, step, particle, axis): the same on every backend and thread count.
 
-Philox4x32-10: J. K. Salmon, M. A. Moraes, R. O. Dror, D. E. Shaw, "Parallel random numbers: as easy as 1, 2, 3",
-SC 2011, section 3.3. The counter is (step low, step high, particle, 0), the key is the seed, word k is axis k.
-Everything here is integer arithmetic in 64-bit words that hold 32 bits, which every compiler treats alike.
+Philox4x32-10: J. K. Salmon, M. A. Moraes, R. O. Dror, D. E. Shaw, "Parallel random numbers: as easy as 1, 2, 3", SC
+2011, section 3.3. The counter is (step low, step high, particle, 0), the key is the seed, word k is axis k. Everything
+here is integer arithmetic in 64-bit words that contain 32 bits, which every compiler treats alike.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ OPERATIONS = 110  # integer ones, per mass
 
 
 def make_philox(compiled=plain):
-    """The generator: philox(seed, step, particle) -> four 32-bit words (held in uint64)."""
+    """Make the generator philox(seed, step, particle) -> four 32-bit words (in uint64)."""
 
     @compiled
     def philox(seed, step, particle):
@@ -53,7 +53,7 @@ def make_philox(compiled=plain):
 
 
 def make(real, compiled=plain):
-    """`uniform(word)`: a 32-bit word as a number in (-1, 1), the same in float32 and float64; `add_external` uses it."""
+    """Make `uniform` (a 32-bit word as a number in (-1, 1), the same in float32 and float64) and `add_external`."""
     scale = real(2.0**-23)
     one = real(1)
 
@@ -65,7 +65,7 @@ def make(real, compiled=plain):
 
     @compiled
     def add_external(acceleration, magnitude, word):
-        """Acceleration with the external force of this axis: magnitude over mass [m/s^2] times a number in (-1, 1)."""
+        """Acceleration plus the external force of this axis: magnitude over mass [m/s^2] times a number in (-1, 1)."""
         return acceleration + magnitude * uniform(word)
 
     return SimpleNamespace(uniform=uniform, add_external=add_external)

@@ -1,33 +1,32 @@
 """The rotation nearest to a matrix, and rotations by quaternions.
 
-A = sum of m now rest' (rows: axes of now; columns: axes at rest). Its nearest rotation R maximises trace(R'A) and has the
-determinant +1, whatever A's is: M. Mueller et al., "Meshless Deformations Based on Shape Matching", SIGGRAPH 2005, 3.3. What
-is turned is A over its largest entry, so that no scale is too small or too large (up to four times the least normal number
-it counts as 0), and all is + - * / and the root, which are correctly rounded everywhere.
+A = sum of m now rest' (rows: current axes; columns: axes at rest). Its nearest rotation R maximises trace(R'A) and has
+the determinant +1, whatever A's is: M. Mueller et al., "Meshless Deformations Based on Shape Matching", SIGGRAPH 2005,
+3.3. A is first divided by its largest entry, so that no scale is too small or too large (up to four times the smallest
+normal number it counts as 0). All operations are + - * / and the root, which are correctly rounded everywhere.
 
-In three dimensions trace(R'A) = q'Kq, R of the unit quaternion q = (w, x, y, z) and K symmetric, 4 x 4: P. Davenport's method
-in J. Keat, "Analysis of Least-Squares Attitude Determination Routine DOAOP", 1977; B. Horn, "Closed-Form Solution of Absolute
-Orientation Using Unit Quaternions", J. Opt. Soc. Am. A 4, 1987. Seen from a rotation q0, with S = R(q0)'A and q = q0 (1, u),
+In three dimensions trace(R'A) = q'Kq, R of the unit quaternion q = (w, x, y, z) and K symmetric, 4 x 4: P. Davenport's
+method in J. Keat, "Analysis of Least-Squares Attitude Determination Routine DOAOP", 1977; B. Horn, "Closed-Form
+Solution of Absolute Orientation Using Unit Quaternions", J. Opt. Soc. Am. A 4, 1987. Relative to a rotation q0, with S
+= R(q0)'A, q = q0 (1, u):
+  K = | t  b'    |    t = trace S,  b = (S_zy - S_yz, S_xz - S_zx, S_yx - S_xy),  H = 2t - S - S'
+      | b  t - H |
+so that q0 is the best one if and only if b = 0 and H has no negative eigenvalue. This test decides for any rotation if
+it is the nearest one: K's largest eigenvalue is at most that of (t, |b|; |b|, t + d), so that with no eigenvalue of H
+below -d the trace falls short by at most |b| + d. There are two methods:
 
-    K = | t  b'    |    t = trace S,  b = (S_zy - S_yz, S_xz - S_zx, S_yx - S_xy),  H = 2t - S - S'
-        | b  t - H |
+`rotation_3d_near` improves the rotation of the previous step, as M. Mueller et al., "A Robust Method to Extract the
+Rotational Part of Deformations", MIG 2016, but by a step with all of H instead of its trace (T. Kugelstadt, D.
+Koschier, J. Bender, "Fast Corotated FEM using Operator Splitting", SCA 2018), which converges with the third power of
+the angle, and by a rational update instead of a sine. It reports if it has converged. It has no branch: loops over many
+are vectorised, if it is compiled to be inlined.
 
-so that q0 is the best one if and only if b = 0 and H has no negative eigenvalue. It can be told of any rotation whether it is
-the one looked for: K's largest eigenvalue is at most that of (t, |b|; |b|, t + d), so that with no eigenvalue of H below -d
-the trace falls short by at most |b| + d. There are two ways to it:
+`rotation_3d_far` needs no start. K, shifted to positive eigenvalues and squared repeatedly, tends to the projection on
+the eigenvectors of the largest one; that projection of the previous rotation is nearest to it among all equally good
+ones. Where eigenvalues coincide, as a mirrored body's do, it loses no digits; the largest root of the characteristic
+polynomial, a quartic, loses half the digits or more there, and a row of the adjugate the rest.
 
-`rotation_3d_near` improves the rotation of before, as M. Mueller et al., "A Robust Method to Extract the Rotational Part of
-Deformations", MIG 2016 do, but by a step with all of H instead of its trace (T. Kugelstadt, D. Koschier, J. Bender, "Fast
-Corotated FEM using Operator Splitting", SCA 2018), which converges with the third power of the angle, and by a rational
-update instead of a sine; and tells whether it has got there. It has no branch: loops over many are vectorised, if it is
-compiled to be inlined.
-
-`rotation_3d_far` needs no start. K, shifted to positive eigenvalues and squared again and again, tends to the projection on
-the eigenvectors of the largest one; what that leaves of the rotation of before is nearest to it among all that are equally
-good. Where eigenvalues meet, as a mirrored body's do, it loses nothing; the largest root of the characteristic polynomial, a
-quartic, loses half the digits or more there, and a row of the adjugate the rest.
-
-`rotation_3d` is the second where the first has not got there.
+`rotation_3d` uses the second where the first has not converged.
 """
 
 from __future__ import annotations
@@ -40,27 +39,30 @@ import numpy as np
 from model.formulas import joined, plain
 from model.formulas.lengths import make as make_lengths
 
-# counted on numbers that count; a comparison, a largest and an absolute value are one each
+# Counted on numbers; a comparison, a maximum and an absolute value are one each.
 OPERATIONS_2D = 22
 OPERATIONS_MATRIX = 28
 OPERATIONS_NEAR = {4: 567, 8: 779}  # by the bytes of a number
 
 # In units of eps, A's largest entry being 1.
-KEPT = 8  # |b| of a rotation that is not touched any more, so that what rests stays at rest: what rounding makes of 0
+KEPT = 8  # |b| below which a rotation is unchanged, so that bodies at rest stay at rest: rounding of 0
 REACHED = 16  # |b| of the nearest rotation
-SLACK = 32  # what H's eigenvalues may be below 0: the rounding of three pivots
-LEAST = 1024  # what is added to H, so that where A leaves a turn open, rounding turns by hundredths at most
+SLACK = 32  # how far H's eigenvalues may be below 0: the rounding of three pivots
+LEAST = 1024  # added to H, so that where A does not determine a rotation, rounding rotates by hundredths at most
 
 
 def make_2d(real, compiled=plain):
-    """rotation_2d in the arithmetic `real`."""
+    """Make rotation_2d in the arithmetic `real`."""
     zero, one, kept = real(0), real(1), real((KEPT * float(np.finfo(real).eps)) ** 2)
     normal = real(4 * np.finfo(real).tiny)  # its reciprocal is finite
 
     @compiled
     def rotation_2d(xx, xy, yx, yy, cosine, sine):
-        """(cosine, sine) of the rotation nearest to ((xx, xy), (yx, yy)); those given, where every one is as near (0, and
-        what mirrors and scales). trace(R'A) = c (xx + yy) + s (yx - xy), largest along (xx + yy, yx - xy)."""
+        """(cosine, sine) of the rotation nearest to ((xx, xy), (yx, yy)).
+
+        Where all rotations are equally near (0, and matrices that mirror and scale) it is the `cosine`, `sine` passed
+        in. trace(R'A) = c (xx + yy) + s (yx - xy), largest along (xx + yy, yx - xy).
+        """
         largest = max(max(abs(xx), abs(xy)), max(abs(yx), abs(yy)))
         scale = one / largest if largest > normal else zero
         c = scale * xx + scale * yy
@@ -74,13 +76,15 @@ def make_2d(real, compiled=plain):
 
 
 def make_quaternions(real, compiled=plain):
-    """`matrix_of`, `rotated`, of unit quaternions, and `unit`, in the arithmetic `real`."""
+    """Make `matrix_of`, `rotated` and `unit` of unit quaternions in the arithmetic `real`."""
     half, one, two = real(0.5), real(1), real(2)
 
     @compiled
     def matrix_of(w, x, y, z):
-        """R of the unit quaternion (w, x, y, z), 9 entries by rows. R'R is |q|^4; 1 less twice products would be more wrong
-        of a q that rounding has made longer."""
+        """R of the unit quaternion (w, x, y, z), 9 entries by rows.
+
+        R'R is |q|^4; the form 1 - 2 (products) would be less accurate for a q that rounding has lengthened.
+        """
         x2, y2, z2 = x + x, y + y, z + z
         wx, wy, wz, xy, xz, yz = w * x2, w * y2, w * z2, x * y2, x * z2, y * z2
         ww, xx, yy, zz = w * w, x * x, y * y, z * z
@@ -98,7 +102,7 @@ def make_quaternions(real, compiled=plain):
 
     @compiled
     def unit(w, x, y, z):
-        """(w, x, y, z) over its length, which is then wrong by at most 2.5 units of rounding instead of 4.5: the second
+        """(w, x, y, z) over its length, with an error of at most 2.5 units of rounding instead of 4.5: the second
         factor is the root's first two terms."""
         inverse = one / sqrt((w * w + x * x) + (y * y + z * z))
         w, x, y, z = inverse * w, inverse * x, inverse * y, inverse * z
@@ -109,17 +113,17 @@ def make_quaternions(real, compiled=plain):
 
 
 def make_near(real, compiled, quaternions):
-    """`rotation_3d_near`, and `normalised`, in the arithmetic `real`."""
+    """Make `rotation_3d_near` and `normalised` in the arithmetic `real`."""
     zero, half, one, two, four = real(0), real(0.5), real(1), real(2), real(4)
     eps, normal = float(np.finfo(real).eps), real(4 * np.finfo(real).tiny)
     kept, reached = real((KEPT * eps) ** 2), real((REACHED * eps) ** 2)
     slack, least = real(SLACK * eps), real(LEAST * eps)
-    steps = 2 if real is np.float32 else 3  # from 30 degrees, of nearly all random matrices
+    steps = 2 if real is np.float32 else 3  # enough from 30 degrees, for nearly all random matrices
     dot, matrix_of, unit = make_lengths(real, compiled).dot, quaternions.matrix_of, quaternions.unit
 
     @compiled
     def normalised(xx, xy, xz, yx, yy, yz, zx, zy, zz):
-        """A over its largest entry; 0 where that is below every normal number."""
+        """A over its largest entry; 0 where that is below the normal numbers."""
         first, second = max(max(abs(xx), abs(xy)), max(abs(xz), abs(yx))), max(max(abs(yy), abs(yz)), abs(zx))
         largest = max(max(first, second), max(abs(zy), abs(zz)))
         s = one / largest if largest > normal else zero
@@ -127,7 +131,7 @@ def make_near(real, compiled, quaternions):
 
     @compiled
     def seen_from(xx, xy, xz, yx, yy, yz, zx, zy, zz, w, x, y, z):
-        """b (3 numbers) and H (xx, xy, xz, yy, yz, zz) seen from (w, x, y, z); see the head of the file."""
+        """b (3 numbers) and H (xx, xy, xz, yy, yz, zz) relative to (w, x, y, z); see the head of the file."""
         rxx, rxy, rxz, ryx, ryy, ryz, rzx, rzy, rzz = matrix_of(w, x, y, z)
         sxx, sxy, sxz = dot(rxx, ryx, rzx, xx, yx, zx), dot(rxx, ryx, rzx, xy, yy, zy), dot(rxx, ryx, rzx, xz, yz, zz)
         syx, syy, syz = dot(rxy, ryy, rzy, xx, yx, zx), dot(rxy, ryy, rzy, xy, yy, zy), dot(rxy, ryy, rzy, xz, yz, zz)
@@ -139,10 +143,10 @@ def make_near(real, compiled, quaternions):
 
     @compiled
     def improved(xx, xy, xz, yx, yy, yz, zx, zy, zz, w, x, y, z):
-        """The quaternion after one step, (H + e) u = b; the very same where b is no more than rounding.
+        """Quaternion after one step, (H + e) u = b; unchanged where b is only rounding.
 
-        e: how far the largest eigenvalue of K lies above t among the mixtures of q0 and K q0 alone, the Ritz value of a
-        2 x 2 matrix. H + e has pivots of no sign: at a saddle, half a turn away, the step leads away from it.
+        e: the excess over t of the largest eigenvalue of K among the mixtures of q0 and K q0 alone, the Ritz value of a
+        2 x 2 matrix. The pivots of H + e are made positive: at a saddle, half a turn away, the step leads away from it.
         """
         bx, by, bz, hxx, hxy, hxz, hyy, hyz, hzz = seen_from(xx, xy, xz, yx, yy, yz, zx, zy, zz, w, x, y, z)
         squared = dot(bx, by, bz, bx, by, bz)
@@ -167,7 +171,7 @@ def make_near(real, compiled, quaternions):
 
     @compiled
     def reached_from(xx, xy, xz, yx, yy, yz, zx, zy, zz, w, x, y, z):
-        """Whether (w, x, y, z) is the rotation nearest to A, to rounding."""
+        """True if (w, x, y, z) is the rotation nearest to A, to rounding."""
         bx, by, bz, hxx, hxy, hxz, hyy, hyz, hzz = seen_from(xx, xy, xz, yx, yy, yz, zx, zy, zz, w, x, y, z)
         first = hxx + slack
         over = one / max(first, slack)
@@ -178,8 +182,10 @@ def make_near(real, compiled, quaternions):
 
     @compiled
     def rotation_3d_near(xx, xy, xz, yx, yy, yz, zx, zy, zz, w, x, y, z):
-        """(w, x, y, z, whether it is the rotation nearest to A), improved from the unit quaternion given; that very one where
-        it is not: `rotation_3d_far` takes it from there."""
+        """(w, x, y, z, True if it is the rotation nearest to A), improved from the unit quaternion (w, x, y, z).
+
+        Where it is not the nearest one, the unchanged quaternion: `rotation_3d_far` continues from it.
+        """
         xx, xy, xz, yx, yy, yz, zx, zy, zz = normalised(xx, xy, xz, yx, yy, yz, zx, zy, zz)
         nw, nx, ny, nz = w, x, y, z
         for _ in range(steps):
@@ -191,17 +197,17 @@ def make_near(real, compiled, quaternions):
 
 
 def make_far(real, compiled, unit, near):
-    """rotation_3d_far in the arithmetic `real`; `near`: of `make_near`."""
+    """Make rotation_3d_far in the arithmetic `real`; `near`: the functions of `make_near`."""
     one, three, normal = real(1), real(3), real(4 * np.finfo(real).tiny)
-    # 2^n times: of two eigenvalues in a shifted sum of at most 6 sqrt(3), what is left of the smaller one costs the trace at
-    # most 6 sqrt(3) / (2 e 2^n) = 2 eps
+    # 2^n squarings: of two eigenvalues in a shifted sum of at most 6 sqrt(3), the remainder of the smaller one reduces
+    # the trace by at most 6 sqrt(3) / (2 e 2^n) = 2 eps
     squarings = 23 if real is np.float32 else 52
     alone, lost = real(1 - 4 * float(np.finfo(real).eps)), real(1 / 64)
     dot, rotation_3d_near, normalised = make_lengths(real, compiled).dot, near.rotation_3d_near, near.normalised
 
     @compiled
     def squared_of(a, b, c, d, e, f, g, h, i, j):
-        """The square of the symmetric matrix with the rows (a, b, c, d), (b, e, f, g), (c, f, h, i), (d, g, i, j)."""
+        """Square of the symmetric matrix with the rows (a, b, c, d), (b, e, f, g), (c, f, h, i), (d, g, i, j)."""
         return (
             (a * a + b * b) + (c * c + d * d), (a * b + b * e) + (c * f + d * g), (a * c + b * f) + (c * h + d * i),
             (a * d + b * g) + (c * i + d * j), (b * b + e * e) + (f * f + g * g), (b * c + e * f) + (f * h + g * i),
@@ -211,10 +217,10 @@ def make_far(real, compiled, unit, near):
 
     @compiled
     def projection(xx, xy, xz, yx, yy, yz, zx, zy, zz):
-        """The projection on the eigenvectors of K's largest eigenvalue over their number, 10 entries of a symmetric matrix.
+        """Projection on the eigenvectors of K's largest eigenvalue over their number, 10 entries of a symmetric matrix.
 
-        No eigenvalue of K is below -sqrt(3) |A|. The squares' trace being 1, that of the next one is 1 for a projection on
-        one vector alone, and less else.
+        No eigenvalue of K is below -sqrt(3) |A|. Each square is scaled to trace 1; the next one's trace is 1 for a
+        projection on one vector alone, and less otherwise.
         """
         squared = dot(xx, xy, xz, xx, xy, xz) + dot(yx, yy, yz, yx, yy, yz) + dot(zx, zy, zz, zx, zy, zz)
         shift = sqrt(three * squared) + normal
@@ -255,15 +261,19 @@ def make_far(real, compiled, unit, near):
 
 
 def make(real, compiled=plain):
-    """`rotation_3d`, its halves `rotation_3d_near` and `rotation_3d_far`, `matrix_of`, `rotated` in the arithmetic `real`."""
+    """Make `rotation_3d`, its halves `rotation_3d_near` and `rotation_3d_far`, `matrix_of` and `rotated` in the
+    arithmetic `real`."""
     quaternions = make_quaternions(real, compiled)
     near = make_near(real, compiled, quaternions)
     rotation_3d_near, rotation_3d_far = near.rotation_3d_near, make_far(real, compiled, quaternions.unit, near)
 
     @compiled
     def rotation_3d(xx, xy, xz, yx, yy, yz, zx, zy, zz, w, x, y, z):
-        """(w, x, y, z) of the rotation nearest to A, from the unit quaternion (w, x, y, z) of before: the same bits as
-        `rotation_3d_near` for many at once and `rotation_3d_far` for what that has left."""
+        """(w, x, y, z) of the rotation nearest to A, from the unit quaternion (w, x, y, z) of the previous step.
+
+        It gives the same bits as `rotation_3d_near` for many at once followed by `rotation_3d_far` where that did not
+        converge.
+        """
         w, x, y, z, reached = rotation_3d_near(xx, xy, xz, yx, yy, yz, zx, zy, zz, w, x, y, z)
         if reached:
             return w, x, y, z

@@ -1,4 +1,4 @@
-"""Springs in a plane and in space, and dampers: of a mass, and along a spring."""
+"""Springs in a plane and in space; dampers of a mass and along a spring."""
 
 from __future__ import annotations
 
@@ -9,11 +9,12 @@ from model.formulas.lengths import make as make_lengths
 
 OPERATIONS_SPRING_2D = 12  # 2 differences, 3 for the square, 2 for 1/length, 2 for the scale, 2 products, 1 comparison
 OPERATIONS_SPRING = 15  # in space: 3 differences, 5 for the square, 2 for 1/length, 2 for the scale, 3 products
-OPERATIONS_DAMPER = 12  # 3 differences, 5 for the product of speed and way, 4 for its scale
+OPERATIONS_DAMPER = 12  # 3 differences, 5 for the product of speed and vector, 4 for its scale
 
 
 def make(real, compiled=plain):
-    """Formulas of a spring in the arithmetic `real`: spring_acceleration_2d(dx, dy, stiffness, stiffness_rest) -> (x, y)."""
+    """Make spring_acceleration_2d(dx, dy, stiffness, stiffness_rest) -> (x, y) and `damped`, in the arithmetic
+    `real`."""
     lengths = make_lengths(real, compiled)
     squared_length, inverse_length = lengths.squared_length, lengths.inverse_length
 
@@ -40,7 +41,7 @@ def make(real, compiled=plain):
 
 
 def make_3d(real, compiled=plain):
-    """`spring_acceleration_3d` and `damped_pull_3d` in the arithmetic `real`."""
+    """Make `spring_acceleration_3d` and `damped_pull_3d` in the arithmetic `real`."""
     lengths = make_lengths(real, compiled)
     squared_length, inverse_length = lengths.squared_length_3d, lengths.inverse_length
 
@@ -55,9 +56,9 @@ def make_3d(real, compiled=plain):
 
     @compiled
     def damped_pull_3d(dx, dy, dz, wx, wy, wz, stiffness, stiffness_rest, damping):
-        """The same with a damper along the spring: + damping (w.d / |d|^2) d, w the neighbour's velocity less one's own.
+        """Pull as by `spring_acceleration_3d` plus that of a damper along the spring: + damping (w.d / |d|^2) d.
 
-        `damping`: coefficient over mass [1/s].
+        w: the neighbour's velocity minus the own one; `damping`: coefficient over mass [1/s].
         """
         inverse = inverse_length(squared_length(dx, dy, dz))
         speed = ((wx * dx + wy * dy) + wz * dz) * inverse  # at which the spring lengthens

@@ -1,10 +1,10 @@
-"""The surfaces of bodies that meet: on which side of a closed surface a vertex lies, and which way leads out.
+"""Contact of bodies' surfaces: the side of a closed surface on which a vertex lies, and the direction out of it.
 
-Of the nearest point of a closed surface the way to a vertex tells the side: along the triangle's normal where the point lies
-in a face, and within the cone of the normals around where it lies on an edge or a corner (J. A. Baerentzen, H. Aanaes,
-"Signed Distance Computation Using the Angle Weighted Pseudonormal", IEEE TVCG 11 (2005)). One triangle alone is asked here:
-edges that point outward are not much sharper than a voxel's, so that what lies outside is never far behind it. What else a
-contact is: model/formulas/contact.py.
+The vector from the nearest point of a closed surface to a vertex decides the side: along the triangle's normal where
+the point lies in a face, and within the cone of the adjacent normals where it lies on an edge or a corner (J. A.
+Baerentzen, H. Aanaes, "Signed Distance Computation Using the Angle Weighted Pseudonormal", IEEE TVCG 11 (2005)). One
+triangle alone is used here: outward edges are not much sharper than a voxel's, so that an outside point is never far
+behind the triangle. The rest of a contact: model/formulas/contact.py.
 """
 
 from __future__ import annotations
@@ -16,22 +16,26 @@ from model.formulas import plain
 from model.formulas.contact import make as make_contact
 from model.formulas.lengths import make as make_lengths
 
-UPRIGHT = 0.99999  # cosine of n with the normal of the triangle, from which n holds wherever the vertex slides
-PAST = 1 / 16  # of a triangle beyond its edges, where what comes through its plane comes through a neighbour, or nearly
-SHARE = 0.25  # beside its weight, of a corner in what splits its particle's mass: levers act where the weight is 0, too
+UPRIGHT = 0.99999  # cosine of n with the triangle's normal above which n is valid wherever the vertex slides
+PAST = 1 / 16  # of a triangle beyond its edges: a vertex that crosses its plane there crosses a neighbour, or nearly
+SHARE = 0.25  # added to a corner's weight where its particle's mass is split: levers act where the weight is 0, too
 
 
 def make(real, compiled=plain):
-    """`outward`, `kept_by`, `load`, `split`, in the arithmetic `real`. Vectors are three numbers."""
+    """Make `outward`, `kept_by`, `load`, `split` and the functions of `make_current`, in `real`. Vectors are three
+    numbers."""
     zero, behind, share = real(0), real(0.25), real(SHARE)
     lengths = make_lengths(real, compiled)
     dot, cross, length = lengths.dot, lengths.cross, lengths.length
 
     @compiled
     def outward(rx, ry, rz, distance, ux, uy, uz, vx, vy, vz, flat):
-        """(whether the vertex lies inside, the unit direction out of the body). r: from the nearest point to the vertex, so
-        long; u, v: the triangle's edges, in whose order it is seen from outside; nearer than `flat`, where r is rounding, the
-        triangle's normal is the way. No way where the triangle has no area."""
+        """(True if the vertex lies inside, unit direction out of the body).
+
+        r: from the nearest point to the vertex, of length `distance`; u, v: the triangle's edges, in the order that is
+        counterclockwise from outside. Below `flat`, where r is rounding, the direction is the triangle's normal. It is
+        0 where the triangle has no area.
+        """
         nx, ny, nz = cross(ux, uy, uz, vx, vy, vz)
         size = length(nx, ny, nz)
         if size <= zero:
@@ -46,17 +50,17 @@ def make(real, compiled=plain):
 
     @compiled
     def load(weight):
-        """Of a corner of this weight, where surfaces rub: its part in what its particle's mass is split by."""
+        """Part of a corner of this weight in the split of its particle's mass, where surfaces rub."""
         return weight + share
 
     @compiled
     def split(weight, load, total):
-        """Inverse mass of the piece of a particle that has a load in one contact and the `total` in all."""
+        """Inverse mass of the piece of a particle with that load in one contact and the `total` load in all."""
         return weight * total / load
 
     @compiled
     def kept_by(ratio, length):
-        """A length of a contact, of a vertex that keeps `ratio` of what surfaces do."""
+        """Length of a contact for a vertex whose lengths are `ratio` times those of the surfaces."""
         return ratio * length
 
     return SimpleNamespace(
@@ -65,7 +69,8 @@ def make(real, compiled=plain):
 
 
 def make_current(real, compiled=plain):
-    """`still_deep`, `rub` and its parts: of a contact where its particles are now. Vectors are tuples of three numbers."""
+    """Make `still_deep`, `rub` and its parts: a contact at its particles' current positions. Vectors are tuples of
+    three numbers."""
     zero, one, upright, past = real(0), real(1), real(UPRIGHT), real(PAST)
     lengths, search = make_lengths(real, compiled), make_contact(real, compiled)
     dot, cross, length = lengths.dot, lengths.cross, lengths.length
@@ -77,8 +82,11 @@ def make_current(real, compiled=plain):
 
     @compiled
     def over(p, u, v):
-        """(b, c, h): weights of the second and third corner of what of p, from the first one, lies in the triangle's plane,
-        and the way from there [m]; nothing where the triangle has no area."""
+        """(b, c, h): weights of the second and third corner of p's projection on the triangle's plane, and p's height
+        over it [m].
+
+        p, u, v: from the first corner. All are 0 where the triangle has no area.
+        """
         m = cross(u[0], u[1], u[2], v[0], v[1], v[2])
         squared = along(m, m)
         s = one / squared if squared > zero else zero
@@ -87,7 +95,8 @@ def make_current(real, compiled=plain):
 
     @compiled
     def through(early, late):
-        """Whether a vertex has come through the triangle, or just past its edge, between two places told by `over`."""
+        """True if a vertex has passed the triangle, or just beyond its edge, between two positions as computed by
+        `over`."""
         if (early[2] >= zero) == (late[2] >= zero):
             return False
         part = early[2] / (early[2] - late[2])
@@ -96,12 +105,14 @@ def make_current(real, compiled=plain):
 
     @compiled
     def still_deep(n, r, s, t, u, v, p, q, w, depth, distance):
-        """The `depth` [m] of a contact, no more than the vertex lacks of the `distance` from where the triangle is now.
+        """`depth` [m] of a contact, limited to what the vertex lacks of the `distance` from the triangle's current
+        position.
 
-        n is held for the substep and leans, beyond an edge, over what the vertex passes by: its plane then calls deep what is
-        apart. r: from the triangle's point, of the weights s and t, to the vertex as the substep began, u, v: its edges then;
-        q, w: its edges now, p: from its first corner to the vertex. What has come through the triangle is as deep as n says;
-        so is what began inside, and what n holds in the triangle's own plane, which goes on in other triangles.
+        n is fixed for the substep and inclined, beyond an edge, over the region that the vertex passes: its plane then
+        reports a depth where the two are apart. r: from the triangle's point, of the weights s and t, to the vertex at
+        the substep's start; u, v: its edges then; q, w: its edges now; p: from its first corner to the vertex. A vertex
+        that has passed the triangle is as deep as n says; so is one that began inside, and one for which n is the
+        triangle's own normal, whose plane continues in other triangles.
         """
         m = cross(u[0], u[1], u[2], v[0], v[1], v[2])
         if along(n, r) <= zero or abs(along(n, m)) >= upright * length(m[0], m[1], m[2]):
@@ -124,15 +135,17 @@ def make_current(real, compiled=plain):
 
     @compiled
     def across(a, r):
-        """What of a is across r."""
+        """Component of a perpendicular to r."""
         squared = along(r, r)
         return less(a, along(a, r) / squared if squared > zero else zero, r)
 
     @compiled
     def gradients(r, q, w):
-        """(g_2, g_3, lift): gradients [1/m] of the weights of corners two and three of a triangle with the edges q and w, and
-        the part of r along its normal [m]. Where r is longer than the triangle is high, the gradients are shortened: the
-        corners would magnify a force."""
+        """(g_2, g_3, lift): gradients [1/m] of the weights of corners two and three of a triangle with the edges q and
+        w, and the component of r along its normal [m].
+
+        Where r is longer than the triangle is high, the gradients are shortened: the corners would magnify a force.
+        """
         m = cross(q[0], q[1], q[2], w[0], w[1], w[2])
         squared = along(m, m)
         s = one / squared if squared > zero else zero
@@ -143,10 +156,11 @@ def make_current(real, compiled=plain):
 
     @compiled
     def levers(r, f, second, third, lift):
-        """Forces on corners two and three which, beside their weights of a force f that acts at r from the triangle's point,
-        have its moment; corner one gets minus both. `second`, `third`, `lift`: of `gradients`.
+        """Forces on corners two and three that, in addition to their weights of a force f at r from the triangle's
+        point, have its moment; corner one gets minus both.
 
-        e_k = (g_k . r) f' - (g_k . f') lift, f' the part of f across r: the e_k add up to 0, and sum x_k x e_k = r x f.
+        `second`, `third`, `lift`: from `gradients`. e_k = (g_k . r) f' - (g_k . f') lift, f' the component of f
+        perpendicular to r: the e_k sum to 0, and sum x_k x e_k = r x f.
         """
         x = across(f, r)
         return (
@@ -156,30 +170,30 @@ def make_current(real, compiled=plain):
 
     @compiled
     def carried(r, d, e, second, third, lift):
-        """How a triangle moves what is r from its point, beside that point [m]: the transpose of `levers`. d, e: how far its
-        second and third corner went, beyond the first one."""
+        """Displacement, relative to the triangle's point, of a point at r from it [m]: the transpose of `levers`. d, e:
+        displacements of its second and third corner relative to the first one."""
         x, y = times(along(second, r), d), times(along(third, r), e)
         sum_of = x[0] + y[0], x[1] + y[1], x[2] + y[2]
         return across(less(less(sum_of, along(lift, d), second), along(lift, e), third), r)
 
     @compiled
     def rub(n, r, slid, depth, weights, masses, q, w, u, v, static_friction, dynamic_friction):
-        """(j, second, third): how far a contact moves its vertex, and levers on corners two and three, for a weight of 1.
+        """(j, second, third): displacement of the contact's vertex, and levers on corners two and three, for a weight
+        of 1.
 
-        `n`: the contact's normal; `r` from the triangle's point to the vertex, `slid`: how that changed in the substep [m];
-        `weights` of the corners; `masses`: inverse ones of the vertex and the corners, as split among contacts; `q`, `w`: the
-        triangle's edges, `u`, `v`: as they began.
+        `n`: the contact's normal; `r`: from the triangle's point to the vertex; `slid`: the change of that in the
+        substep [m]; `weights` of the corners; `masses`: inverse ones of the vertex and the corners, as split among
+        contacts; `q`, `w`: the triangle's edges; `u`, `v`: those at the substep's start.
 
-        First the normal impulse p = depth / sum b_k^2/m_k acts at the triangle's point. Then friction acts at the vertex, on
-        the slip there. A force f at the vertex gives -A_k f to corner k, A_k f = b_k f + lever k of f. The slip is the
-        transpose of that, s = d_0 - sum A_k^T d_k of the displacements d after the normal impulse, its tangential part. The
-        impulse -F s with F = part |s|^2/Y, Y = |s|^2/m_0 + sum |A_k s|^2/m_k, changes sum m d^2/2 by
-
-            -F |s|^2 + F^2 Y/2 = -part (1 - part/2) |s|^4/Y <= 0, as 0 <= part <= 1,
-
-        so that no contact gains energy by friction. Nor do all at once: a particle goes the mean way of its pieces, and the
-        energy of a mean is no more than the mean energy (R. Tonge et al., SIGGRAPH 2012, on splitting). `part` is 1 where
-        F |s| <= static_friction p, else Coulomb's: F |s| = dynamic_friction p.
+        First the normal impulse p = depth / sum b_k^2/m_k acts at the triangle's point. Then friction acts at the
+        vertex, on the slip there. A force f at the vertex gives -A_k f to corner k, A_k f = b_k f + lever k of f. The
+        slip is the transpose of that, s = d_0 - sum A_k^T d_k of the displacements d after the normal impulse, its
+        tangential part. The impulse -F s with F = part |s|^2/Y, Y = |s|^2/m_0 + sum |A_k s|^2/m_k, changes sum m d^2/2
+        by
+          -F |s|^2 + F^2 Y/2 = -part (1 - part/2) |s|^4/Y <= 0, as 0 <= part <= 1,
+        so that no contact gains energy by friction. Nor do all at once: a particle moves by the mean displacement of
+        its pieces, and the energy of a mean is at most the mean energy (R. Tonge et al., SIGGRAPH 2012, on splitting).
+        `part` is 1 where F |s| <= static_friction p, else Coulomb's: F |s| = dynamic_friction p.
         """
         a, b, c = weights
         stiffness = masses[0] + ((a * a * masses[1] + b * b * masses[2]) + c * c * masses[3])

@@ -1,14 +1,14 @@
-"""Masses against a mesh of triangles: its tree of boxes, the first triangle on a mass's way, the nearest point, the answer.
+"""Masses against a mesh of triangles: its tree of boxes, the first triangle on a path, the nearest point, the response.
 
 Everything happens in the mesh's own frame (model/formulas/frame.py). Triangles have two sides and no inside. A triangle
-faces a point by the sign of n.(p - a), of one formula and 0 counted as its front: whoever ends a step on a side begins the
-next one there. Of a way that leads across an edge, both triangles ask for the same product of the edge with
-opposite signs (R. Segura and F. Feito, "Algorithms to test ray-triangle intersection", WSCG 2001), so that in `exact` math no
-way slips between two triangles; where products are fused, ways that miss by that rounding count as crossing, too.
+faces a point by the sign of n.(p - a), from one formula, and 0 counts as its front: a mass that ends a step on a side
+begins the next one there. For a path across an edge, both triangles use the same product of the edge with opposite
+signs (R. Segura and F. Feito, "Algorithms to test ray-triangle intersection", WSCG 2001). So in `exact` math no path
+slips between two triangles; where products are fused, paths that miss by that rounding count as crossing, too.
 
-The tree is one array of numbers: nodes of NODE numbers in depth-first order, the bounds of a box, how many nodes the walk has
-to go on with where the box is passed by, and a triangle or -1; then triangles, 9 numbers each. A walk needs no stack: it goes
-to the next node, or skips (B. Smits, "Efficiency issues for ray tracing", Journal of Graphics Tools 3, 1998).
+The tree is one array of numbers: nodes of NODE numbers in depth-first order (the bounds of a box, how many nodes to
+skip to where the box is not hit, and a triangle or -1), then triangles, 9 numbers each. A traversal needs no stack: it
+goes to the next node, or skips (B. Smits, "Efficiency issues for ray tracing", Journal of Graphics Tools 3, 1998).
 """
 
 from __future__ import annotations
@@ -24,19 +24,17 @@ from model.formulas.colliders import make as make_colliders
 from model.formulas.frame import make as make_frame
 from model.formulas.lengths import make as make_lengths
 
-NODE, CORNERS = 8, 9  # numbers of a node, of a triangle
-ROUNDS = (
-    4  # how often a mass is moved, at most, before it is asked whether it may stay: two folds, each looked at twice
-)
-SETTLED = 1 - 2.0**-6  # of the thickness: who was moved and is not nearer than that, stays
+NODE, CORNERS = 8, 9  # numbers per node and per triangle
+ROUNDS = 4  # largest number of corrections before the final check: two folds, each tested twice
+SETTLED = 1 - 2.0**-6  # of the thickness: a corrected mass that is no nearer than that stays
 NEAR = (
     2.0**-10
-)  # of the thickness: from there on the way to the nearest point is mostly rounding, and its triangle decides
-SLACK = 8  # eps: what rounding can make of the product of an edge that a way meets
+)  # of the thickness: below it the direction to the nearest point is mostly rounding, and its triangle's normal is used
+SLACK = 8  # eps: rounding error of the product of an edge that a path hits
 
 
 def make_triangle(real, compiled, lengths):
-    """`crossing` and `way_from`, of one triangle, in the arithmetic `real`."""
+    """Make `crossing` and `way_from`, of one triangle, in the arithmetic `real`."""
     zero, one, two, slack = real(0), real(1), real(2), real(SLACK * float(np.finfo(real).eps))
     dot, cross = lengths.dot, lengths.cross
 
@@ -46,9 +44,9 @@ def make_triangle(real, compiled, lengths):
 
     @compiled
     def crossing(px, py, pz, qx, qy, qz, ax, ay, az, bx, by, bz, cx, cy, cz):
-        """The part of the way from p to q after which it crosses the triangle a, b, c; 2 where it does not.
+        """Fraction of the segment from p to q at which it crosses the triangle a, b, c; 2 where it does not.
 
-        A line meets the triangle where its products with all three edges have one sign.
+        A line crosses the triangle where its products with all three edges have one sign.
         """
         dx, dy, dz = qx - px, qy - py, qz - pz
         nx, ny, nz = cross(bx - ax, by - ay, bz - az, cx - ax, cy - ay, cz - az)
@@ -72,7 +70,8 @@ def make_triangle(real, compiled, lengths):
 
     @compiled
     def from_edge(x, y, z, ex, ey, ez):
-        """(squared length, way) to a point from the nearest point of an edge e, from whose start it lies at (x, y, z)."""
+        """(squared length, vector) from the nearest point of an edge e to a point at (x, y, z) from the edge's
+        start."""
         squared, part = dot(ex, ey, ez, ex, ey, ez), zero
         if squared > zero:
             part = min(max(dot(x, y, z, ex, ey, ez) / squared, zero), one)
@@ -81,9 +80,9 @@ def make_triangle(real, compiled, lengths):
 
     @compiled
     def way_from(qx, qy, qz, ax, ay, az, bx, by, bz, cx, cy, cz):
-        """(squared length [m^2], way [m]) to q from the nearest point of the triangle a, b, c.
+        """(squared length [m^2], vector [m]) from the nearest point of the triangle a, b, c to q.
 
-        Where q lies above the triangle, along its normal; else from the nearest edge.
+        Where q lies above the triangle, along its normal; otherwise from the nearest edge.
         """
         abx, aby, abz = bx - ax, by - ay, bz - az
         bcx, bcy, bcz = cx - bx, cy - by, cz - bz
@@ -114,16 +113,19 @@ def make_triangle(real, compiled, lengths):
 
 
 def make_tree(real, compiled=plain):
-    """`first_crossing`, `nearest` and `facing`, of a tree; what `make_triangle` makes; in the arithmetic `real`."""
+    """Make `first_crossing`, `nearest` and `facing` of a tree, and the functions of `make_triangle`, in the arithmetic
+    `real`."""
     zero, two, lengths = real(0), real(2), make_lengths(real, compiled)
     triangle = make_triangle(real, compiled, lengths)
     dot, cross, crossing, way_from = lengths.dot, lengths.cross, triangle.crossing, triangle.way_from
 
     @compiled
     def first_crossing(numbers, tree, px, py, pz, qx, qy, qz):
-        """(part of the way from p to q, place of the triangle that it crosses first or -1). `tree`: where the root lies.
+        """(fraction of the segment from p to q, index of the triangle that it crosses first or -1). `tree`: index of
+        the root.
 
-        Of the nodes, those whose boxes meet the way's own box; of two triangles crossed at once, the first in the tree.
+        It visits the nodes whose boxes overlap the segment's own box. Of two triangles crossed at once, the first in
+        the tree counts.
         """
         low_x, low_y, low_z = min(px, qx), min(py, qy), min(pz, qz)
         high_x, high_y, high_z = max(px, qx), max(py, qy), max(pz, qz)
@@ -155,12 +157,13 @@ def make_tree(real, compiled=plain):
 
     @compiled
     def outside(low, x, high):
-        """How far x lies outside an interval."""
+        """Distance of x outside an interval."""
         return max(max(low - x, x - high), zero)
 
     @compiled
     def nearest(numbers, tree, x, y, z, squared_reach):
-        """(squared distance, the way from the nearest point, place of its triangle or -1 where none is within reach)."""
+        """(squared distance, vector from the nearest point, index of its triangle or -1 where none is within the
+        squared radius)."""
         count, node = np.int32(numbers[tree + 6]), np.int32(0)
         best, place, wx, wy, wz = squared_reach, np.int32(-1), zero, zero, zero
         while node < count:
@@ -185,7 +188,7 @@ def make_tree(real, compiled=plain):
 
     @compiled
     def facing(numbers, t, x, y, z):
-        """The unit normal of the triangle at place t, to the side that a point lies on."""
+        """Unit normal of the triangle at index t, to the side on which a point lies."""
         ax, ay, az = numbers[t], numbers[t + 1], numbers[t + 2]
         nx, ny, nz = cross(
             numbers[t + 3] - ax, numbers[t + 4] - ay, numbers[t + 5] - az, numbers[t + 6] - ax, numbers[t + 7] - ay,
@@ -200,9 +203,12 @@ def make_tree(real, compiled=plain):
 
 
 def make(real, compiled=plain, bounces=False, in_place=False):
-    """What `make_tree` makes; `settle`, of a mass in the mesh's frame; `touch`, of a mass. In the arithmetic `real`.
-    `bounces`: whether there is code for restitution; `in_place`: friction acts on positions, too, and `settling` is (that
-    speed, the substep [s])."""
+    """Make the functions of `make_tree`, `settle` (a mass in the mesh's frame) and `touch` (a mass) in the arithmetic
+    `real`.
+
+    `bounces`: compile restitution; `in_place`: friction acts on positions, too, and `settling` is (that speed, the
+    substep [s]).
+    """
     zero, settled, near = real(0), real(SETTLED), real(NEAR)
     tree_walks, sums, answers = make_tree(real, compiled), make_cloth(real, compiled), make_colliders(real, compiled)
     first_crossing, nearest, facing = tree_walks.first_crossing, tree_walks.nearest, tree_walks.facing
@@ -213,7 +219,7 @@ def make(real, compiled=plain, bounces=False, in_place=False):
 
     @compiled
     def speed_of(pair):
-        """Of `settling`."""
+        """Speed in `settling`."""
         return pair[0] if in_place else pair
 
     @compiled
@@ -221,12 +227,13 @@ def make(real, compiled=plain, bounces=False, in_place=False):
         numbers, tree, thickness, static, dynamic, sx, sy, sz, ux, uy, uz, ax, ay, az, x, y, z, vx, vy, vz, restitution,
         settling,
     ):  # fmt: skip
-        """(whether the mesh was met, x, y, z, vx, vy, vz) of a mass on its way from a to (x, y, z), in the mesh's frame.
+        """(True if the mesh was touched, x, y, z, vx, vy, vz) of a mass on its path from a to (x, y, z), in the mesh's
+        frame.
 
-        `s`: rad/s at which the mesh turns; `u`: its velocity. A triangle in the way puts the mass at `thickness` on the side
-        it comes from, where it would have crossed; the nearest point of the mesh pushes it out to `thickness`. Who was moved
-        is looked at again, ROUNDS times; if even then a triangle lies between where it was and where it is, it stays where
-        it was: so that from step to step no mass changes sides.
+        `s`: the mesh's angular velocity [rad/s]; `u`: its velocity. A triangle on the path puts the mass at `thickness`
+        on the side that it comes from, where it would have crossed; the nearest point of the mesh pushes it out to
+        `thickness`. A moved mass is tested again, ROUNDS times. If even then a triangle lies between its old and its
+        new position, it stays at the old one, so that no mass changes sides from step to step.
         """
         met, reach = False, thickness
         for attempt in range(ROUNDS + 1):
@@ -261,7 +268,7 @@ def make(real, compiled=plain, bounces=False, in_place=False):
             else:
                 vx, vy, vz = respond(vx, vy, vz, cx, cy, cz, nx, ny, nz, static, dynamic)
             if in_place:
-                if crossing < 0:  # a way that was cut off has lost what friction would take
+                if crossing < 0:  # a path that was cut off has already lost what friction would remove
                     dx, dy, dz = slid(settling[1], vx, vy, vz, bx, by, bz, nx, ny, nz)
                     x, y, z = x + dx, y + dy, z + dz
             met, reach = True, settled * thickness

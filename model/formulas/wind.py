@@ -1,7 +1,7 @@
 """Wind on a triangle: a flat plate's drag and lift, from its velocity relative to the air; and gusts.
 
-The coefficients of a flat plate at the angle a between its plane and the stream: drag ~ sin a, lift ~ sin a cos a, as in
-M. Keckeisen, S. Kimmerle, B. Thomaszewski and M. Wacker, "Modelling effects of wind fields in cloth animations",
+The coefficients of a flat plate at the angle a between its plane and the stream: drag ~ sin a, lift ~ sin a cos a, as
+in M. Keckeisen, S. Kimmerle, B. Thomaszewski and M. Wacker, "Modelling effects of wind fields in cloth animations",
 Journal of WSCG 12 (2004), section 4.1, each times half the air's density, the area, and the squared speed.
 """
 
@@ -17,11 +17,11 @@ from model.formulas.lengths import make as make_lengths
 from model.formulas.random import make as make_random
 
 OPERATIONS_TRIANGLE = 62
-GUST_STREAM = 0  # the particle under which the random generator is asked for gusts
+GUST_STREAM = 0  # particle number under which the random generator draws gusts
 
 
 def make(real, compiled=plain):
-    """`triangle_wind` and `gust` in the arithmetic `real`."""
+    """Make `triangle_wind`, `gust_interval` and `gust` in the arithmetic `real`."""
     two, three = real(2), real(3)
     lengths = make_lengths(real, compiled)
     squared_length, inverse_length = lengths.squared_length_3d, lengths.inverse_length
@@ -29,11 +29,12 @@ def make(real, compiled=plain):
 
     @compiled
     def triangle_wind(abx, aby, abz, acx, acy, acz, ux, uy, uz, drag, lift):
-        """Force over mass [m/s^2] on each corner of the triangle with the edges ab and ac [m], passed by air at u [m/s].
+        """Force over mass [m/s^2] on each corner of the triangle with the edges ab and ac [m], in a relative wind u
+        [m/s].
 
-        `drag`, `lift` [1/m^2]: density / 2 * coefficient / mass / 6, since a corner takes a third, and n = ab x ac is
-        twice the area long. The sum of drag |u.n| u and lift (u.n) (|u| n / |n| - (u.n) u / (|u| |n|)), neither of which
-        depends on the side that n points to. Zero for a triangle without area and for still air.
+        `drag`, `lift` [1/m^2]: density / 2 * coefficient / mass / 6, since a corner takes a third, and the length of n
+        = ab x ac is twice the area. The sum of drag |u.n| u and lift (u.n) (|u| n / |n| - (u.n) u / (|u| |n|)), neither
+        of which depends on the side that n points to. Zero for a triangle without area and for still air.
         """
         nx = aby * acz - abz * acy
         ny = abz * acx - abx * acz
@@ -50,14 +51,14 @@ def make(real, compiled=plain):
 
     @compiled
     def gust_interval(time, gust_time):
-        """(number of the interval that `time` [s] lies in, part of it that has passed, in [0, 1))."""
+        """(number of the interval that contains `time` [s], fraction of it that has passed, in [0, 1))."""
         intervals = time / gust_time
         whole = floor(intervals)
         return np.int64(whole), intervals - real(whole)
 
     @compiled
     def gust(word_before, word_after, part):
-        """g in (-1, 1): from one interval's random word to the next one's along 3 p^2 - 2 p^3."""
+        """g in (-1, 1): interpolated from one interval's random word to the next one's along 3 p^2 - 2 p^3."""
         before, after = uniform(word_before), uniform(word_after)
         smooth = part * part * (three - two * part)
         return before + smooth * (after - before)

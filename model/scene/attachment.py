@@ -1,5 +1,5 @@
-"""What holds vertices of tetrahedral bodies, and of a cloth beside them, to the world, to colliders, and to one another: a
-part of a scene."""
+"""The part `attachment`: connections of vertices of tetrahedral bodies, and of a cloth beside them, to the world, to
+colliders and to one another."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from model.scene.motion import Motion
 from model.scene.parts import NotNegative, Part, Vector
 from model.scene.words import suggestion
 
-LONGEST = 1e8  # s, or rad: how far ahead a collider's way is known to what is attached to it
+LONGEST = 1e8  # s, or rad: how far ahead a collider's path is known to what is attached to it
 
 
 class Attachment(Part):
@@ -47,12 +47,12 @@ class Attachment(Part):
 
 
 def pins(attachment: Attachment, bodies: Collection[str]) -> bool:
-    """Whether its vertices are pinned; `bodies`: the tetrahedral ones, and the cloth."""
+    """Return True if the attachment's vertices are pinned; `bodies`: the tetrahedral ones, and the cloth."""
     return attachment.compliance == 0 and attachment.to not in bodies
 
 
 def motion_with(attachment: Attachment, collider: Collider) -> Motion | None:
-    """How what is attached to a collider moves, None where that rests."""
+    """Return the motion of what is attached to a collider; None where the collider rests."""
     given: dict[str, Any] = collider.model_dump()
     spin = given.get("spin", (0.0, 0.0, 0.0))
     speed = hypot(*spin)
@@ -66,7 +66,7 @@ def motion_with(attachment: Attachment, collider: Collider) -> Motion | None:
 
 
 def check_attachment(name: str, part: Attachment, bodies: Mapping[str, Any], colliders: Mapping[str, Collider]) -> None:
-    """Raise SceneError for what is not there."""
+    """Raise SceneError if the body or the target of the attachment does not exist, or cannot be attached to."""
     if part.body not in bodies:
         told = f"must be a tetrahedral body or a cloth of the scene: {', '.join(bodies)}{suggestion(part.body, bodies)}"
         raise SceneError(f"{name}.body", part.body, told)

@@ -1,4 +1,4 @@
-"""The parts of a scene that are bodies made from meshes: what they are made of, how many, and where they start."""
+"""The parts that are bodies made from meshes: their source, their copies, and their initial positions."""
 
 from __future__ import annotations
 
@@ -55,22 +55,22 @@ class Placed(MeshSource):
 
     @property
     def count(self) -> int:
-        """How many copies."""
+        """Number of copies."""
         return self.copies[0] * self.copies[1] * self.copies[2]
 
     @property
     def contact_radius(self) -> float:
-        """[m]"""
+        """Radius of a particle in contacts [m]."""
         return self.baked.spacing / 2 if self.radius is None else self.radius
 
     @property
     def meets_itself(self) -> bool:
-        """Whether its particles meet those of the same copy."""
+        """True if the body's particles collide with those of the same copy."""
         return isinstance(self, SoftBody) if self.self_collision is None else self.self_collision
 
     @cached_property
     def baked(self) -> BakedBody:
-        """The body, from the user's cache where it was made before. Raises SceneError, InputError."""
+        """The body, from the user's cache if it was made before. Raises SceneError, InputError."""
         if not isinstance(self, RigidBody):
             raise TypeError("a placed body is a soft or a rigid one")
         made_of = next(kind for kind in (SoftSheet, SoftLattice, SoftBody, RigidBody) if isinstance(self, kind))
@@ -80,18 +80,18 @@ class Placed(MeshSource):
         return baked(parameters, source, scale=self.scale)
 
     def places(self) -> np.ndarray:
-        """(copies, 3) float64 [m]: where each copy's mesh has its origin, x first."""
+        """Return the origin of each copy's mesh, (copies, 3) float64 [m], x first."""
         nx, ny, nz = self.copies
         z, y, x = np.meshgrid(np.arange(nz), np.arange(ny), np.arange(nx), indexing="ij")
         steps = np.stack([x.ravel(), y.ravel(), z.ravel()], axis=1)
         return np.asarray(self.origin) + steps * np.asarray(self.apart)
 
     def turn(self) -> np.ndarray:
-        """(3, 3) float64: the start's rotation."""
+        """Return the initial rotation, (3, 3) float64."""
         return turned_about(self.axis, self.angle)
 
     def _idle_fields(self) -> set[str]:
-        made: Any = self  # of a RigidBody, too
+        made: Any = self  # a RigidBody, too
         idle = {*made.lacks, "density" if made.mass is not None else "mass"}
         return super()._idle_fields() | idle | {name for name in MATERIAL if not getattr(made, name, None)}
 

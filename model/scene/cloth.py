@@ -1,4 +1,4 @@
-"""The parts of a cloth in space, each a validated table: the sheet, its springs, wind, and what it collides with."""
+"""The parts of a cloth in space, each a validated table: the sheet, its springs, wind, and its colliders."""
 
 from __future__ import annotations
 
@@ -167,4 +167,4 @@ CLOTH_KINDS: dict[str, type[Part]] = {
 SURFACE_KINDS = ("mesh_collider", "distance_field")  # colliders made from a mesh
 COLLIDER_KINDS = ("plane", "sphere", "capsule", "box", *SURFACE_KINDS)
 SPRING_KINDS = ("structural", "shear", "bending")
-CONSTRAINT_KINDS = (*SPRING_KINDS, "volume")  # what a mesh may have, in the order in which they are projected
+CONSTRAINT_KINDS = (*SPRING_KINDS, "volume")  # what a mesh may have, in the order of projection

@@ -1,4 +1,5 @@
-"""What the tables of a scene file may hold: read from the parts themselves, their defaults and the comments beside them."""
+"""Reference of a scene file's tables, read from the parts themselves: fields, defaults, and the comments beside
+them."""
 
 from __future__ import annotations
 
@@ -16,14 +17,14 @@ from model.scene.parts import CAMERA, CameraPart, Part
 from model.scene.tank import TANK, Tank
 from model.scene.words import notes_of, suggestion
 
-TOLD = KINDS | {TANK: Tank, CAMERA: CameraPart, "shape": Shape}  # a shape is a field of a body or mesh, no table
+TOLD = KINDS | {TANK: Tank, CAMERA: CameraPart, "shape": Shape}  # a shape is a field of a body or mesh, not a table
 REQUIRED = "(must be given)"
-WIDE = 2**31 - 1  # a bound that nobody meets: what an index or a seed can hold
+WIDE = 2**31 - 1  # no bound for a reader: the limit of an index or a seed
 
 
 @dataclass(frozen=True)
 class Row:
-    """A field of a table: its `default` as a file would have it, what is `allowed`, and a `note`: its unit, mostly."""
+    """A field of a table: its `default` as in a file, the `allowed` values, and a `note`, mostly its unit."""
 
     name: str
     default: str
@@ -32,15 +33,18 @@ class Row:
 
 
 def kind_named(kind: str) -> type[Part]:
-    """The part of that kind. Raises SceneError."""
+    """Return the class of the part of that kind. Raises SceneError."""
     if kind not in TOLD:
         raise SceneError("--fields", kind, f"unknown kind{suggestion(kind, TOLD)}; known: {', '.join(TOLD)}")
     return TOLD[kind]
 
 
 def about(kind: str) -> str:
-    """What a table of that kind is, in the words of its part and of what that shares with others; not of another kind that
-    it is made from. Raises SceneError."""
+    """Return the description of a kind of table: the docstrings of its part and of the bases that it shares with
+    others.
+
+    Other kinds from which it is derived are left out. Raises SceneError.
+    """
     part = kind_named(kind)
     untold = (Part, MeshSource, *TOLD.values())
     owners = [part, *(owner for owner in part.__mro__[1:] if issubclass(owner, Part) and owner not in untold)]
@@ -48,7 +52,7 @@ def about(kind: str) -> str:
 
 
 def rows_of(kind: str) -> list[Row]:
-    """The fields of a table of that kind, in their order. Raises SceneError."""
+    """Return the fields of a table of that kind, in their order. Raises SceneError."""
     part = kind_named(kind)
     notes = notes_of(part)
     return [
@@ -70,7 +74,7 @@ def _default(field: FieldInfo) -> str:
 
 
 def _allowed(field: FieldInfo) -> str:
-    """Bounds, or the words that it takes."""
+    """Return the bounds of a field, or the words that it takes."""
     marks = [*field.metadata, *_marks(field.annotation)]
     bounds = [f"> {_number(m.gt)}" for m in marks if isinstance(m, Gt)]
     bounds += [f">= {_number(m.ge)}" for m in marks if isinstance(m, Ge)]
@@ -84,7 +88,7 @@ def _number(value: Any) -> str:
 
 
 def _marks(annotation: Any) -> list[Any]:
-    """Bounds within an annotation: of `Positive | None`, of a list's numbers."""
+    """Return the bounds within an annotation: of `Positive | None`, of a list's numbers."""
     found: list[Any] = []
     for part in get_args(annotation):
         if isinstance(part, FieldInfo):
@@ -94,7 +98,7 @@ def _marks(annotation: Any) -> list[Any]:
 
 
 def _leaves(annotation: Any) -> list[Any]:
-    """The values of all literals within an annotation."""
+    """Return the values of all literals within an annotation."""
     if not get_args(annotation):
         return []
     if get_origin(annotation) is Literal:
@@ -217,7 +221,7 @@ iterations = 10
 
 
 def document() -> str:
-    """docs/scene.md: every kind of table, its fields, defaults, bounds and units."""
+    """Return the text of docs/scene.md: every kind of table, its fields, defaults, bounds and units."""
     lines = [
         "# Scene files",
         "",

@@ -1,4 +1,4 @@
-"""The parts of a scene by which a fluid comes and goes: emitters and sinks."""
+"""The parts for inflow and outflow of a fluid: emitters and sinks."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from model.scene.parts import ZERO, NotNegative, Part, Positive, Vector
 
 Shape = Literal["box", "sphere", "half-space"]
 OF_SHAPE = {"box": ("center", "half_size"), "sphere": ("center", "radius"), "half-space": ("point", "normal")}
-SMALL = 1e-9  # of a length: what rounding makes of lattice points at a rim
+SMALL = 1e-9  # of a length: rounding of lattice points at a rim
 
 
 def spatial(vector: Any) -> np.ndarray:
-    """(3,) of two numbers or three."""
+    """Return a vector of two or three numbers as (3,)."""
     return np.array([*vector, 0.0][:3], np.float64)
 
 
@@ -62,23 +62,24 @@ class Emitter(Part):
 
     @property
     def way(self) -> np.ndarray:
-        """(3,): the unit direction."""
+        """Unit direction, (3,)."""
         found = spatial(self.direction)
         return found / norm(found)
 
     @property
     def axes(self) -> tuple[np.ndarray, np.ndarray]:
-        """Two unit vectors across the direction, (3,) each; 0 where `across` points along it."""
+        """Two unit vectors perpendicular to the direction, (3,) each; 0 where `across` points along it."""
         way, across = self.way, spatial(self.across)
         first = across - dot(across, way) * way
-        if self.size is None and not norm(first) > SMALL:  # of a disc any will do
+        if self.size is None and not norm(first) > SMALL:  # a disc does not depend on it
             first = np.cross(way, np.eye(3)[np.argmin(np.abs(way))])
         length = norm(first)
         first = first / length if length > SMALL else np.zeros(3)
         return first, np.cross(way, first)
 
     def nozzle(self, rest_distance: float, dimensions: int) -> np.ndarray:
-        """(points, 3) [m]: where a layer's particles are in the nozzle; none where it is narrower than the rest distance."""
+        """Return the positions of a layer's particles in the nozzle, (points, 3) [m]; none where it is narrower than
+        the rest distance."""
         if dimensions == 2:
             first, second = np.array([-self.way[1], self.way[0], 0.0]), np.zeros(3)
         else:
@@ -89,7 +90,7 @@ class Emitter(Part):
             assert self.size is not None
             wide, high = self.size[0], self.size[-1]
         counts = [int(side / rest_distance * (1 + SMALL)) for side in (wide, high)]
-        if self.radius is not None:  # one particle in its middle
+        if self.radius is not None:  # one particle in its centre
             counts = [count - (count % 2 == 0) for count in counts]
         if min(counts) < 1:
             return np.zeros((0, 3))
@@ -124,7 +125,7 @@ class Sink(Part):
         return super()._idle_fields() | {name for names in OF_SHAPE.values() for name in names if name not in own}
 
     def holds(self, place: np.ndarray) -> np.ndarray:
-        """(n,) bool: which of the places (n, 3) [m] lie in it."""
+        """Return which of the points (n, 3) [m] lie in the sink, (n,) bool."""
         if self.shape == "half-space":
             return np.asarray(dot(place - spatial(self.point), spatial(self.normal)) <= 0)
         away = place - spatial(self.center)

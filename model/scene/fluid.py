@@ -1,4 +1,4 @@
-"""The parts of a scene that are fluids: blocks of particles, and the box that they live in where its sides repeat."""
+"""The parts that are fluids: blocks of particles, and the periodic box in which they are."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from pydantic import Field, model_validator
 
 from model.scene.parts import ZERO, Count, NotNegative, Number, Part, Positive, Vector
 
-SUPPORT = 1 / 0.55  # rest distances, unless told
-NARROWEST, WIDEST = 1.2, 4.0  # supports in rest distances: neighbours on the lattice are 6 and 250
-WIDER = 1.001  # a cell's edge over the support: what rounding brings within reach lies in a cell beside
-SPEED_SHARE = 0.5  # supports that a particle moves in a substep at most
-REPEATED = 3  # cells that a side is long at least, where it repeats: cells around a particle are three different ones
-MOST_ALONG = 1e9  # particles along a side of a block: no memory holds more of one row
+SUPPORT = 1 / 0.55  # rest distances, by default
+NARROWEST, WIDEST = 1.2, 4.0  # supports in rest distances: 6 and 250 neighbours on the lattice
+WIDER = 1.001  # a cell's edge over the support: particles that rounding brings within it lie in an adjacent cell
+SPEED_SHARE = 0.5  # supports that a particle moves in a substep, at most
+REPEATED = 3  # cells along a periodic side, at least: the cells around a particle must be three different ones
+MOST_ALONG = 1e9  # particles along a side of a block: no memory can hold more in one row
 Flat = tuple[Number, Number]
 Sides = tuple[Positive, Positive, Positive] | tuple[Positive, Positive]  # of a block, m
 AxisName = Literal["x", "y", "z"]
@@ -95,32 +95,31 @@ class Fluid(Part):
 
     @property
     def support_radius(self) -> float:
-        """How far a particle sees [m]."""
+        """Radius [m] within which a particle has neighbours."""
         return self.rest_distance * SUPPORT if self.support is None else self.support
 
     @property
     def all_blocks(self) -> tuple[Any, ...]:
-        """Its own block, if it has one, and the others: what has an origin and a size."""
+        """All blocks of the fluid, its own (if it has one) and the others: objects with an origin and a size."""
         return (self, *self.blocks) if self.size is not None else self.blocks
 
     @property
     def starting_count(self) -> int:
-        """How many particles it starts with."""
+        """Number of particles at the start."""
         return sum(prod(self.counts(block)) for block in self.all_blocks)
 
     @property
     def most(self) -> int:
-        """How many particles there may be of it, those that wait too."""
+        """Largest number of particles, including those that wait for an emitter."""
         return self.starting_count if self.capacity is None else self.capacity
 
     def speed_limit(self, substep: float) -> float:
-        """[m/s]: what no particle exceeds in substeps of so many seconds: half a support in each, or less if it is told
-        so."""
+        """Speed limit [m/s]: half a support radius per substep [s], or `maximum_speed` if that is smaller."""
         own = SPEED_SHARE * self.support_radius / substep
         return own if self.maximum_speed is None else min(own, self.maximum_speed)
 
     def counts(self, block: Any) -> tuple[int, ...]:
-        """How many particles lie along each side of a block."""
+        """Return the number of particles along each side of a block."""
         return tuple(max(1, round(side / self.rest_distance)) for side in block.size)
 
 

@@ -1,4 +1,4 @@
-"""The kinds of tables that a scene file may have, and which of them more than once."""
+"""The kinds of tables of a scene file, and which of them may occur more than once."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ KINDS: dict[str, type[Part]] = (
     | FLOW_KINDS
     | {"contact": Contact, "region": Region, "attachment": Attachment, "material": Material}
 )
-SHEETS = ("grid", "cloth", "mesh")  # a scene has one of them
+SHEETS = ("grid", "cloth", "mesh")  # a scene has at most one of them
 SEVERAL = (
     *SHEETS,
     *BODY_KINDS,
@@ -43,4 +43,4 @@ SEVERAL = (
     "region",
     "attachment",
     "material",
-)  # may be more than one, or are refused otherwise
+)  # may occur more than once, or are refused elsewhere

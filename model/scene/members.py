@@ -1,5 +1,5 @@
-"""Who solves what of a scene whose parts belong to several families of particles: a world, each member of which is a scene of
-its own."""
+"""Members of a world, a scene whose parts belong to several families of particles: each member is a scene of its
+own."""
 
 from __future__ import annotations
 
@@ -15,16 +15,19 @@ from model.scene.tetrahedra import TETRAHEDRAL_KINDS
 
 OF_CLOTHS = ("mesh", "wind", *(kind for kind in CONSTRAINT_KINDS if kind != "shear"))
 SHARED = ("contact", "damping", "external", "gravity", "method", *COLLIDER_KINDS)
-SHEETS = ("grid", "cloth")  # of masses in rows and columns alone
-OF_PARTICLES = ("restitution", "adhesion_reach", "maximum_speed", "sleeping_speed")  # surfaces know nothing of these
-SUBSTEPS = 20  # of tetrahedra, unless told: a beam of 1e6 Pa then sags as its mesh says, to a fifth
+SHEETS = ("grid", "cloth")  # sheets of rows and columns, which a world does not support
+OF_PARTICLES = ("restitution", "adhesion_reach", "maximum_speed", "sleeping_speed")  # not supported by surfaces
+SUBSTEPS = 20  # of tetrahedra, by default: the sag of a beam of 1e6 Pa is then that of its mesh, within a fifth
 
 
 @dataclass(frozen=True)
 class Member:
-    """Particles of one family: `kinds` of parts, one of which makes it a member; `takes`: what belongs to these as well;
-    `solver`: of its method, which of tetrahedra the world's method says; `contact`: the fields of a [contact] that it does
-    not know, None where it knows no contacts; `lacks`: what of SHARED it does not know."""
+    """Member of a world: the particles of one family.
+
+    `kinds`: of parts, one of which makes it a member; `takes`: kinds that belong to these as well; `solver`: of its
+    method (tetrahedra: as the world's method says); `contact`: the fields of a [contact] that it does not support, None
+    where it supports no contacts; `lacks`: kinds of SHARED that it does not support.
+    """
 
     kinds: tuple[str, ...]
     takes: tuple[str, ...]
@@ -47,21 +50,25 @@ MEMBERS = {
 }  # in the order of a world's particles
 
 
-OF_THE_WORLD = "wetting"  # of no member: of a cloth and the fluid that it is in
+OF_THE_WORLD = "wetting"  # belongs to no member, but to a cloth and the fluid around it
 
 
 def members_of(kinds: Mapping[str, str]) -> tuple[str, ...]:
-    """Of parts with such kinds, by name: the members of a world, at least two; none, where one family solves the scene."""
+    """Return the members of a world with parts of these kinds (name -> kind); none where one family solves the
+    scene."""
     there = set(kinds.values())
     found = [name for name, member in MEMBERS.items() if there & set(member.kinds)]
-    if "tetrahedra" in found and "cloth" in found:  # which they take with them
+    if "tetrahedra" in found and "cloth" in found:  # tetrahedra include the cloth beside them
         found.remove("cloth")
     return tuple(found) if len(found) > 1 else ()
 
 
 def member_tables(kinds: Mapping[str, str], tables: Mapping[str, Any], method: Method) -> dict[str, dict[str, Any]]:
-    """The tables of each member's scene; `tables`: those of the world, with their kinds, defaults filled in. Raises
-    SceneError for one that belongs to no member."""
+    """Return the tables of each member's scene.
+
+    `tables`: those of the world, with their kinds, defaults filled in. Raises SceneError for one that belongs to no
+    member.
+    """
     names = members_of(kinds)
     for name, kind in kinds.items():
         owners = [one for one in names if kind in (*MEMBERS[one].kinds, *MEMBERS[one].takes)]
@@ -93,8 +100,8 @@ def _tables_of(member: Member, kinds: Mapping[str, str], tables: Mapping[str, An
 
 
 def _meets(member: Member, kinds: Mapping[str, str], tables: Mapping[str, Any]) -> bool:
-    """Whether anything of a member may meet anything else of it: of tetrahedra several bodies, a cloth, one that meets
-    itself."""
+    """Return True if parts of a member may collide: for tetrahedra, several bodies, a cloth, or a body with
+    self-collision."""
     if member is not TETRAHEDRA:
         return True
     own = [name for name, kind in kinds.items() if kind in (*member.kinds, "mesh")]

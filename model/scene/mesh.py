@@ -1,5 +1,4 @@
-"""The part `mesh`: a cloth of any triangles, read from a file, or a rectangular sheet cut into triangles one way or
-another."""
+"""The part `mesh`: a cloth of any triangles, read from a file, or a rectangular sheet cut into triangles."""
 
 from __future__ import annotations
 
@@ -66,23 +65,23 @@ class Mesh(Cloth):
 
     @model_validator(mode="after")
     def _pins_lie_inside(self) -> Mesh:
-        """Read the file; put in the fields that follow from the mesh."""
+        """Read the file and set the fields that follow from the mesh."""
         if self.file is not None and not (self.pinned in ("none", "top") or _vertices(self.pinned)):
             raise ValueError(f"pinned: {FILE_PINS}")
         if self.file is None and self.pinned and _vertices(self.pinned):
             raise ValueError("pinned: a sheet's masses are told as [[row, column], ...]")
         if self.file is None:
             Grid._pins_lie_inside(self)  # type: ignore[operator]
-        self.__dict__.update(describe(self))  # the part is frozen for everyone else
+        self.__dict__.update(describe(self))  # the part is frozen for other code
         return self
 
     @property
     def extent(self) -> float:
-        """Its longest side [m]."""
+        """Longest side [m]."""
         return float((mesh_of(self).position.max(axis=0) - mesh_of(self).position.min(axis=0)).max())
 
     def _idle_fields(self) -> set[str]:
-        """Only what can be given: a scene that is written can be read."""
+        """Return all fields that cannot be given, so that a written scene can be read."""
         return {"density" if self.density is None else "mass", *(OF_FILES if self.file is None else OF_SHEETS)}
 
 

@@ -1,4 +1,4 @@
-"""What parts made from a mesh have in common, bodies and colliders: where it comes from, where it stands, how it turns."""
+"""The common base of parts made from a mesh, bodies and colliders: its source, position and rotation."""
 
 from __future__ import annotations
 
@@ -15,24 +15,24 @@ OF_FILES = ("file", "digest", "scale")
 
 
 def check_axis(part: Any) -> None:
-    """Raises ValueError where a part is turned about nothing."""
+    """Raise ValueError where a part is rotated about a zero axis."""
     if part.angle != 0 and not any(part.axis):
         raise ValueError("axis: must point somewhere, such as [0.0, 1.0, 0.0]")
 
 
 def check_digest(part: Any) -> None:
-    """A part of a file knows it from here on. Raises ValueError where it is not the one whose digest is told."""
+    """Store the digest of a part's file in the part. Raises ValueError where it differs from the stated one."""
     if part.file is not None:
         digest = file_digest(mesh_path(part.file))
         if part.digest not in (None, digest):
             raise ValueError(f"digest: {part.file} is another file by now ({digest}); leave it out")
-        part.__dict__["digest"] = digest  # the part is frozen for everyone else
+        part.__dict__["digest"] = digest  # the part is frozen for other code
 
 
 class MeshSource(Part):
     """A part made from one of the lab's shapes or from a file."""
 
-    such_as: ClassVar[str]  # a shape to name where none is given
+    such_as: ClassVar[str]  # a shape for the message where none is given
     contradicts: ClassVar[Mapping[str, tuple[str, ...]]] = {"shape": OF_FILES, "file": ("shape", "digest")}
 
     shape: Shape | None = None  # of the lab's own
@@ -56,7 +56,7 @@ class MeshSource(Part):
         return self
 
     def _idle_fields(self) -> set[str]:
-        """Only what can be given: a scene that is written can be read."""
+        """Return all fields that cannot be given, so that a written scene can be read."""
         idle = set(OF_FILES) if self.shape is not None else {"shape"}
         idle |= set() if getattr(self, "fill_holes", None) else {"fill_holes"}
         return super()._idle_fields() | idle | {name for name in type(self).model_fields if getattr(self, name) is None}

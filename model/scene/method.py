@@ -1,4 +1,4 @@
-"""How a scene is solved: the table `method`."""
+"""The part `method`: how a scene is solved."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ SchemeName = Literal["macklin", "averaged", "divergence-free"]
 RowsName = Literal["scalar", "blocks"]
 OrderingName = Literal["gauss-seidel", "jacobi", "averaged-jacobi"]
 POSITION_BASED = ("xpbd", "pbd", "shape-matching")
-MAX_ROUNDS = 1_000_000  # over all constraints a step: seconds of the smallest sheet, and nothing can interrupt a step
+MAX_ROUNDS = 1_000_000  # over all constraints per step: seconds for the smallest sheet; a step cannot be interrupted
 Rounds = Annotated[int, Field(ge=1, le=MAX_ROUNDS, strict=True)]
 MAX_REGION = 8  # a cluster of 17 x 17: larger ones are sums over a region's edges, not over its masses
-SHORTEST, LONGEST = 1e-150, 1e150  # s: steps whose squares float64 can hold
+SHORTEST, LONGEST = 1e-150, 1e150  # s: the squares of steps must be float64 numbers
 
 
 class Method(Part):
@@ -83,22 +83,22 @@ class Method(Part):
 
     @property
     def position_based(self) -> bool:
-        """Whether the solver moves masses until constraints hold, instead of adding up forces."""
+        """True if the solver moves masses until constraints are satisfied, instead of adding up forces."""
         return self.solver in (*POSITION_BASED, *OF_TETRAHEDRA, OF_FLUIDS, OF_WORLDS)
 
     @property
     def name(self) -> str:
-        """What tells methods apart, in words: the integrator, or the solver with its ordering."""
+        """Name that distinguishes methods: the integrator, or the solver with its ordering."""
         return self.label if self.position_based else self.integrator
 
     @property
     def matches_shapes(self) -> bool:
-        """Whether the solver is shape matching."""
+        """True for the solver shape matching."""
         return self.solver == "shape-matching"
 
     @property
     def label(self) -> str:
-        """The solver and what it is told: `mass-spring rk4`, `xpbd jacobi`, `shape-matching`, `newton, order 2`."""
+        """Solver and its main option: `mass-spring rk4`, `xpbd jacobi`, `shape-matching`, `newton, order 2`."""
         if self.matches_shapes or self.solver in (*OF_TETRAHEDRA, OF_WORLDS):
             return self.solver + f", order {self.order}" * (self.order > 1)
         if self.solver == OF_FLUIDS:
@@ -108,7 +108,7 @@ class Method(Part):
 
     @property
     def part_of_the_way(self) -> float:
-        """How far an iteration of `pbf` goes towards its constraint."""
+        """Relaxation factor of an iteration of `pbf`."""
         if self.relaxation is not None:
             return self.relaxation
         return 1.0 if self.scheme == "averaged" else 0.5
@@ -117,7 +117,7 @@ class Method(Part):
         if self.solver == OF_FLUIDS and self.relaxation is None:
             return set(type(self).model_fields) - (set(FIELDS_OF_SOLVER[self.solver]) - {"relaxation"})
         told = set(FIELDS_OF_SOLVER[self.solver]) - ({"rows"} if self.rows == "scalar" else set())
-        if self.solver == OF_WORLDS:  # whose fluid, if it has one, is as all are unless told otherwise
+        if self.solver == OF_WORLDS:  # the fluid's fields are the defaults unless stated
             fields = type(self).model_fields
             told -= {name for name in ("tetrahedra", *ABOUT_FLUIDS) if getattr(self, name) == fields[name].default}
         told -= {name for name in ("chebyshev", "sleeping_speed") if getattr(self, name) == 0}
@@ -136,6 +136,6 @@ FIELDS_OF_SOLVER = {
     "world": ("solver", "dt", "substeps", "iterations", "tetrahedra", *ABOUT_FLUIDS),
     "pbf": ("solver", "dt", "substeps", "iterations", *ABOUT_FLUIDS),
 }
-OF_TETRAHEDRA = ("vbd", "newton")  # solvers of tetrahedral bodies alone
+OF_TETRAHEDRA = ("vbd", "newton")  # solvers for tetrahedral bodies only
 OF_FLUIDS: SolverName = "pbf"
-OF_WORLDS: SolverName = "world"  # of parts of several families
+OF_WORLDS: SolverName = "world"  # for parts of several families

@@ -1,4 +1,4 @@
-"""Pins that follow a path: a part of a cloth, and which of its masses do."""
+"""The part `motion`: pins that follow a path, and the assignment of masses to motions."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from model.core.errors import SceneError
 from model.core.pins import PIN_RULE, Pins, checked_pins, pin_indices
 from model.scene.parts import Grid, NotNegative, Number, Part, Positive, Vector
 
-MAX_RADIANS = 1e9  # of a motion in all: quarter turns are counted in whole numbers
+MAX_RADIANS = 1e9  # of a whole motion: quarter turns are counted in integers
 
 
 class Motion(Part):
@@ -36,7 +36,7 @@ class Motion(Part):
     @field_validator("pins", mode="before")
     @classmethod
     def _pins_are_a_word_or_a_list(cls, value: object) -> object:
-        pins = value if isinstance(value, str) else checked_pins(value)  # what words there are hangs on what has pins
+        pins = value if isinstance(value, str) else checked_pins(value)  # words depend on what has the pins
         if pins in ("none", "", []):
             raise ValueError(f"must name a mass: {PIN_RULE.removeprefix('none, ')}")
         return pins
@@ -55,15 +55,15 @@ class Motion(Part):
 
     @property
     def moves(self) -> bool:
-        """Whether it is a motion at all."""
+        """True if it moves at all."""
         return self.angular_velocity != 0 or any(self.velocity)
 
 
 def motions_of_pins(sheet: Grid | Any, motions: Mapping[str, Motion]) -> np.ndarray:
-    """(pins,) int64: for each pinned mass of the sheet, by index, the number of its motion in `motions`, -1: it has none.
-    What is no sheet of rows says so itself: `pin_motions`.
+    """Return for each pinned mass of the sheet, by index, the number of its motion in `motions`, or -1; (pins,) int64.
 
-    Raises SceneError for a motion of masses that are not pinned, or of one that another motion moves.
+    Particle sets other than sheets of rows compute it themselves: `pin_motions`. Raises SceneError for a motion of
+    masses that are not pinned, or that another motion moves.
     """
     if not isinstance(sheet, Grid):
         found: np.ndarray = sheet.pin_motions(motions)

@@ -1,4 +1,4 @@
-"""The part of a scene that makes particles of bodies meet."""
+"""The part `contact`: collisions between bodies."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pydantic import Field, model_validator
 
 from model.scene.parts import NotNegative, Part, Positive, Sweeps, friction_is_ordered
 
-MAX_KINDS = 64  # bodies of a scene, copies not counted: their table is of all pairs
+MAX_KINDS = 64  # bodies of a scene, copies not counted: their table has all pairs
 
 
 class Contact(Part):

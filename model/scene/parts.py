@@ -1,4 +1,4 @@
-"""The parts a scene can have, each a validated table: SI units, bounds, unknown keys refused."""
+"""The parts of a scene, each a validated table: SI units, bounds, unknown keys refused."""
 
 from __future__ import annotations
 
@@ -35,15 +35,17 @@ Seed = Annotated[int, Field(ge=0, le=2**64 - 1, strict=True)]
 class Part(BaseModel):
     """Base of every table of a scene: frozen, unknown keys refused.
 
-    `contradicts`: the fields that no longer say anything once a field is given another value.
+    `contradicts`: the fields that become invalid when a field gets another value.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
     contradicts: ClassVar[Mapping[str, tuple[str, ...]]] = {}
 
     def _idle_fields(self) -> set[str]:
-        """Fields that say nothing here, and are left out where the part is written: so that scenes keep the text by which
-        stores of measurements know them, whatever fields came later."""
+        """Return the fields without effect here, which are left out where the part is written.
+
+        So scenes keep the text by which stores of measurements identify them when fields are added later.
+        """
         return set()
 
     @model_serializer(mode="wrap")
@@ -53,7 +55,7 @@ class Part(BaseModel):
 
 
 def friction_is_ordered(part: Any) -> Any:
-    """A validator of parts with friction: what slides is not held back by more than what sticks."""
+    """Validate a part with friction: the dynamic coefficient is at most the static one."""
     if part.dynamic_friction > part.static_friction:
         raise ValueError(
             f"dynamic_friction: must be at most static_friction, {part.static_friction:g}; raise static_friction as well"
@@ -92,17 +94,17 @@ class Grid(Part):
 
     @property
     def particle_count(self) -> int:
-        """How many masses."""
+        """Number of masses."""
         return self.rows * self.columns
 
     @property
     def extent(self) -> float:
-        """Its longest side [m], roughly."""
+        """Longest side [m], approximately."""
         return max(self.rows, self.columns) * self.spacing
 
     @property
     def spring_count(self) -> int:
-        """How many springs to neighbours in row and column."""
+        """Number of springs to neighbours in row and column."""
         return self.rows * (self.columns - 1) + (self.rows - 1) * self.columns
 
 
@@ -135,16 +137,16 @@ class Elastic(Part):
 
     @property
     def inextensible(self) -> bool:
-        """Whether its length cannot change: compliance 0."""
+        """True if its length cannot change: compliance 0."""
         return self.compliance == 0
 
     @property
     def storing_stiffness(self) -> float:
-        """The stiffness [N/m] with which a stretch stores energy: what cannot stretch stores none."""
+        """Stiffness [N/m] with which a stretch stores energy; 0 for an inextensible spring."""
         return 0.0 if self.inextensible else self.stiffness
 
     def softness(self, ratio: float = 1.0) -> float:
-        """The compliance [m/N] of a spring `ratio` times as stiff."""
+        """Return the compliance [m/N] of a spring `ratio` times as stiff."""
         return 0.0 if self.inextensible else 1 / (self.stiffness * ratio)
 
     def _idle_fields(self) -> set[str]:
@@ -166,12 +168,12 @@ class Springs(Elastic):
 
     @property
     def alternate(self) -> bool:
-        """Whether springs differ in stiffness."""
+        """True if springs differ in stiffness."""
         return self.stiffness_ratio != 1
 
     @property
     def largest_stiffness(self) -> float:
-        """Of the stiffest spring [N/m]."""
+        """Stiffness of the stiffest spring [N/m]."""
         return self.stiffness * self.stiffness_ratio
 
 
@@ -238,7 +240,7 @@ class CameraPart(Part):
     size: Positive | None = None
 
     def check(self, dimensions: int) -> None:
-        """Raise SceneError for a camera that is turned in a scene of two `dimensions`."""
+        """Raise SceneError for a rotated camera in a scene of two `dimensions`."""
         for name, value in (("yaw", self.yaw), ("pitch", self.pitch)):
             if dimensions == 2 and value is not None:
                 raise SceneError(f"{CAMERA}.{name}", value, "applies to a scene in space; this one is plane")

@@ -1,5 +1,5 @@
-"""Where scenes come from: catalogue, files, what a command line sets; as tables, of which model/scene/scene.py makes
-objects."""
+"""Sources of scenes: the catalogue, files, settings of a command line. They are returned as tables, from which
+model/scene/scene.py makes objects."""
 
 from __future__ import annotations
 
@@ -20,19 +20,20 @@ from model.scene.cloth import SURFACE_KINDS
 from model.scene.tetrahedra import TETRAHEDRAL_KINDS
 from model.scene.words import suggestion
 
-TOO_LONG = re.compile(r"[0-9_]{1000,}")  # digits of a whole number that Python may refuse to read
-OF_MESHES = ("mesh", "region", *SURFACE_KINDS, *BODY_KINDS, *TETRAHEDRAL_KINDS)  # kinds of part that may name a file
+TOO_LONG = re.compile(r"[0-9_]{1000,}")  # digits of an integer that Python may refuse to read
+OF_MESHES = ("mesh", "region", *SURFACE_KINDS, *BODY_KINDS, *TETRAHEDRAL_KINDS)  # kinds of parts that may name a file
 
 
 @cache
 def catalogue() -> Mapping[str, Path]:
-    """The named scenes that come with the lab: name -> TOML file."""
+    """Return the scenes that come with the lab: name -> TOML file."""
     root = Path(str(resources.files("model"))) / "catalogue"
     return {file.relative_to(root).with_suffix("").as_posix(): file for file in sorted(root.rglob("*.toml"))}
 
 
 def scene_tables(name_or_path: str | Path) -> tuple[dict[str, Any], str]:
-    """(tables, name) of a catalogue name (`lab-grid`) or of a TOML file, the meshes that it names found (see `with_meshes`).
+    """Return (tables, name) of a catalogue name (`lab-grid`) or of a TOML file, with the paths of its meshes (see
+    `with_meshes`).
 
     Raises InputError (no such name, unreadable, not TOML, no such mesh).
     """
@@ -67,11 +68,11 @@ def scene_tables(name_or_path: str | Path) -> tuple[dict[str, Any], str]:
 
 
 def with_meshes(tables: Mapping[str, Any], folder: Path) -> dict[str, Any]:
-    """The tables of a scene that lies in `folder`, the files of its meshes by their whole path: so that what is written of it
-    anywhere (a store, a trajectory, another scene file) can be read from anywhere.
+    """Return the tables of a scene in `folder`, with absolute paths of its meshes.
 
-    A file is looked for beside the scene, then among the lab's own, which keep their name, then from the current folder.
-    Raises InputError, naming where.
+    So the scene can be read from anywhere when it is written elsewhere (a store, a trajectory, another scene file). A
+    file is searched beside the scene, then among the lab's own, which keep their name, then from the current folder.
+    Raises InputError, with the places searched.
     """
     found = dict(tables)
     for name, table in tables.items():
@@ -98,22 +99,25 @@ def _found(field: str, file: str, folder: Path) -> str:
 
 
 def tables_of(text: str) -> dict[str, Any]:
-    """What a text in TOML holds. Raises ValueError, with what is wrong and where: tomllib.TOMLDecodeError, or what Python
-    cannot take of what TOML allows."""
+    """Return the tables of a TOML text.
+
+    Raises ValueError, with the fault and its place: tomllib.TOMLDecodeError, or a value that TOML allows and Python
+    cannot read.
+    """
     try:
         return tomllib.loads(text)
     except tomllib.TOMLDecodeError:
         raise
     except (RecursionError, MemoryError):
         raise ValueError("values nested too deep; a scene has lists of lists, no more") from None
-    except ValueError:  # of int(): the one thing that tomllib lets through
+    except ValueError:  # from int(), the one error that tomllib does not convert
         long = TOO_LONG.search(text)
         place = f" (at line {text.count(chr(10), 0, long.start()) + 1})" if long else ""
         raise ValueError(f"a whole number of thousands of digits{place}; give a shorter one") from None
 
 
 def parse_value(text: str) -> Any:
-    """The value of `--set key=value`: read as TOML (numbers, true, lists), else taken as a plain word."""
+    """Return the value of `--set key=value`: read as TOML (numbers, true, lists), else as a plain word."""
     try:
         parsed = tables_of(f"value = {text}")
         return parsed["value"] if set(parsed) == {"value"} else text
@@ -122,7 +126,7 @@ def parse_value(text: str) -> Any:
 
 
 def parse_settings(settings: list[str] | None) -> dict[str, Any]:
-    """`["grid.rows=64", ...]` as {path: value}. Raises SceneError where the equals sign is missing."""
+    """Return `["grid.rows=64", ...]` as {path: value}. Raises SceneError where the equals sign is missing."""
     changes: dict[str, Any] = {}
     for setting in settings or []:
         path, equals, text = setting.partition("=")

@@ -1,4 +1,5 @@
-"""Parts of bodies by where they are when a scene begins: boxes, balls, capsules, half-spaces, and what is within a mesh."""
+"""The part `region`: parts of bodies by their initial position, in boxes, balls, capsules, half-spaces, or closed
+meshes."""
 
 from __future__ import annotations
 
@@ -23,7 +24,7 @@ from model.scene.parts import ZERO, Flag, Number, Part, Positive, Vector
 Side = Literal["left", "right", "bottom", "top", "back", "front"]  # of x, y and z: the lower one first
 SIDES: tuple[Side, ...] = ("left", "right", "bottom", "top", "back", "front")
 WORDS = (*SIDES, "all")
-WAYS = (("low", "high"), ("center",), ("start", "end"), ("point", "normal"), ("shape",), ("file",))  # to tell a region
+WAYS = (("low", "high"), ("center",), ("start", "end"), ("point", "normal"), ("shape",), ("file",))  # one per region
 OF_MESHES = ("scale", "fill_holes", "origin", "angle", "axis")
 
 
@@ -86,9 +87,10 @@ class Region(Part):
         return idle if self.shape or self.file else idle | set(OF_MESHES)
 
     def holds(self, position: np.ndarray, near: float) -> np.ndarray:
-        """(points,) bool: which of `position` (points, 3) [m] lie in it, or at most `near` [m] outside; of a mesh, inside.
+        """Return which of `position` (points, 3) [m] lie in the region, or at most `near` [m] outside, (points,) bool.
 
-        Raises InputError for a mesh without an inside."""
+        For a mesh: inside. Raises InputError for a mesh without an inside.
+        """
         if self.point is not None and self.normal is not None:
             normal = np.asarray(self.normal) / hypot(*self.normal)
             return np.asarray(dot(position - self.point, normal) >= -near)
@@ -107,7 +109,7 @@ class Region(Part):
 
     @cached_property
     def _surface(self) -> tuple[np.ndarray, np.ndarray]:
-        """(vertices (n, 3) [m], triangles), where the scene has it. Raises InputError."""
+        """(vertices (n, 3) [m], triangles) in the scene's coordinates. Raises InputError."""
         mesh: TriangleMesh = (
             self.shape.mesh() if self.shape else read_mesh(mesh_path(self.file or ""), self.scale, True)
         )

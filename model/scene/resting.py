@@ -1,5 +1,5 @@
-"""What a scene with bodies takes where its file does not say it: substeps in which bodies do not sink into colliders, and
-thicknesses of colliders at which bodies rest on their skins."""
+"""Defaults of a scene with bodies: substeps in which bodies do not sink into colliders, and thicknesses of colliders at
+which bodies rest on their skins."""
 
 from __future__ import annotations
 
@@ -19,36 +19,38 @@ from model.scene.members import SUBSTEPS
 from model.scene.scene_parts import SceneParts
 from model.scene.tetrahedra import TETRAHEDRAL_KINDS
 
-SINKING = 0.01  # of the spacing, that a resting body may sink in a substep
-MIN_THICKNESS = 0.01  # of the spacing, of a collider: rounding does not put who rests on it inside
+SINKING = 0.01  # of the spacing: how far a resting body may sink in a substep
+MIN_THICKNESS = 0.01  # of the spacing, of a collider: rounding does not put a resting particle inside
 MAX_SUBSTEPS = 100
-TENTH = 1e-9  # of a substep: a number so little over a whole one is that
+TENTH = 1e-9  # of a substep: a number this little over an integer is rounded down
 WITH_SUBSTEPS = {"xpbd": SUBSTEPS, "world": SUBSTEPS, "shape-matching": 1, "vbd": 1, "newton": 1}  # at least
 
 
 @dataclass(frozen=True)
 class _Size:
-    """Of a body [m]: the `spacing` of its particles or vertices, its longest side `extent`, and how far its outermost
-    particles lie below its skin, `depth`, on average over the six sides of the box around it."""
+    """Lengths of a body [m]: the `spacing` of its particles or vertices, its longest side `extent`, and the `depth` of
+    its outermost particles below its skin, the mean over the six sides of the box around it."""
 
     spacing: float
     extent: float
     depth: float
 
     def longest_substep(self, gravity: float) -> float:
-        """The longest substep h [s] in which the body sinks by no more than SINKING spacings.
+        """Return the longest substep h [s] in which the body sinks by at most SINKING spacings.
 
-        In a substep all of its n layers fall by g h^2 and colliders lift the lowest one alone, so that a rigid body, which
-        moves by the mean, rests where its lowest layer is lifted by n g h^2: it has sunk by (n - 1) g h^2. Elastic bodies
-        press their lowest layer as much.
+        In a substep all of its n layers fall by g h^2 and colliders lift only the lowest one. A rigid body, which moves
+        by the mean, rests where its lowest layer is lifted by n g h^2: it has sunk by (n - 1) g h^2. Elastic bodies
+        compress their lowest layer as much.
         """
         layers = max(self.extent / self.spacing, 1.0)
         return sqrt(SINKING * self.spacing / (layers * gravity))
 
 
 def take_resting_defaults(scene: SceneParts) -> None:
-    """Give the method substeps and the colliders thicknesses that the scene does not state; of a world each member chooses
-    its own thicknesses. Raises SceneError, InputError (a body's mesh)."""
+    """Set the method's substeps and the colliders' thicknesses that the scene does not state.
+
+    In a world each member chooses its own thicknesses. Raises SceneError, InputError (a body's mesh).
+    """
     untold = {
         name: part for name, part in scene.all_of(*COLLIDER_KINDS).items() if "thickness" not in part.model_fields_set
     }
@@ -65,7 +67,7 @@ def take_resting_defaults(scene: SceneParts) -> None:
 
 
 def resting_notes(scene: SceneParts) -> list[str]:
-    """What a run says of these defaults: of substeps that are more than the usual number, or fewer than needed."""
+    """Return a run's notes on these defaults: more substeps than usual, or fewer than needed."""
     name = scene.name_of("method")
     if "substeps" not in scene.derived.get(name, ()):
         return []
@@ -85,7 +87,7 @@ def resting_notes(scene: SceneParts) -> list[str]:
 
 
 def _needed(scene: SceneParts) -> int:
-    """The substeps of a step in which no body sinks; 1 where nothing falls or nothing is in its way."""
+    """Return the substeps per step in which no body sinks; 1 where nothing falls or there are no colliders."""
     gravity = scene.gravity.acceleration if scene.gravity else 0.0
     if not (gravity and scene.all_of(*COLLIDER_KINDS)):
         return 1
@@ -94,12 +96,12 @@ def _needed(scene: SceneParts) -> int:
 
 
 def _thickness(scene: SceneParts) -> float:
-    """[m]: the depth at which the outermost particles of bodies lie below their skin, of several bodies the largest."""
+    """Return the depth [m] of the bodies' outermost particles below their skin, the largest of several bodies."""
     return max(max(size.depth, MIN_THICKNESS * size.spacing) for size in _sizes(scene))
 
 
 def _sizes(scene: SceneParts) -> Iterator[_Size]:
-    """The sizes of all bodies. Raises SceneError, InputError, which name the body."""
+    """Yield the sizes of all bodies. Raises SceneError, InputError, which name the body."""
     for name, part in scene.all_of(*BODY_KINDS, *TETRAHEDRAL_KINDS).items():
         try:
             if scene.kinds[name] in BODY_KINDS:

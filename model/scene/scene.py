@@ -1,7 +1,7 @@
-"""The validated description of a scene: TOML <-> objects. Frozen, SI units, only the parts the scene names.
+"""The validated description of a scene: TOML <-> objects. Frozen, SI units, only the parts that the scene names.
 
-Top-level tables are named parts; `kind` defaults to the table's name, so `[grid]` is the part *grid* of kind *grid*.
-A part that is not there is not simulated: it has no stage, no array and no branch in the compiled kernel.
+Top-level tables are named parts; `kind` defaults to the table's name, so `[grid]` is the part *grid* of kind *grid*. A
+part that is not there is not simulated: it has no stage, no array and no branch in the compiled kernel.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from model.scene.scene_parts import SceneParts
 from model.scene.tank import TANK, Tank
 from model.scene.words import suggestion
 
-OWN_NAMES = KINDS | {TANK: Tank, CAMERA: CameraPart}  # what a table may be called without saying its kind
+OWN_NAMES = KINDS | {TANK: Tank, CAMERA: CameraPart}  # names of tables that need no `kind`
 
 
 class Scene(SceneParts):
@@ -67,16 +67,19 @@ class Scene(SceneParts):
 
     @classmethod
     def stored(cls, tables: Mapping[str, Any]) -> Scene:
-        """A scene to read from, of the tables that `canonical` wrote when it was measured: its parts alone. What does not go
-        together was refused then and is not looked for again, and no body is made. Raises SceneError for a part that this
-        version does not know."""
+        """Return a scene for reading, from the tables that `canonical` wrote when it was measured.
+
+        Checks between parts, which passed then, are not repeated, and no body is made. Raises SceneError for a part
+        that this version does not know.
+        """
         scene = cls.__new__(cls)
         SceneParts.__init__(scene, tables, "scene", "scene")
         return scene
 
     def stepped(self, **fields: Any) -> Scene:
-        """These parts, and what is made of them, with other `fields` of the method, which are not looked at again."""
-        _ = self.grid  # made once, for both
+        """Return this scene, with its cached bodies, with other `fields` of the method, which are not validated
+        again."""
+        _ = self.grid  # built once, for both
         found = copy(self)
         method = self.name_of("method")
         found.parts = self.parts | {method: self.method.model_copy(update=fields)}
@@ -114,7 +117,7 @@ class Scene(SceneParts):
 
 
 def _contradicted(kind: str, field: str, value: Any, table: Mapping[str, Any]) -> list[str]:
-    """The fields of a part that no longer say anything once `field` gets a `value`: a solver has its own fields."""
+    """Return the fields of a part that become invalid when `field` gets a `value`: a solver has its own fields."""
     if kind == "method" and field == "solver" and isinstance(value, str) and value in FIELDS_OF_SOLVER:
         return [name for name in table if name not in FIELDS_OF_SOLVER[value]]
     return list(OWN_NAMES[kind].contradicts.get(field, ()))

@@ -1,4 +1,4 @@
-"""What a scene consists of: its tables, each checked by itself. What goes with what: model/scene/checks.
+"""The tables of a scene, each checked by itself; model/scene/checks compares them with each other.
 
 Top-level tables are named parts; `kind` defaults to the table's name, so `[grid]` is the part *grid* of kind *grid*.
 """
@@ -65,26 +65,26 @@ def _build_part(name: str, made: Any, fields: dict[str, Any]) -> Any:
         return made(**fields)
     except ValidationError as error:
         raise scene_error(name, error, made) from None
-    except SceneError as error:  # of a mesh, which does not know its name
+    except SceneError as error:  # of a mesh, which does not know the part's name
         kind = next((kind for kind, known in KINDS.items() if known is made), name)
         field = re.sub(rf"\b{kind}\.", f"{name}.", error.field)
         raise SceneError(field, error.value, error.allowed) from None
     except InputError as error:
         raise InputError(f"{name}: {error}") from None
-    except TypeError:  # a key that is not even a name
+    except TypeError:  # a key that is not a valid name
         raise SceneError(name, sorted(map(str, fields)), "its keys must be names") from None
 
 
 def _part(kind: str) -> Any:
-    """A property: the scene's part of a kind of which it has one at most, or None."""
+    """Return a property: the scene's part of a kind that occurs at most once, or None."""
     return property(lambda scene: scene.one(kind))
 
 
 class SceneParts:
     """`parts` maps a part's name to its object, `kinds` the name to its kind.
 
-    The parts a solver asks for have properties (`grid`, `springs`, ...): the part, or None where the scene lacks it.
-    Raises SceneError for a table that no part can be.
+    The parts that a solver needs have properties (`grid`, `springs`, ...): the part, or None where the scene lacks it.
+    Raises SceneError for a table that is not a valid part.
     """
 
     def __init__(self, tables: Mapping[str, Any], name: str, title: str):
@@ -93,11 +93,11 @@ class SceneParts:
         self._read(tables)
 
     def _read(self, tables: Mapping[str, Any]) -> None:
-        """The parts and their kinds, each checked by itself."""
+        """Read the parts and their kinds, each checked by itself."""
         self.parts: dict[str, Part] = {}
         self.kinds: dict[str, str] = {}
         self.camera: CameraPart | None = None
-        self.tanks: dict[str, Tank] = {}  # as written; what is simulated are their planes
+        self.tanks: dict[str, Tank] = {}  # as written; their planes are simulated
         for part_name, table in tables.items():
             if not isinstance(table, Mapping):
                 if part_name in KINDS or part_name == TANK:
@@ -126,7 +126,8 @@ class SceneParts:
             self.kinds[part_name] = kind
 
     def derive(self, part_name: str, **fields: Any) -> None:
-        """Give a part `fields` that its table does not state; `as_dict` leaves them out, so that they follow changes."""
+        """Give a part `fields` that its table does not state; `as_dict` leaves them out, so that they follow
+        changes."""
         self.parts[part_name] = self.parts[part_name].model_copy(update=fields)
         self.derived[part_name] = self.derived.get(part_name, frozenset()) | frozenset(fields)
 
@@ -143,15 +144,15 @@ class SceneParts:
             self.parts[plane], self.kinds[plane] = part, "plane"
 
     def all_of(self, *kinds: str) -> dict[str, Any]:
-        """The parts of these kinds by name, in the order of the file."""
+        """Return the parts of these kinds by name, in the order of the file."""
         return {name: self.parts[name] for name, kind in self.kinds.items() if kind in kinds}
 
     def one(self, kind: str) -> Any:
-        """The part of a kind of which a scene has one at most, or None."""
+        """Return the part of a kind that occurs at most once, or None."""
         return next((self.parts[name] for name, found in self.kinds.items() if found == kind), None)
 
     def name_of(self, *kinds: str, default: str = "") -> str:
-        """What the scene calls its first part of these kinds; `default`: where it has none."""
+        """Return the name of the scene's first part of these kinds; `default` where it has none."""
         return next(iter(self.all_of(*kinds)), default)
 
     def refuse(self, kinds: Collection[str], why: str) -> None:
@@ -162,9 +163,12 @@ class SceneParts:
 
     @cached_property
     def grid(self) -> Grid:
-        """The sheet of masses: a grid, or the cloth, which is one in space, of triangles if it is a mesh; or the body set
-        or the set of tetrahedra, a cloth beside them too, or of fluids, which are a row of masses to whoever asks no more
-        than that; of a world all particles."""
+        """The particle set of the scene.
+
+        A grid; a cloth, which is a grid in space, of triangles if it is a mesh; the body set; the set of tetrahedra,
+        with a cloth beside them; the set of fluids; in a world all particles. Sets without rows look like a sheet of
+        one row.
+        """
         if self.is_world:
             return self.world_set  # type: ignore[return-value]
         if self.tetrahedra:
@@ -175,14 +179,19 @@ class SceneParts:
 
     @cached_property
     def is_world(self) -> bool:
-        """Whether its parts belong to several families of particles. They then are the `members`' parts, and not its own:
-        whoever counts particles by a set of bodies asks a member."""
+        """True if the scene's parts belong to several families of particles.
+
+        The parts are then those of its `members`, not its own: particles by body set have to be counted in a member.
+        """
         return bool(members_of(self.kinds))
 
     @cached_property
     def members(self) -> dict[str, Any]:
-        """Of a world, a scene of each family's parts, by the names in model/scene/members.py, in the order of its particles;
-        none of any other scene. Raises SceneError."""
+        """Scenes of each family's parts in a world, by the names in model/scene/members.py, in the order of its
+        particles.
+
+        Empty for any other scene. Raises SceneError.
+        """
         if not self.is_world:
             return {}
         tables = member_tables(self.kinds, self.as_dict(), self.method)
@@ -190,11 +199,11 @@ class SceneParts:
 
     @cached_property
     def world_set(self) -> WorldSet:
-        """All particles of a world, those of one member after those of another."""
+        """All particles of a world, one member after the other."""
         return make_world_set({name: member.grid for name, member in self.members.items()})
 
     def own(self, *kinds: str) -> dict[str, Any]:
-        """As `all_of`; none of a world, whose members have them."""
+        """Return the parts as by `all_of`; none in a world, whose members have them."""
         return {} if self.is_world else self.all_of(*kinds)
 
     @property
@@ -204,7 +213,7 @@ class SceneParts:
 
     @cached_property
     def body_set(self) -> BodySet:
-        """All particles of the scene's bodies, made when first asked for. Raises SceneError, InputError (a body)."""
+        """All particles of the scene's bodies, made on first use. Raises SceneError, InputError (a body)."""
         return make_body_set(self.bodies)
 
     @property
@@ -214,8 +223,8 @@ class SceneParts:
 
     @cached_property
     def tetrahedra_set(self) -> TetrahedraSet:
-        """All of them together and the cloth beside them, cut when first asked for. Raises SceneError, InputError (a
-        body)."""
+        """All tetrahedral bodies together and the cloth beside them, made on first use. Raises SceneError, InputError
+        (a body)."""
         return make_tetrahedra_set(self.tetrahedra, self.regions, self.held_parts, self.materials, self.all_of("mesh"))
 
     @property
@@ -225,17 +234,17 @@ class SceneParts:
 
     @property
     def emitters(self) -> dict[str, Emitter]:
-        """Where fluids come from, by the part's name."""
+        """The scene's emitters, by the part's name."""
         return self.all_of("emitter")
 
     @property
     def sinks(self) -> dict[str, Sink]:
-        """Where they end, by the part's name."""
+        """The scene's sinks, by the part's name."""
         return self.all_of("sink")
 
     @cached_property
     def fluid_set(self) -> FluidSet:
-        """All particles of the scene's fluids, made when first asked for."""
+        """All particles of the scene's fluids, made on first use."""
         return make_fluid_set(self.fluids, self.domain)
 
     @cached_property
@@ -250,19 +259,20 @@ class SceneParts:
 
     @cached_property
     def dimensions(self) -> int:
-        """2, and 3 for a cloth and for bodies of any kind; of fluids what they say."""
+        """Number of dimensions: 3 for a cloth, for bodies of any kind and in a world; as stated for fluids; otherwise
+        2."""
         if self.fluids:
             return next(iter(self.fluids.values())).dimensions
         return 3 if self.cloth or self.bodies or self.tetrahedra or self.is_world else 2
 
     @property
     def cloth_springs(self) -> dict[str, ClothSprings]:
-        """The cloth's springs by kind, those it has, in the order structural, shear, bending."""
+        """The cloth's springs by kind, in the order structural, shear, bending."""
         return {kind: part for kind in SPRING_KINDS if (part := self.one(kind)) is not None}
 
     @property
     def constraints(self) -> dict[str, Elastic]:
-        """What holds a mesh together by kind, in the order of CONSTRAINT_KINDS; of a cloth its springs."""
+        """The constraints of a mesh by kind, in the order of CONSTRAINT_KINDS; of a cloth its springs."""
         return {kind: part for kind in CONSTRAINT_KINDS if (part := self.one(kind)) is not None}
 
     @property
@@ -272,7 +282,7 @@ class SceneParts:
 
     @property
     def motions(self) -> dict[str, Motion]:
-        """What pinned masses follow, by the part's name; also those attached to a collider that moves."""
+        """The motions of pinned masses, by the part's name, including attachments to a moving collider."""
         found: dict[str, Motion] = self.all_of("motion")
         for name, part in self.held_parts.items():
             collider: Any = self.parts.get(part.to or "")
@@ -283,31 +293,32 @@ class SceneParts:
 
     @property
     def held_parts(self) -> dict[str, Attachment]:
-        """What holds tetrahedral bodies and a cloth to the world, to colliders and to one another, by the part's name."""
+        """The attachments of tetrahedral bodies and a cloth to the world, to colliders and to one another, by the
+        part's name."""
         return self.own("attachment")
 
     @property
     def holdable(self) -> dict[str, Part]:
-        """What attachments hold, by the part's name: tetrahedral bodies, then a cloth beside them."""
+        """The parts that can be attached, by name: tetrahedral bodies, then a cloth beside them."""
         return self.tetrahedra | self.own("mesh")
 
     @property
     def regions(self) -> dict[str, Region]:
-        """Parts of tetrahedral bodies, by the part's name."""
+        """The regions of tetrahedral bodies, by the part's name."""
         return self.all_of("region")
 
     @property
     def materials(self) -> dict[str, Material]:
-        """What tetrahedra in a region are made of, by the part's name."""
+        """The materials of tetrahedra in regions, by the part's name."""
         return self.all_of("material")
 
     @property
     def loads(self) -> dict[str, Load]:
-        """Masses that differ from the sheet's, by the part's name."""
+        """The masses that differ from the sheet's, by the part's name."""
         return self.all_of("load")
 
     attachments: Attachments | None = _part("attachments")
-    contact: Contact | None = _part("contact")  # what makes particles of bodies meet
+    contact: Contact | None = _part("contact")  # collisions between bodies
     damping: Damping | None = _part("damping")
     domain: Domain | None = _part("domain")
     external: External | None = _part("external")
@@ -322,7 +333,7 @@ class SceneParts:
     wind: Wind | None = _part("wind")
 
     def as_dict(self, derived: bool = False) -> dict[str, Any]:
-        """The scene as nested tables, defaults filled in: what a TOML file of it would hold. `derived`: also what follows
+        """Return the scene as nested tables, defaults filled in, as in a TOML file. `derived`: include what follows
         from other parts (`derive`)."""
         tables: dict[str, Any] = {"title": self.title}
         for part_name, part in self.parts.items():
@@ -335,6 +346,6 @@ class SceneParts:
         return tables
 
     def canonical(self) -> str:
-        """Canonical JSON of what is simulated (no title, no camera): equal texts mean equal scenes."""
+        """Return canonical JSON of what is simulated (no title, no camera): equal texts mean equal scenes."""
         tables = {key: table for key, table in self.as_dict(derived=True).items() if key not in ("title", CAMERA)}
         return json.dumps(tables, sort_keys=True, separators=(",", ":"))

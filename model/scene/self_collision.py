@@ -1,4 +1,4 @@
-"""The part of a scene that makes a cloth meet itself."""
+"""The part `self_collision`: collisions of a cloth with itself."""
 
 from __future__ import annotations
 
@@ -6,8 +6,9 @@ from pydantic import model_validator
 
 from model.scene.parts import NotNegative, Part, Positive, Sweeps, friction_is_ordered
 
-MAX_CONTACTS = 12  # of one mass with triangles; the nearest are kept, those beyond are counted
-# On the host, at most, of a mass: each contact's triangle, corners, links, values and forces; its cell of space and scratch.
+MAX_CONTACTS = 12  # of one mass with triangles; the nearest are used, those beyond are counted
+# Largest host memory per mass: each contact's triangle, corners, links, values and forces; its cell of space and
+# scratch.
 CONTACT_BYTES = MAX_CONTACTS * (4 * (1 + 3 + 3) + 8 * (7 + 4)) + 176
 
 

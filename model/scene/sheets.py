@@ -1,4 +1,4 @@
-"""The triangles of a scene's sheet, for whatever draws it, and what to tell of a mesh."""
+"""The triangles and normals of a scene's sheet for drawing, and a run's lines on its mesh."""
 
 from __future__ import annotations
 
@@ -13,7 +13,8 @@ from model.scene.scene import Scene
 
 
 def triangles_of(scene: Scene) -> np.ndarray:
-    """(triangles, 3) uint32: of a cloth, a mesh or tetrahedral bodies, counter-clockwise from outside, or from the front."""
+    """Return the triangles, (triangles, 3) uint32, of a cloth, a mesh or tetrahedral bodies, counter-clockwise from
+    outside or from the front."""
     if scene.tetrahedra:
         return scene.tetrahedra_set.surface.astype(np.uint32)
     part = scene.mesh
@@ -23,14 +24,15 @@ def triangles_of(scene: Scene) -> np.ndarray:
 
 
 def mesh_lines(scene: Scene) -> list[str]:
-    """What to tell of a mesh from a file: sizes, and everything that was mended."""
+    """Return the lines on a mesh from a file: sizes, and all repairs."""
     if scene.mesh is None or scene.mesh.file is None:
         return []
     return [f"{Path(scene.mesh.file).name}: {line}" for line in mesh_of(scene.mesh).lines()]
 
 
 def rest_lines(scene: Scene) -> list[str]:
-    """What to tell of a grid whose springs begin far from their rest length, or off one that the scene does not name."""
+    """Return a line on a grid whose springs start far from their rest length, or from a rest length that the scene does
+    not state."""
     springs, spacing = scene.springs, scene.grid.spacing
     if springs is None or springs.rest_length in (0, spacing):
         return []
@@ -43,7 +45,7 @@ def rest_lines(scene: Scene) -> list[str]:
 
 
 def scene_normals(scene: Scene, position: np.ndarray) -> np.ndarray:
-    """(particles, 3) float64: of the scene's cloth, mesh or tetrahedral bodies."""
+    """Return the vertex normals of the scene's cloth, mesh or tetrahedral bodies, (particles, 3) float64."""
     if scene.mesh or scene.tetrahedra:
         return mesh_normals(position, triangles_of(scene))
     return vertex_normals(position, scene.grid.rows, scene.grid.columns)

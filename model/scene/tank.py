@@ -1,4 +1,4 @@
-"""A tank: one table of a scene file that stands for the planes of its floor and walls."""
+"""The part `tank`: one table of a scene file that stands for the planes of its floor and walls."""
 
 from __future__ import annotations
 
@@ -32,14 +32,16 @@ class Tank(Collider):
         return self
 
     def check(self, name: str, dimensions: int) -> None:
-        """Raise SceneError for a tank with another number of axes than its scene."""
+        """Raise SceneError for a tank whose number of axes differs from its scene's."""
         if len(self.size) != dimensions:
             wanted = "width, height" if dimensions == 2 else "width, height, depth"
             raise SceneError(f"{name}.size", list(self.size), f"must hold {dimensions} numbers in this scene: {wanted}")
 
     def planes(self, name: str, derives_thickness: bool = False) -> dict[str, Plane]:
-        """The planes of the tank that a scene calls `name`, by their names. Every normal points into the tank.
-        `derives_thickness`: leave a thickness that is not given to what the scene derives (model/scene/resting.py)."""
+        """Return the planes of the tank that a scene calls `name`, by their names. Every normal points into the tank.
+
+        `derives_thickness`: leave a thickness that is not stated to what the scene derives (model/scene/resting.py).
+        """
         shared = {field: getattr(self, field) for field in Collider.model_fields}
         if derives_thickness and "thickness" not in self.model_fields_set:
             del shared["thickness"]

@@ -1,4 +1,4 @@
-"""The part of a scene that is a body of tetrahedra: where its mesh comes from, how it is cut, and what it is made of."""
+"""The parts of tetrahedral bodies: the source of a mesh, its tetrahedra, its material."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from model.scene.mesh_source import MeshSource
 from model.scene.parts import ZERO, AtLeastOne, Count, Flag, NotNegative, Part, Positive, Vector
 
 MaterialName = Literal["fixed-corotated", "corotated", "neo-hookean"]
-LARGEST_RATIO = 0.499  # above it lambda / mu is over 500, and a linear tetrahedron does nothing but lock
+LARGEST_RATIO = 0.499  # above it lambda / mu is over 500, and linear tetrahedra lock
 Poisson = Annotated[float, Field(ge=0, le=LARGEST_RATIO, strict=True)]
 
 
 def lame_of(young: Any, poisson: Any) -> tuple[Any, Any]:
-    """(mu, lambda) [Pa] of Young's modulus [Pa] and Poisson's ratio, numbers or arrays."""
+    """Return (mu, lambda) [Pa] of Young's modulus [Pa] and Poisson's ratio, numbers or arrays."""
     return young / (2 * (1 + poisson)), young * poisson / ((1 + poisson) * (1 - 2 * poisson))
 
 
@@ -76,7 +76,7 @@ class TetrahedralBody(MeshSource):
 
     @cached_property
     def cooked(self) -> CookedBody:
-        """The body where its mesh lies, neither turned nor moved; kept on disk. Raises InputError, SceneError."""
+        """The body at its mesh's position, neither rotated nor moved, cached on disk. Raises InputError, SceneError."""
         source = self.shape or mesh_path(self.file or "")
         voxels = None if self.edge is not None or is_settled(source) else self.voxels
         return cooked(

@@ -1,4 +1,4 @@
-"""In which words a scene refuses what it is given: pydantic's complaints as a field, its value and what is allowed."""
+"""Wording of a scene's errors: pydantic's complaints as a field, its value and what is allowed."""
 
 from __future__ import annotations
 
@@ -14,21 +14,21 @@ from model.scene.parts import Part
 
 NOTE = r"^    (\w+): [^#\n]*  (?:# type: ignore\[[\w-]+\]  )?# (?!type:|noqa|fmt:)(.*)$"  # a field's comment
 
-NEAR = 0.65  # of letters alike: below, cloth-hanging is near to nothing; far above, bar is not near to bat
-MEANT = {  # names that others have for a field, whose letters are not near to it
+NEAR = 0.65  # of letters alike: below it cloth-hanging is near to nothing; far above it bar is not near to bat
+MEANT = {  # other programs' names of a field, whose letters are not similar to it
     "mesh": "file", "model": "file", "path": "file", "position": "origin", "rotation": "angle", "fixed": "pinned",
 }  # fmt: skip
 COUNTS = ("none", "one", "two", "three", "four")
 
 
 def suggestion(word: str, known: Any) -> str:
-    """` (did you mean ...?)`, the nearest of `known` names; nothing where none is near."""
+    """Return ` (did you mean ...?)` with the nearest of `known` names, or nothing where none is near."""
     close = difflib.get_close_matches(word, list(known), n=1, cutoff=NEAR)
     return f" (did you mean {close[0]}?)" if close else ""
 
 
 def notes_of(part: type[Part]) -> dict[str, str]:
-    """The comment beside each field, where it has one: in the part's source and in those it inherits from."""
+    """Return the comment beside each field that has one, in the part's source and in those of its bases."""
     found: dict[str, str] = {}
     for owner in reversed(part.__mro__):
         if issubclass(owner, Part) and owner is not Part:
@@ -37,8 +37,10 @@ def notes_of(part: type[Part]) -> dict[str, str]:
 
 
 def _kind_within(kind: type[Part], way: tuple[int | str, ...]) -> type[Part]:
-    """The kind of a part, of a table inside of it, or of one in a list of tables (whose number leads to no other kind);
-    a word, such as the `shape` of a sink, leads to none either."""
+    """Return the class of the part at a path: of a table inside a part, or of one in a list of tables.
+
+    An index in a list does not change the class, nor does a field that is a word, such as the `shape` of a sink.
+    """
     for step in way:
         if isinstance(step, str):
             within = kind.model_fields[step].annotation
@@ -47,7 +49,7 @@ def _kind_within(kind: type[Part], way: tuple[int | str, ...]) -> type[Part]:
 
 
 def _names(kind: type[Part], place: tuple[int | str, ...]) -> list[str]:
-    """The fields that lead to a complaint's place: a field of a part, and of the tables within it."""
+    """Return the fields that lead to a complaint's place: a field of a part, and of the tables within it."""
     names: list[str] = []
     for step in place:
         if not isinstance(step, str) or step not in kind.model_fields:
@@ -62,7 +64,8 @@ def _names(kind: type[Part], place: tuple[int | str, ...]) -> list[str]:
 
 
 def _list_wanted(kind: type[Part], complaint: Any) -> str:
-    """The list that a field must be where something else was given: of tables, words, or numbers, and how many."""
+    """Describe the list that a field must be where something else was given: of tables, words, or numbers, and how
+    many."""
     place = _names(kind, complaint["loc"])
     if not place:
         return "must be a list"
@@ -81,8 +84,10 @@ def _list_wanted(kind: type[Part], complaint: Any) -> str:
 
 
 def _count_error(part: str, complaints: list[Any], first: Any) -> SceneError:
-    """A list of too few or too many numbers: how many it must have. Each length that a field can have complains by itself, a
-    short list once for each number that it lacks."""
+    """Return the error for a list of too few or too many numbers, with the number it must have.
+
+    Each length that a field can have complains by itself, a short list once for each number that it lacks.
+    """
     counts: dict[tuple[int | str, ...], int] = {}
     for complaint in complaints:
         place = complaint["loc"]
@@ -99,13 +104,13 @@ def _count_error(part: str, complaints: list[Any], first: Any) -> SceneError:
 
 
 def _field(place: tuple[int | str, ...]) -> list[str]:
-    """A complaint's place without the kind of list that pydantic tells there, where there can be several."""
+    """Return a complaint's place without the type of list that pydantic inserts where there can be several."""
     return [str(step) for step in place if not str(step).startswith("tuple[")]
 
 
 def scene_error(part: str, error: ValidationError, kind: type[Part]) -> SceneError:
-    """The first complaint of pydantic, in the words of a scene."""
-    complaints = error.errors(include_url=False)  # a misspelt key explains the one that then is missing
+    """Return the first complaint of pydantic as an error of a scene."""
+    complaints = error.errors(include_url=False)  # a misspelt key explains the missing one
     first = next((c for c in complaints if c["type"] == "extra_forbidden"), complaints[0])
     location = [str(step) for step in first["loc"]]
     if first["type"] == "too_long" or (first["type"] == "missing" and isinstance(first["loc"][-1], int)):

@@ -1,4 +1,4 @@
-"""Parts that only position-based solvers know: masses of their own, ropes to anchors, a cloth that meets itself."""
+"""Parts that only position-based solvers support: masses of their own, long-range attachments, self-collision."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pydantic import Field
 from model.scene.parts import NotNegative, Part, Positive
 from model.scene.self_collision import SelfCollision
 
-MAX_ANCHORS = 4  # of a particle
+MAX_ANCHORS = 4  # per particle
 
 
 class Load(Part):

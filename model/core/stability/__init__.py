@@ -1,1 +1,1 @@
-"""Runs that blow up: the largest stable step, when a state counts as diverged, why it did and what to do about it."""
+"""Stability of runs: the largest stable step, the criterion of divergence, its causes and remedies."""

@@ -1,4 +1,4 @@
-"""Where the damping of tetrahedra is more than the sweeps of a substep resolve: it then holds up loads that are at rest."""
+"""Damping of tetrahedra beyond what the sweeps of a substep resolve: it then supports static loads."""
 
 from __future__ import annotations
 
@@ -7,16 +7,17 @@ import numpy as np
 from model.contact.surface_parameters import contact_surface
 from model.scene.scene import Scene
 
-UNRESOLVED = 5.0  # of `damping_load`: there a ball's lowest tetrahedra keep 0.4 of their volume at rest, not 0.75
+UNRESOLVED = 5.0  # of `damping_load`: there a ball's lowest tetrahedra have 0.4 of their rest volume, not 0.75
 
 
 def damping_load(scene: Scene) -> np.ndarray:
-    """(bodies,): tau h E / (rho e^2) over the iterations of a substep h [s], e [m] the mean edge of a body's surface.
+    """Return tau h E / (rho e^2) over the iterations of a substep h [s], (bodies,); e [m]: the mean edge of a body's
+    surface.
 
-    A damper of the time tau is tau/h times as stiff as its element, whose own stiffness over the masses is E h^2 / (rho e^2)
-    (M. Macklin et al., "XPBD", MIG 2016, eq. 26: gamma = tau/h). Sweeps visit elements one after the other: a damper
-    takes back what earlier visits moved, and the difference is a force that acts at rest, too. It grows with this number,
-    and vanishes with it.
+    A damper of the time tau is tau/h times as stiff as its element, whose own stiffness over the masses is E h^2 / (rho
+    e^2) (M. Macklin et al., "XPBD", MIG 2016, eq. 26: gamma = tau/h). Sweeps visit elements one after the other: a
+    damper undoes what earlier visits moved, and the difference is a force that acts at rest, too. It grows and vanishes
+    with this number.
     """
     found, method = scene.tetrahedra_set, scene.method
     h = method.dt / method.substeps
@@ -26,7 +27,7 @@ def damping_load(scene: Scene) -> np.ndarray:
 
 
 def damping_lines(scene: Scene) -> list[str]:
-    """A sentence where bodies of xpbd have more damping than their sweeps resolve."""
+    """Return a sentence where bodies of xpbd have more damping than their sweeps resolve."""
     if not scene.tetrahedra or scene.method.solver != "xpbd":
         return []
     load = damping_load(scene)

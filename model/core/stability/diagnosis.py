@@ -1,8 +1,7 @@
-"""Why a run diverged, or is refused for its step size, and what to do about it, with numbers: what `Diverged` and
-`UnstableTimeStep` say.
+"""Causes of a divergence, or of a refused step size, and remedies with numbers, for `Diverged` and `UnstableTimeStep`.
 
-A cause is a function that looks at a Situation and returns its Diagnosis, or None where it does not apply. CAUSES lists
-them by name, the telling one first; a solver with failures of its own hands `diagnose` a table of its own.
+A cause is a function that examines a Situation and returns its Diagnosis, or None where it does not apply. CAUSES lists
+them by name, the most specific first; a solver with failures of its own passes `diagnose` a table of its own.
 """
 
 from __future__ import annotations
@@ -20,12 +19,12 @@ from model.core.integrators import INTEGRATORS
 from model.scene.parts import Part
 from model.scene.scene import Scene
 
-FAST = 0.5  # spacings a step: a mass that moves farther passes its neighbours before their springs can turn it
-MUCH = 2.0  # another integrator is named if its step size is so many times as large
-HALVINGS = 40  # of the range in which the largest ratio that holds is looked for
-LEAST_STEP = 1e-9  # s: shorter ones are of no use, a thousand million to a second
-LIGHT = ("mass", "density", "compliance")  # fields that allow the longer steps the larger they are
-STIFF = (  # the smaller they are
+FAST = 0.5  # spacings per step: a faster mass passes its neighbours before their springs can deflect it
+MUCH = 2.0  # another integrator is recommended if its step size is this many times as large
+HALVINGS = 40  # bisections of the range of the largest stable ratio
+LEAST_STEP = 1e-9  # s: shorter steps are useless, 1e9 to a second
+LIGHT = ("mass", "density", "compliance")  # fields that allow longer steps the larger they are
+STIFF = (  # fields that allow longer steps the smaller they are
     "stiffness",
     "link_stiffness",
     "cluster_stiffness",
@@ -34,15 +33,15 @@ STIFF = (  # the smaller they are
     "damping",
     "mass_damping",
 )
-FOLLOWS = {"stiffness": "compliance", "mass": "density"}  # of a part that has both
-DECADES = 6  # from 1, in which a value of such a field is looked for that holds
+FOLLOWS = {"stiffness": "compliance", "mass": "density"}  # in a part that has both
+DECADES = 6  # decades from 1 within which a stable value of such a field is searched
 ODD = 35.0  # decades from 1: numbers of float32 end at 38
-ROUNDING = 1e-12  # of the limit: over it by less is not over it
+ROUNDING = 1e-12  # of the limit: a step size that exceeds it by less does not count
 
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """`cause` and `remedy`, each a clause of one line; `name`: of the cause, as in CAUSES."""
+    """A diagnosis: `cause` and `remedy`, each a clause of one line; `name`: of the cause, as in CAUSES."""
 
     cause: str
     remedy: str
@@ -51,8 +50,11 @@ class Diagnosis:
 
 @dataclass(frozen=True)
 class Situation:
-    """What causes look at: a scene that diverged, or would, at its step size. `limit` [s]: the largest that holds in any
-    state of it; `position`, `velocity` (particles, dimensions) [m, m/s]: the last good state, None where there is none."""
+    """Input of the causes: a scene that diverged, or would, at its step size.
+
+    `limit` [s]: the largest step size that is stable in any state; `position`, `velocity`: the last good state,
+    (particles, dimensions) [m, m/s], None where there is none.
+    """
 
     scene: Scene
     limit: float
@@ -61,22 +63,22 @@ class Situation:
 
     @property
     def dt(self) -> float:
-        """The step size [s]."""
+        """Step size [s]."""
         return self.scene.method.dt
 
     @property
     def integrator(self) -> str:
-        """Its name, or the solver's, where that has none."""
+        """Name of the integrator, or of the solver where it has none."""
         return self.scene.method.name
 
     @property
     def over(self) -> bool:
-        """Whether that is over the limit."""
+        """True if the step size exceeds the limit."""
         return self.dt > self.limit * (1 + ROUNDING)
 
     @cached_property
     def other(self) -> tuple[str, float]:
-        """(integrator, dt [s]) with one force evaluation and the largest step size that holds, the hand-out's aside, which
+        """(integrator, dt [s]) with one force evaluation and the largest stable step size, except the hand-out's, which
         solves another equation."""
         able = [i for i in INTEGRATORS.values() if i.forces == 1 and i.order > 0]
         limits = {i.name: stability_limit(self.scene.replace({"method.integrator": i.name})) for i in able}
@@ -85,7 +87,7 @@ class Situation:
 
     @property
     def remedy(self) -> str:
-        """The step size that holds, and the integrator that holds much farther, if one does."""
+        """The stable step size, and the integrator whose limit is much larger, if there is one."""
         remedy = f"use dt <= {self.limit:.6g} s"
         if self.scene.method.position_based:
             substeps = ceil(self.scene.method.substeps * self.dt / self.limit)
@@ -97,7 +99,7 @@ class Situation:
 
     @cached_property
     def share(self) -> float:
-        """Spacings that the fastest mass of the last good state moves a step; 0 where that is not known."""
+        """Displacement per step of the fastest mass of the last good state [spacings]; 0 where that is not known."""
         if self.velocity is None or not len(self.velocity):
             return 0.0
         share = float(np.abs(self.velocity.astype(np.float64)).max()) * self.dt / self.scene.grid.spacing
@@ -105,7 +107,7 @@ class Situation:
 
     @property
     def under(self) -> str:
-        """How it lies under the limit, where it does."""
+        """Clause on a step size below the limit."""
         if not isfinite(self.limit):
             return "no linear limit is known for it"
         return f"dt is under the linear limit of {self.limit:.6g} s"
@@ -115,7 +117,7 @@ Cause = Callable[[Situation], Diagnosis | None]
 
 
 def beyond_numbers(at: Situation) -> Diagnosis | None:
-    """The squared frequency of a spring, its stiffness over a mass, is no finite number: every integrator's limit is 0."""
+    """Diagnose a squared frequency of a spring, stiffness over mass, that overflows: every integrator's limit is 0."""
     if at.limit > 0 or at.scene.method.position_based or at.other[1] > 0:
         return None
     sheet = at.scene.name_of("grid", "cloth", default="grid")
@@ -127,8 +129,11 @@ def beyond_numbers(at: Situation) -> Diagnosis | None:
 
 
 def no_usable_step(at: Situation) -> Diagnosis | None:
-    """Steps that hold are too short to be done, for one mass, density, stiffness or damper, the one farthest from 1 in its
-    unit by which the step size would hold: its power of ten that does."""
+    """Diagnose stable steps that are too short to be used, caused by one mass, density, stiffness or damper.
+
+    It is the value farthest from 1 in its unit that could be changed to make the step size stable; the remedy is a
+    power of ten.
+    """
     if not at.over or at.limit >= LEAST_STEP:
         return None
     fields = [(name, field) for name, part in at.scene.parts.items() for field in _numbers_of(part)]
@@ -146,7 +151,7 @@ def no_usable_step(at: Situation) -> Diagnosis | None:
 
 
 def no_step_size(at: Situation) -> Diagnosis | None:
-    """The integrator grows at any step size: explicit Euler without a damper."""
+    """Diagnose an integrator that is unstable at any step size: explicit Euler without a damper."""
     if at.limit > 0:
         return None
     name, largest = at.other
@@ -157,7 +162,8 @@ def no_step_size(at: Situation) -> Diagnosis | None:
 
 
 def stiffness_ratio(at: Situation) -> Diagnosis | None:
-    """Over the limit because of the stiff springs alone: with the soft ones everywhere the step size would hold."""
+    """Diagnose a step size over the limit because of the stiff springs alone: with the soft ones everywhere it would be
+    stable."""
     springs = at.scene.springs
     if not at.over or springs is None or not springs.alternate:
         return None
@@ -175,7 +181,7 @@ def stiffness_ratio(at: Situation) -> Diagnosis | None:
 
 
 def odd_number(at: Situation) -> Diagnosis | None:
-    """A number of the scene is so far from 1 in its unit that a step cannot be computed with it."""
+    """Diagnose a number of the scene so far from 1 in its unit that a step cannot be computed with it."""
     found = []
     for name, table in at.scene.as_dict().items():
         for field, value in table.items() if isinstance(table, dict) else ():
@@ -188,14 +194,14 @@ def odd_number(at: Situation) -> Diagnosis | None:
 
 
 def over_the_limit(at: Situation) -> Diagnosis | None:
-    """The step size is over the explicit limit."""
+    """Diagnose a step size over the explicit limit."""
     if not at.over:
         return None
     return Diagnosis(f"dt is {at.dt / at.limit:.4g} times the stability limit of {at.integrator}", at.remedy)
 
 
 def fast_masses(at: Situation) -> Diagnosis | None:
-    """Under the limit, but a mass passes its neighbours before their springs can turn it."""
+    """Diagnose a step size under the limit where a mass passes its neighbours before their springs can deflect it."""
     if at.share <= FAST:
         return None
     return Diagnosis(
@@ -205,7 +211,7 @@ def fast_masses(at: Situation) -> Diagnosis | None:
 
 
 def violent_forces(at: Situation) -> Diagnosis:
-    """What is left."""
+    """Diagnose the remaining cases."""
     return Diagnosis(
         f"{at.under}, so the forces on it are too violent", f"use dt <= {at.dt / 2:.6g} s, or weaker forces"
     )
@@ -230,8 +236,10 @@ def diagnose(
     position: np.ndarray | None = None,
     causes: Mapping[str, Cause] = CAUSES,
 ) -> Diagnosis:
-    """The diagnosis of a scene that diverged at its step size, by the first of `causes` that applies. `limit`, `velocity`,
-    `position`: see Situation."""
+    """Return the diagnosis of a scene that diverged at its step size, from the first of `causes` that applies.
+
+    `limit`, `velocity`, `position`: see Situation.
+    """
     at = Situation(scene, limit, velocity, position)
     for name, cause in causes.items():
         found = cause(at)
@@ -241,7 +249,7 @@ def diagnose(
 
 
 def refusal(scene: Scene) -> UnstableTimeStep | None:
-    """What the door says to a scene whose step size is over its limit; None where it holds."""
+    """Return the error for a scene whose step size exceeds its limit when it is opened; None where it is stable."""
     limit = stability_limit(scene)
     at = Situation(scene, limit)
     if not at.over:
@@ -252,23 +260,26 @@ def refusal(scene: Scene) -> UnstableTimeStep | None:
 
 
 def _numbers_of(part: Part) -> list[str]:
-    """The fields of LIGHT and STIFF that a part has, over 0, without those that follow from others of them: a stiffness from
-    a compliance, a mass from a density."""
+    """Return the fields of LIGHT and STIFF of a part that are over 0, without those that follow from another of them: a
+    stiffness from a compliance, a mass from a density."""
     given = [field for field in (*LIGHT, *STIFF) if (getattr(part, field, None) or 0) > 0]
     follow = [field for field, cause in FOLLOWS.items() if cause in given]
     return [field for field in given if field not in follow]
 
 
 def _power_that_holds(scene: Scene, path: str, value: float, light: bool) -> float | None:
-    """The power of ten next to `value`, larger of what is `light`, else smaller, by which the scene's step size holds; None
-    where none does within DECADES of 1."""
+    """Return the power of ten next to `value` with which the scene's step size is stable; None where there is none
+    within DECADES of 1.
+
+    It is larger than `value` if `light`, else smaller.
+    """
     way = 1 if light else -1
     near, far = floor(way * log10(value)), DECADES
 
     def holds(power: int) -> bool:
         try:
             changed = scene.replace({path: float(f"1e{way * power}")})
-        except SceneError:  # another rule forbids it
+        except SceneError:  # another rule forbids the value
             return False
         return scene.method.dt <= stability_limit(changed)
 
@@ -281,12 +292,13 @@ def _power_that_holds(scene: Scene, path: str, value: float, light: bool) -> flo
 
 
 def _limit_at(scene: Scene, ratio: float) -> float:
-    """The step size [s] to which the scene would hold with this stiffness ratio."""
+    """Return the largest stable step size [s] of the scene with this stiffness ratio."""
     return stability_limit(scene.replace({"springs.stiffness_ratio": ratio}))
 
 
 def _largest_ratio(scene: Scene) -> float:
-    """The largest stiffness ratio, to three digits, at which the scene's step size, which holds at 1, still does."""
+    """Return the largest stiffness ratio, to three digits, at which the scene's step size, stable at 1, is still
+    stable."""
     assert scene.springs is not None
     low, high = 1.0, scene.springs.stiffness_ratio
     for _ in range(HALVINGS):

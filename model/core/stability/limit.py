@@ -1,17 +1,15 @@
-"""The largest frequency of a spring net, before anything is run: what the step sizes of explicit integrators hang on.
+"""The largest frequency of a spring net, computed before a run: it limits the step sizes of explicit integrators.
 
-In any state a spring's stiffness matrix has no eigenvalue above its stiffness k. So the net's largest w^2 is at most the
-largest eigenvalue of its weighted graph Laplacian over the masses, M^(-1/2) L M^(-1/2) with (L x)_i = sum k_ij (x_i - x_j)
-and x = 0 at pinned masses; a net without rest lengths (or stretched far beyond them) has exactly that one.
+In any state a spring's stiffness matrix has no eigenvalue above its stiffness k. So the net's largest w^2 is at most
+the largest eigenvalue of its weighted graph Laplacian over the masses, M^(-1/2) L M^(-1/2) with (L x)_i = sum k_ij (x_i
+- x_j) and x = 0 at pinned masses; a net without rest lengths (or stretched far beyond them) has exactly that one.
 
-On grids hung by the top row, held at all edges or free it has a closed form: the eigenvalues of the path graph, added.
-Elsewhere it is found without a matrix by power iteration, sped up by adding the last direction and taking the best vector
-of the span (Knyazev 2001, "Toward the optimal preconditioned eigensolver", SIAM J. Sci. Comput. 23(2), algorithm 4.1).
-Beside the estimate, which comes from below, stands a rigorous bound from above: the lesser of Gershgorin's (1931) and of
-the one of Collatz (1942), max_i (|A| u)_i / u_i for any u > 0, which meets the estimate where springs form no odd cycles.
-
-A cloth, pinned or not, is a part of one without end, whose eigenvalues have a closed form
-(model/mass_spring/cloth_bounds.py).
+Grids pinned at the top row or at all edges, and free ones, have a closed form: the sum of the path graphs' eigenvalues.
+Elsewhere it is computed without a matrix by power iteration, accelerated by adding the last direction and taking the
+best vector of the span (Knyazev 2001, "Toward the optimal preconditioned eigensolver", SIAM J. Sci. Comput. 23(2),
+algorithm 4.1). That estimate is from below. A rigorous upper bound is the smaller of Gershgorin's (1931) and Collatz's
+(1942), max_i (|A| u)_i / u_i for any u > 0, which equals the estimate where springs form no odd cycles. A cloth, pinned
+or not, is a part of an infinite one, whose eigenvalues have a closed form (model/mass_spring/cloth_bounds.py).
 """
 
 from __future__ import annotations
@@ -29,19 +27,19 @@ from model.mass_spring.energy import spring_ends, spring_stiffness
 from model.scene.parts import Grid
 from model.scene.scene import Scene
 
-TOLERANCE = 1e-6  # of the residual |A x - lambda x| over lambda: half of it in the frequency, at the very worst
+TOLERANCE = 1e-6  # of the residual |A x - lambda x| over lambda: at most half of it in the frequency
 MAX_ITERATIONS = 5000
-MAX_MASSES = 2**14  # of a grid that is iterated on, about a second; larger ones are bounded by the closed form
-MIN_SHARE = 1e-12  # of Collatz's vector, so that it is positive everywhere
+MAX_MASSES = 2**14  # of a grid with power iteration, about a second; larger ones are bounded by the closed form
+MIN_SHARE = 1e-12  # added to Collatz's vector, so that it is positive everywhere
 
 
 @dataclass(frozen=True)
 class Frequency:
-    """The largest angular frequency [1/s] of a net: `estimate`, and `upper`, which it surely does not exceed.
+    """The largest angular frequency [1/s] of a net: `estimate`, and `upper`, a rigorous bound.
 
     `how`: `closed form`, `iterated`, or `bounded` (too large to iterate; the estimate is the bound). `iterations`;
     `residual`: |A x - lambda x| / lambda at the end; `converged`: under TOLERANCE. `mode` (particles,): the shape of
-    the fastest vibration along an axis, of largest entry 1, 0 where pinned; None for `bounded`.
+    the fastest vibration along an axis, with largest entry 1, 0 where pinned; None for `bounded`.
     """
 
     estimate: float
@@ -55,15 +53,17 @@ class Frequency:
 
 @dataclass(frozen=True)
 class Net:
-    """Springs as a weighted graph. `ends` (springs, 2) indices; `stiffness` (springs,) [N/m]; `inverse_mass`
-    (particles,) [1/kg], 0 where pinned."""
+    """Springs as a weighted graph.
+
+    `ends`: (springs, 2) indices; `stiffness`: (springs,) [N/m]; `inverse_mass`: (particles,) [1/kg], 0 where pinned.
+    """
 
     ends: np.ndarray
     stiffness: np.ndarray
     inverse_mass: np.ndarray
 
     def apply(self, x: np.ndarray, sign: float = -1.0) -> np.ndarray:
-        """A x = M^(-1/2) L M^(-1/2) x [1/s^2] for x (particles,); `sign` 1: |A| x, every entry taken positive."""
+        """Return A x = M^(-1/2) L M^(-1/2) x [1/s^2] for x (particles,); `sign` 1: |A| x, with all entries positive."""
         root = np.sqrt(self.inverse_mass)
         y = root * x
         i, j = self.ends.T
@@ -73,7 +73,7 @@ class Net:
         return root * (np.bincount(i, at_i, count) + np.bincount(j, at_j, count))
 
     def gershgorin(self) -> float:
-        """max_i (A_ii + sum_j |A_ij|) of M^(-1) L, the similar matrix: no eigenvalue [1/s^2] exceeds it."""
+        """Return max_i (A_ii + sum_j |A_ij|) of M^(-1) L, the similar matrix: no eigenvalue [1/s^2] exceeds it."""
         i, j = self.ends.T
         count = len(self.inverse_mass)
         own = self.stiffness
@@ -83,9 +83,9 @@ class Net:
 
 
 def largest_frequency(net: Net, tolerance: float = TOLERANCE, most: int = MAX_ITERATIONS) -> Frequency:
-    """The largest frequency of any net by accelerated power iteration from a fixed start.
+    """Return the largest frequency of any net by accelerated power iteration from a fixed start.
 
-    Ends when the residual is under `tolerance` (then an eigenvalue lies that near), or after `most` iterations, not
+    It ends when the residual is under `tolerance` (then an eigenvalue is that near), or after `most` iterations, not
     converged. Raises SceneError for stiffnesses or masses that are negative or not finite.
     """
     for name, values in (("stiffness", net.stiffness), ("inverse_mass", net.inverse_mass)):
@@ -95,7 +95,7 @@ def largest_frequency(net: Net, tolerance: float = TOLERANCE, most: int = MAX_IT
     gershgorin = net.gershgorin()
     if gershgorin == 0:
         return Frequency(0.0, 0.0, "closed form", mode=np.zeros(len(free)))
-    # no symmetry of a net is likely to make this start orthogonal to its fastest mode, which alternates between neighbours
+    # no net is likely to have a symmetry that makes this start orthogonal to its fastest mode, which alternates
     x = np.where(free, np.sin(1.0 + 2.399963 * np.arange(len(free)) ** 1.5), 0.0)
     x /= np.linalg.norm(x)
     moved = net.apply(x)
@@ -127,8 +127,8 @@ def largest_frequency(net: Net, tolerance: float = TOLERANCE, most: int = MAX_IT
 
 
 def _path_eigenvalue(count: int, held: int) -> float:
-    """Largest eigenvalue of the Laplacian of a path of `count` free vertices, `held` (0, 1: at its start, 2) of whose ends
-    are tied to a fixed one beyond."""
+    """Return the largest eigenvalue of the Laplacian of a path of `count` free vertices, `held` of whose ends (0, 1:
+    the start, 2) are tied to a fixed vertex beyond."""
     if held == 0:
         return 4 * cos(pi / (2 * count)) ** 2
     return 4 * sin(_path_angle(count, held) / 2) ** 2
@@ -139,7 +139,7 @@ def _path_angle(count: int, held: int) -> float:
 
 
 def _path_shape(count: int, held: int) -> np.ndarray:
-    """The vector (count,) of that eigenvalue."""
+    """Return the eigenvector (count,) of `_path_eigenvalue`."""
     k = np.arange(count)
     if held == 0:
         return np.cos(pi * (count - 1) * (k + 0.5) / count)
@@ -147,12 +147,12 @@ def _path_shape(count: int, held: int) -> np.ndarray:
 
 
 def grid_eigenvalue(grid: Grid, shaped: bool = True) -> tuple[float, np.ndarray | None] | None:
-    """Largest eigenvalue of a grid's Laplacian (unit stiffness and mass) and its shape (particles,), in closed form; None for
-    the shape unless `shaped`: then nothing is allocated.
+    """Return the largest eigenvalue of a grid's Laplacian (unit stiffness and mass) and its shape (particles,), in
+    closed form.
 
-    Known for `pinned` none, top and edges; None for others. Free N x M: 4 cos^2(pi / 2N) + 4 cos^2(pi / 2M); top row
-    fixed, n = N - 1: 4 sin^2((2n-1) pi / (2 (2n+1))) + 4 cos^2(pi / 2M); all edges: 4 sin^2((N-2) pi / (2 (N-1))) and
-    the same in M.
+    Without `shaped` the shape is None and nothing is allocated. Known for `pinned` none, top and edges; None for
+    others. Free N x M: 4 cos^2(pi / 2N) + 4 cos^2(pi / 2M); top row fixed, n = N - 1: 4 sin^2((2n-1) pi / (2 (2n+1))) +
+    4 cos^2(pi / 2M); all edges: 4 sin^2((N-2) pi / (2 (N-1))) and the same in M.
     """
     if grid.pinned not in ("none", "top", "edges"):
         return None
@@ -173,7 +173,7 @@ def grid_eigenvalue(grid: Grid, shaped: bool = True) -> tuple[float, np.ndarray 
 
 
 def _edges(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
-    """(ends (springs, 2), stiffness (springs,) [N/m]) of all springs of a cloth."""
+    """Return (ends (springs, 2), stiffness (springs,) [N/m]) of all springs of a cloth."""
     rows, columns = scene.grid.rows, scene.grid.columns
     ends = {kind: spring_ends(rows, columns, kind) for kind in scene.cloth_springs}
     stiffness = [np.full(len(ends[kind]), part.stiffness) for kind, part in scene.cloth_springs.items()]
@@ -181,7 +181,7 @@ def _edges(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
 
 
 def scene_net(scene: Scene) -> Net:
-    """The scene's springs as a graph. A scene without springs is a net without edges."""
+    """Return the scene's springs as a graph. A scene without springs is a net without edges."""
     grid = scene.grid
     for name, mass in [(sheet_name(scene), grid.mass), *((name, load.mass) for name, load in scene.loads.items())]:
         if 1 / mass == inf:
@@ -202,7 +202,7 @@ def scene_net(scene: Scene) -> Net:
 
 
 def _finite(net: Net, scene: Scene) -> Net:
-    """The net, if its frequencies are finite numbers. Raises SceneError for the stiffest of its springs."""
+    """Return the net if its frequencies are finite. Raises SceneError for the stiffest of its springs."""
     with np.errstate(over="ignore"):
         bound = net.gershgorin()
     if isfinite(bound):
@@ -215,9 +215,12 @@ def _finite(net: Net, scene: Scene) -> Net:
 
 
 def _free_bound(scene: Scene) -> float:
-    """A frequency [1/s] that no vibration of the scene's grid, freed of its pins, exceeds: the largest one where springs are
-    equal; where they alternate, a mass has one of each along every direction, and Gershgorin's bound is twice their sum.
-    Of a cloth, the bound for any. Where masses differ, as if all were as light as the lightest."""
+    """Return a frequency [1/s] that no vibration of the scene's grid without its pins exceeds.
+
+    It is the largest one where springs are equal. Where they alternate, a mass has one of each along every direction,
+    and Gershgorin's bound is twice their sum. A cloth has the bound for any state. Where masses differ, all count as
+    the lightest.
+    """
     grid, springs, mass = scene.grid, scene.springs, lightest_mass(scene)
     if scene.cloth:
         return frequency_bound(scene)
@@ -231,11 +234,12 @@ def _free_bound(scene: Scene) -> float:
 
 
 def scene_frequency(scene: Scene, shaped: bool = True) -> Frequency:
-    """The largest frequency of the scene's net in any state: closed form (a grid's equal springs and masses), iterated, or
-    (large, and oddly pinned, of alternating springs, of several masses, or a cloth) bounded.
+    """Return the largest frequency of the scene's net in any state.
 
-    A pin takes rows and columns out of the matrix, which lowers its largest eigenvalue (Cauchy's interlacing), so that
-    the free grid bounds every other. Unless `shaped`, no mode is made where the frequency is had without.
+    It has a closed form (a grid's equal springs and masses), is iterated, or (large with other pins, alternating
+    springs, several masses, or a cloth) bounded. A pin removes rows and columns from the matrix, which lowers its
+    largest eigenvalue (Cauchy's interlacing), so that the free grid bounds every other. Without `shaped`, the mode is
+    not computed unless it is needed.
     """
     grid = scene.grid
     if not (scene.springs or scene.cloth_springs):
@@ -253,13 +257,11 @@ def scene_frequency(scene: Scene, shaped: bool = True) -> Frequency:
 
 
 def frequency_lines(scene: Scene) -> list[str]:
-    """What `softlab plan` says of it: the largest frequency, how it is known, and the step size that follows."""
+    """Return the lines of `softlab plan` on it: the largest frequency, how it is known, and the resulting step size."""
     springs = [scene.springs] if scene.springs else [*scene.cloth_springs.values()]
     if not springs or not family_of(scene).limited_by_net:
         return []
-    if scene.method.solver == "pbd" or any(
-        one.inextensible for one in springs
-    ):  # which are no springs of that stiffness
+    if scene.method.solver == "pbd" or any(one.inextensible for one in springs):  # then they have no such stiffness
         return []
     found = scene_frequency(scene, shaped=False)
     name, sheet = scene.method.name, "cloth" if scene.cloth else "grid"

@@ -1,4 +1,4 @@
-"""Where a precision is too coarse for the place of a scene: far from the origin a substep's fall is lost in rounding."""
+"""Precision too coarse for a scene's location: far from the origin a substep's fall is lost in rounding."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from model.core.options import PRECISIONS
 from model.fluid.fluid_set import PARKED
 from model.scene.scene import Scene
 
-FRAME = 1 / 60  # s: a velocity that is kept beside the position grows for so long before its displacement must be seen
+FRAME = 1 / 60  # s: a velocity stored beside the position grows for this long before its displacement must be visible
 
 
 def resolution_line(scene: Scene, precision: str) -> str | None:
-    """A sentence where gravity is lost in the rounding of positions, None where it is not or nothing falls.
+    """Return a sentence where gravity is lost in the rounding of positions, None where it is not or nothing falls.
 
-    Position-based solvers take velocities from displacements: a particle at rest moves by g h^2 in a substep h, and hangs in
-    the air where numbers at its coordinate lie farther apart (an ulp). A velocity that is kept for itself grows meanwhile:
-    there the displacement after a FRAME, g h FRAME, counts.
+    Position-based solvers compute velocities from displacements: a particle at rest moves by g h^2 in a substep h, and
+    does not fall where adjacent numbers at its coordinate differ by more (an ulp). A separately stored velocity grows
+    meanwhile: there the displacement after a FRAME, g h FRAME, counts.
     """
     gravity = scene.gravity.acceleration if scene.gravity is not None and scene.gravity.enabled else 0.0
     method = scene.method

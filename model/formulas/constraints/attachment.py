@@ -1,9 +1,9 @@
-"""A vertex a that is to be in one place with another, of which it may be away by what its compliance gives: three equations
-with one weight, solved at once. The place is a point p of the world, values (p [m], compliance [m/N]), or the mean of four
-vertices of a tetrahedron, or of three of a triangle, with the weights s, which add up to 1, values (s, compliance [m/N]).
+"""Attachment of a vertex a to a place: three equations with one weight, solved at once. The compliance lets a deviate.
 
-C = a - p or a - sum s x; dC/dx of each vertex is 1 or -s times the identity, so that the sum of m dx is 0 where no vertex is
-held. M. Macklin et al., "XPBD", MIG 2016, eq. 18, with a vector for a multiplier.
+The place is a point p of the world, values (p [m], compliance [m/N]), or the mean of the four vertices of a tetrahedron
+or the three of a triangle, with weights s that sum to 1, values (s, compliance [m/N]). C = a - p or a - sum s x. dC/dx
+of each vertex is 1 or -s times the identity, so that the sum of m dx is 0 where no vertex is pinned. M. Macklin et al.,
+"XPBD", MIG 2016, eq. 18, with a vector for a multiplier.
 """
 
 from __future__ import annotations
@@ -14,14 +14,14 @@ from model.formulas import plain
 from model.formulas.bending import make as make_bending
 from model.formulas.distance import make as make_distance
 
-WORLD, CLOTH, BODY = 1, 4, 5  # how many corners
+WORLD, CLOTH, BODY = 1, 4, 5  # number of corners
 COUNTS = {WORLD: 4, CLOTH: 4, BODY: 5}  # values
 MULTIPLIERS = 3
 OPERATIONS = {WORLD: 3 + 1 + 12 + 6, CLOTH: 18 + 1 + 11 + 12 + 24, BODY: 24 + 1 + 14 + 12 + 30}
 
 
 def make(real, compiled=plain, corners=BODY):
-    """See the head of the file; `corners`: WORLD, CLOTH or BODY."""
+    """Make `project` for `corners`: WORLD, CLOTH or BODY."""
     reciprocal, softness = make_distance(real, compiled).reciprocal, make_bending(real, compiled).softness
     one = real(1)
 
@@ -35,7 +35,7 @@ def make(real, compiled=plain, corners=BODY):
 
     @compiled
     def changes(x, y, z, weight, compliance, multipliers):
-        """(the multipliers' change, their new values)."""
+        """(change of the multipliers, their new values)."""
         inverse = reciprocal(weight, one, compliance)
         a = changed(x, compliance, multipliers[0], inverse)
         b = changed(y, compliance, multipliers[1], inverse)
@@ -52,7 +52,7 @@ def make(real, compiled=plain, corners=BODY):
 
     @compiled
     def mean(values, p, q, r, s):
-        """With the weights of the four."""
+        """Weighted sum of four numbers, one axis."""
         return (values[0] * p + values[1] * q) + (values[2] * r + values[3] * s)
 
     @compiled

@@ -1,4 +1,5 @@
-"""A hinge's angle, values (edge at rest [m], tan(theta/4) at rest, (A_c + A_d) / 3 [m^2]): see model/formulas/bending.py."""
+"""Angle of a hinge, values (edge at rest [m], tan(theta/4) at rest, (A_c + A_d) / 3 [m^2]): see
+model/formulas/bending.py."""
 
 from __future__ import annotations
 
@@ -10,7 +11,7 @@ from model.formulas.distance import make as make_distance
 
 
 def make(real, compiled=plain):
-    """See the package."""
+    """Make `project` (see the package) in the arithmetic `real`."""
     formulas, reciprocal = make_dihedral(real, compiled), make_distance(real, compiled).reciprocal
     softness, hinge, by_ends, dot = formulas.softness, formulas.hinge, formulas.by_ends, formulas.dot
     steepness, gradient_sum, dihedral_change = formulas.steepness, formulas.gradient_sum, formulas.dihedral_change

@@ -1,4 +1,4 @@
-"""A distance |b - a|, values (rest length [m],): see model/formulas/distance.py."""
+"""Distance |b - a|, values (rest length [m],): see model/formulas/distance.py."""
 
 from __future__ import annotations
 
@@ -9,8 +9,9 @@ from model.formulas.distance import make as make_distance
 
 
 def make(real, compiled=plain, soft=True, damped=False, own_compliance=False):
-    """`soft`: it gives, and so has a multiplier; `damped`: it has a damper, too; `own_compliance`: each constraint has its
-    compliance behind its rest length, instead of the shared one."""
+    """Make `project`. `soft`: the constraint has a compliance and therefore a multiplier; `damped`: it also has a
+    damper; `own_compliance`: each constraint has its own compliance after its rest length, instead of the shared one.
+    """
     formulas = make_distance(real, compiled)
     squared_length, reciprocal, moved = formulas.squared_length_3d, formulas.reciprocal, formulas.moved
     rigid_change, soft_change, damped_change = formulas.rigid_change, formulas.soft_change, formulas.damped_change

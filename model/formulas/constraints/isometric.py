@@ -1,5 +1,5 @@
-"""A hinge's quadratic bending, values (K of a, b, c, d, length of k at rest [m], (A_c + A_d) / 3 [m^2]): see
-model/formulas/bending.py. Three multipliers, one an axis."""
+"""Quadratic bending of a hinge, values (K of a, b, c, d, length of k at rest [m], (A_c + A_d) / 3 [m^2]): see
+model/formulas/bending.py. It has three multipliers, one per axis."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from model.formulas.distance import make as make_distance
 
 
 def make(real, compiled=plain):
-    """See the package."""
+    """Make `project` (see the package) in the arithmetic `real`."""
     formulas, reciprocal = make_isometric(real, compiled), make_distance(real, compiled).reciprocal
     softness, curvature, square_sum = formulas.softness, formulas.curvature, formulas.square_sum
     kept_part, isometric_change, shifted = formulas.kept_part, formulas.isometric_change, formulas.shifted
 
     @compiled
     def curvature_of(kb, kc, kd, a, b, c, d):
-        """k [m]; a, b, c, d: corners."""
+        """k [m], three axes. a, b, c, d: corners."""
         return (
             curvature(kb, kc, kd, b[0] - a[0], c[0] - a[0], d[0] - a[0]),
             curvature(kb, kc, kd, b[1] - a[1], c[1] - a[1], d[1] - a[1]),

@@ -1,5 +1,5 @@
-"""The long-range attachments of a particle a to its anchors, values (reach [m] of each): see model/formulas/distance.py. They
-have no multipliers, and move a alone; where it is held by one, the next is asked."""
+"""Long-range attachments of a particle a to its anchors, values (maximum distance [m] to each): see
+model/formulas/distance.py. They have no multipliers and move only a; the anchors are applied one after the other."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from model.formulas.distance import make as make_distance
 
 
 def make(real, compiled=plain, anchors=1):
-    """`anchors`: how many each particle has."""
+    """Make `project`. `anchors`: anchors per particle."""
     formulas = make_distance(real, compiled)
     tether, tethered, squared_length = formulas.tether, formulas.tethered, formulas.squared_length_3d
 

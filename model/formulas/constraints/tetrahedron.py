@@ -1,25 +1,22 @@
-"""The elastic energy of a tetrahedron a, b, c, d as two constraints, one after the other.
+"""Elastic energy of a tetrahedron a, b, c, d as two constraints, one after the other.
 
-Of the energy per volume W = k_D C_D^2 / 2 + k_H C_H^2 / 2 each term is a constraint of compliance 1 / (k V), V the volume at
-rest (M. Macklin et al., "XPBD", MIG 2016, eq. 4). R is the rotation nearest to F, J = det F:
+Each term of the energy per volume W = k_D C_D^2 / 2 + k_H C_H^2 / 2 is a constraint of compliance 1 / (k V), V the
+volume at rest (M. Macklin et al., "XPBD", MIG 2016, eq. 4). R is the rotation nearest to F, J = det F:
+  fixed corotated   C_D = |F - R|        k_D = 2 mu    C_H = J - 1           k_H = lambda
+  corotated         C_D = |F - R|        k_D = 2 mu    C_H = tr(R'F) - 3     k_H = lambda
+  neo-Hookean       tetrahedron_hookean.py             C_H = J - 1           k_H = lambda
+A. Stomakhin et al., "Energetically Consistent Invertible Elasticity", SCA 2012, eq. 4; B. Smith, F. de Goes, T. Kim,
+"Stable Neo-Hookean Flesh Simulation", TOG 37 (2018), section 3.4. The shape of the neo-Hookean material is not a
+length, but an energy term with its minimum at rest, and has nine multipliers.
 
-    fixed corotated   C_D = |F - R|        k_D = 2 mu    C_H = J - 1           k_H = lambda
-    corotated         C_D = |F - R|        k_D = 2 mu    C_H = tr(R'F) - 3     k_H = lambda
-    neo-Hookean       tetrahedron_hookean.py             C_H = J - 1           k_H = lambda
-
-A. Stomakhin et al., "Energetically Consistent Invertible Elasticity", SCA 2012, eq. 4; B. Smith, F. de Goes, T. Kim, "Stable
-Neo-Hookean Flesh Simulation", TOG 37 (2018), section 3.4. The shape of the neo-Hookean material is no length, but has a term
-of the energy that is least at rest, and nine multipliers.
-
-C_D is the length of G = F - R, and G / C_D its derivative by F. With x in place of the multiplier's change C_D x, XPBD's
-eq. 18 times C_D^2 has no root but where a multiplier is kept, and nothing that is divided by C_D; where C_D is 0 it does
+C_D is the length of G = F - R, and G / C_D its derivative by F. With the multiplier's change written as C_D x, XPBD's
+eq. 18 times C_D^2 has no root except where a multiplier is kept, and no division by C_D; where C_D is 0 it does
 nothing:
-
-    (sum w |G b|^2 + alpha~ C_D^2) x = -C_D^2 - C_D alpha~ lambda,    each corner moves by w x G b,  b its row of B
-
-Scalar rows turn with F, so that multipliers kept through iterations stay along directions that rows have left: they end some
-per cent off the step of implicit Euler that they stand for. `blocks` takes F - R as one system instead
-(tetrahedron_block.py), whose multipliers do not turn, and ends there; the neo-Hookean material ends there without.
+  (sum w |G b|^2 + alpha~ C_D^2) x = -C_D^2 - C_D alpha~ lambda,    each corner moves by w x G b,  b its row of B
+The scalar rows rotate with F. Multipliers kept through iterations stay along directions that the rows have left, so
+that they end some per cent away from the step of implicit Euler that they represent. `blocks` treats F - R as one
+system instead (tetrahedron_block.py): its multipliers do not rotate, and it ends at that step. The neo-Hookean material
+ends there without.
 
 A damper's stress is `time` times the rate of the elastic one: alpha beta = time in XPBD's eq. 26, gamma = time / h.
 """
@@ -55,18 +52,18 @@ from model.formulas.lengths import make as make_lengths
 
 MATERIALS = ("fixed-corotated", "corotated", "neo-hookean")
 FIXED, COROTATED, HOOKEAN = range(len(MATERIALS))
-BLOCKS = 10  # multipliers of a block, and of a neo-Hookean tetrahedron: nine of the shape, one of C_H
+BLOCKS = 10  # multipliers of a block, and of a neo-Hookean tetrahedron: nine for the shape, one for C_H
 ROWS = 2
 COUNT = 10  # values: 6 of B (make_framed); at 6, 7 the compliances of C_D, C_H, 1 / (k V) [1/J]; J at rest; `time` [s]
 SOFT_SHAPE, SOFT_VOLUME, REST, TIME = range(6, COUNT)
-OPERATIONS_ROW = OPERATIONS_FRAMED_CORNERS + 27 + 9 + 28  # ..., the weight, the change, to apply it
-OPERATIONS_ROW_DAMPER, OPERATIONS_ROW_KEPT = 4 * 8 + 4, 2  # how fast four corners move along; the part of a multiplier
+OPERATIONS_ROW = OPERATIONS_FRAMED_CORNERS + 27 + 9 + 28  # ..., the weight, the change, its application
+OPERATIONS_ROW_DAMPER, OPERATIONS_ROW_KEPT = 4 * 8 + 4, 2  # displacements of four corners; the kept multiplier
 
 
 def operations(
     material: int, item: int, damped: int = False, blocks: int = False, kept: int = False, alone: int = True
 ) -> int:
-    """Of one projection, counted on numbers of `item` bytes; the flags of `make`."""
+    """Count the operations of one projection on numbers of `item` bytes; flags as in `make`."""
     rotation, volume = OPERATIONS_ROTATION[item], 0
     row = OPERATIONS_ROW + damped * OPERATIONS_ROW_DAMPER + kept * OPERATIONS_ROW_KEPT
     if alone:
@@ -86,8 +83,11 @@ def operations(
 
 
 def make(real, compiled=plain, material=FIXED, damped=False, blocks=False, kept=True, alone=True):
-    """See the package; `material`: which of MATERIALS; `damped`: a damper counts; `blocks`: see the head of the file; `kept`:
-    multipliers may be other than 0; `alone`: C_H is there, and not that of a voxel (voxel_volume.py)."""
+    """Make `project` (see the package).
+
+    `material`: an index into MATERIALS; `damped`: include the damper; `blocks`: see the head of the file; `kept`:
+    multipliers may differ from 0; `alone`: include C_H (False where a voxel has it instead, voxel_volume.py).
+    """
     softness, gradient, zero = make_bending(real, compiled).softness, make_framed(real, compiled).gradient, real(0)
     terms, one_row = make_terms(real, compiled, material), make_row(real, compiled, damped, kept)
     distortion, dilation, scaled = terms.distortion, terms.dilation, one_row.scaled
@@ -103,7 +103,7 @@ def make(real, compiled=plain, material=FIXED, damped=False, blocks=False, kept=
 
     @compiled
     def with_volume(points, before, weights, values, multiplier, gamma, constants):
-        """The corners after C_H, and its multiplier."""
+        """(corners after C_H, multiplier of C_H)."""
         if not alone:
             return points, zero
         violation, g = dilation(gradient(points[0], points[1], points[2], points[3], values), values[REST])
@@ -143,7 +143,7 @@ def make(real, compiled=plain, material=FIXED, damped=False, blocks=False, kept=
 
 
 def make_terms(real, compiled, material):
-    """`distortion`, `dilation`: the two constraints of a material."""
+    """Make `distortion` and `dilation`: the two constraints of a material."""
     dot, elastic, rotation = (
         make_lengths(real, compiled).dot,
         make_gradient(real, compiled),
@@ -167,7 +167,7 @@ def make_terms(real, compiled, material):
 
     @compiled
     def dilation(f, rest):
-        """(C_H, its derivative by F)."""
+        """(C_H, derivative of C_H by F)."""
         if is_corotated:
             r = rotation(f)
             along = (dot(r[0], r[1], r[2], f[0], f[1], f[2]) + dot(r[3], r[4], r[5], f[3], f[4], f[5])) + dot(
@@ -181,13 +181,13 @@ def make_terms(real, compiled, material):
 
 
 def make_row(real, compiled, damped, kept):
-    """`row`: one scalar constraint of four corners; `row_of_length`: one that is a length; `scaled`."""
+    """Make `row` (one scalar constraint of four corners), `row_of_length` (one that is a length) and `scaled`."""
     shift, reciprocal = make_bending(real, compiled).shift, make_distance(real, compiled).reciprocal
     dot, corners, zero, one = make_lengths(real, compiled).dot, make_framed(real, compiled).corners, real(0), real(1)
 
     @compiled
     def passed(g, now, before):
-        """How fast a corner's way in this substep takes the constraint along."""
+        """Displacement of a corner in this substep, projected on the constraint's gradient."""
         return dot(g[0], g[1], g[2], now[0] - before[0], now[1] - before[1], now[2] - before[2])
 
     @compiled
@@ -201,8 +201,8 @@ def make_row(real, compiled, damped, kept):
 
     @compiled
     def changed(points, before, weights, values, violation, g, held, compliance, gamma):
-        """(the corners after a constraint whose derivative by F is `g`, the change of its multiplier); `held`: the part that
-        this one has of the violation."""
+        """(corners after a constraint whose derivative by F is `g`, change of its multiplier). `held`: compliance times
+        the multiplier so far."""
         a, b, c, d = points
         wa, wb, wc, wd = weights
         ga, gb, gc, gd = corners(g, values)
@@ -222,14 +222,15 @@ def make_row(real, compiled, damped, kept):
 
     @compiled
     def row(points, before, weights, values, violation, g, compliance, multiplier, gamma):
-        """The corners after one constraint, and its multiplier."""
+        """(corners after one constraint, its multiplier)."""
         held = scaled(compliance, multiplier) if kept else zero
         moved, change = changed(points, before, weights, values, violation, g, held, compliance, gamma)
         return moved, multiplier + change
 
     @compiled
     def row_of_length(points, before, weights, values, squared, g, compliance, multiplier, gamma):
-        """The same of the length of `g`, which is `squared`: see the head of the file."""
+        """(corners, multiplier) as by `row`, for the length of `g` as the constraint; `squared`: that length squared.
+        See the head of the file."""
         length = sqrt(squared) if kept else zero
         held = scaled(length, scaled(compliance, multiplier)) if kept else zero
         soft = scaled(compliance, squared)

@@ -1,19 +1,19 @@
-"""The shape of a tetrahedron as a block: the stretch S = R'F of F = R S minus 1, six rows that share one system; see
+"""Shape of a tetrahedron as a block: the stretch S = R'F of F = R S minus 1, six rows that share one system; see
 tetrahedron.py.
 
-R turns with the corners: a change R Z of the impulse changes F by R Z H, H = sum w g g' over the corners' rows g of B, and S
-near 1 by the symmetric part of Z H. Held at its old value, R would make the step an oblique projection where H has different
-eigenvalues a, b: it lengthens a disturbance by up to (a + b) / (2 sqrt(a b)) in the norm of the masses, so that sweeps over
-slivers at rest diverge. The step of XPBD (Macklin, Mueller, Chentanez, MIG 2016, eq. 18) with the right slope is
+R rotates with the corners: a change R Z of the impulse changes F by R Z H, H = sum w g g' over the corners' rows g of
+B, and S near 1 by the symmetric part of Z H. With R fixed at its old value, the step would be an oblique projection
+where H has different eigenvalues a, b: it amplifies a disturbance by up to (a + b) / (2 sqrt(a b)) in the norm of the
+masses, so that sweeps over slivers at rest diverge. The step of XPBD (Macklin, Mueller, Chentanez, MIG 2016, eq. 18)
+with the right slope is
+  (Z Ha + Ha Z) / 2 = -(S - 1) - gamma (S - S0) - alpha~ R'Y,    Ha = (1 + gamma) H + alpha~,    Y += R Z
+a Lyapunov equation. Iterations end where alpha~ Y = -(F - R), whatever Ha is. Y is the impulse as a matrix like F: nine
+multipliers that do not rotate with R. Where Y is 0, Z is symmetric, and without compliance the linear step at rest is
+the orthogonal projection in the norm of the masses, which amplifies nothing.
 
-    (Z Ha + Ha Z) / 2 = -(S - 1) - gamma (S - S0) - alpha~ R'Y,    Ha = (1 + gamma) H + alpha~,    Y += R Z
-
-a Lyapunov equation. It ends where alpha~ Y = -(F - R), whatever Ha is. Y is the impulse as a matrix like F, nine multipliers
-that do not turn with R; where it is 0, Z is symmetric, and without compliance the linear step at rest is the orthogonal
-projection in the norm of the masses: it lengthens nothing.
-
-A damper's rate is that of the stretch S in the material's own frame, S0 at the substep's start. A rigid turn, whose S stays,
-is not damped (objective rates: J. Simo, T. Hughes, "Computational Inelasticity", Springer 1998, section 7.2).
+The damper's rate is that of the stretch S in the material's own frame, S0 at the substep's start. A rigid rotation does
+not change S and is not damped (objective rates: J. Simo, T. Hughes, "Computational Inelasticity", Springer 1998,
+section 7.2).
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ import numpy as np
 from model.formulas.elastic.deformation import make_framed, make_rotation
 from model.formulas.lengths import make as make_lengths
 
-OPERATIONS = 36 + 69 + 99 + 45 + 33 + 24  # 1 - S, H + alpha~, Z, R Z, corners, to apply
-OPERATIONS_DAMPER = 36 + 30 + 18 + 6  # besides a rotation: F of before, S0, what they add, 1 + gamma
-OPERATIONS_KEPT = 45 + 16 + 49 + 9  # R'Y, what it adds, the skew part of Z, to keep
+OPERATIONS = 36 + 69 + 99 + 45 + 33 + 24  # 1 - S, H + alpha~, Z, R Z, corners, their displacement
+OPERATIONS_DAMPER = 36 + 30 + 18 + 6  # besides a rotation: F at the start, S0, their contribution, 1 + gamma
+OPERATIONS_KEPT = 45 + 16 + 49 + 9  # R'Y, its contribution, the skew part of Z, the new multipliers
 
 
 def make_block(real, compiled, damped, kept):
-    """block(points, before, weights, values, compliance, multipliers, gamma) -> (points, nine multipliers)."""
+    """Make block(points, before, weights, values, compliance, multipliers, gamma) -> (points, nine multipliers)."""
     elastic, rotation, lyapunov = (
         make_framed(real, compiled),
         make_rotation(real, compiled),
@@ -43,12 +43,12 @@ def make_block(real, compiled, damped, kept):
 
     @compiled
     def column(q, i, a, j):
-        """An entry of Q'A."""
+        """Entry (i, j) of Q'A."""
         return dot(q[i], q[i + 3], q[i + 6], a[j], a[j + 3], a[j + 6])
 
     @compiled
     def stretch(f, r):
-        """R'F, six entries."""
+        """R'F, six entries of a symmetric matrix."""
         return (
             column(r, 0, f, 0), column(r, 0, f, 1), column(r, 0, f, 2), column(r, 1, f, 1), column(r, 1, f, 2),
             column(r, 2, f, 2),
@@ -64,7 +64,7 @@ def make_block(real, compiled, damped, kept):
 
     @compiled
     def relieved(q, compliance, r, y):
-        """(six entries of Q - compliance R'Y, the three of twice its skew part), Q symmetric."""
+        """(six entries of the symmetric part of Q - compliance R'Y, three of twice its skew part). Q is symmetric."""
         xy, yx, xz = column(r, 0, y, 1), column(r, 1, y, 0), column(r, 0, y, 2)
         zx, yz, zy = column(r, 2, y, 0), column(r, 1, y, 2), column(r, 2, y, 1)
         mean = half * compliance
@@ -75,7 +75,7 @@ def make_block(real, compiled, damped, kept):
 
     @compiled
     def row(x, y, z, a):
-        """A row of Q A."""
+        """Row (x, y, z) times A."""
         return dot(x, y, z, a[0], a[3], a[6]), dot(x, y, z, a[1], a[4], a[7]), dot(x, y, z, a[2], a[5], a[8])
 
     @compiled
@@ -116,12 +116,12 @@ def make_block(real, compiled, damped, kept):
 
 
 def make_system(real, compiled, damped):
-    """system(rest, weights, compliance, stiffening): Ha, six entries, and 1 over its trace."""
+    """Make system(rest, weights, compliance, stiffening) -> six entries of Ha and 1 over its trace."""
     zero, one = real(0), real(1)
 
     @compiled
     def weighted(weights, a, b, c, d, i, j):
-        """An entry of H."""
+        """Entry (i, j) of H."""
         return (weights[0] * (a[i] * a[j]) + weights[1] * (b[i] * b[j])) + (
             weights[2] * (c[i] * c[j]) + weights[3] * (d[i] * d[j])
         )
@@ -144,12 +144,13 @@ def make_system(real, compiled, damped):
 
 
 def make_lyapunov(real, compiled):
-    """`symmetric`, `skew`: Z of (Z H + H Z) / 2 = Q, for the two parts of Q.
+    """Make `symmetric` and `skew`: Z of (Z H + H Z) / 2 = Q for the symmetric and the skew part of Q.
 
-    By elimination in an order of its own, which for positive definite systems needs no pivoting (N. Higham, "Accuracy and
-    Stability of Numerical Algorithms", SIAM 2002, section 10.1): the diagonal of a symmetric Z first, of which no two share
-    a row. H is divided by its trace before, so that no product is too large or small. A pivot that is less than `units` of
-    the sum that it is left of is rounding: that sum takes its place, which makes Z smaller, and never larger than right.
+    Elimination in a fixed order needs no pivoting for positive definite systems (N. Higham, "Accuracy and Stability of
+    Numerical Algorithms", SIAM 2002, section 10.1). The diagonal of a symmetric Z comes first, since no two of its
+    entries share a row. H is divided by its trace first, so that no product is too large or too small. A pivot below
+    `units` times the sum from which it remains is rounding: that sum takes its place, which makes Z smaller, and never
+    larger than the exact one.
     """
     zero, one, two = real(0), real(1), real(2)
     units, least = real(64 * np.finfo(real).eps), real(np.finfo(real).tiny / np.finfo(real).eps)
@@ -161,7 +162,7 @@ def make_lyapunov(real, compiled):
 
     @compiled
     def solved(xx, xy, xz, yy, yz, zz, floors, x, y, z):
-        """Of a symmetric 3 x 3 system; `floors` of its pivots."""
+        """Solution of a symmetric 3 x 3 system. `floors`: smallest pivots."""
         i = inverse(xx, floors[0])
         u, v = i * xy, i * xz
         j = inverse(yy - u * xy, floors[1])
@@ -175,13 +176,13 @@ def make_lyapunov(real, compiled):
 
     @compiled
     def symmetric(h, q):
-        """Six entries, of six of Q; `h`: six of H, and 1 over its trace."""
+        """Six entries of Z from six of Q. `h`: six entries of H, and 1 over its trace."""
         s = h[6]
         a, xy, xz, b, yz, c = s * h[0], s * h[1], s * h[2], s * h[3], s * h[4], s * h[5]
         qa, qb, qc = s * q[0], s * q[3], s * q[5]
         qxy, qxz, qyz = s * q[1], s * q[2], s * q[4]
         ia, ib, ic = inverse(a, zero), inverse(b, zero), inverse(c, zero)
-        ya, yb = xy * ia, xy * ib  # of the entry xy of Z in the rows of the diagonal's entries a and b
+        ya, yb = xy * ia, xy * ib  # coefficients of the entry xy of Z in the rows of the diagonal's entries a and b
         za, zc = xz * ia, xz * ic
         wb, wc = yz * ib, yz * ic
         ab, ac, bc = a + b, a + c, b + c
@@ -194,8 +195,8 @@ def make_lyapunov(real, compiled):
 
     @compiled
     def skew(h, q):
-        """(x, y, z) of Z = [[0, -z, y], [z, 0, -x], [-y, x, 0]], of twice those of Q: Z H + H Z is skew as well, and its
-        three numbers are (tr H - H)(x, y, z)."""
+        """(x, y, z) of Z = [[0, -z, y], [z, 0, -x], [-y, x, 0]], from twice those of Q. Z H + H Z is skew as well, and
+        its three numbers are (tr H - H)(x, y, z)."""
         s = h[6]
         a, b, c = s * (h[3] + h[5]), s * (h[0] + h[5]), s * (h[0] + h[3])
         floors = units * a, units * b, units * c

@@ -1,25 +1,21 @@
-"""The shape of a neo-Hookean tetrahedron as one step down the energy of the substep: at rest it exerts no force.
+"""Shape of a neo-Hookean tetrahedron as one descent step of the substep's energy: it exerts no force at rest.
 
-M. Macklin, M. Mueller, "A Constraint-based Formulation of Stable Neo-Hookean Materials", MIG 2021, eq. 6 to 15, take W as two
-constraints, |F| and J - alpha, which pull and push at rest and balance only together. The same W is the sum of two terms that
-each vanish at rest, J = det F (expand the square of J - alpha, with (lambda + mu) (alpha - 1) = mu):
+M. Macklin, M. Mueller, "A Constraint-based Formulation of Stable Neo-Hookean Materials", MIG 2021, eq. 6 to 15, write W
+as two constraints, |F| and J - alpha, which pull and push at rest and balance only together. The same W is the sum of
+two terms that each vanish at rest, J = det F (expand the square of J - alpha, with (lambda + mu) (alpha - 1) = mu):
+  mu / 2 (|F|^2 - 3) + (lambda + mu) / 2 ((J - alpha)^2 - (1 - alpha)^2) = mu / 2 S + lambda / 2 (J - 1)^2,
+  S = |F|^2 + J^2 - 4 J,    G = dS/dF / 2 = F + (J - 2) cof F,    G = 0 at every rotation
+The second term is the scalar row J - 1 of the fixed corotated material. The first one has nine multipliers, the impulse
+Y of both rows as a matrix like F. Kept through iterations, they do not rotate with F: where sweeps end, Y is the stress
+of W and the step is that of implicit Euler. H is the map from an impulse to a change of F (sum w b b' over the corners'
+rows b of B). A visit follows the residual to the minimum of the substep's energy along it, to second order:
+  R = -(G + alpha~ (Y - l cof F)) - gamma F (A - A0),    D = R H,    x = R:D / (alpha~ R:D + q),    Y += x R
+l is the multiplier of J - 1 (Macklin, Mueller, Chentanez, "XPBD", MIG 2016, eq. 18, of which this is the matrix form).
+q = D:S''/2:D = |D|^2 + (cof F : D)^2 + 2 (J - 2) F : cof D, exact, but at least 2 |D|^2, its value at rest without a
+rotation: compressed below J = 0.16, the material has a negative curvature.
 
-    mu / 2 (|F|^2 - 3) + (lambda + mu) / 2 ((J - alpha)^2 - (1 - alpha)^2) = mu / 2 S + lambda / 2 (J - 1)^2,
-    S = |F|^2 + J^2 - 4 J,    G = dS/dF / 2 = F + (J - 2) cof F,    G = 0 at every rotation
-
-The second term is the scalar row J - 1 of the fixed corotated material. The first one has nine multipliers, the impulse Y of
-both rows as a matrix like F: kept through iterations, they do not turn with F, so that where sweeps end, Y is the stress of W
-and the step is that of implicit Euler. With H the map from an impulse to a change of F (sum w b b' over the corners' rows b
-of B), a visit takes the residual and goes along it to where the substep's energy, to second order, is least:
-
-    R = -(G + alpha~ (Y - l cof F)) - gamma F (A - A0),    D = R H,    x = R:D / (alpha~ R:D + q),    Y += x R
-
-l is the multiplier of J - 1 (Macklin, Mueller, Chentanez, "XPBD", MIG 2016, eq. 18, of which this is the matrix form) and
-q = D:S''/2:D = |D|^2 + (cof F : D)^2 + 2 (J - 2) F : cof D, exact, but at least 2 |D|^2, what it is at rest without a turn:
-compressed below J = 0.16, the material has a negative curvature.
-
-The damper is Kelvin's and Voigt's in Green's strain (A - I) / 2, A = F'F, A0 at the substep's start: a stress mu time F dA/dt
-[Pa], which at rest is `time` times the rate of the elastic one. A rigid turn does not change A.
+The damper is that of Kelvin and Voigt in Green's strain (A - I) / 2, A = F'F, A0 at the substep's start: a stress mu
+time F dA/dt [Pa], which at rest is `time` times the rate of the elastic one. A rigid rotation does not change A.
 """
 
 from __future__ import annotations
@@ -32,22 +28,23 @@ from model.formulas import plain
 from model.formulas.elastic.deformation import make_framed, make_gradient
 from model.formulas.lengths import make as make_lengths
 
-OPERATIONS = 27 + 5 + 19 + 33 + 12 + 24 + 36 + 17 + 17 + 27 + 17 + 12 + 24  # cof, J, G, R B, w, R:D, D, q, x, to apply
+OPERATIONS = 27 + 5 + 19 + 33 + 12 + 24 + 36 + 17 + 17 + 27 + 17 + 12 + 24  # cof, J, G, R B, w, R:D, D, q, x, applied
 OPERATIONS_COMBINED = 18
-OPERATIONS_KEPT = 3 * OPERATIONS_COMBINED  # multipliers: two to read, one to write
-# F of before, A, A0 and their difference, its stress, to add it; of q |D|^2, the slope and its square, D'D, its product, 5
+OPERATIONS_KEPT = 3 * OPERATIONS_COMBINED  # multipliers: two reads, one write
+# F at the start, A, A0, their difference, its stress, the sum; of q |D|^2, the slope and its square, D'D, its product,
+# 5
 OPERATIONS_DAMPER = 36 + 60 + 6 + 45 + OPERATIONS_COMBINED + 17 + 66 + 12 + 30 + 12 + 5
 
 
 def make_hookean(real, compiled=plain, damped=False, kept=True):
-    """descend(points, before, weights, values, compliance, multipliers, gamma) -> (points, the nine multipliers)."""
+    """Make descend(points, before, weights, values, compliance, multipliers, gamma) -> (points, nine multipliers)."""
     framed, elastic = make_framed(real, compiled), make_gradient(real, compiled)
     dot, zero, two = make_lengths(real, compiled).dot, real(0), real(2)
     gradient, corners, cofactor, determinant = framed.gradient, framed.corners, elastic.cofactor, elastic.determinant
     matrices = make_matrices(real, compiled)
     product, combined, stretched, strain = matrices.product, matrices.combined, matrices.stretched, matrices.strain
     slope, less, halved, along = matrices.slope, matrices.less, matrices.halved, matrices.along
-    least = real(np.finfo(real).tiny / np.finfo(real).eps)  # of R:D; below it a quotient may be infinite
+    least = real(np.finfo(real).tiny / np.finfo(real).eps)  # smallest R:D; below it a quotient may be infinite
 
     @compiled
     def displaced(weight, row):
@@ -63,19 +60,19 @@ def make_hookean(real, compiled=plain, damped=False, kept=True):
 
     @compiled
     def curvature(f, cofactors, excess, d):
-        """q; `excess`: J - 2."""
+        """q. `excess`: J - 2."""
         first, squared = product(cofactors, d), product(d, d)
         second = (excess + excess) * product(f, cofactor(d))
         return larger(squared + (first * first + second), squared + squared)
 
     @compiled
     def friction(f, d, grown, least_part):
-        """What the damper adds to q, over gamma; `grown`: A - A0."""
+        """Contribution of the damper to q, over gamma. `grown`: A - A0."""
         return larger(halved(slope(f, d)) + larger(along(grown, strain(d)), zero), least_part)
 
     @compiled
     def step_of(impulse, compliance, q):
-        """x."""
+        """Step size x."""
         return impulse / (compliance * impulse + q) if impulse > least else zero
 
     @compiled
@@ -111,7 +108,8 @@ def make_hookean(real, compiled=plain, damped=False, kept=True):
 
 
 def make_matrices(real, compiled):
-    """Products of 3 x 3 matrices, nine numbers by rows; symmetric ones six: xx, xy, xz, yy, yz, zz."""
+    """Make products of 3 x 3 matrices, as nine numbers by rows. Symmetric ones are six numbers: xx, xy, xz, yy, yz,
+    zz."""
     dot, half = make_lengths(real, compiled).dot, real(0.5)
 
     @compiled
@@ -151,14 +149,14 @@ def make_matrices(real, compiled):
 
     @compiled
     def twice(f, d, i, j):
-        """An entry of F'D + D'F."""
+        """Entry (i, j) of F'D + D'F."""
         return dot(f[i], f[i + 3], f[i + 6], d[j], d[j + 3], d[j + 6]) + dot(
             d[i], d[i + 3], d[i + 6], f[j], f[j + 3], f[j + 6]
         )
 
     @compiled
     def slope(f, d):
-        """F'D + D'F, six numbers: the change of F'F along D."""
+        """F'D + D'F, six numbers: the derivative of F'F along D."""
         return (
             twice(f, d, 0, 0),
             twice(f, d, 0, 1),
@@ -170,18 +168,18 @@ def make_matrices(real, compiled):
 
     @compiled
     def less(s, t):
-        """S - T of symmetric ones."""
+        """S - T of symmetric matrices."""
         return s[0] - t[0], s[1] - t[1], s[2] - t[2], s[3] - t[3], s[4] - t[4], s[5] - t[5]
 
     @compiled
     def halved(s):
-        """|S|^2 / 2 of a symmetric one."""
+        """|S|^2 / 2 of a symmetric matrix."""
         off = dot(s[1], s[2], s[4], s[1], s[2], s[4])
         return half * dot(s[0], s[3], s[5], s[0], s[3], s[5]) + off
 
     @compiled
     def along(s, t):
-        """tr(S T) of symmetric ones."""
+        """tr(S T) of symmetric matrices."""
         off = dot(s[1], s[2], s[4], t[1], t[2], t[4])
         return dot(s[0], s[3], s[5], t[0], t[3], t[5]) + (off + off)
 

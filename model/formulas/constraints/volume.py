@@ -1,9 +1,9 @@
-"""The volume of a tetrahedron a, b, c, d, values (6 V0 [m^3], 36 V0 [m^3]), V0 the volume at rest.
+"""Volume of a tetrahedron a, b, c, d, values (6 V0 [m^3], 36 V0 [m^3]), V0 the volume at rest.
 
-The constraint is six times the volume, C = e . (f x g) - 6 V0 with the edges e, f, g from a to b, c, d, whose gradients by
-b, c, d are f x g, g x e, e x f (J. Bender et al., "A Survey on Position-Based Simulation Methods in Computer Graphics",
-Comput. Graph. Forum 33 (2014), section 4.3, there with the 1/6). The energy K/2 (V - V0)^2 / V0 = K / (36 V0) C^2 / 2 of a
-bulk modulus K [Pa] gives the compliance 36 V0 / K (Macklin et al., XPBD, 2016, eq. 4).
+The constraint is six times the volume, C = e . (f x g) - 6 V0 with the edges e, f, g from a to b, c, d. Its gradients
+by b, c, d are f x g, g x e, e x f (J. Bender et al., "A Survey on Position-Based Simulation Methods in Computer
+Graphics", Comput. Graph. Forum 33 (2014), section 4.3, there with the 1/6). The energy K/2 (V - V0)^2 / V0 = K / (36
+V0) C^2 / 2 of a bulk modulus K [Pa] gives the compliance 36 V0 / K (Macklin et al., XPBD, 2016, eq. 4).
 """
 
 from __future__ import annotations
@@ -16,12 +16,12 @@ from model.formulas.distance import make as make_distance
 from model.formulas.lengths import make as make_lengths
 
 OPERATIONS = (
-    123  # 9 differences, 27 for the products, 5 + 1 the constraint, 6 + 27 the weight, 6 the change, 42 to apply
+    123  # 9 differences, 27 for the products, 5 + 1 the constraint, 6 + 27 the weight, 6 the change, 42 to apply it
 )
 
 
 def make(real, compiled=plain):
-    """See the package."""
+    """Make `project` (see the package) in the arithmetic `real`."""
     formulas, reciprocal = make_bending(real, compiled), make_distance(real, compiled).reciprocal
     lengths = make_lengths(real, compiled)
     softness, shift, dot, cross = formulas.softness, formulas.shift, lengths.dot, lengths.cross

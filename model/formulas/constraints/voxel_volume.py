@@ -1,17 +1,17 @@
-"""The volume of a voxel of five tetrahedra as one constraint, in place of one for each of them.
+"""Volume of a voxel of five tetrahedra as one constraint, in place of one for each of them.
 
-Linear tetrahedra that each keep their volume leave a body fewer ways to move than it has: it locks near a Poisson's ratio of
-1/2. With the mean of J over a patch of them, here a voxel, there is one volume to keep for about one vertex:
-
-    W_H = lambda (J' - 1)^2 / 2,    J' = V / V_0 of the voxel,    C = J' - 1, compliance 1 / (lambda V_0)
-
+Linear tetrahedra that each conserve their volume leave a body too few degrees of freedom: it locks near a Poisson's
+ratio of 1/2. With the mean of J over a patch of them, here a voxel, there is one volume to conserve for about one
+vertex:
+  W_H = lambda (J' - 1)^2 / 2,    J' = V / V_0 of the voxel,    C = J' - 1, compliance 1 / (lambda V_0)
 J. Nagtegaal, D. Parks, J. Rice, "On Numerically Accurate Finite Element Solutions in the Fully Plastic Range", CMAME 4
-(1974); E. de Souza Neto, F. Andrade Pires, D. Owen, "F-bar-based Linear Triangles and Tetrahedra for Finite Strain Analysis
-of Nearly Incompressible Solids", IJNME 62 (2005). What else hangs on F is tetrahedron.py's, which then keeps shapes alone.
+(1974); E. de Souza Neto, F. Andrade Pires, D. Owen, "F-bar-based Linear Triangles and Tetrahedra for Finite Strain
+Analysis of Nearly Incompressible Solids", IJNME 62 (2005). The other terms of F are in tetrahedron.py, which then
+constrains only shapes.
 
-Corners: those that one tetrahedron has alone, a to d, then those of the one between them, e to h, as Projection.around says:
-a with f, g, h; b with g, h, e; c with h, e, f; d with e, f, g. Of positive volume e, f, g, h, the first and the third of the
-four are negative.
+Corners: a to d belong to one tetrahedron each; e to h are those of the tetrahedron between them, as in
+Projection.around: a with f, g, h; b with g, h, e; c with h, e, f; d with e, f, g. Where e, f, g, h has a positive
+volume, the first and the third of the four have a negative one.
 """
 
 from __future__ import annotations
@@ -28,11 +28,11 @@ CORNERS, COUNT = (
     4,
 )  # values: 1 / (6 V_0) [1/m^3]; the compliance 1 / (lambda V_0) [1/J]; J' at rest; a damper's time [s]
 OPERATIONS = 5 * (9 + 27 + 6 + 5) + 4 * 9 + 8 * 6 + 8 * 9 + 20
-OPERATIONS_DAMPER = 8 * 8 + 10  # how fast eight corners move along
+OPERATIONS_DAMPER = 8 * 8 + 10  # the speed of eight corners along the constraint
 
 
 def make_gradients(real, compiled=plain):
-    """gradients(points) -> (six times the volume, its derivatives by the eight corners)."""
+    """Make gradients(points) -> (six times the volume, its derivatives by the eight corners)."""
     lengths = make_lengths(real, compiled)
     dot, cross = lengths.dot, lengths.cross
 
@@ -56,7 +56,7 @@ def make_gradients(real, compiled=plain):
 
     @compiled
     def less_two(own, plus, minus, more):
-        """own + plus - minus - more: two of four tetrahedra at the corner are negative."""
+        """own + plus - minus - more: two of the four tetrahedra at the corner are negative."""
         return (
             (own[0] + plus[0]) - (minus[0] + more[0]), (own[1] + plus[1]) - (minus[1] + more[1]),
             (own[2] + plus[2]) - (minus[2] + more[2]),
@@ -64,7 +64,7 @@ def make_gradients(real, compiled=plain):
 
     @compiled
     def less_one(own, plus, more, minus):
-        """own + plus + more - minus: one is."""
+        """own + plus + more - minus: one of the four tetrahedra at the corner is negative."""
         return (
             (own[0] + plus[0]) + (more[0] - minus[0]), (own[1] + plus[1]) + (more[1] - minus[1]),
             (own[2] + plus[2]) + (more[2] - minus[2]),
@@ -87,7 +87,7 @@ def make_gradients(real, compiled=plain):
 
 
 def make(real, compiled=plain, damped=False, kept=True):
-    """See the package; `damped`: a damper counts; `kept`: multipliers may be other than 0."""
+    """Make `project` (see the package). `damped`: include the damper; `kept`: multipliers may differ from 0."""
     softness, shift = make_bending(real, compiled).softness, make_bending(real, compiled).shift
     reciprocal, dot = make_distance(real, compiled).reciprocal, make_lengths(real, compiled).dot
     gradients, zero, one = make_gradients(real, compiled), real(0), real(1)
@@ -106,7 +106,7 @@ def make(real, compiled=plain, damped=False, kept=True):
 
     @compiled
     def weighted(w, n):
-        """The sum of eight products."""
+        """Sum of eight products."""
         return ((w[0] * n[0] + w[1] * n[1]) + (w[2] * n[2] + w[3] * n[3])) + (
             (w[4] * n[4] + w[5] * n[5]) + (w[6] * n[6] + w[7] * n[7])
         )

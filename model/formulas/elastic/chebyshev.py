@@ -1,8 +1,10 @@
-"""Chebyshev acceleration of sweeps: after each, a vertex goes on along the way since the sweep before the last.
+"""Chebyshev acceleration of sweeps: after each, a vertex moves on along its displacement since the sweep before the
+last.
 
-H. Wang, "A Chebyshev Semi-Iterative Approach for Accelerating Projective and Position-Based Dynamics", ACM TOG 34 (2015),
-eq. 11 and 12, from the third sweep on; A. H. Chen et al., "Vertex Block Descent", ACM TOG 43 (2024), eq. 18 and 19. `rho` is
-what a sweep leaves of the slowest error; too much of it diverges, since sweeps are no linear iteration.
+H. Wang, "A Chebyshev Semi-Iterative Approach for Accelerating Projective and Position-Based Dynamics", ACM TOG 34
+(2015), eq. 11 and 12, from the third sweep on; A. H. Chen et al., "Vertex Block Descent", ACM TOG 43 (2024), eq. 18 and
+19. `rho` is the factor by which a sweep reduces the slowest error. Too large a `rho` diverges, since sweeps are not a
+linear iteration.
 """
 
 from __future__ import annotations
@@ -17,7 +19,7 @@ OPERATIONS = 9
 
 
 def weights(rho: float, iterations: int, real: type) -> np.ndarray:
-    """(iterations,): w of each sweep, 1 for the first two, in the arithmetic `real`."""
+    """Return w of each sweep, (iterations,), 1 for the first two, in the arithmetic `real`."""
     squared, found = real(rho) * real(rho), [real(1), real(1)]
     for number in range(2, iterations):
         found.append(real(2) / (real(2) - squared) if number == 2 else real(4) / (real(4) - squared * found[-1]))
@@ -25,12 +27,13 @@ def weights(rho: float, iterations: int, real: type) -> np.ndarray:
 
 
 def make(real, compiled=plain):
-    """See the function."""
+    """Make `beyond` in the arithmetic `real`."""
     one = real(1)
 
     @compiled
     def beyond(x, older, w):
-        """From where a sweep led, one axis; `older`: where the sweep before the last ended, read only where w is not 1."""
+        """Extrapolated position, one axis. x: after this sweep; `older`: after the sweep before the last, read only
+        where w is not 1."""
         if w == one:
             return x
         return older + w * (x - older)

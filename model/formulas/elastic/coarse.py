@@ -1,10 +1,10 @@
-"""The coarse level of a two-level preconditioner: groups of particles that move as rigid bodies do, by t + w x d s.
+"""Coarse level of a two-level preconditioner: groups of particles that move as rigid bodies, by t + w x d s.
 
-d is a particle's way from its group's centre, s one over their mean length, so that all six unknowns are lengths. With P
-these motions and A the matrix, P'AP is factored and P (P'AP)^-1 P' added to the inverse of A's diagonal blocks: what is slow
-to go by these alone is near to rigid motions (P. Vanek, J. Mandel, M. Brezina, "Algebraic Multigrid by Smoothed Aggregation
-for Second and Fourth Order Elliptic Problems", Computing 56 (1996), without their smoothing; additive as in M. Dryja,
-O. Widlund, 1987).
+d is a particle's offset from its group's centre and s one over the root mean square of their lengths, so that all six
+unknowns are lengths. With P these motions and A the matrix, P'AP is factored and P (P'AP)^-1 P' is added to the inverse
+of A's diagonal blocks: errors that converge slowly with these alone are close to rigid motions (P. Vanek, J. Mandel, M.
+Brezina, "Algebraic Multigrid by Smoothed Aggregation for Second and Fourth Order Elliptic Problems", Computing 56
+(1996), without their smoothing; additive as in M. Dryja, O. Widlund, 1987).
 """
 
 from __future__ import annotations
@@ -17,23 +17,23 @@ import numpy as np
 from model.formulas import plain
 from model.formulas.lengths import make as make_lengths
 
-LOST = 64  # roundings: a pivot below so many of its row's entry is no number, and its motion is left out
+LOST = 64  # rounding units: a pivot below so many times its row's entry is rounding, and its motion is omitted
 
 
 def make(real, compiled=plain):
-    """Of one particle or row, in the arithmetic `real`."""
+    """Make the functions of one particle or row, in the arithmetic `real`."""
     cross = make_lengths(real, compiled).cross
     zero, one = real(0), real(1)
     lost = real(LOST * float(np.finfo(real).eps))
 
     @compiled
     def scale_of(squares, count):
-        """s, of the sum of squares of d."""
+        """s, from the sum of squares of d."""
         return sqrt(count / squares) if squares > zero else zero
 
     @compiled
     def arm(x, y, z, cx, cy, cz, s):
-        """d s"""
+        """d s, three numbers."""
         return s * (x - cx), s * (y - cy), s * (z - cz)
 
     @compiled
@@ -50,7 +50,8 @@ def make(real, compiled=plain):
 
     @compiled
     def columns(d, e, m):
-        """P' M P, six columns of six numbers, of a block M (9, by rows) from a particle with the arm `e` to one with `d`."""
+        """P' M P, six columns of six numbers, of a block M (9, by rows) from a particle with the arm `e` to one with
+        `d`."""
         px, py, pz = cross(e[0], e[1], e[2], m[0], m[1], m[2])
         qx, qy, qz = cross(e[0], e[1], e[2], m[3], m[4], m[5])
         rx, ry, rz = cross(e[0], e[1], e[2], m[6], m[7], m[8])
@@ -61,7 +62,8 @@ def make(real, compiled=plain):
 
     @compiled
     def pivot(left, entry):
-        """(1 / the root of what is left of a diagonal entry, 0 where rounding has left nothing; whether it is negative)."""
+        """(1 / the root of what is left of a diagonal entry, or 0 where only rounding is left; True if what is left is
+        negative)."""
         least = lost * entry
         return (one / sqrt(left) if left > least else zero), left < -least
 

@@ -1,20 +1,20 @@
-"""Damping of a tetrahedron in proportion to the rate of its Green strain E = (F'F - I) / 2, which no rigid motion changes.
+"""Damping of a tetrahedron in proportion to the rate of its Green strain E = (F'F - I) / 2, which no rigid motion
+changes.
 
 A step of h from E_0 adds to the incremental potential, per volume,
+  D = tau / (2 h) (E - E_0) : C : (E - E_0),     C : E = 2 mu E + lambda tr(E) I,
+with tau the damping time [s] and C the moduli at rest: a Kelvin-Voigt solid in the second Piola-Kirchhoff stress
+(dissipation by the rate of an objective strain: G. Sanchez-Banderas, M. Otaduy, "Strain Rate Dissipation for Elastic
+Deformations", Comput. Graph. Forum 37 (2018)). P = F N with N = tau / h C : (E - E_0), and P F' is symmetric: the
+damper's forces have no moment in any motion. Small vibrations about rest are damped as by tau K, with the stiffness K
+at rest.
 
-    D = tau / (2 h) (E - E_0) : C : (E - E_0),     C : E = 2 mu E + lambda tr(E) I,
+Its second derivative is N dF'dF + tau / h sym(F'dF) : C : sym(F'dF). The second term is never negative; the first one
+is non-negative only where N has no negative eigenvalue.
 
-with tau the damping time [s] and C the moduli at rest: a Kelvin-Voigt solid in the second Piola-Kirchhoff stress (dissipation
-by the rate of an objective strain: G. Sanchez-Banderas, M. Otaduy, "Strain Rate Dissipation for Elastic Deformations",
-Comput. Graph. Forum 37 (2018)). P = F N with N = tau / h C : (E - E_0), and P F' is symmetric: whatever a body does, the
-damper's forces have no moment. Small vibrations about rest are damped as by tau K, with the stiffness K at rest.
-
-Its second derivative is N dF'dF + tau / h sym(F'dF) : C : sym(F'dF). The second term is never negative; the first one is not
-where N has no negative eigenvalue.
-
-At order 2 (stages.py) the second stage begins ahead of where the first one ended, at E_1 + sqrt(2) (E_1 - E_0): with that
-strain in place of the one at the extrapolated positions, a turn has no strain rate in either stage, and the damper is of
-second order, since the strain's increments add up as those of velocities do.
+At order 2 (stages.py) the second stage begins ahead of the end of the first one, at E_1 + sqrt(2) (E_1 - E_0). With
+that strain in place of the one at the extrapolated positions, a rotation has no strain rate in either stage. The damper
+is of second order, since the strain's increments add up as those of velocities do.
 """
 
 from __future__ import annotations
@@ -28,23 +28,23 @@ from model.formulas.elastic.tangent import make_moduli
 from model.formulas.lengths import make as make_lengths
 
 OPERATIONS = 9 + 3 * 5 + 3 * 11 + 20 + 45 + 9  # F of the displacement, the strain, D and N, F N, the sum with P
-OPERATIONS_BLOCK = 18 + 30 + 6 * 12  # of one of six: F times two rows of B is counted with each of them
+OPERATIONS_BLOCK = 18 + 30 + 6 * 12  # one of six blocks: F times two rows of B is counted with each of them
 
 
 def make(real, compiled=plain):
-    """See the functions; matrices by rows, nine numbers; symmetric ones xx, yy, zz, xy, xz, yz."""
+    """Make the damper's functions. Matrices are nine numbers by rows; symmetric ones are xx, yy, zz, xy, xz, yz."""
     dot, times = make_lengths(real, compiled).dot, make_gradient(real, compiled).corner
     raised = make_moduli(real, compiled).raised
     half, one, two, ahead = real(0.5), real(1), real(2), real(sqrt(2))
 
     @compiled
     def symmetric(t, x, y, z):
-        """Six numbers as a matrix, times a vector."""
+        """Symmetric matrix of six numbers times a vector."""
         return dot(t[0], t[3], t[4], x, y, z), dot(t[3], t[1], t[5], x, y, z), dot(t[4], t[5], t[2], x, y, z)
 
     @compiled
     def increment(f, d):
-        """E - E_0 of F and d = F - F_0: the symmetric part of (F - d / 2)'d, exact for a small d of any F."""
+        """E - E_0 from F and d = F - F_0: the symmetric part of (F - d / 2)'d, accurate for a small d at any F."""
         m = (
             f[0] - half * d[0], f[1] - half * d[1], f[2] - half * d[2], f[3] - half * d[3], f[4] - half * d[4],
             f[5] - half * d[5], f[6] - half * d[6], f[7] - half * d[7], f[8] - half * d[8],
@@ -59,12 +59,12 @@ def make(real, compiled=plain):
 
     @compiled
     def strain(f):
-        """E, exact for F near the identity."""
+        """E, accurate for F near the identity."""
         return increment(f, (f[0] - one, f[1], f[2], f[3], f[4] - one, f[5], f[6], f[7], f[8] - one))
 
     @compiled
     def beyond(e, first):
-        """E - E_0 in a second stage: of its own, and of the stage before it."""
+        """E - E_0 in a second stage, from the increment of that stage and of the stage before it."""
         return (
             e[0] - ahead * first[0], e[1] - ahead * first[1], e[2] - ahead * first[2], e[3] - ahead * first[3],
             e[4] - ahead * first[4], e[5] - ahead * first[5],
@@ -72,13 +72,13 @@ def make(real, compiled=plain):
 
     @compiled
     def scaled(time, rate, mu, lame):
-        """tau / h times mu and lambda [Pa]."""
+        """mu and lambda [Pa], times tau / h."""
         gamma = rate * time
         return gamma * mu, gamma * lame
 
     @compiled
     def resisted(e, mu, lame):
-        """(D [Pa], N [Pa]) of E - E_0, of moduli times tau / h."""
+        """(D [Pa], N [Pa]) from E - E_0 and moduli times tau / h."""
         twice, bulk = mu + mu, lame * ((e[0] + e[1]) + e[2])
         n = (
             twice * e[0] + bulk, twice * e[1] + bulk, twice * e[2] + bulk, twice * e[3], twice * e[4], twice * e[5],
@@ -102,7 +102,7 @@ def make(real, compiled=plain):
 
     @compiled
     def squared(f):
-        """F F'."""
+        """F F', six numbers."""
         return (
             dot(f[0], f[1], f[2], f[0], f[1], f[2]), dot(f[3], f[4], f[5], f[3], f[4], f[5]),
             dot(f[6], f[7], f[8], f[6], f[7], f[8]), dot(f[0], f[1], f[2], f[3], f[4], f[5]),
@@ -111,7 +111,7 @@ def make(real, compiled=plain):
 
     @compiled
     def block(h, f, ff, n, mu, lame, p, o):
-        """h and the 3 x 3 block from corner q to corner p, whose rows of B are `o` and `p`: (p'N o) I + mu (p'o) F F'
+        """h plus the 3 x 3 block from corner q to corner p, whose rows of B are `o` and `p`: (p'N o) I + mu (p'o) F F'
         + mu (F o)(F p)' + lambda (F p)(F o)'."""
         nx, ny, nz = symmetric(n, o[0], o[1], o[2])
         own, shear = dot(p[0], p[1], p[2], nx, ny, nz), mu * dot(p[0], p[1], p[2], o[0], o[1], o[2])

@@ -1,13 +1,14 @@
-"""Deformation of a linear tetrahedron a, b, c, d: its gradient F, the rotation nearest to it, and how corners change both.
+"""Deformation of a linear tetrahedron a, b, c, d: its gradient F, the rotation nearest to it, and their relation to
+corners.
 
-F = D B with the edges from a to b, c, d now as columns of D, and B the inverse of the same at rest (matrices by rows, as nine
-numbers): T. Sifakis, J. Barbic, "FEM Simulation of 3D Deformable Solids", SIGGRAPH 2012 courses, part 1, section 4.1. So x_b
-counts in F by the first row of B, x_c and x_d by the others, and x_a by minus their sum: the derivative by x_b of anything
-whose derivative by F is G is G times that row.
+F = D B, where the columns of D are the current edges from a to b, c, d, and B is the inverse of the same matrix at rest
+(matrices by rows, nine numbers): T. Sifakis, J. Barbic, "FEM Simulation of 3D Deformable Solids", SIGGRAPH 2012
+courses, part 1, section 4.1. So x_b enters F by the first row of B, x_c and x_d by the others, and x_a by minus their
+sum: a quantity with the derivative G by F has the derivative G times that row by x_b.
 
-A material without directions of its own does not ask how its rest was turned. In the frame of the first edge and of the plane
-of the first two (`make_framed`), edges at rest are an upper triangular matrix, and so is B: rows (r0, r1, r2), (0, r3, r4),
-(0, 0, r5), and a third of all products are not there.
+An isotropic material does not depend on the orientation of its rest shape. In the frame of the first edge and of the
+plane of the first two (`make_framed`), edges at rest are an upper triangular matrix, and so is B: rows (r0, r1, r2),
+(0, r3, r4), (0, 0, r5). That saves a third of all products.
 """
 
 from __future__ import annotations
@@ -26,22 +27,22 @@ OPERATIONS_CORNERS = 45 + 6  # three products with G, and their sum
 OPERATIONS_FRAMED, OPERATIONS_FRAMED_CORNERS = 9 + 27, 27 + 6  # the same with six numbers of B
 OPERATIONS_COFACTOR, OPERATIONS_DETERMINANT = 27, 5
 OPERATIONS_ROTATION = {size: 60 + 25 + OPERATIONS_MATRIX + near for size, near in OPERATIONS_NEAR.items()}
-TURNED = 1e-3  # the share of a second column's square that must be across the first one, or both are no start
-FOUR_UNITS = 4  # of the least normal number, as in rotation.py
+TURNED = 1e-3  # fraction of a second column's square that must be perpendicular to the first one
+FOUR_UNITS = 4  # times the smallest normal number, as in rotation.py
 
 
 def make(real, compiled=plain):
-    """`gradient`, `corner`, `corners`, `determinant`, `cofactor`, `rotation` in the arithmetic `real`."""
+    """Make `gradient`, `corner`, `corners`, `determinant`, `cofactor` and `rotation` in the arithmetic `real`."""
     return joined(make_gradient(real, compiled), SimpleNamespace(rotation=make_rotation(real, compiled)))
 
 
 def make_gradient(real, compiled=plain):
-    """All but the rotation."""
+    """Make the functions of `make` except `rotation`."""
     dot = make_lengths(real, compiled).dot
 
     @compiled
     def gradient(a, b, c, d, rest):
-        """F, of corners (x, y, z) [m] and of the numbers `rest` that begin with B [1/m]."""
+        """F, from corners (x, y, z) [m] and the numbers `rest`, which begin with B [1/m]."""
         ex, ey, ez = b[0] - a[0], b[1] - a[1], b[2] - a[2]
         fx, fy, fz = c[0] - a[0], c[1] - a[1], c[2] - a[2]
         gx, gy, gz = d[0] - a[0], d[1] - a[1], d[2] - a[2]
@@ -64,7 +65,7 @@ def make_gradient(real, compiled=plain):
 
     @compiled
     def corners(g, rest):
-        """The derivatives by a, b, c, d of what has the derivative `g` (9 numbers) by F."""
+        """Derivatives by a, b, c, d of a quantity whose derivative by F is `g` (9 numbers)."""
         b = corner(g, rest[0], rest[1], rest[2])
         c = corner(g, rest[3], rest[4], rest[5])
         d = corner(g, rest[6], rest[7], rest[8])
@@ -73,7 +74,7 @@ def make_gradient(real, compiled=plain):
 
     @compiled
     def cofactor(f):
-        """The derivative of the determinant by F: columns are the products of the two others."""
+        """Derivative of the determinant by F: each column is the cross product of the two others."""
         return (
             f[4] * f[8] - f[5] * f[7], f[5] * f[6] - f[3] * f[8], f[3] * f[7] - f[4] * f[6],
             f[7] * f[2] - f[8] * f[1], f[8] * f[0] - f[6] * f[2], f[6] * f[1] - f[7] * f[0],
@@ -90,7 +91,7 @@ def make_gradient(real, compiled=plain):
 
 
 def make_framed(real, compiled=plain):
-    """`gradient`, `corners` as above, of numbers `rest` that begin with the six of a triangular B."""
+    """Make `gradient` and `corners` as above, for numbers `rest` that begin with the six of a triangular B."""
     dot = make_lengths(real, compiled).dot
 
     @compiled
@@ -103,7 +104,7 @@ def make_framed(real, compiled=plain):
 
     @compiled
     def row(e, f, g, rest):
-        """Of F, along one axis."""
+        """Row of F along one axis."""
         return first(e, rest[0]), pair(e, f, rest[1], rest[3]), dot(e, f, g, rest[2], rest[4], rest[5])
 
     @compiled
@@ -115,7 +116,7 @@ def make_framed(real, compiled=plain):
 
     @compiled
     def corner(x, y, z, rest):
-        """Along one axis, of b, c, d, a."""
+        """Derivatives by b, c, d, a along one axis."""
         b, c, d = dot(x, y, z, rest[0], rest[1], rest[2]), pair(y, z, rest[3], rest[4]), first(z, rest[5])
         return b, c, d, -(b + c) - d
 
@@ -130,10 +131,11 @@ def make_framed(real, compiled=plain):
 
 
 def make_rotation(real, compiled=plain):
-    """`rotation(f)`: R, nine numbers, nearest to F, with the determinant +1 whatever F's is (model/formulas/rotation.py).
+    """Make `rotation(f)`: R, nine numbers, nearest to F, with the determinant +1 whatever F's is
+    (model/formulas/rotation.py).
 
-    It needs no rotation of before: it starts from F's columns made a right-handed frame (Gram, Schmidt), which is off by the
-    shear alone, or, where two columns are no frame, from none.
+    It needs no rotation of an earlier step. It starts from F's columns made a right-handed frame (Gram, Schmidt), whose
+    error is only the shear, or from the identity where two columns do not make a frame.
     """
     zero, one = real(0), real(1)
     least, across = real(FOUR_UNITS * np.finfo(real).tiny), real(TURNED)
@@ -149,7 +151,8 @@ def make_rotation(real, compiled=plain):
 
     @compiled
     def quaternion_of(xx, xy, xz, yx, yy, yz, zx, zy, zz):
-        """Of a rotation, nearly: S. Shepperd, "Quaternion from Rotation Matrix", J. Guid. Control 1 (1978)."""
+        """Unit quaternion of an approximate rotation: S. Shepperd, "Quaternion from Rotation Matrix", J. Guid. Control
+        1 (1978)."""
         trace = (xx + yy) + zz
         largest = max(max(xx, yy), max(zz, trace))
         if trace == largest:
@@ -164,7 +167,7 @@ def make_rotation(real, compiled=plain):
 
     @compiled
     def start(xx, xy, xz, yx, yy, yz, zx, zy, zz):
-        """The frame of F's columns as a unit quaternion."""
+        """Frame of F's columns as a unit quaternion."""
         aa = dot(xx, yx, zx, xx, yx, zx)
         bb = dot(xy, yy, zy, xy, yy, zy)
         scale = one / sqrt(aa if aa > least else one)

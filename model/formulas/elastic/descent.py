@@ -1,28 +1,27 @@
-"""Vertex block descent: one vertex of a tetrahedral body goes where the incremental potential is least, all others held.
+"""Vertex block descent: one vertex of a tetrahedral body moves to reduce the incremental potential, all others fixed.
 
 A. H. Chen, Z. Liu, Y. Yang, C. Yuksel, "Vertex Block Descent", ACM TOG 43 (2024), section 3. Backward Euler's step of h
-from x0 is the least of sum m |x - y|^2 / (2 h^2) + sum V W(F), y = x0 + h v + h^2 a with all but elastic forces in a. Of one
-vertex, whose row of B in a tetrahedron is b (F changes by dx b'), the derivative is m / h^2 (x - y) + sum V P b, and the
-block of second derivatives m / h^2 I + sum V K, for which
+from x0 minimises sum m |x - y|^2 / (2 h^2) + sum V W(F), y = x0 + h v + h^2 a with all but elastic forces in a. For one
+vertex, whose row of B in a tetrahedron is b (F changes by dx b'), the derivative is m / h^2 (x - y) + sum V P b. The
+block of second derivatives is m / h^2 I + sum V K, with
+  K = k_D |b|^2 I + k_H (G b)(G b)'        (formulas/elastic/energy.py)
 
-    K = k_D |b|^2 I + k_H (G b)(G b)'        (formulas/elastic/energy.py)
+That is the whole block of the neo-Hookean material: J is linear in one vertex, so that its energy is a square. For the
+other materials it omits the rotation of R, k_D (C_D's) and k_H C_H (the corotated C_H's) times b' dR/dF b. This changes
+the path, not the solution: a vertex stays where the derivative is 0, whatever K is. Fixed corotated: K is never less
+than the curvature, since |F - R(F)| is the smallest |F - R| of any R and so at most that with the old R; every visit
+lowers the potential. Corotated: this holds while k_H C_H < k_D. Where it is stretched more, the omitted term is added
+and the block is the whole one; otherwise vertices would overshoot and never come to rest.
 
-is taken. That is the whole block of the neo-Hookean material: J is linear in one vertex, so that its energy is a square. Of
-the others it leaves out how R turns, k_D (C_D's) and k_H C_H (the corotated C_H's) times b' dR/dF b, which changes the way,
-and not where it ends: a vertex stays where the derivative is 0, whatever K is. Fixed corotated, K is never less than the
-curvature, since |F - R(F)| is the least |F - R| of any R and so at most that with R as it was: every visit lowers the
-potential. Corotated that holds while k_H C_H < k_D; where it is stretched more, what was left out is added, and the block is
-the whole one, or vertices would go too far and never come to rest.
+Iterations begin at y where a body is free: all of it falls. Where it is pinned they begin at x0 + h v. There the load
+is already balanced, and a body at rest stays at rest for any number of iterations. From y, iterations would have to
+undo h^2 a in each substep anew, and leave a bar of 1 MPa 20 times too soft at 10 of them. (The paper's adaptive start
+is between the two by the acceleration of the last step, which the state does not contain.)
 
-Iterations begin at y where a body is free: all of it falls. Where it is pinned they begin at x0 + h v: there what bears the
-load bears it already, and a body at rest stays at rest whatever the number of iterations, which from y on would have to undo
-h^2 a in each substep anew, and leave a bar of 1 MPa 20 times too soft at 10 of them. (The paper's adaptive start is
-between the two by the acceleration of the last step, which no state of the lab tells.)
-
-A damper resists the rate of Green's strain, as in Newton's method (damper.py). The paper's damper (section 3.5) takes
-K (x - x0) of one vertex alone, which brakes what falls, and what turns; this one does nothing to a rigid motion, has no
-moment, and is the same for small strains. Its second derivative is taken whole, but for what its stress adds where that
-presses. All over m / h^2: equations have no unit but m.
+A damper resists the rate of Green's strain, as in Newton's method (damper.py). The paper's damper (section 3.5) takes K
+(x - x0) of one vertex alone, which slows down falling and rotating bodies; this one does not act on a rigid motion, has
+no moment, and is the same for small strains. Its second derivative is complete except for the contribution of its
+stress where that is compressive. All equations are divided by m / h^2, so that their only unit is m.
 """
 
 from __future__ import annotations
@@ -39,8 +38,8 @@ from model.formulas.elastic.energy import make as make_energy
 from model.formulas.lengths import make as make_lengths
 
 COUNT = 13  # values of a tetrahedron: 9 of B; at 9, 10 V k_D, V k_H [J]; at 11 alpha, or 1; at 12 `time` [s]
-STRAINS = 6  # of E_0, which is symmetric: xx, yy, zz, xy, xz, yz
-SUMS = 9  # of a vertex: three of the derivative; xx, yy, zz, xy, xz, yz of the block
+STRAINS = 6  # entries of E_0, which is symmetric: xx, yy, zz, xy, xz, yz
+SUMS = 9  # numbers of a vertex: three of the derivative; xx, yy, zz, xy, xz, yz of the block
 OPERATIONS_ELEMENT = 2 + 15 + 15 + 5 + 4 + 15 + 9  # the row, P b, G b, |b|^2, k_D |b|^2, the block, the sums
 OPERATIONS_DAMPER = damper.OPERATIONS + damper.OPERATIONS_BLOCK
 OPERATIONS_TURNING = 30 + 15 + 5 + 14 + 30  # F R', its product with b, the determinant, the matrix
@@ -49,14 +48,17 @@ OPERATIONS_START = 6
 
 
 def operations(material: int, item: int, damped: bool) -> int:
-    """Of one tetrahedron at one of its vertices, counted on numbers of `item` bytes."""
+    """Count the operations of one tetrahedron at one of its vertices, on numbers of `item` bytes."""
     stress = deformation.OPERATIONS_GRADIENT + energies.operations(material, item)
     return stress + OPERATIONS_ELEMENT + damped * OPERATIONS_DAMPER
 
 
 def make(real, compiled=plain, material=FIXED, damped=False):
-    """See the functions; `material`: which of MATERIALS; `damped`: a damper counts. Corners of tetrahedra and their B as in
-    formulas/elastic/deformation.py."""
+    """Make `held`, `element` and the functions of `make_vertex`.
+
+    `material`: an index into MATERIALS; `damped`: include the damper. Corners of tetrahedra and their B are as in
+    formulas/elastic/deformation.py.
+    """
     dot = make_lengths(real, compiled).dot
     gradient = make_gradient(real, compiled).gradient
     resisting = make_damper(real, compiled)
@@ -70,12 +72,12 @@ def make(real, compiled=plain, material=FIXED, damped=False):
 
     @compiled
     def held(points, values):
-        """E, six numbers, of the four corners where a substep begins."""
+        """E, six numbers, of the four corners at the start of a substep."""
         return strain(gradient(points[0], points[1], points[2], points[3], values))
 
     @compiled
     def damping(f, before, values, rate):
-        """(N, the moduli mu and lambda of Hooke's law at rest), V tau / h times."""
+        """(N, the moduli mu and lambda of Hooke's law at rest), times V tau / h."""
         mu, lame = half * values[9], values[10]
         if is_hookean:
             mu, lame = values[9], values[10] - values[9]
@@ -89,8 +91,10 @@ def make(real, compiled=plain, material=FIXED, damped=False):
 
     @compiled
     def element(points, values, before, corner, rate):
-        """What a tetrahedron adds to the nine sums of its corner. `before`: E where the substep begins, read where a damper
-        counts; `rate`: 1 / h."""
+        """Contribution of a tetrahedron to the nine sums of its corner.
+
+        `before`: E at the start of the substep, read only with a damper; `rate`: 1 / h.
+        """
         f = gradient(points[0], points[1], points[2], points[3], values)
         p, g, r, pull = stress(f, values[9], values[10], values[11])
         x, y, z = row(values, corner)
@@ -128,12 +132,12 @@ def make(real, compiled=plain, material=FIXED, damped=False):
 
 
 def make_matrices(real, compiled=plain):
-    """Of a tetrahedron: rows of B, products with them, and how R turns."""
+    """Make the functions of a tetrahedron: rows of B, products with them, and the derivative of R."""
     dot, zero = make_lengths(real, compiled).dot, real(0)
 
     @compiled
     def row(values, corner):
-        """b of the corner 0 to 3 of a tetrahedron."""
+        """b of corner 0 to 3 of a tetrahedron."""
         if corner == 1:
             return values[0], values[1], values[2]
         if corner == 2:
@@ -145,17 +149,18 @@ def make_matrices(real, compiled=plain):
 
     @compiled
     def times(g, x, y, z):
-        """A matrix, by rows, times a vector."""
+        """Matrix, by rows, times a vector."""
         return dot(g[0], g[1], g[2], x, y, z), dot(g[3], g[4], g[5], x, y, z), dot(g[6], g[7], g[8], x, y, z)
 
     @compiled
     def symmetric(t, x, y, z):
-        """Six numbers as a matrix, times a vector."""
+        """Symmetric matrix of six numbers times a vector."""
         return dot(t[0], t[3], t[4], x, y, z), dot(t[3], t[1], t[5], x, y, z), dot(t[4], t[5], t[2], x, y, z)
 
     @compiled
     def turning(f, r, x, y, z, excess):
-        """`excess` times b' dR/dF b = ((b'Gb) G - (Gb)(Gb)') / det G with G = tr S - S, all turned by R; six numbers."""
+        """`excess` times b' dR/dF b = ((b'Gb) G - (Gb)(Gb)') / det G with G = tr S - S, all rotated by R; six
+        numbers."""
         xx, yy, zz = (
             dot(f[0], f[1], f[2], r[0], r[1], r[2]), dot(f[3], f[4], f[5], r[3], r[4], r[5]),
             dot(f[6], f[7], f[8], r[6], r[7], r[8]),
@@ -180,12 +185,12 @@ def make_matrices(real, compiled=plain):
 
 
 def make_vertex(real, compiled=plain):
-    """Of a vertex: its sums, where it goes, where it starts."""
+    """Make the functions of a vertex: its sums, its displacement, its starting point."""
     one = real(1)
 
     @compiled
     def added(a, b):
-        """Nine sums and nine more numbers."""
+        """Elementwise sum of nine numbers and nine more."""
         return (
             a[0] + b[0], a[1] + b[1], a[2] + b[2], a[3] + b[3], a[4] + b[4], a[5] + b[5], a[6] + b[6], a[7] + b[7],
             a[8] + b[8],
@@ -193,8 +198,11 @@ def make_vertex(real, compiled=plain):
 
     @compiled
     def moved(point, inertial, weight, scale, sums):
-        """The vertex at `point` after its visit; `inertial`: y; `weight`: the mean mass over its own; `scale`: h^2 over the
-        mean mass. The block is symmetric and no less than I: L D L' needs no pivots."""
+        """Position of the vertex at `point` after its visit.
+
+        `inertial`: y; `weight`: the mean mass over the vertex's; `scale`: h^2 over the mean mass. The block is
+        symmetric and no less than I, so that L D L' needs no pivots.
+        """
         softness = weight * scale
         gx = (point[0] - inertial[0]) + softness * sums[0]
         gy = (point[1] - inertial[1]) + softness * sums[1]
@@ -215,15 +223,17 @@ def make_vertex(real, compiled=plain):
 
     @compiled
     def coasted(before, velocity, h):
-        """Where a vertex would be without any force."""
+        """Position of a vertex without any force."""
         return before[0] + h * velocity[0], before[1] + h * velocity[1], before[2] + h * velocity[2]
 
     return SimpleNamespace(added=added, moved=moved, coasted=coasted)
 
 
 def make_carried(real, compiled=plain):
-    """carried(inertial, now, before): y, one axis, of a vertex that something else than its body has moved: an impulse is on
-    it, which later visits must not take back."""
+    """Make carried(inertial, now, before): y, one axis, of a vertex that was moved by something other than its body.
+
+    The move is an impulse on the vertex, which later visits must not undo.
+    """
 
     @compiled
     def carried(inertial, now, before):

@@ -1,16 +1,16 @@
 """Energy per volume W(F) of the materials of tetrahedra, and the first Piola-Kirchhoff stress P = dW/dF.
 
-W = k_D C_D^2 / 2 + k_H C_H^2 / 2, as formulas/constraints/tetrahedron.py tells for each material, whose two constraints are
-these two terms, but of the neo-Hookean, whose W is divided here as its authors do: C_D = |F|, k_D = mu, C_H = J - alpha,
-k_H = lambda + mu (model/tetrahedra/material.py). `shape` is k_D, `pressure` k_H, `rest` the J at which C_H is 0. So
-
-    fixed corotated   P = k_D (F - R) + k_H (J - 1) C              C the cofactors of F, R the rotation nearest to F
-    corotated         P = k_D (F - R) + k_H (tr(R'F) - 3) R
-    neo-Hookean       P = k_D F + k_H (J - alpha) C
-
-(T. Sifakis, J. Barbic, "FEM Simulation of 3D Deformable Solids", SIGGRAPH 2012 courses, part 1, section 3; A. Stomakhin et
-al., SCA 2012, eq. 4; B. Smith, F. de Goes, T. Kim, TOG 37 (2018), section 3.4.) C_H changes by G = C, or R: that is all of it
-that stiffness asks for, too. Constants may be times a volume, then energies and stresses are.
+W = k_D C_D^2 / 2 + k_H C_H^2 / 2, whose two terms are the two constraints of each material in
+formulas/constraints/tetrahedron.py. The neo-Hookean W is split here as by its authors: C_D = |F|, k_D = mu, C_H = J -
+alpha, k_H = lambda + mu (model/tetrahedra/material.py). `shape` is k_D, `pressure` k_H, `rest` the J at which C_H is 0.
+So
+  fixed corotated   P = k_D (F - R) + k_H (J - 1) C              C the cofactors of F, R the rotation nearest to F
+  corotated         P = k_D (F - R) + k_H (tr(R'F) - 3) R
+  neo-Hookean       P = k_D F + k_H (J - alpha) C
+(T. Sifakis, J. Barbic, "FEM Simulation of 3D Deformable Solids", SIGGRAPH 2012 courses, part 1, section 3; A. Stomakhin
+et al., SCA 2012, eq. 4; B. Smith, F. de Goes, T. Kim, TOG 37 (2018), section 3.4.) The derivative of C_H is G = C, or
+R, which is also all that the stiffness needs. Where the constants are multiplied by a volume, so are energies and
+stresses.
 """
 
 from __future__ import annotations
@@ -27,14 +27,14 @@ OPERATIONS_STRESS = 9 + 2 + 27  # F - R, the pressure, the sum of both terms
 
 
 def operations(material: int, item: int) -> int:
-    """Of one stress, F known, counted on numbers of `item` bytes."""
+    """Count the operations of one stress for a known F, on numbers of `item` bytes."""
     turn = 0 if material == HOOKEAN else deformation.OPERATIONS_ROTATION[item]
     volume = 17 if material == COROTATED else deformation.OPERATIONS_COFACTOR + deformation.OPERATIONS_DETERMINANT
     return OPERATIONS_STRESS + turn + volume
 
 
 def make(real, compiled=plain, material=FIXED):
-    """`energy`, `stress` in the arithmetic `real`; `material`: which of MATERIALS."""
+    """Make `energy` and `stress` in the arithmetic `real`. `material`: an index into MATERIALS."""
     dot = make_lengths(real, compiled).dot
     elastic = make_gradient(real, compiled)
     cofactor, determinant = elastic.cofactor, elastic.determinant
@@ -51,7 +51,7 @@ def make(real, compiled=plain, material=FIXED):
 
     @compiled
     def parts_of(f, rest):
-        """(the matrix D whose square is C_D^2, C_H, its derivative G by F, R; F where the material has none)."""
+        """(matrix D whose square is C_D^2, C_H, its derivative G by F, R or, where the material has none, F)."""
         if is_hookean:
             g = cofactor(f)
             return f, determinant(f, g) - rest, g, f
@@ -67,13 +67,13 @@ def make(real, compiled=plain, material=FIXED):
 
     @compiled
     def energy(f, shape, pressure, rest):
-        """W [Pa]; of the neo-Hookean material not 0 at rest."""
+        """W [Pa]. For the neo-Hookean material it is not 0 at rest."""
         d, violation, _, _ = parts_of(f, rest)
         return half * (shape * product(d, d) + pressure * (violation * violation))
 
     @compiled
     def stress(f, shape, pressure, rest):
-        """(P, G, R, k_H C_H), nine numbers of a matrix, by rows; R is F where the material asks for none."""
+        """(P, G, R, k_H C_H), matrices as nine numbers by rows. R is F where the material does not use it."""
         d, violation, g, r = parts_of(f, rest)
         p = pressure * violation
         return (

@@ -1,10 +1,11 @@
-"""Friction with colliders within a visit of vertex block descent: a force against the way that a vertex slid in a substep.
+"""Friction with colliders within a visit of vertex block descent: a force against the sliding of a vertex in a substep.
 
 A. H. Chen et al., "Vertex Block Descent", ACM TOG 43 (2024), section 3.5, after M. Li et al., "Incremental Potential
-Contact", ACM TOG 39 (2020), section 5: mu lambda / max(|u|, e) times u, the way across the normal relative to the collider,
-lambda the force of contact, e what is slid in a substep at SLIP; and as much times I - nn' for the block. Colliders only
-answer to velocities (formulas/colliders.py), so that they are asked twice: what comes in straight and fast sticks and
-leaves with the collider's velocity; what slides much faster than it comes in loses mu of that, the dynamic coefficient.
+Contact", ACM TOG 39 (2020), section 5: mu lambda / max(|u|, e) times u, the displacement tangential to and relative to
+the collider, lambda the contact force, e the displacement in a substep at the speed SLIP; and the same factor times I -
+nn' for the block. Colliders only respond to velocities (formulas/colliders.py), so that each is called twice with trial
+velocities. A fast normal impact sticks and returns the collider's velocity. A slide much faster than its normal
+approach loses mu of that, the dynamic coefficient.
 """
 
 from __future__ import annotations
@@ -16,33 +17,33 @@ import numpy as np
 
 from model.formulas import plain
 
-SLIP = 0.01  # m/s: below it friction is a dashpot; what it holds on a slope creeps at less than that
-FAST = 1e4  # m/s: of who asks for the collider's velocity
-SMALLEST = 1e3  # of the root of the least normal number: shorter ways have no direction that squares would tell
-ASIDE = 16.0  # of the speed of who asks for mu, over how fast it comes in: more than any coefficient
-OPERATIONS = 110  # but for what the colliders take
+SLIP = 0.01  # m/s: below it friction is a dashpot; a body that it supports on a slope creeps more slowly than that
+FAST = 1e4  # m/s: trial speed that finds the collider's velocity
+SMALLEST = 1e3  # times the root of the smallest normal number: squares of shorter displacements have no direction
+ASIDE = 16.0  # trial sliding speed over approach speed that finds mu: more than any coefficient
+OPERATIONS = 110  # without those of the colliders
 
 
 def make(real, compiled=plain):
-    """See the functions; n is the way into the collider, a unit vector."""
+    """Make the functions of friction. n is the unit vector into the collider."""
     zero, half, one, fast, aside, slip = real(0), real(0.5), real(1), real(FAST), real(ASIDE), real(SLIP)
     least = real(SMALLEST * np.sqrt(np.finfo(real).tiny))
 
     @compiled
     def unit(x, y, z):
-        """(length, n)"""
+        """(length, n) of a vector."""
         length = sqrt((x * x + y * y) + z * z)
         s = one / length if length > zero else zero
         return length, s * x, s * y, s * z
 
     @compiled
     def straight(n):
-        """The velocity of one that comes in straight."""
+        """Trial velocity along the normal."""
         return fast * n[1], fast * n[2], fast * n[3]
 
     @compiled
     def slid(p, b, c, h, n):
-        """(length, u) of the way from b to p relative to a collider of velocity c, across the normal."""
+        """(length, u) of the displacement from b to p relative to a collider of velocity c, tangential to it."""
         x, y, z = (p[0] - b[0]) - h * c[0], (p[1] - b[1]) - h * c[1], (p[2] - b[2]) - h * c[2]
         along = (x * n[1] + y * n[2]) + z * n[3]
         x, y, z = x - along * n[1], y - along * n[2], z - along * n[3]
@@ -50,8 +51,8 @@ def make(real, compiled=plain):
 
     @compiled
     def heading(n, u):
-        """The unit direction of u; where that is nothing, or what rounding leaves along the normal, any one across it:
-        colliders rub alike in all."""
+        """Unit direction of u. Where u is zero, or only rounding along the normal, any direction tangential to the
+        collider: its friction is isotropic."""
         if u[0] > least:
             s = one / u[0]
             x, y, z = s * u[1], s * u[2], s * u[3]
@@ -61,7 +62,7 @@ def make(real, compiled=plain):
             if squared >= half:
                 s = one / sqrt(squared)
                 return s * x, s * y, s * z
-        if abs(n[1]) <= half:  # across n and x, or else n and y, of which n is at least 30 degrees off
+        if abs(n[1]) <= half:  # perpendicular to n and x, or else to n and y, at least 30 degrees from n
             s = one / sqrt(n[2] * n[2] + n[3] * n[3])
             return zero, s * n[3], -(s * n[2])
         s = one / sqrt(n[1] * n[1] + n[3] * n[3])
@@ -69,13 +70,13 @@ def make(real, compiled=plain):
 
     @compiled
     def sliding(c, n, t):
-        """The velocity of one that comes in at 1 m/s and slides much faster, along t."""
+        """Trial velocity that approaches at 1 m/s and slides much faster, along t."""
         return c[0] + (n[1] + aside * t[0]), c[1] + (n[2] + aside * t[1]), c[2] + (n[3] + aside * t[2])
 
     @compiled
     def rubbed(v, w, n, u, t, hard, h):
-        """(the derivative, three numbers; the block, six) where that velocity v became w. Both are continuous where nothing
-        slides: there the derivative is 0, and the block its limit, mu lambda / e (I - nn')."""
+        """(derivative, three numbers; block, six) where the trial velocity v became w. Both are continuous where
+        nothing slides: there the derivative is 0, and the block its limit, mu lambda / e (I - nn')."""
         lost = max(((v[0] - w[0]) * t[0] + (v[1] - w[1]) * t[1]) + (v[2] - w[2]) * t[2], zero)
         s = (hard * n[0]) * lost / max(u[0], slip * h)
         return (

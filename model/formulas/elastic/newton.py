@@ -1,10 +1,11 @@
-"""Newton's method with a line search, each step by conjugate gradients: which pass over tetrahedra or particles comes next.
+"""Newton's method with a line search and conjugate gradients: the order of passes over tetrahedra and particles.
 
-J. Nocedal, S. Wright, "Numerical Optimization", 2nd edition, algorithms 3.1 (backtracking), 5.3 (preconditioned conjugate
-gradients; by the diagonal blocks' inverses and a coarse level, coarse.py) and 7.1 (line search Newton-CG). The start is where
-particles were, or where they would be without elasticity, whichever has the lower potential. The matrix is the exact tangent;
-where that shows a curvature that is not positive, or leads nowhere, it is made again, `safe` (tangent.py). Decided from sums
-over all: the next pass, for one who keeps `counts` and `values` between passes.
+J. Nocedal, S. Wright, "Numerical Optimization", 2nd edition, algorithms 3.1 (backtracking), 5.3 (preconditioned
+conjugate gradients; by the diagonal blocks' inverses and a coarse level, coarse.py) and 7.1 (line search Newton-CG).
+The start is the previous positions or the positions without elasticity, whichever has the lower potential. The matrix
+is the exact tangent. Where that has a curvature that is not positive, or gives no descent, it is assembled again,
+`safe` (tangent.py). The next pass is decided from sums over all particles; the caller stores `counts` and `values`
+between passes.
 """
 
 from __future__ import annotations
@@ -26,20 +27,20 @@ KINDS = (
 ) = range(len(KINDS))  # fmt: skip
 BEHIND, BEFORE, SEARCH = range(
     3
-)  # where the potential is asked for: at the substep's start, without elasticity, along a step
+)  # states whose potential is evaluated: the substep's start, without elasticity, along a step
 COUNTS = ("phase", "safe", "products", "steps", "halvings")
 VALUES = ("energy", "trial", "noise", "squared", "enough", "alpha", "beta", "share", "slope", "unsure")
-NEAR = 1e-4  # the residual that is left, in the norm of the preconditioner, over the first one
-DOWNHILL = 1e-4  # of the descent that a straight line promises
+NEAR = 1e-4  # remaining residual, in the norm of the preconditioner, over the first one
+DOWNHILL = 1e-4  # of the descent that the slope predicts
 MOST_HALVINGS = 20  # to a millionth of a step
-MOST_PRODUCTS = 1000  # a system that needs more is not solved in this step: it goes on from there in the next
-CONTACT = 10.0  # how hard colliders are while a step is solved, over what holds a particle
-SOON = 1 / 64  # of the way to where inertia leads: who is within a collider then rests on it
-CONVERGED = {4: 1e-6, 8: 1e-13}  # the descent that a step promised, over the potential, after which none follows
+MOST_PRODUCTS = 1000  # a system that needs more is not solved in this step: the next step continues
+CONTACT = 10.0  # stiffness of colliders while a step is solved, over that of a particle's inertia and elasticity
+SOON = 1 / 64  # of the displacement to the inertial position: a particle within a collider there rests on it
+CONVERGED = {4: 1e-6, 8: 1e-13}  # descent that a step predicted, over the potential: below it no step follows
 
 
 def make_search(real, compiled=plain):
-    """What follows `weigh`, and `accept` or `return`: see make_control."""
+    """Make the decisions after `weigh`, and after `accept` or `return`: see make_control."""
     half, downhill = real(0.5), real(DOWNHILL)
     converged = real(CONVERGED[np.dtype(real).itemsize])
 
@@ -77,8 +78,8 @@ def make_search(real, compiled=plain):
 
 
 def make_control(real, compiled=plain):
-    """`after(kind, counts, values, first, second, iterations, floor)`: (the next pass, counts, values) after the
-    pass `kind`, which left the sums `first` and `second`."""
+    """Make `after(kind, counts, values, first, second, iterations, floor)`: (next pass, counts, values) after the pass
+    `kind`, whose sums are `first` and `second`."""
     zero, one, near = real(0), real(1), real(NEAR**2)
     search = make_search(real, compiled)
     after_looking, after_moving = search.after_looking, search.after_moving
@@ -113,7 +114,7 @@ def make_control(real, compiled=plain):
         elif kind == WEIGH:
             trial, noise = trial + first, noise + second
             later, energy, share, halvings = after_looking(phase, halvings, energy, trial, unsure, share, slope)
-            if later == ACCEPT:  # of what is gone on from: a trial may be so far off that its own doubt is infinite
+            if later == ACCEPT:  # of the accepted state: the noise of a trial may be infinite
                 unsure = noise
         elif kind in (ACCEPT, RETURN):
             later, phase, safe, steps = after_moving(kind, phase, safe, steps, energy, slope, iterations)
@@ -141,13 +142,13 @@ def make_control(real, compiled=plain):
 
 
 def make(real, compiled=plain):
-    """What passes do with one particle or tetrahedron, in the arithmetic `real`."""
+    """Make the functions that passes apply to one particle or tetrahedron, in the arithmetic `real`."""
     zero, half, one, four = real(0), real(0.5), real(1), real(4)
     eps = real(np.finfo(real).eps)
 
     @compiled
     def doubt(held, volume, mu, lame, hookean):
-        """[J]: what rounding of F's entries may make of the energy of a tetrahedron, W = `held`."""
+        """Rounding error [J] of the energy of a tetrahedron, W = `held`, by rounding of F's entries."""
         stiff = (mu + mu) + lame
         strain = four * sqrt(stiff * abs(held)) + eps * stiff
         if hookean:
@@ -161,7 +162,7 @@ def make(real, compiled=plain):
 
     @compiled
     def kept(inertia, x, y, z):
-        """[J] of a displacement from where inertia alone leads to."""
+        """Energy [J] of a displacement from the inertial position."""
         return half * inertia * ((x * x + y * y) + z * z)
 
     @compiled
@@ -170,14 +171,15 @@ def make(real, compiled=plain):
 
     @compiled
     def outer(x, y, z, hard):
-        """`hard` times n n', (xx, xy, xz, yy, yz, zz), of n along (x, y, z); nothing where that is nothing."""
+        """`hard` times n n', (xx, xy, xz, yy, yz, zz), with n along (x, y, z); 0 where (x, y, z) is 0."""
         squared = (x * x + y * y) + z * z
         s = hard / squared if squared > zero else zero
         return s * (x * x), s * (x * y), s * (x * z), s * (y * y), s * (y * z), s * (z * z)
 
     @compiled
     def inverse(a, b, c, d, e, f):
-        """(the inverse's xx, xy, xz, yy, yz, zz, whether it is positive) of the symmetric matrix (xx, xy, xz, yy, yz, zz)."""
+        """(the inverse's xx, xy, xz, yy, yz, zz, True if it is positive) of the symmetric matrix (xx, xy, xz, yy, yz,
+        zz)."""
         p, q, r = d * f - e * e, e * c - b * f, b * e - d * c
         whole = (a * p + b * q) + c * r
         minor = a * d - b * b

@@ -1,4 +1,4 @@
-"""Products that Newton's method on tetrahedra takes in its passes: here, so that none is contracted."""
+"""Products in the passes of Newton's method on tetrahedra. They are here so that none is contracted."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from model.formulas.lengths import make as make_lengths
 
 
 def make(real, compiled=plain):
-    """Of one particle, row or tetrahedron, in the arithmetic `real`."""
+    """Make the products of one particle, row or tetrahedron, in the arithmetic `real`."""
     dot = make_lengths(real, compiled).dot
     applied = make_matrices(real, compiled).times  # a 3 x 3 block, by rows, times a vector
 
@@ -24,12 +24,12 @@ def make(real, compiled=plain):
 
     @compiled
     def weighted(s, m):
-        """Nine numbers."""
+        """Matrix of nine numbers times s."""
         return s * m[0], s * m[1], s * m[2], s * m[3], s * m[4], s * m[5], s * m[6], s * m[7], s * m[8]
 
     @compiled
     def preconditioned(m, x, y, z):
-        """A symmetric block (xx, xy, xz, yy, yz, zz) times a vector."""
+        """Symmetric block (xx, xy, xz, yy, yz, zz) times a vector."""
         return dot(m[0], m[1], m[2], x, y, z), dot(m[1], m[3], m[4], x, y, z), dot(m[2], m[4], m[5], x, y, z)
 
     return SimpleNamespace(

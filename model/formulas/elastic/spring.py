@@ -1,7 +1,7 @@
-"""A spring between a vertex a and a place: a point p of the world, or the mean of four vertices with the weights s.
+"""Spring between a vertex a and a place: a point p of the world, or the mean of four vertices with the weights s.
 
-Energy k |C|^2 / 2, C = (a - sum s x) - p, of which s or p is nothing: by a the derivative is k C, by x of weight s -s k C,
-and all second derivatives are multiples of the identity.
+Energy k |C|^2 / 2, C = (a - sum s x) - p, with either s or p equal to 0. The derivative by a is k C, that by x of
+weight s is -s k C, and all second derivatives are multiples of the identity.
 """
 
 from __future__ import annotations
@@ -10,13 +10,13 @@ from types import SimpleNamespace
 
 from model.formulas import plain
 
-CORNERS = 5  # the vertex, and four that carry it; where these are nobody, it again, with weights of 0
-AT_POINT, AT_STIFFNESS, COUNT = 4, 7, 8  # of the values: the weights, the point [m], k [N/m]
-OPERATIONS = 30  # of one corner
+CORNERS = 5  # the vertex, and four that carry it; without such a body, the vertex itself with weights of 0
+AT_POINT, AT_STIFFNESS, COUNT = 4, 7, 8  # indices: after the weights, the point [m] and k [N/m]
+OPERATIONS = 30  # for one corner
 
 
 def make(real, compiled=plain):
-    """See the functions."""
+    """Make `pull` in the arithmetic `real`."""
     one, half = real(1), real(0.5)
 
     @compiled
@@ -35,7 +35,7 @@ def make(real, compiled=plain):
 
     @compiled
     def weight(values, corner):
-        """By which a corner counts in C."""
+        """Weight of a corner in C."""
         found = one
         if corner == 1:
             found = -values[0]
@@ -49,7 +49,7 @@ def make(real, compiled=plain):
 
     @compiled
     def pull(points, values, corner):
-        """(the derivative by a corner, what stands on the diagonal of its block, the energy)."""
+        """(derivative by a corner, diagonal entry of its block, energy)."""
         x, y, z = apart(points, values)
         share, hard = weight(values, corner), values[7]
         force = hard * share

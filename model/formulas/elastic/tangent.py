@@ -1,18 +1,19 @@
-"""Energy, stress and tangent of a tetrahedron's material, with the tangent's eigenvalues told apart so that none is negative.
+"""Energy, stress and tangent of a tetrahedron's material; the tangent's eigenvalues can be clamped so that none is
+negative.
 
 F = R S, S = V diag(s) V', U = R V. The first Piola-Kirchhoff stress P = dW/dF of the materials of
 model/tetrahedra/material.py, with J = det F, C = dJ/dF, t = tr S - 3, k = lambda + mu:
+  fixed corotated   2 mu (F - R) + lambda (J - 1) C      corotated   2 mu (F - R) + lambda t R
+  neo-Hookean       mu F + k (J - alpha) C
+In all three dP = m dF + q (G : dF) G + b dC - c dR, with (m, q, b, c) of (2 mu, lambda, lambda (J - 1), 2 mu) and G =
+C; (2 mu, lambda, 0, 2 mu - lambda t) and G = R; (mu, k, k (J - alpha), 0) and G = C. The rotation's differential is dR
+= R [w]x, (tr(S) I - S) w = axial(R'dF - dF'R).
 
-    fixed corotated   2 mu (F - R) + lambda (J - 1) C      corotated   2 mu (F - R) + lambda t R
-    neo-Hookean       mu F + k (J - alpha) C
-
-In all three dP = m dF + q (G : dF) G + b dC - c dR, with (m, q, b, c) of (2 mu, lambda, lambda (J - 1), 2 mu) and G = C;
-(2 mu, lambda, 0, 2 mu - lambda t) and G = R; (mu, k, k (J - alpha), 0) and G = C. The rotation's differential is dR = R [w]x,
-(tr(S) I - S) w = axial(R'dF - dF'R). Seen in U and V, dF^ = U'dF V, that falls apart (J. Teran et al., "Robust Quasistatic
-Finite Elements and Flesh Simulation", SCA 2005; B. Smith, F. de Goes, T. Kim, "Analytic Eigensystems for Isotropic Distortion
-Energies", ACM TOG 38 (2019)): the diagonal by the 3 x 3 matrix A = m I + q g g' + b offdiag(s_k), g the diagonal of U'G V;
-of each pair (i, j), k the third, what is symmetric by the flip m - b s_k and what is not by the twist m + b s_k - 2 c /
-(s_i + s_j). `safe`: these at least 0, and A's eigenvalues too, so that the tangent is positive semidefinite.
+In the frames U and V, dF^ = U'dF V, the tangent decouples (J. Teran et al., "Robust Quasistatic Finite Elements and
+Flesh Simulation", SCA 2005; B. Smith, F. de Goes, T. Kim, "Analytic Eigensystems for Isotropic Distortion Energies",
+ACM TOG 38 (2019)). The diagonal has the 3 x 3 matrix A = m I + q g g' + b offdiag(s_k), g the diagonal of U'G V. Of
+each pair (i, j), k the third, the symmetric part has the flip m - b s_k and the skew part the twist m + b s_k - 2 c /
+(s_i + s_j). `safe` clamps these at 0, and A's eigenvalues too, so that the tangent is positive semidefinite.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ from model.formulas.elastic.deformation import make_gradient
 from model.formulas.lengths import make as make_lengths
 
 SWEEPS = {4: 4, 8: 6}  # of Jacobi's method over a 3 x 3 matrix, by the bytes of a number: it converges quadratically
-FLATTEST = 0.05  # s_i + s_j at which a twist is no softer any more: beyond lies an inverted corner, where R jumps
+FLATTEST = 0.05  # smallest s_i + s_j of a twist: below it the corner is inverted, where R jumps
 OPERATIONS_STRESS = (
     deformation.OPERATIONS_GRADIENT + deformation.OPERATIONS_COFACTOR + 60 + deformation.OPERATIONS_CORNERS
 )
@@ -38,20 +39,20 @@ OPERATIONS_MODULI = 90
 
 
 def operations_axes(item: int) -> int:
-    """Of the eigenvectors of a symmetric matrix, counted on numbers of `item` bytes."""
+    """Count the operations of the eigenvectors of a symmetric matrix, on numbers of `item` bytes."""
     return SWEEPS[item] * 3 * 40
 
 
 def make(real, compiled=plain):
-    """`stress`, `frame`, `moduli`, `block`, `differential`, `seen_in` in the arithmetic `real`; matrices by rows, as nine
-    numbers."""
+    """Make `stress`, `frame`, `moduli`, `block`, `differential`, `seen_in` in the arithmetic `real`; matrices are nine
+    numbers by rows."""
     return joined(
         make_stress(real, compiled), make_moduli(real, compiled), make_blocks(real, compiled, make_axes(real, compiled))
     )  # fmt: skip
 
 
 def make_stress(real, compiled=plain):
-    """`stress`"""
+    """Make `stress` in the arithmetic `real`."""
     elastic, dot = make_gradient(real, compiled), make_lengths(real, compiled).dot
     cofactor, determinant = elastic.cofactor, elastic.determinant
     half, one, two, three = real(0.5), real(1), real(2), real(3)
@@ -72,7 +73,7 @@ def make_stress(real, compiled=plain):
 
     @compiled
     def stress(material, f, r, mu, lame, alpha):
-        """(W [Pa], P); `r`: the rotation nearest to F, whatever it is where the material is neo-Hookean."""
+        """(W [Pa], P). `r`: the rotation nearest to F; not used by the neo-Hookean material."""
         cofactors = cofactor(f)
         ratio = determinant(f, cofactors)
         if material == HOOKEAN:
@@ -92,14 +93,14 @@ def make_stress(real, compiled=plain):
 
 
 def make_moduli(real, compiled=plain):
-    """`moduli`"""
+    """Make `moduli` and `raised` in the arithmetic `real`."""
     axes, dot = make_axes(real, compiled).axes, make_lengths(real, compiled).dot
     zero, half, one, two = real(0), real(0.5), real(1), real(2)
     flattest = real(FLATTEST)
 
     @compiled
     def raised(a):
-        """The symmetric matrix (xx, xy, xz, yy, yz, zz) without its negative eigenvalues."""
+        """Symmetric matrix (xx, xy, xz, yy, yz, zz) without its negative eigenvalues."""
         e, v = axes(a[0], a[1], a[2], a[3], a[4], a[5])
         x, y, z = max(e[0], zero), max(e[1], zero), max(e[2], zero)
         return (
@@ -119,7 +120,8 @@ def make_moduli(real, compiled=plain):
 
     @compiled
     def moduli(material, s, mu, lame, alpha, safe):
-        """(A (xx, xy, xz, yy, yz, zz), half sums and half differences of flips and twists of (y, z), (z, x), (x, y)) [Pa]."""
+        """(A (xx, xy, xz, yy, yz, zz), half sums and half differences of flips and twists of (y, z), (z, x), (x, y))
+        [Pa]."""
         x, y, z = s
         gx, gy, gz = y * z, z * x, x * y
         m, q, b, c = two * mu, lame, zero, two * mu
@@ -146,7 +148,7 @@ def make_moduli(real, compiled=plain):
 
 
 def make_blocks(real, compiled, turned):
-    """`frame`, `block`, `differential`, `seen_in`; `turned`: of `make_axes`."""
+    """Make `frame`, `block`, `differential` and `seen_in`; `turned`: the functions of `make_axes`."""
     axes, product, transposed_product = turned.axes, turned.product, turned.transposed_product
     dot, half = make_lengths(real, compiled).dot, real(0.5)
 
@@ -159,8 +161,10 @@ def make_blocks(real, compiled, turned):
 
     @compiled
     def block(u, a, sums, offs, p, o):
-        """The 3 x 3 block of the tangent from corner q to corner p, over the volume, whose rows of B are `p` and `o`, seen
-        in V: U H U' with H of dF^ = e_m o'."""
+        """3 x 3 block of the tangent from corner q to corner p, over the volume: U H U' with H of dF^ = e_m o'.
+
+        `p`, `o`: rows of B of p and q, in the frame V.
+        """
         xx, yy, zz = p[0] * o[0], p[1] * o[1], p[2] * o[2]
         h = (
             a[0] * xx + (sums[2] * yy + sums[1] * zz), a[1] * (p[0] * o[1]) + offs[2] * (p[1] * o[0]),
@@ -181,7 +185,7 @@ def make_blocks(real, compiled, turned):
 
     @compiled
     def differential(u, v, a, sums, offs, df):
-        """dP of dF, for those who take no blocks."""
+        """dP of dF, for matrix-free products."""
         d = product(transposed_product(u, df), v)
         h = (
             dot(a[0], a[1], a[2], d[0], d[4], d[8]), sums[2] * d[1] + offs[2] * d[3], sums[1] * d[2] + offs[1] * d[6],
@@ -199,14 +203,14 @@ def make_blocks(real, compiled, turned):
 
     @compiled
     def seen_in(v, x, y, z):
-        """V' of a row of B."""
+        """V' times a row of B."""
         return dot(v[0], v[3], v[6], x, y, z), dot(v[1], v[4], v[7], x, y, z), dot(v[2], v[5], v[8], x, y, z)
 
     return SimpleNamespace(frame=frame, block=block, differential=differential, seen_in=seen_in)
 
 
 def make_axes(real, compiled=plain):
-    """`axes`: eigenvalues and eigenvectors of a symmetric matrix; `product` A B and `transposed_product` A'B of two."""
+    """Make `axes` (eigenvalues and eigenvectors of a symmetric matrix), `product` A B and `transposed_product` A'B."""
     dot = make_lengths(real, compiled).dot
     zero, half, one = real(0), real(0.5), real(1)
     sweeps, largest = SWEEPS[np.dtype(real).itemsize], real(float(np.finfo(real).eps) ** -2)
@@ -227,12 +231,12 @@ def make_axes(real, compiled=plain):
 
     @compiled
     def turn(pp, pq, qq):
-        """(cosine, sine, what pp loses and qq gains) of the turn that makes pq 0: G. Golub, C. Van Loan, "Matrix
-        Computations", 8.5.2."""
+        """(cosine, sine, decrease of pp and increase of qq) of the rotation that makes pq 0: G. Golub, C. Van Loan,
+        "Matrix Computations", 8.5.2."""
         if pq == zero:
             return one, zero, zero
         theta = half * (qq - pp) / pq
-        if abs(theta) > largest:  # less than half of eps^2, of which `fast` math on CUDA may make no number
+        if abs(theta) > largest:  # the tangent is below half of eps^2, for which `fast` math on CUDA may return NaN
             return one, zero, zero
         t = one / (abs(theta) + sqrt(theta * theta + one))
         t = t if theta >= zero else -t
@@ -245,7 +249,7 @@ def make_axes(real, compiled=plain):
 
     @compiled
     def axes(xx, xy, xz, yy, yz, zz):
-        """(eigenvalues in no order, V by rows: its columns are their vectors), by Jacobi's method."""
+        """(eigenvalues in no order, V by rows: its columns are the eigenvectors), by Jacobi's method."""
         a, b, c, d, e, f, g, h, i = one, zero, zero, zero, one, zero, zero, zero, one
         for _ in range(sweeps):
             if (xy == zero) & (xz == zero) & (yz == zero):

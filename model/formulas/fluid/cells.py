@@ -1,4 +1,5 @@
-"""The table of cells in which a fluid's particles are sorted: from a box of positions to a count along each axis."""
+"""The table of cells into which a fluid's particles are sorted: from a bounding box of positions to a count along each
+axis."""
 
 from __future__ import annotations
 
@@ -6,27 +7,28 @@ from types import SimpleNamespace
 
 from model.formulas import plain
 
-MOST_ALONG = 1e9  # cells along an axis: what a whole number of 32 bits holds
+MOST_ALONG = 1e9  # cells along an axis: fits a 32-bit integer
 
 
 def make(real, compiled=plain):
-    """See the functions; in the arithmetic `real`."""
+    """Make `cells_along`, `halved` and `cell_of` in the arithmetic `real`."""
     zero, half, most_along = real(0), real(0.5), real(MOST_ALONG)
 
     @compiled
     def cells_along(low, high, inverse):
-        """How many cells there are from low to high [m], as a whole number: one at least."""
+        """Number of cells from low to high [m], at least one. `inverse`: 1 / cell length [1/m]."""
         cells = min((high - low) * inverse, most_along)
         return int(cells) + 1 if cells > zero else 1
 
     @compiled
     def halved(inverse):
-        """Of cells twice as long [1/m]."""
+        """1 / length of cells twice as long [1/m]."""
         return inverse * half
 
     @compiled
     def cell_of(place, low, inverse, count):
-        """Which of `count` cells along an axis; the last or the first one for what lies beyond, the first for NaN."""
+        """Index of the cell of a coordinate among `count` cells along an axis. Coordinates beyond the ends are in the
+        last or the first cell, NaN in the first."""
         cells = (place - low) * inverse
         if not cells > zero:
             return 0
@@ -36,7 +38,7 @@ def make(real, compiled=plain):
 
 
 def make_fits(compiled=plain):
-    """fits(nx, ny, nz, most): whether so many cells are no more than `most`, without a product that overflows."""
+    """Make fits(nx, ny, nz, most): True if nx ny nz cells are at most `most`, without a product that overflows."""
 
     @compiled
     def fits(nx, ny, nz, most):

@@ -1,13 +1,14 @@
-"""A fluid that keeps its density by velocities: divergences, densities that are foreseen, and how both are solved for.
+"""A fluid that conserves its density by velocities: divergences, predicted densities, and the solves for both.
 
-J. Bender and D. Koschier, "Divergence-Free SPH for Incompressible and Viscous Fluids", TVCG 2017 (SCA 2015): a pressure that
-takes away how densities change, and one that takes away what they are about to be too much. Both ask for the least
-multiplier that is never positive and makes c = target + (what `shift` adds to C) no more than 0; a shift [m] is dt times a
-change of velocity. Gradients, factors and what a multiplier does to two neighbours are those of
-model/formulas/fluid/density.py. An iteration is the paper's, of Jacobi, from where the last two iterates lead to: Y.
-Nesterov's acceleration, projected as A. Beck and M. Teboulle (SIAM J. Imaging Sciences 2009, eqs. 4.1 to 4.3) do.
+J. Bender and D. Koschier, "Divergence-Free SPH for Incompressible and Viscous Fluids", TVCG 2017 (SCA 2015): one
+pressure removes the change of density, another the predicted excess of density. Both solves look for the smallest
+multiplier that is never positive and makes c = target + (contribution of `shift` to C) at most 0; a shift [m] is dt
+times a change of velocity. Gradients, factors and the effect of a multiplier on two neighbours are those of
+model/formulas/fluid/density.py. An iteration is the paper's Jacobi iteration from an extrapolation of the last two
+iterates: Y. Nesterov's acceleration, projected as by A. Beck and M. Teboulle (SIAM J. Imaging Sciences 2009, eqs. 4.1
+to 4.3).
 
-d is x_i - x_j, e the difference of their shifts or velocities; sums go in the order of the list.
+d is x_i - x_j, e the difference of their shifts or velocities. Sums follow the list's order.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from types import SimpleNamespace
 
 from model.formulas import plain
 
-OPERATIONS_APPROACH = 27  # a neighbour: slope, and a difference of velocities along it
+OPERATIONS_APPROACH = 27  # a neighbour: slope, and the difference of velocities along it
 OPERATIONS_MOVE = 20  # a particle
 SPARSE = (
     0.09  # of density: a particle that lacks more is at a surface and may approach freely; a surface layer lacks 0.12
@@ -24,48 +25,53 @@ SPARSE = (
 
 
 def make(real, compiled=plain):
-    """See the functions; in the arithmetic `real`."""
+    """Make the functions of both solves in the arithmetic `real`."""
     zero, one, three, sparse = real(0), real(1), real(3), real(SPARSE)
 
     @compiled
     def approach_added(total, s, dx, dy, dz, ex, ey, ez):
-        """The sum of grad_j C_i . e; s: `slope`."""
+        """Sum of grad_j C_i . e plus that of a neighbour; s: `slope`."""
         return total - s * ((dx * ex + dy * ey) + dz * ez)
 
     @compiled
     def approach_of_wall(total, wx, wy, wz, x, y, z):
-        """The wall's part, which comes last; w: its gradient, (x, y, z): the particle's own shift or velocity."""
+        """Sum plus the walls' contribution, which comes last. w: their gradient; (x, y, z): the particle's shift or
+        velocity."""
         return total + ((wx * x + wy * y) + wz * z)
 
     @compiled
     def compressed(c, approach, dt, came):
-        """The target of the first solve: by what density grows in a substep; `came`: of it what moving walls add. Who
-        lacks more than SPARSE of it is as good as alone."""
+        """Target of the first solve: the increase of density in a substep.
+
+        `came`: the part of it from moving walls. A particle that lacks more than SPARSE of its density counts as
+        isolated.
+        """
         return dt * approach + came if c > -sparse else -one
 
     @compiled
     def foreseen(c, approach, dt):
-        """The target of the second one: C at the substep's end."""
+        """Target of the second solve: C at the substep's end."""
         return c + dt * approach
 
     @compiled
     def pressed(ahead, factor, c):
-        """An iterate: from `ahead`, at which c is what it is."""
+        """Next iterate, from `ahead`, at which the constraint has the value c."""
         return min(ahead - factor * c, zero)
 
     @compiled
     def lead(turn, iterations):
-        """How much of the way from the last iterate to this one the next goes on; the last one does not."""
+        """Extrapolation factor for the next iteration: times the difference of the last two iterates. It is 0 after the
+        last one."""
         return real(turn) / (real(turn) + three) if turn + 1 < iterations else zero
 
     @compiled
     def led(now, before, lead):
-        """Where the next iteration starts."""
+        """Starting point of the next iteration."""
         return now + lead * (now - before)
 
     @compiled
     def gained(velocity, shift, inverse_dt):
-        """One axis of a velocity after a solve."""
+        """Velocity after a solve, one axis."""
         return velocity + shift * inverse_dt
 
     return SimpleNamespace(

@@ -1,4 +1,4 @@
-"""How a fluid comes and goes: layers that leave a nozzle, and places in which particles end."""
+"""Inflow and outflow of a fluid: layers that leave a nozzle, and regions in which particles are removed."""
 
 from __future__ import annotations
 
@@ -10,40 +10,42 @@ OPERATIONS_SINK = 12  # a particle and a sink
 
 
 def make(real, compiled=plain):
-    """See the functions; in the arithmetic `real`."""
+    """Make the functions of emitters and sinks in the arithmetic `real`."""
     zero = real(0)
 
     @compiled
     def passed(time, since, stop, before, rate):
-        """How many layers have passed a nozzle by `time` [s], a real number: `before` by the time `since`, then `rate`
-        [1/s] of them, until `stop`."""
+        """Number of layers that have passed a nozzle by `time` [s], a real number: `before` by the time `since`, then
+        `rate` [1/s] of them until `stop`."""
         return before + rate * (min(max(time, since), stop) - since)
 
     @compiled
     def begun(layers):
-        """How many layers began, of so many that have passed, as a whole number: layer k does when more than k have."""
+        """Number of layers that have begun, an integer: layer k begins when more than k have passed."""
         whole = int(layers)
         return whole + 1 if real(whole) < layers else whole
 
     @compiled
     def emitted(point, way, layers, k, distance):
-        """One axis of where a particle of layer k is, whose place in the nozzle is `point`, when so many `layers` have
-        passed, `distance` [m] from each other."""
+        """Position of a particle of layer k, one axis.
+
+        `point`: its place in the nozzle; `layers`: how many have passed; `distance`: between layers [m].
+        """
         return point + way * ((layers - real(k)) * distance)
 
     @compiled
     def in_box(dx, dy, dz, hx, hy, hz):
-        """d: from the box's centre; h: half its edges."""
+        """True in a box. d: from its centre; h: half its edges."""
         return abs(dx) <= hx and abs(dy) <= hy and abs(dz) <= hz
 
     @compiled
     def in_sphere(dx, dy, dz, radius):
-        """d: from its centre."""
+        """True in a ball. d: from its centre."""
         return (dx * dx + dy * dy) + dz * dz <= radius * radius
 
     @compiled
     def behind(dx, dy, dz, nx, ny, nz):
-        """d: from a point of the plane; n: its normal."""
+        """True behind a plane. d: from a point of the plane; n: its normal."""
         return (dx * nx + dy * ny) + dz * nz <= zero
 
     return SimpleNamespace(

@@ -1,11 +1,11 @@
-"""What a fluid's particles do beside keeping their density: where they are told to go, and what smooths their velocities.
+"""Motion of a fluid's particles apart from density: prediction, drag, and smoothing of velocities.
 
-Viscosity as in XSPH, vorticity confinement: M. Macklin and M. Mueller, "Position Based Fluids", SIGGRAPH 2013 (eqs. 15 to
-17); cohesion and the difference of normals: N. Akinci, G. Akinci and M. Teschner, "Versatile Surface Tension and Adhesion
-for SPH Fluids", SIGGRAPH Asia 2013 (eqs. 1 to 5). What two particles do to each other keeps momentum: coefficients of a
-pair are the mean of both, and its masses enter by the weights.
+Viscosity as in XSPH, vorticity confinement: M. Macklin and M. Mueller, "Position Based Fluids", SIGGRAPH 2013 (eqs. 15
+to 17); cohesion and the difference of normals: N. Akinci, G. Akinci and M. Teschner, "Versatile Surface Tension and
+Adhesion for SPH Fluids", SIGGRAPH Asia 2013 (eqs. 1 to 5). Pair interactions conserve momentum: coefficients of a pair
+are the mean of both, and its masses enter by the weights.
 
-d is x_i - x_j as in model/formulas/fluid/density.py, t its `near`, s its `slope`; sums go in the order of the list.
+d is x_i - x_j as in model/formulas/fluid/density.py, t its `near`, s its `slope`. Sums follow the list's order.
 """
 
 from __future__ import annotations
@@ -21,55 +21,56 @@ OPERATIONS_VELOCITY = 20  # a particle
 
 
 def make(real, compiled=plain):
-    """See the functions; in the arithmetic `real`."""
+    """Make the functions of single particles and of pairs in the arithmetic `real`."""
     zero, one, two, half = real(0), real(1), real(2), real(0.5)
 
     @compiled
     def accelerated(velocity, dt, acceleration):
-        """One axis, [m/s]."""
+        """Velocity [m/s] after an acceleration, one axis."""
         return velocity + dt * acceleration
 
     @compiled
     def buoyant(gravity, buoyancy):
-        """What of gravity [m/s^2] acts on a fluid."""
+        """Part of gravity [m/s^2] that acts on a fluid."""
         return gravity * buoyancy
 
     @compiled
     def speed_of(x, y, z):
-        """[m/s]"""
+        """Speed [m/s]."""
         return sqrt((x * x + y * y) + z * z)
 
     @compiled
     def slowed(velocity, speed, most):
-        """One axis of a velocity that is no faster than `most`."""
+        """Velocity limited to the speed `most`, one axis."""
         return velocity * (most / speed) if speed > most else velocity
 
     @compiled
     def drifted(position, velocity, dt):
-        """One axis, [m]."""
+        """Position [m] after dt, one axis."""
         return position + dt * velocity
 
     @compiled
     def turned_round(position, low, high, side):
-        """What is added to a coordinate [m] on an axis that repeats from low to high."""
+        """Offset [m] that wraps a coordinate on an axis that repeats from low to high."""
         if position < low:
             return side
         return -side if position >= high else zero
 
     @compiled
     def velocity_of(position, before, inverse_dt):
-        """One axis of what positions say, [m/s]."""
+        """Velocity [m/s] from two positions, one axis."""
         return (position - before) * inverse_dt
 
     @compiled
     def held_back(velocity, meant, difference, most):
-        """One axis of a velocity that differs from that before corrections by `most` at most; `difference`: how long the
-        whole difference is."""
+        """Velocity whose difference from that before the corrections (`meant`) is limited to `most`, one axis.
+        `difference`: length of the whole difference."""
         return meant + (velocity - meant) * (most / difference) if difference > most else velocity
 
     @compiled
     def braked(velocity, dt, drag, surface_drag, c):
-        """One axis after drag [1/s], and that of what lies at the surface: where the constraint c is negative, a share."""
+        """Velocity after drag [1/s] and the surface's drag, one axis. The surface drag counts by the fraction by which
+        the constraint c is negative."""
         share = min(max(-c, zero), one)
         return velocity / (one + dt * (drag + surface_drag * share))
 
@@ -82,25 +83,30 @@ def make(real, compiled=plain):
 
 
 def make_pairs(real, compiled, half, two):
-    """What neighbours do: in the arithmetic `real`."""
+    """Make the functions of pairs of neighbours in the arithmetic `real`."""
     zero, one, four = real(0), real(1), real(4)
 
     @compiled
     def smooth_share(t, viscosity, other_viscosity, weight, other_weight):
-        """XSPH's share of a difference of velocities that i takes from j; `viscosity`: of each fluid, the kernel's scale in
-        it; weights: of two fluids, w_i and w_j."""
+        """XSPH's fraction of a velocity difference that i takes from j.
+
+        `viscosity`: of each fluid, including the kernel's scale; weights: w_i and w_j of the two fluids.
+        """
         mean = half * (viscosity + other_viscosity)
         return (mean * ((two * weight) / (weight + other_weight))) * ((t * t) * t)
 
     @compiled
     def smooth_added(total, share, velocity, other_velocity):
-        """One axis."""
+        """Sum of velocity differences plus that of a neighbour, one axis."""
         return total + share * (other_velocity - velocity)
 
     @compiled
     def pull(squared_distance, inverse_support, cohesion, other_cohesion):
-        """The change of velocity [1/s] over d by which i is drawn to j, of a particle of weight 1: Akinci's spline, 1
-        where it is largest: 64 (1 - q)^3 q^3 beyond half of the support, twice that less 1 within."""
+        """Change of velocity [1/s] over d by which j attracts i, for a particle of weight 1.
+
+        Akinci's spline, scaled to a maximum of 1: 64 (1 - q)^3 q^3 beyond half of the support, twice that less 1
+        within.
+        """
         length = sqrt(squared_distance)
         q = length * inverse_support
         near = max(one - q, zero) * q
@@ -112,32 +118,34 @@ def make_pairs(real, compiled, half, two):
 
     @compiled
     def pull_added(total, pull, d):
-        """One axis: towards j."""
+        """Sum plus the attraction towards j, one axis."""
         return total - pull * d
 
     @compiled
     def tension_added(total, tension, other_tension, n, other_n):
-        """One axis: normals that differ draw a surface flat."""
+        """Sum plus the effect of different normals, which flattens a surface, one axis."""
         return total - (half * (tension + other_tension)) * (n - other_n)
 
     @compiled
     def smoothed(velocity, smoothing, weight, force):
-        """One axis of a velocity after both sums; `weight`: the particle's."""
+        """Velocity after both sums, one axis. `weight`: the particle's."""
         return (velocity + smoothing) + weight * force
 
     @compiled
     def curl_added(total, s, da, db, va, vb, other_va, other_vb):
-        """One axis of the vorticity [1/s], of its two others a and b in turn: sum (v_j - v_i) x grad_i, grad_i = -s d."""
+        """Sum of the vorticity [1/s], one axis, from its two other axes a and b in cyclic order: sum (v_j - v_i) x
+        grad_i, grad_i = -s d."""
         return total - s * ((other_va - va) * db - (other_vb - vb) * da)
 
     @compiled
     def rise_added(total, s, d, length, other_length):
-        """One axis of the gradient of the vorticity's length: sum (|w_j| - |w_i|) grad_j, up to its length."""
+        """Sum of the gradient of the vorticity's length, one axis: sum (|w_j| - |w_i|) grad_j, up to scale."""
         return total - s * ((other_length - length) * d)
 
     @compiled
     def confined(total, strength, rise_length, ra, rb, wa, wb):
-        """One axis: strength N x w, of its two others a and b in turn, N = rise / |rise|."""
+        """Sum plus vorticity confinement, one axis: strength N x w, from its two other axes a and b in cyclic order, N
+        = rise / |rise|."""
         if rise_length > zero:
             return total + strength * ((ra * wb - rb * wa) / rise_length)
         return total

@@ -1,8 +1,8 @@
-"""How far a particle is from a collider made from a mesh, for what that adds to its density: in the collider's own frame
-(model/formulas/frame.py).
+"""Distance of a particle from a collider made from a mesh, for the collider's contribution to the density.
 
-Of a mesh the nearest point of all triangles, of either side; of a field the interpolated distance, and beyond half a cell
-from the ends of its grid that at the nearest place there, and the way to it.
+It is computed in the collider's own frame (model/formulas/frame.py). For a mesh: the nearest point of all triangles, on
+either side. For a field: the interpolated distance; beyond half a cell from the ends of its grid, the distance at the
+nearest point there plus the distance to that point.
 """
 
 from __future__ import annotations
@@ -22,16 +22,18 @@ from model.formulas.triangle_tree import make_tree
 
 
 def make(real, compiled=plain):
-    """`mesh_collider`, `distance_field` (numbers, place, o (3), q (3), e (3), spin, turns, time, x, y, z, reach) ->
-    (distance, nx, ny, nz), in the arithmetic `real`: of a place (x, y, z) [m] at `time` [s]; `reach` [m] and no normal
-    where it is farther than that, or no direction leads away. `place`: where in `numbers` the collider's begin; the rest as
-    in frame.py."""
+    """Make `mesh_collider` and `distance_field` in the arithmetic `real`.
+
+    Both are (numbers, place, o (3), q (3), e (3), spin, turns, time, x, y, z, reach) -> (distance, nx, ny, nz), for a
+    point (x, y, z) [m] at `time` [s]. They return `reach` [m] and no normal where the distance exceeds it or has no
+    direction. `place`: the index in `numbers` at which the collider's begin; the other arguments as in frame.py.
+    """
     frame, moved = make_frame(real, compiled), make_cloth(real, compiled).moved
     turned, sine_cosine = frame.turned, make_motion(real, compiled).sine_cosine
     zero, one = real(0), real(1)
 
     def seen(away):
-        """From outside the frame: away(numbers, place, x, y, z, reach), in it."""
+        """Wrap away(numbers, place, x, y, z, reach), in the collider's frame, into a function in the world's frame."""
 
         @compiled
         def distance(numbers, place, ox, oy, oz, qx, qy, qz, ex, ey, ez, spin, turns, time, x, y, z, reach):
@@ -53,7 +55,7 @@ def make(real, compiled=plain):
 
 
 def make_from_mesh(real, compiled):
-    """away(numbers, tree, x, y, z, reach) -> (distance, nx, ny, nz), of a mesh, in the arithmetic `real`."""
+    """Make away(numbers, tree, x, y, z, reach) -> (distance, nx, ny, nz) of a mesh, in the arithmetic `real`."""
     nearest, zero = make_tree(real, compiled).nearest, real(0)
 
     @compiled
@@ -68,14 +70,14 @@ def make_from_mesh(real, compiled):
 
 
 def make_from_field(real, compiled):
-    """The same of a field."""
+    """Make away(numbers, field, x, y, z, reach) -> (distance, nx, ny, nz) of a field, in the arithmetic `real`."""
     between, norm = make_cloth(real, compiled).between, make_lengths(real, compiled).length
     sample = make_field(real, compiled, between).sample
     zero, half, null = real(0), real(0.5), real(NULL)
 
     @compiled
     def held(x, low, cells, per_metre):
-        """The nearest place along an axis that lies half a cell within the grid."""
+        """Coordinate clamped to half a cell within the grid, one axis."""
         return min(max(x, low + half / per_metre), low + (cells - half) / per_metre)
 
     @compiled

@@ -1,8 +1,8 @@
-"""Where a particle's way within a substep leads through a capsule or a box: what is thinner than that way, or moves
-as fast, is not passed. All in the collider's own frame, so that one that moves sweeps particles along.
+"""Entry of a particle's path within a substep into a capsule or a box, so that it does not pass thin or fast colliders.
 
-A box by its faces' slabs (T. Kay and J. Kajiya, "Ray tracing complex scenes", SIGGRAPH 1986); a capsule as a cylinder and two
-balls (`sphere_entry` of model/formulas/colliders.py).
+All in the collider's own frame, so that a moving collider sweeps particles along. A box by its faces' slabs (T. Kay and
+J. Kajiya, "Ray tracing complex scenes", SIGGRAPH 1986); a capsule as a cylinder and two balls (`sphere_entry` of
+model/formulas/colliders.py).
 """
 
 from __future__ import annotations
@@ -13,20 +13,23 @@ from model.formulas import plain
 from model.formulas.colliders import make as make_colliders
 
 CONTACT = (
-    1e-3  # of half an edge: so little inside, a particle counts as on the face, whatever rounding made of its place
+    1e-3  # of half an edge: a particle this little inside counts as on the face, whatever rounding did to its position
 )
 OPERATIONS = 60
 
 
 def make(real, compiled=plain):
-    """`capsule_entry`, `box_face` in the arithmetic `real`."""
+    """Make `capsule_entry` and `box_face` in the arithmetic `real`."""
     zero, one, contact = real(0), real(1), real(CONTACT)
     sphere_entry = make_colliders(real, compiled).sphere_entry
 
     @compiled
     def capsule_entry(ax, ay, az, bx, by, bz, ex, ey, ez, reach):
-        """The part of the way from a to b (from the segment's start, to whose end leads e) after which it is within `reach`
-        of the segment; 1 where `sphere_entry` would say so."""
+        """Fraction of the segment from a to b after which it is within `reach` of the capsule's axis; 1 where
+        `sphere_entry` gives 1.
+
+        a, b: from the axis' start; e: from its start to its end.
+        """
         squared = (ex * ex + ey * ey) + ez * ez
         if squared > zero:
             begin = ((ax * ex + ay * ey) + az * ez) / squared
@@ -46,7 +49,8 @@ def make(real, compiled=plain):
 
     @compiled
     def met(a, b, half):
-        """The part of the way from a to b, along one axis, after which the face on a's side is met; -1 where it is not."""
+        """Fraction of the segment from a to b, along one axis, at which it crosses the face on a's side; -1 where it
+        does not."""
         side = side_of(a)
         out, inward = side * a - half, side * (a - b)
         if out < -contact * half or inward <= zero:
@@ -59,9 +63,12 @@ def make(real, compiled=plain):
 
     @compiled
     def box_face(ax, ay, az, bx, by, bz, hx, hy, hz):
-        """(depth, nx, ny, nz) of a way from a to b (from the centre; `h`: half the edges) that enters by the face of normal n
-        and ends so deep [m] behind it; n is 0 where it does not enter, or ends inside and nearest to that face, by which it
-        is led out anyway."""
+        """(depth, nx, ny, nz) of a path from a to b that enters by the face of normal n and ends at that depth [m]
+        behind it.
+
+        a, b: from the centre; `h`: half the edges. n is 0 where the path does not enter, or ends inside and nearest to
+        that face, by which the box's distance pushes it out anyway.
+        """
         tx, ty, tz = met(ax, bx, hx), met(ay, by, hy), met(az, bz, hz)
         part = max(max(tx, ty), tz)
         if part < zero or part > one:

@@ -1,8 +1,8 @@
-"""A cloth that drinks: where water touches it, it grows wet, and elsewhere it dries; wet, it is heavier.
+"""Wetting of a cloth: it grows wet in contact with water and dries elsewhere; wet, it is heavier.
 
-Of each particle a share of what it can hold, which modifies its mass: the saturation model of Y. Chen, N. Magnenat Thalmann
-and B. Foster Allen, "Physical simulation of wet clothing for virtual humans", The Visual Computer 28 (2012), at its
-simplest: no water goes from one particle to the next.
+Each particle has a saturation, which modifies its mass: the saturation model of Y. Chen, N. Magnenat Thalmann and B.
+Foster Allen, "Physical simulation of wet clothing for virtual humans", The Visual Computer 28 (2012), in its simplest
+form: no water moves between particles.
 """
 
 from __future__ import annotations
@@ -11,27 +11,27 @@ from types import SimpleNamespace
 
 from model.formulas import plain
 
-OPERATIONS = 12  # a particle: its share and its weight
+OPERATIONS = 12  # a particle: its saturation and its weight
 
 
 def make(real, compiled=plain):
-    """See the functions; in the arithmetic `real`."""
+    """Make the functions of wetting in the arithmetic `real`."""
     one = real(1)
 
     @compiled
     def soaked(wetness, touched, soaking, drying):
-        """The share of what it can hold, 0 to 1, after a substep: `soaking`, `drying`: of what is missing, or is there, how
-        much comes, or goes, in it."""
+        """Saturation, 0 to 1, after a substep. `soaking`: fraction of the missing water that is absorbed in it;
+        `drying`: fraction of the water that dries in it."""
         return wetness + soaking * (one - wetness) if touched else wetness - drying * wetness
 
     @compiled
     def lighter(dry, wetness, capacity):
-        """An inverse mass, or a lightness, of what is wet; `capacity`: mass of water over that of dry cloth, at most."""
+        """Inverse mass, or lightness, of a wet particle. `capacity`: largest mass of water over that of dry cloth."""
         return dry / (one + capacity * wetness)
 
     @compiled
     def given_way(a, b, c, light_a, light_b, light_c):
-        """How much a sample between three particles gives way: their shares squared times their lightness."""
+        """Mobility of a sample between three particles: the sum of their weights squared times their lightness."""
         return ((a * a) * light_a + (b * b) * light_b) + (c * c) * light_c
 
     return SimpleNamespace(soaked=soaked, lighter=lighter, given_way=given_way)

@@ -1,15 +1,14 @@
-"""Shape matching of clusters in space: what a particle adds to the moments of a cluster, and where the cluster wants it.
+"""Shape matching of clusters in space: a particle's contribution to a cluster's moments, and its goal position.
 
-M. Mueller et al., "Meshless Deformations Based on Shape Matching", SIGGRAPH 2005, eq. 7 to 9. Positions are counted from the
-cluster's first particle, so that float32 loses nothing far from the origin, and one pass over the particles is enough: with
-d such ways, r rest offsets, and the lean r' = sum m r / sum m, which is what rounding has left of a centre at 0,
+M. Mueller et al., "Meshless Deformations Based on Shape Matching", SIGGRAPH 2005, eq. 7 to 9. Positions are relative to
+the cluster's first particle, so that float32 loses nothing far from the origin, and one pass over the particles is
+enough. With d these relative positions, r rest offsets, and the `lean` r' = sum m r / sum m, the rounding error of a
+centre at 0,
+  A = sum m (d - d') (r - r')^T = sum m d r^T - (sum m d) r'^T,   goal = centre + R (r - r').
+Without the `lean` a body would be moved and rotated a little in every substep, always in the same direction.
 
-    A = sum m (d - d') (r - r')^T = sum m d r^T - (sum m d) r'^T,   goal = centre + R (r - r').
-
-Without the lean a body would be pushed and turned a little in every substep, always the same way.
-
-Sums have one order for all machines: entry n of a cluster is added to lane n % LANES, in the order of the entries, and the
-lanes are then added in pairs, half of them apart (`total`).
+Sums have one order on all machines: entry n of a cluster is added to lane n % LANES, in the order of the entries, and
+the lanes are then added in pairs, half of them apart (`total`).
 """
 
 from __future__ import annotations
@@ -20,7 +19,7 @@ from model.formulas import plain
 from model.formulas.rotation import OPERATIONS_MATRIX, OPERATIONS_NEAR
 
 LANES = 16
-MOMENTS = 12  # of a cluster: the sum of mass times way, by axis; that times the rest offset, by rows
+MOMENTS = 12  # of a cluster: the sum of mass times relative position, by axis; that times the rest offset, by rows
 OPERATIONS_MEMBER = 27  # of an entry: 3 differences, 12 products and 12 sums
 OPERATIONS_TURN = OPERATIONS_NEAR[4] + OPERATIONS_MATRIX + MOMENTS * (LANES - 1) + 18 + 24  # of a cluster
 OPERATIONS_GOAL = 27  # of an entry: 18 for the goal, 9
@@ -28,42 +27,47 @@ OPERATIONS_MOVE = 3  # of a particle
 
 
 def make(real, compiled=plain):
-    """See the functions; in the arithmetic `real`."""
+    """Make the functions of clusters in the arithmetic `real`."""
 
     @compiled
     def weighted(mass, position, first):
-        """Mass times the way from the cluster's first particle [kg m], one axis."""
+        """Mass times the position relative to the cluster's first particle [kg m], one axis."""
         return mass * (position - first)
 
     @compiled
     def added(total, way, rest):
-        """A moment with one more entry: its weighted way along an axis, its rest offset along another."""
+        """Moment plus that of one more entry: its weighted position along an axis times its rest offset along
+        another."""
         return total + way * rest
 
     @compiled
     def total(a, b, c, d, e, f, g, h, i, j, k, l, m, n, o, p):  # noqa: E741
-        """The sum of LANES lanes."""
+        """Sum of LANES lanes."""
         return (((a + i) + (e + m)) + ((c + k) + (g + o))) + (((b + j) + (f + n)) + ((d + l) + (h + p)))
 
     @compiled
     def upright(moment, way, lean):
-        """An entry of A: along an axis of now and one at rest."""
+        """Entry of A: along a current axis and one at rest."""
         return moment - way * lean
 
     @compiled
     def centre(first, way, inverse_mass, a, b, c, x, y, z):
-        """Where a rest offset of 0 goes [m], one axis: the centre of mass, but for the lean (x, y, z), by a row of R."""
+        """Image of a rest offset of 0 [m], one axis, by a row of R: the centre of mass, corrected for the `lean` (x, y,
+        z)."""
         return first + (way * inverse_mass - ((a * x + b * y) + c * z))
 
     @compiled
     def goal(centre, a, b, c, x, y, z):
-        """Where a cluster wants an entry [m], one axis, by a row of R and the rest offset."""
+        """Goal position of an entry [m], one axis, by a row of R and the rest offset."""
         return centre + ((a * x + b * y) + c * z)
 
     @compiled
     def added_way(way, factor, goal, position):
-        """The ways [m] of a particle to its goals, one axis. `factor`: the entry's share of its particle, times how far
-        the cluster moves particles in an iteration."""
+        """Sum of displacements [m] of a particle to its goals, one axis.
+
+        `factor`: the entry's weight in its particle times the fraction by which the cluster moves particles in an
+        iteration.
+        """
         return way + factor * (goal - position)
 
     @compiled

@@ -1,8 +1,10 @@
-"""Clusters that do more than turn: the linear map nearest to their particles, and creep. Matrices are 9 numbers by rows.
+"""Clusters with more than a rotation: the linear map nearest to their particles, and creep. Matrices are 9 numbers by
+rows.
 
-M. Mueller et al., "Meshless Deformations Based on Shape Matching", SIGGRAPH 2005, 4.3 and 4.5. With A = sum m (x - c) rest'
-and G = (sum m rest rest')^-1, the map is F = A G; bent offsets Sp rest have the moments A Sp' and the map F Sp^-1. Goals are
-T Sp rest, T of `blended`, from the centre: why momentum is kept is said in model/shape_matching/clusters.py, `deformations`.
+M. Mueller et al., "Meshless Deformations Based on Shape Matching", SIGGRAPH 2005, 4.3 and 4.5. With A = sum m (x - c)
+rest' and G = (sum m rest rest')^-1, the map is F = A G. Plastically deformed offsets Sp rest have the moments A Sp' and
+the map F Sp^-1. Goals are T Sp rest, T from `blended`, relative to the centre; model/shape_matching/clusters.py,
+`deformations`, explains why momentum is conserved.
 """
 
 from __future__ import annotations
@@ -15,23 +17,23 @@ import numpy as np
 from model.formulas import joined, plain
 from model.formulas.lengths import make as make_lengths
 
-# Of the volume at rest, below which the linear map's part falls to 0 with the volume: 1 / cbrt(det F) lengthens what is long
-# already, and what is crushed and cannot get its volume back would flee sideways, ever faster.
+# Fraction of the volume at rest below which the linear map's weight falls to 0 with the volume. 1 / cbrt(det F)
+# stretches what is already long: a crushed body that cannot regain its volume would spread sideways, ever faster.
 MIN_VOLUME = 0.5
-# a cluster's constants: see model/shape_matching/cluster_tables.py, `shape_table`
+# A cluster's constants: see model/shape_matching/cluster_tables.py, `shape_table`.
 SHAPE = 12  # numbers: three quads
 S_INVERSE, S_LINEAR, S_THRESHOLD, S_CREEP, S_LIMIT = 0, 6, 7, 8, 9
 
-# counted as in rotation.py
+# Counted as in rotation.py.
 OPERATIONS_GRADIENT = 45
-OPERATIONS_LINEAR = 94  # of a cluster, besides
-OPERATIONS_PLASTIC = 92 + 45 + 45 + 215  # undone, moments, goals, creep
+OPERATIONS_LINEAR = 94  # of a cluster, in addition
+OPERATIONS_PLASTIC = 92 + 45 + 45 + 215  # `undone`, moments, goals, creep
 
-SMALLEST, LARGEST = 1e-12, 1e12  # volumes between which the cube root is right to rounding
+SMALLEST, LARGEST = 1e-12, 1e12  # volumes between which the cube root is accurate to rounding
 
 
 def make(real, compiled=plain):
-    """See the functions; in the arithmetic `real`."""
+    """Make the functions of deformation and creep in the arithmetic `real`."""
     zero, one, two, fuller = real(0), real(1), real(2), real(1 / MIN_VOLUME)
     smallest, largest, dot = real(SMALLEST), real(LARGEST), make_lengths(real, compiled).dot
 
@@ -46,7 +48,7 @@ def make(real, compiled=plain):
 
     @compiled
     def bent(axx, axy, axz, ayx, ayy, ayz, azx, azy, azz, pxx, pxy, pxz, pyx, pyy, pyz, pzx, pzy, pzz):
-        """The moments with Sp rest for rest: A Sp'."""
+        """Moments with Sp rest in place of rest: A Sp'."""
         return product(
             axx, axy, axz, ayx, ayy, ayz, azx, azy, azz, pxx, pyx, pzx, pxy, pyy, pzy, pxz, pyz, pzz
         )  # fmt: skip
@@ -68,11 +70,14 @@ def make(real, compiled=plain):
 
     @compiled
     def cube_root(volume):
-        """Of a number from SMALLEST to LARGEST. y = (v y)^(1/4) three times takes the error of ln y from 9.3 to 0.15; E.
-        Halley's steps, which cube it, to rounding. By root and quotient alone, for the same bits everywhere."""
+        """Cube root of a number from SMALLEST to LARGEST.
+
+        y = (v y)^(1/4) three times reduces the error of ln y from 9.3 to 0.15; E. Halley's steps, which cube it, reach
+        rounding. Roots and quotients alone give the same bits everywhere.
+        """
         y = one
         for _ in range(3):
-            y = one * sqrt(one * sqrt(volume * y))  # plain Python's root is a double, which 1 makes a `real` again
+            y = one * sqrt(one * sqrt(volume * y))  # plain Python's root is a double, which 1 converts back to `real`
         for _ in range(3):
             cube = (y * y) * y
             y = y * ((cube + two * volume) / (two * cube + volume))
@@ -95,7 +100,7 @@ def make(real, compiled=plain):
 
     @compiled
     def blended(fxx, fxy, fxz, fyx, fyy, fyz, fzx, fzy, fzz, rxx, rxy, rxz, ryx, ryy, ryz, rzx, rzy, rzz, linear):
-        """T = b F / cbrt(det F) + (1 - b) R, b = `linear`, which falls to 0 with a volume below MIN_VOLUME; R itself
+        """T = b F / cbrt(det F) + (1 - b) R, b = `linear`, which falls to 0 with a volume below MIN_VOLUME. R itself
         where F is flat or mirrored."""
         volume = determinant(fxx, fxy, fxz, fyx, fyy, fyz, fzx, fzy, fzz)
         part = linear * min(one, fuller * volume) if volume > zero else zero
@@ -114,19 +119,20 @@ def make(real, compiled=plain):
 
 
 def make_creep(real, compiled, maps, dot):
-    """`strain` and `crept` in the arithmetic `real`."""
+    """Make `strain` and `crept` in the arithmetic `real`."""
     zero, half, one, two, largest = real(0), real(0.5), real(1), real(2), real(LARGEST)
-    least = real(64 * np.finfo(real).eps)  # a volume that is not rounding
+    least = real(64 * np.finfo(real).eps)  # smallest volume that is not rounding
     product, determinant, cube_root = maps.product, maps.determinant, maps.cube_root
 
     @compiled
     def away(more, factor, other):
-        """An entry of I + k (Sp - I) or of Sp + k E Sp."""
+        """Entry of I + k (Sp - I) or of Sp + k E Sp."""
         return more + factor * other
 
     @compiled
     def kept_volume(xx, xy, xz, yx, yy, yz, zx, zy, zz, limit):
-        """(I + D over cbrt of its volume, 9 numbers, whether there is one), D cut to the length `limit`."""
+        """(I + D over the cube root of its volume, 9 numbers; True if that exists), with D shortened to the length
+        `limit`."""
         length = sqrt(
             (dot(xx, yy, zz, xx, yy, zz) + dot(xy, xz, yz, xy, xz, yz)) + dot(yx, zx, zy, yx, zx, zy)
         )  # fmt: skip
@@ -153,8 +159,8 @@ def make_creep(real, compiled, maps, dot):
 
     @compiled
     def crept(exx, exy, exz, eyy, eyz, ezz, pxx, pxy, pxz, pyx, pyy, pyz, pzx, pzy, pzz, threshold, share, limit):
-        """Sp after an iteration: (I + `share` E) Sp where the strain E is over `threshold`, cut to `limit`, its volume kept;
-        Sp itself, to the bit, under it. Lengths are Frobenius'."""
+        """Sp after an iteration: (I + `share` E) Sp where the strain E exceeds `threshold`, limited to `limit`, with
+        its volume unchanged. Below the threshold it is Sp itself, to the bit. Lengths are Frobenius norms."""
         length = sqrt(dot(exx, eyy, ezz, exx, eyy, ezz) + two * dot(exy, exz, eyz, exy, exz, eyz))
         mxx, mxy, mxz, myx, myy, myz, mzx, mzy, mzz = product(
             exx, exy, exz, exy, eyy, eyz, exz, eyz, ezz, pxx, pxy, pxz, pyx, pyy, pyz, pzx, pzy, pzz

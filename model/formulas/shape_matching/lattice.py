@@ -1,19 +1,20 @@
 """Shape matching of lattices in space: window sums by passes along the axes, one component of a vector at a time.
 
-A. Rivers, D. James, "FastLSM: Fast Lattice Shape Matching for Robust Real-Time Deformation", SIGGRAPH 2007: sums over windows
-are sums along z of sums along y of sums along x. A row's sums along x count from the mass in its middle, and are added from
-left to right. Along y and z windows are taken in groups of 2 n + 1, n the half-width, all of which hold the reference b, the
-place n after the group's first one (or the last place there is): a window's sum is that of the places before b, added from b
-downwards, and that from b on, added upwards, so that a pass takes two additions a place, however wide windows are (M. van
-Herk, "A fast algorithm for local minimum and maximum filters on rectangular and octagonal kernels", Pattern Recognition
-Letters 13, 1992; J. Gil, M. Werman, PAMI 15, 1993, there for minima). Nothing is subtracted again, as running sums do, and
-positions are counted from masses in the window: so float32 loses nothing, and errors do not grow along the lattice. Only
-the sums along x, six of 33 numbers, take longer in wider windows.
+A. Rivers, D. James, "FastLSM: Fast Lattice Shape Matching for Robust Real-Time Deformation", SIGGRAPH 2007: sums over
+windows are sums along z of sums along y of sums along x. A row's sums along x are relative to the mass in its middle,
+added from left to right. Along y and z windows are taken in groups of 2 n + 1, n the half-width, all of which contain
+the reference b, the place n after the group's first one (or the last place there is). A window's sum is that of the
+places before b, added from b downwards, plus that from b on, added upwards. So a pass takes two additions per place,
+however wide windows are (M. van Herk, "A fast algorithm for local minimum and maximum filters on rectangular and
+octagonal kernels", Pattern Recognition Letters 13, 1992; J. Gil, M. Werman, PAMI 15, 1993, there for minima). Nothing
+is subtracted again, unlike in running sums, and positions are relative to masses in the window: so float32 loses
+nothing, and errors do not grow along the lattice. Only the sums along x, six of 33 numbers, take longer in wider
+windows.
 
-Of a window, with shares s, places k from its middle and rest centre c (in spacings), the sums are S = sum s (x - x'), x' any
-reference, which becomes another one by adding the mass times their difference, and the turns T = sum s (x - x') (k - c),
-which do not hang on the reference, as sum s (k - c) = 0. A mass's way to its goals is summed up likewise, in the order z,
-y, x: of the clusters' centres from a reference, and of their rotations' columns times the mass's rest offset.
+For a window, with weights s, places k from its middle and rest centre c (in spacings), the sums are S = sum s (x - x'),
+where another reference x' adds the mass times the difference, and the rotational sums T = sum s (x - x') (k - c), which
+do not depend on the reference, as sum s (k - c) = 0. A mass's displacement to its goals is summed up likewise, in the
+order z, y, x: of the clusters' centres from a reference, and of their rotations' columns times the mass's rest offset.
 """
 
 from __future__ import annotations
@@ -32,61 +33,65 @@ OPERATIONS_MOVE = 3 * 2 + 3
 
 
 def make(real, compiled=plain):
-    """See the functions; in the arithmetic `real`."""
+    """Make the functions of window sums in the arithmetic `real`."""
 
     @compiled
     def lever(step, centre):
-        """Where a mass lies at rest along an axis [spacings]: `step` places from the window's middle, whose centre lies
+        """Rest position of a mass along an axis [spacings]: `step` places from the window's middle, whose centre lies
         `centre` spacings from that."""
         return step - centre
 
     @compiled
     def part_of(share, position, reference):
-        """A mass's share of its way from a reference [m]."""
+        """Weight of a mass times its position relative to a reference [m]."""
         return share * (position - reference)
 
     @compiled
     def part_of_row(share, total, mass, position, reference):
-        """Of sums along a row (or over a slice) of the `mass`, counted from `position`: their share, counted from another
-        `reference` [m]."""
+        """Contribution of sums along a row (or over a slice) of the `mass`, relative to `position`: weighted, and
+        relative to another `reference` [m]."""
         return share * (total + mass * (position - reference))
 
     @compiled
     def added_turn(turn, part, lever):
-        """A turn with one more `part`, that lies so far along its axis: spacings from the rest centre or the reference."""
+        """Rotational sum plus one more `part` times its `lever`: spacings from the rest centre or the reference."""
         return turn + part * lever
 
     @compiled
     def shifted(total, mass, reference, position):
-        """A window's sum from its own mass's position on, no longer from the reference [m]."""
+        """Window's sum relative to its own mass's position instead of the reference [m]."""
         return total + mass * (reference - position)
 
     @compiled
     def entry(a, b, c, x, y, z):
-        """An entry of a matrix product: what is counted along the lattice's axes, along those at the start, or back."""
+        """Entry of a matrix product that converts between the lattice's axes and the initial ones."""
         return (a * x + b * y) + c * z
 
     @compiled
     def centre(total, inverse_slice, inverse):
-        """Where the window's centre of mass lies from its own mass [m]; the inverse of its mass is a product, of a
-        slice's and that along z."""
+        """Centre of mass of the window relative to its own mass [m]. The inverse of its mass is a product, of a slice's
+        and that along z."""
         return total * (inverse_slice * inverse)
 
     @compiled
     def added_goal(way, total, count, position, reference, lever, column):
-        """Ways to goals with those of one more cluster (row, slice) of so many, counted from `position` so far, now from
-        the `reference` [m]; the rotation's `column` takes the rest offset `lever` [m] along its axis there."""
+        """Sum of displacements to goals plus those of one more row or slice of `count` clusters.
+
+        They are relative to `position` before, and to the `reference` [m] after. The rotation's `column` maps the rest
+        offset `lever` [m] along its axis.
+        """
         return way + ((total + count * (position - reference)) + lever * column)
 
     @compiled
     def ended(way, count, reference, position, lever, column):
-        """Ways of `count` clusters from a mass's own position on [m], and at its own place, `lever` [m] from the reference's
-        along the axis."""
+        """Sum of displacements of `count` clusters relative to a mass's own position [m], at its own place, `lever` [m]
+        from the reference's along the axis."""
         return (way + count * (reference - position)) + lever * column
 
     @compiled
     def moved(position, way, share_x, share_y, share_z, matching):
-        """Position [m], one axis, so much of the mean way on; the mass's share in each of its clusters is a product."""
+        """Position [m], one axis, after the fraction `matching` of the mean displacement. The mass's weight in each of
+        its clusters is a product."""
         return position + ((share_x * share_y) * (share_z * matching)) * way
 
     return SimpleNamespace(

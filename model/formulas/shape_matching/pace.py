@@ -1,12 +1,13 @@
-"""Damping of the motion inside a cluster: velocities go towards the rigid motion that has the cluster's momenta.
+"""Damping of the motion inside a cluster: velocities tend to the rigid motion that has the cluster's momenta.
 
-M. Mueller et al., "Position Based Dynamics", J. Vis. Commun. Image R. 18, 2007, 3.5: with r = x - c, L = sum m r x v and I =
-sum m (r.r - r r'), the spin is omega = I^-1 L and v += k (v_c + omega x r - v). Linear momentum is kept as sum m r = 0 and
-sum m v = M v_c, angular momentum as sum m r x (omega x r) = I omega = L: for any k, if a cluster sums and moves the same
-split masses. A particle of several clusters goes the sum of its ways, each of a factor share (1 - exp(-d h)).
+M. Mueller et al., "Position Based Dynamics", J. Vis. Commun. Image R. 18, 2007, 3.5: with r = x - c, L = sum m r x v
+and I = sum m (r.r - r r'), the spin is omega = I^-1 L and v += k (v_c + omega x r - v). Linear momentum is conserved,
+as sum m r = 0 and sum m v = M v_c; angular momentum too, as sum m r x (omega x r) = I omega = L: for any k, if a
+cluster sums and moves the same split masses. A particle of several clusters gets the sum of their changes, each with a
+factor share (1 - exp(-d h)).
 
-Sums are over d = x - x' and u = v - v' from the cluster's first particle and have the order of cluster.py; those about the
-centre follow, as sum m r x u = sum m d x u - (sum m d) x (sum m u) / M.
+Sums are over d = x - x' and u = v - v' relative to the cluster's first particle and have the order of cluster.py. Those
+about the centre follow, as sum m r x u = sum m d x u - (sum m d) x (sum m u) / M.
 """
 
 from __future__ import annotations
@@ -17,16 +18,16 @@ import numpy as np
 
 from model.formulas import plain
 
-MOMENTA = 15  # of a cluster: mass times way and pace, by axis; d x (m u); m d d' (xx, yy, zz, xy, xz, yz)
-MOTION = 9  # numbers of a cluster's motion: its centre, its velocity there, its spin
+MOMENTA = 15  # of a cluster: mass times position and velocity, by axis; d x (m u); m d d' (xx, yy, zz, xy, xz, yz)
+MOTION = 9  # numbers of a cluster's motion: its centre, the velocity there, its spin
 OPERATIONS_MEMBER = 6 + 6 + 15 + 18  # of an entry
 OPERATIONS_MOTION = 15 * 15 + 90  # of a cluster
 OPERATIONS_SLOWED = 30  # of an entry
-LEAST = 1024  # eps: the least pivot of I over its trace, so that rounding turns nothing that lies along a line
+LEAST = 1024  # eps: the smallest pivot of I over its trace, so that rounding rotates nothing that lies along a line
 
 
 def make(real, compiled=plain):
-    """See the functions; in the arithmetic `real`."""
+    """Make the functions of rigid motions in the arithmetic `real`."""
     least, tiny = real(LEAST * float(np.finfo(real).eps)), real(4 * np.finfo(real).tiny)
 
     @compiled
@@ -36,7 +37,7 @@ def make(real, compiled=plain):
 
     @compiled
     def turned(total, a, b, c, d):
-        """A component of a cross product added to."""
+        """Sum plus a component of a cross product."""
         return total + (a * b - c * d)
 
     @compiled
@@ -45,7 +46,7 @@ def make(real, compiled=plain):
 
     @compiled
     def less(moment, a, b, inverse_mass):
-        """A second moment about the centre instead of the first particle."""
+        """Second moment about the centre instead of the first particle."""
         return moment - (a * b) * inverse_mass
 
     @compiled
@@ -54,8 +55,8 @@ def make(real, compiled=plain):
 
     @compiled
     def solved(xx, xy, xz, yy, yz, zz, x, y, z):
-        """I^-1 L by Cholesky's decomposition, pivots being no less than LEAST of the trace: along a line, about which nothing
-        can spin, 0."""
+        """I^-1 L by Cholesky's decomposition, with pivots no less than LEAST of the trace: along a line, about which
+        nothing can spin, 0."""
         floor = max(least * ((xx + yy) + zz), tiny)
         first = max(xx, floor)
         lower_y, lower_z = xy / first, xz / first
@@ -70,8 +71,8 @@ def make(real, compiled=plain):
 
     @compiled
     def motion(wx, wy, wz, ux, uy, uz, lx, ly, lz, xx, yy, zz, xy, xz, yz, inverse_mass, px, py, pz, vx, vy, vz):
-        """(centre [m], velocity [m/s], spin [rad/s]), 3 numbers each, of the sums and the first particle's place and
-        velocity."""
+        """(centre [m], velocity [m/s], spin [rad/s]), 3 numbers each, from the sums and the first particle's position
+        and velocity."""
         k = inverse_mass
         xx, yy, zz = less(xx, wx, wx, k), less(yy, wy, wy, k), less(zz, wz, wz, k)
         xy, xz, yz = less(xy, wx, wy, k), less(xz, wx, wz, k), less(yz, wy, wz, k)
@@ -83,7 +84,10 @@ def make(real, compiled=plain):
 
     @compiled
     def slowed(total, factor, pace, a, b, c, d, velocity):
-        """The ways [m/s] of a particle to its clusters' motions, one axis: `pace` + (a b - c d), of spin and place."""
+        """Sum of velocity changes [m/s] of a particle towards its clusters' motions, one axis.
+
+        The rigid motion is `pace` + (a b - c d), the cross product of spin and position.
+        """
         return total + factor * ((pace + (a * b - c * d)) - velocity)
 
     return SimpleNamespace(

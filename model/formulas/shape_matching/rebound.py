@@ -1,7 +1,7 @@
-"""What a rigid body makes of the velocities that a collider gave to some of its particles; see
+"""Response of a rigid body to the velocities that colliders gave to some of its particles; see
 model/shape_matching/rigid_rebound.py.
 
-Sums over a cluster have the order of cluster.py. The rigid motion of what particles got is that of pace.py.
+Sums over a cluster have the order of cluster.py. The rigid motion of the particles' velocities is that of pace.py.
 """
 
 from __future__ import annotations
@@ -11,29 +11,29 @@ from types import SimpleNamespace
 from model.formulas import plain
 from model.formulas.lengths import make as make_lengths
 
-SUMS = 4  # of a cluster: what it got, what it is worth as a rigid motion, the mass of what got anything, what that asked for
+SUMS = 4  # of a cluster: `got`, its `worth` as a rigid motion, the mass of the particles concerned, `asked`
 OPERATIONS_MEMBER = 8 + 15 + 8  # of an entry
 OPERATIONS_REBOUND = 24  # of an entry
 
 
 def make(real, compiled=plain):
-    """See the functions; in the arithmetic `real`."""
+    """Make the functions of rebounds in the arithmetic `real`."""
     zero, one, two = real(0), real(1), real(2)
     squared_length_3d = make_lengths(real, compiled).squared_length_3d
 
     @compiled
     def weighed(total, mass, x, y, z):
-        """A sum of mass times a velocity's square."""
+        """Sum of mass times squared velocity plus that of a particle."""
         return total + mass * squared_length_3d(x, y, z)
 
     @compiled
     def touched(total, mass, x, y, z):
-        """A sum of the masses of particles that got anything."""
+        """Sum of the masses of particles that received a velocity, plus one more."""
         return total + (mass if x != zero or y != zero or z != zero else zero)
 
     @compiled
     def asked(total, mass, wanted, x, y, z):
-        """A sum of what the contacts of particles that got anything asked for by themselves."""
+        """Sum of mass times `wanted` of particles that received a velocity, plus one more."""
         return total + (mass * wanted if x != zero or y != zero or z != zero else zero)
 
     @compiled
@@ -42,22 +42,23 @@ def make(real, compiled=plain):
 
     @compiled
     def wanted(weight, contacts, squares):
-        """What the contacts of a particle ask for by themselves, over its mass: n w^2 sum p^2."""
+        """Contribution of a particle's contacts to `asked`, over its mass: n w^2 sum p^2."""
         return contacts * (weight * weight) * squares
 
     @compiled
     def bound(got, mass, asked, inverse_mass):
-        """The most that impulses of a body which meets others are multiplied by."""
+        """Largest factor of the impulses of a body in contact with others."""
         return one / (inverse_mass * mass) * (asked / got) if got > zero else zero
 
     @compiled
     def rigid(pace, a, b, c, d):
-        """A rigid motion at a particle, one axis: of its velocity at the centre, and of spin and place."""
+        """Rigid motion at a particle, one axis: its velocity at the centre plus the cross product of spin and
+        position."""
         return pace + (a * b - c * d)
 
     @compiled
     def enlarged(asked, worth, limit):
-        """What the rigid motion is multiplied by."""
+        """Factor of the rigid motion: `asked` over `worth`, at most `limit`."""
         return min(asked / worth, limit) if worth > zero else zero
 
     @compiled
@@ -66,7 +67,7 @@ def make(real, compiled=plain):
 
     @compiled
     def shared(restitution, bound_1, asked_1, worth_1, bound_2, asked_2, worth_2):
-        """What the impulses of a pair are multiplied by, of what both bodies asked for and make of it: the same for both."""
+        """Factor of the impulses of a pair, the same for both, from `asked` and `worth` of both bodies."""
         least = min(bound_1, bound_2)
         if not (worth_1 > zero and worth_2 > zero):
             return least
@@ -80,7 +81,7 @@ def make(real, compiled=plain):
 
     @compiled
     def rebounded(velocity, struck, whole):
-        """A velocity with that of the whole body for what the particle got by itself, one axis."""
+        """Velocity with that of the whole body in place of that which the particle received by itself, one axis."""
         return velocity + (whole - struck)
 
     return SimpleNamespace(

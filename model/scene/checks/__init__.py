@@ -1,1 +1,1 @@
-"""What does not go together in a scene: parts with parts (`fit`, `tetrahedra`), parts with a solver (`solver`)."""
+"""Checks of a scene's parts against each other (`fit`, `tetrahedra`) and against the solver (`solver`)."""

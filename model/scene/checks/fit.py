@@ -1,4 +1,4 @@
-"""Parts of a scene that do not go together: each check raises SceneError, with what would do."""
+"""Checks of a scene's parts against each other. Each raises SceneError, with what would be accepted."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ from model.scene.scene_parts import SceneParts
 
 GRID_ONLY = ("springs", "manufactured")
 WITH_FLUIDS = ("fluid", "emitter", "sink", "domain", "foam", "gravity", "external", "method", *COLLIDER_KINDS)
-OF_A_FLUID: dict[str, Any] = {"solver": OF_FLUIDS, "dt": 1 / 60, "substeps": 4, "iterations": 10}  # unless told
-OF_BODIES = (*BODY_KINDS, "contact", "damping", "gravity", "method", *COLLIDER_KINDS)  # what goes with them
+OF_A_FLUID: dict[str, Any] = {"solver": OF_FLUIDS, "dt": 1 / 60, "substeps": 4, "iterations": 10}  # defaults
+OF_BODIES = (*BODY_KINDS, "contact", "damping", "gravity", "method", *COLLIDER_KINDS)  # supported together with bodies
 
 
 def check_fit(scene: SceneParts) -> None:
-    """Raise SceneError for a part that belongs to the other kind of sheet."""
+    """Raise SceneError for a part that the scene's kind of sheet or bodies does not support."""
     if scene.is_world:
         _check_world(scene)
         return
@@ -49,7 +49,8 @@ def check_fit(scene: SceneParts) -> None:
 
 
 def _check_world(scene: SceneParts) -> None:
-    """Raise SceneError for what does not go with a world: what no member knows, what one of them refuses."""
+    """Raise SceneError for a part that a world does not support: one that no member knows, or that one of them
+    refuses."""
     method, wet = scene.one("method"), "fluid" in members_of(scene.kinds)
     if method is None:
         usual: dict[str, Any] = OF_A_FLUID if wet else {}
@@ -66,13 +67,13 @@ def _check_world(scene: SceneParts) -> None:
             raise SceneError(f"{name}.spare", part.spare, "bodies wait in scenes of bodies alone; leave it out")
     scene.refuse(("emitter", "sink"), "goes with fluids alone yet, without bodies; leave it out")
     take_resting_defaults(scene)
-    members = scene.members  # made here, so that each is checked as a scene of its own
+    members = scene.members  # built here, so that each is checked as a scene of its own
     if "fluid" in members:
         check_among_solids(members["fluid"])
 
 
 def _check_fluids(scene: SceneParts) -> None:
-    """Raise SceneError for what does not go with fluids, or not yet."""
+    """Raise SceneError for a part that is not (yet) supported together with fluids."""
     scene.refuse(KINDS.keys() - WITH_FLUIDS, f"does not go with fluids yet, which have {', '.join(WITH_FLUIDS)}")
     check_fluids(scene.fluids, scene.domain, scene.name_of("domain"))
     method = scene.one("method")
@@ -86,13 +87,13 @@ def _check_fluids(scene: SceneParts) -> None:
 
 
 def _take_untold(scene: SceneParts, method: Method) -> None:
-    """Give the method what fluids take, in the fields that the scene does not tell."""
+    """Give the method the defaults of fluids in the fields that the scene does not state."""
     untold = {field: value for field, value in OF_A_FLUID.items() if field not in method.model_fields_set}
     scene.parts[scene.name_of("method")] = method.model_copy(update=untold)
 
 
 def _check_bodies(scene: SceneParts) -> None:
-    """Raise SceneError for what does not go with bodies."""
+    """Raise SceneError for a part that is not supported together with bodies."""
     scene.refuse(KINDS.keys() - OF_BODIES, f"does not go with bodies, which have {', '.join(OF_BODIES)}")
     _check_contact(scene)
     method = scene.one("method")
@@ -103,7 +104,8 @@ def _check_bodies(scene: SceneParts) -> None:
 
 
 def _check_contact(scene: SceneParts) -> None:
-    """Raise SceneError where bodies ask for contacts that the scene does not have, or has too many kinds of."""
+    """Raise SceneError where bodies need contacts that the scene does not have, or there are too many kinds of
+    bodies."""
     if scene.contact is not None and len(scene.bodies) > MAX_KINDS:
         raise SceneError("contact", len(scene.bodies), f"at most {MAX_KINDS} kinds of bodies; use copies")
     if scene.contact is not None and scene.contact.distance is not None:

@@ -1,4 +1,4 @@
-"""What a scene's solver does not know: each check raises SceneError, with what would do."""
+"""Checks of a scene's parts against its solver. Each raises SceneError, with what would be accepted."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from model.scene.xpbd import XPBD_KINDS
 
 OF_MESHES = tuple(kind for kind in CONSTRAINT_KINDS if kind not in SPRING_KINDS)
 NOT_OF_MESHES = ("shear", "fold", "motion", "load", "self_collision")
-MATCHED = ("grid", "springs", "damping", "gravity", "external", "perturbation", "method")  # by clusters of masses
+MATCHED = ("grid", "springs", "damping", "gravity", "external", "perturbation", "method")  # supported by clusters
 
 
 def check_solver(scene: SceneParts) -> None:
-    """Raise SceneError for a part that the scene's solver does not know."""
+    """Raise SceneError for a part that the scene's solver does not support."""
     solver, integrator = scene.method.solver, scene.method.integrator
-    if scene.is_world:  # whose members are checked
+    if scene.is_world:  # its members are checked as scenes of their own
         return
     if solver == OF_WORLDS:
         told = "is for parts of several families, such as bodies beside tetrahedral ones"
@@ -56,7 +56,7 @@ def check_solver(scene: SceneParts) -> None:
                 "must be greater than 0 for the solver mass-spring (an infinite stiffness); xpbd takes 0",
             )  # fmt: skip
     if scene.motions:
-        motions_of_pins(scene.grid, scene.motions)  # refuses those of masses that are not pinned
+        motions_of_pins(scene.grid, scene.motions)  # refuses motions of masses that are not pinned
     for name, load in scene.loads.items():
         row, column = load.at
         if row >= scene.grid.rows or column >= scene.grid.columns:
@@ -71,7 +71,7 @@ def check_solver(scene: SceneParts) -> None:
 
 
 def _check_matching(scene: SceneParts) -> None:
-    """Raise SceneError for what the solver shape-matching does not know."""
+    """Raise SceneError for a part that the solver shape-matching does not support."""
     if not scene.method.matches_shapes or scene.bodies:
         return
     if scene.cloth:
@@ -92,7 +92,7 @@ def _check_matching(scene: SceneParts) -> None:
 
 
 def _check_mesh(scene: SceneParts) -> None:
-    """Raise SceneError for what a mesh cannot have, and for what only a mesh has."""
+    """Raise SceneError for a part that a mesh does not support, and for one that only a mesh supports."""
     bending = scene.name_of("bending", default="bending")
     model = getattr(scene.cloth_springs.get("bending"), "model", "distance")
     if scene.mesh is None:

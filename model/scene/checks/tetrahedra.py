@@ -1,4 +1,5 @@
-"""What does not go with tetrahedral bodies, and how their surfaces may meet: raises SceneError, with what would do."""
+"""Checks of the parts together with tetrahedral bodies, and of their contacts. Each raises SceneError, with what would
+be accepted."""
 
 from __future__ import annotations
 
@@ -20,13 +21,13 @@ OF_TETRAHEDRA = (
     *TETRAHEDRAL_KINDS, "contact", "damping", "external", "gravity", "method", "motion", "region", "attachment", "material",
     "mesh", "wind", *(kind for kind in CONSTRAINT_KINDS if kind != "shear"), *COLLIDER_KINDS,
 )  # fmt: skip
-UNSTEADY = (*COLLIDER_KINDS, "motion")  # of which order 2 in time is not asked
+UNSTEADY = (*COLLIDER_KINDS, "motion")  # not supported by order 2 in time
 NOT_SMOOTH = "is no smooth force, which the second order of newton in time asks for"
-MEETING = ("xpbd", "vbd")  # solvers under which tetrahedral bodies meet
+MEETING = ("xpbd", "vbd")  # solvers that support contacts of tetrahedral bodies
 
 
 def check_tetrahedra(scene: SceneParts) -> None:
-    """Raise SceneError for what does not go with tetrahedral bodies, or not yet."""
+    """Raise SceneError for a part that is not (yet) supported together with tetrahedral bodies."""
     told = ", ".join(OF_TETRAHEDRA)
     scene.refuse(KINDS.keys() - OF_TETRAHEDRA, f"does not go with tetrahedral bodies, which have {told}")
     for name, part in scene.tetrahedra.items():
@@ -72,12 +73,12 @@ def check_tetrahedra(scene: SceneParts) -> None:
 
 
 def unsteady(scene: SceneParts) -> list[str]:
-    """The names of what does not go with order 2."""
+    """Return the names of the parts that order 2 does not support."""
     return [name for name, kind in scene.kinds.items() if kind in UNSTEADY]
 
 
 def _check_surfaces(scene: SceneParts) -> None:
-    """Raise SceneError for contacts that surfaces of tetrahedral bodies do not know, or a solver of them does not."""
+    """Raise SceneError for contacts that surfaces of tetrahedral bodies, or their solver, do not support."""
     part, name = scene.contact, scene.name_of("contact", default="contact")
     if part is None:
         for body, of_body in scene.tetrahedra.items():
