@@ -1,5 +1,5 @@
-"""Rigid bodies that bounce off each other, on CPU threads: their particles' impulses, enlarged for each pair by what both
-bodies would make of theirs, as in model/shape_matching/rigid_rebound.py."""
+"""Rebounds between rigid bodies on CPU threads: the impulses on their particles, scaled for each pair by the response
+of both bodies (model/shape_matching/rigid_rebound.py)."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ from model.formulas.shape_matching.pace import MOTION
 
 
 def make_motions(compiler: Compiler, real: Any, place: int) -> SimpleNamespace:
-    """What whole bodies do: `spread`, `join`: see the inner functions; of particles `first` to before `last`."""
+    """Make `spread` and `join`, which transfer between whole bodies and the particles `first` to before `last`."""
     formulas = rebound.make(real, compiler.compiled)
     rigid, joined, zero, one = formulas.rigid, formulas.joined, real(0), real(1)
     at_clusters, at_factors, at_motions = place + 1, place + 2, place + 3
 
     @compiler.compiled
     def spread(first, last, count, arrays, scales):
-        """The scales of particles from those of clusters, which are in their motions' first three numbers."""
+        """Write the scales of particles; those of clusters are the first three numbers of their motions."""
         starts, clusters, factors, motions = arrays[place], arrays[at_clusters], arrays[at_factors], arrays[at_motions]
         for k in range(first, last):
             x, y, z = k, count + k, 2 * count + k
@@ -40,7 +40,7 @@ def make_motions(compiler: Compiler, real: Any, place: int) -> SimpleNamespace:
 
     @compiler.compiled
     def join(first, last, position, velocity, count, arrays, struck):
-        """Velocities with the clusters' motions, or with what was `struck` where there is no cluster."""
+        """Add the motions of clusters to velocities, or the impulse `struck` for a particle without a cluster."""
         starts, clusters, factors, motions = arrays[place], arrays[at_clusters], arrays[at_factors], arrays[at_motions]
         for k in range(first, last):
             x, y, z = k, count + k, 2 * count + k
@@ -59,8 +59,11 @@ def make_motions(compiler: Compiler, real: Any, place: int) -> SimpleNamespace:
 
 
 def make_strikes(compiler: Compiler, real: Any, scaled: bool) -> Any:
-    """strike_all(team, member, bands, position, old, velocity, weights, record, neighbours, contacts, struck, scales,
-    travel): what particles get that bounce, as particles_bounce.make_passes, into `struck`."""
+    """Make strike_all(team, member, bands, position, old, velocity, weights, record, neighbours, contacts, struck,
+    scales, travel).
+
+    It writes the velocity changes of bouncing particles into `struck` (particles_bounce.make_passes).
+    """
     push, zero = make_passes(compiler, real, scaled, True).push, real(0)
 
     @compiler.compiled
@@ -86,9 +89,12 @@ def make_strikes(compiler: Compiler, real: Any, scaled: bool) -> Any:
 
 @cache
 def make_bodies_bounce(real: Any, math: str, place: int) -> Any:
-    """bounce(team, member, bands, position, old, velocity, weights, record, neighbours, contacts, arrays, scratch, pitch):
-    what a member of a team does (core/progress.py), as `make_bounce` of contact/particles_bounce.py; `arrays` of clusters,
-    from `place` on those of `make_rebound`, with a scale of each particle; `pitch`: numbers of a band's scratch."""
+    """Make bounce(team, member, bands, position, old, velocity, weights, record, neighbours, contacts, arrays, scratch,
+    pitch), run by each member of a team (core/progress.py).
+
+    As `make_bounce` of contact/particles_bounce.py. `arrays` belong to clusters; from `place` on they are those of
+    `make_rebound`, with a scale for each particle. `pitch`: numbers in a band's scratch.
+    """
     compiler = Compiler(f"bodies_bounce_all_{np.dtype(real).name}_{math}_{place}", math)
     answer = make_answer(compiler, real, place, True).answer
     gather, tell = make_damping(compiler, real, True, place).gather, make_passes(compiler, real, False, True).tell
@@ -96,12 +102,12 @@ def make_bodies_bounce(real: Any, math: str, place: int) -> Any:
     motions_made = make_motions(compiler, real, place)
     spread, join = motions_made.spread, motions_made.join
     at_limits, at_struck, at_scales = place + 4, place + 5, place + 6
-    at_travel = place + REBOUND + 5  # after what rebounds take: those of rigid motion (shape_matching/rigid.py)
+    at_travel = place + REBOUND + 5  # after those of `make_rebound`: rigid motion (shape_matching/rigid.py)
     joined, zero, one = rebound.make(real, compiler.compiled).joined, real(0), real(1)
 
     @compiler.compiled
     def meet(bands, scratch, pitch):
-        """Whether anyone does: a band says so in the last number of its scratch."""
+        """Return True if any band has a contact; each band stores that in the last number of its scratch."""
         found = False
         for band in range(bands):
             found = found or scratch[pitch * (band + 1) - 1] != zero
@@ -109,7 +115,7 @@ def make_bodies_bounce(real: Any, math: str, place: int) -> Any:
 
     @compiler.compiled
     def gather_all(team, member, bands, position, velocity, count, arrays, scratch, pitch):
-        """The motions of the bodies that come off as a whole."""
+        """Compute the motions of the bodies that rebound as a whole."""
         limits = arrays[at_limits]
         for band in shares(team, member, bands):
             room = row_at(scratch, np.int64(pitch * band))
@@ -122,7 +128,7 @@ def make_bodies_bounce(real: Any, math: str, place: int) -> Any:
     def bounce_all(
         team, member, bands, position, old, velocity, weights, record, neighbours, contacts, arrays, scratch, pitch
     ):  # fmt: skip
-        """Where no one meets, phases only pass: all of them add nothing to velocities."""
+        """Run all phases. Without contacts they only add 0 to the velocities."""
         struck, scales, travel = arrays[at_struck], arrays[at_scales], arrays[at_travel]
         count, clusters = weights.size, arrays[at_limits].size
         for band in shares(team, member, bands):
@@ -163,8 +169,8 @@ def make_bodies_bounce(real: Any, math: str, place: int) -> Any:
 
 @cache
 def make_bodies_bounce_stage(real: Any, math: str, place: int) -> Any:
-    """bounce(bands, position, old, velocity, weights, record, neighbours, contacts, arrays, scratch, pitch): see
-    make_bodies_bounce."""
+    """Compile bounce(bands, position, old, velocity, weights, record, neighbours, contacts, arrays, scratch, pitch):
+    see make_bodies_bounce."""
     bounce_all = make_bodies_bounce(real, math, place)
 
     return Compiler(f"bodies_bounce_{np.dtype(real).name}_{math}_{place}", math).team(bounce_all)

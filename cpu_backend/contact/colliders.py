@@ -1,4 +1,4 @@
-"""What masses of a cloth do that meet the colliders: for the CPU's kernels, one mass or one row at a time."""
+"""Collisions of a cloth's masses with colliders, for the CPU's kernels, one mass or one row at a time."""
 
 from __future__ import annotations
 
@@ -34,12 +34,12 @@ from model.mass_spring.cloth_parameters import (
 from model.mass_spring.plan import FRICTION_IN_PLACE
 from model.scene.cloth import COLLIDER_KINDS
 
-PLANE, SPHERE, CAPSULE, BOX, MESH, FIELD = range(len(COLLIDER_KINDS))  # what kernels are told of a collider's kind
+PLANE, SPHERE, CAPSULE, BOX, MESH, FIELD = range(len(COLLIDER_KINDS))  # numbers of the kinds of colliders in kernels
 
 
 def make_push(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
-    """`point(body, time)`: where a collider is; `answer(body, slow, v, n)`: a mass's velocity after it touched; `push`: see
-    the inner function."""
+    """Make `point`, `answer` and `push`. `point(body, time)`: position of a collider. `answer(body, slow, v, n)`:
+    velocity of a mass after contact. `push`: see the inner function."""
     compiled, sums = compiler.compiled, cloth.make(real, compiler.compiled)
     formulas, moved, pushed = colliders.make(real, compiled), sums.moved, sums.pushed
     respond, rebound, slid, zero = formulas.respond, formulas.rebound, formulas.slid, real(0)
@@ -68,7 +68,7 @@ def make_push(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNam
 
     @compiled
     def push(body, slow, distance, nx, ny, nz, px, py, pz, vx, vy, vz):
-        """Out to the collider's thickness."""
+        """Push a mass that is inside the collider's thickness out of it."""
         thickness = body[B_THICKNESS]
         if distance < thickness:
             depth = thickness - distance
@@ -84,11 +84,9 @@ def make_push(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNam
 
 
 def make_touches(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
-    """By kind: touch(body, begin, end, slow, ax, ay, az, px, py, pz, vx, vy, vz) -> (px, py, pz, vx, vy, vz).
-
-    `body`: a row of model/mass_spring/cloth_parameters.py, and what follows it; `begin`, `end`: time [s] of the step;
-    `slow`: of `make_instants`; a: where the mass was before the step; p, v: where it is after it, and at what velocity.
-    """
+    """Make, by kind, touch(body, begin, end, slow, ax, ay, az, px, py, pz, vx, vy, vz) -> (px, py, pz, vx, vy, vz).
+    `body`: a row of model/mass_spring/cloth_parameters.py, and what follows it; `begin`, `end`: times of the step [s];
+    `slow`: of `make_instants`; a: position of the mass before the step; p, v: its position and velocity after it."""
     compiled = compiler.compiled
     formulas, between = colliders.make(real, compiled), cloth.make(real, compiled).between
     plane, sphere, capsule, box = formulas.plane, formulas.sphere, formulas.capsule, formulas.box
@@ -105,7 +103,7 @@ def make_touches(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simple
 
     @compiled
     def touch_sphere(body, begin, end, slow, ax, ay, az, px, py, pz, vx, vy, vz):
-        """Swept: where a mass came near within the step, it is put where it entered, relative to the moving centre."""
+        """Apply the swept test: a mass that enters is put at its entry point, relative to the moving centre."""
         cx, cy, cz = point(body, end)
         ox, oy, oz = point(body, begin)
         ax, ay, az = ax - ox, ay - oy, az - oz
@@ -138,7 +136,7 @@ def make_touches(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simple
         touch_capsule, touch_box = make_swept(compiler, real, pushing)
 
     def of_surface(topic: Any) -> Any:
-        """Swept, in the collider's own frame: see model/formulas/frame.py."""
+        """Make the swept test in the collider's own frame (model/formulas/frame.py)."""
         meet = topic.make(real, compiled, bounces, in_place).touch
 
         @compiled
@@ -163,8 +161,9 @@ def make_touches(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simple
 
 
 def make_instants(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
-    """instants(step, parameters) -> (begin, end, slow): the step's two ends [s], and the speed [m/s] up to which nothing
-    bounces, 0 where nothing does anyway; where friction acts on positions, (that speed, the step [s])."""
+    """Make instants(step, parameters) -> (begin, end, slow): start and end of the step [s], and the settling speed
+    [m/s]. Below the settling speed nothing bounces; it is 0 without restitution. Where friction acts on positions,
+    `slow` is (that speed, the step [s])."""
     instant = cloth.make(real, compiler.compiled).instant
     settling_speed = colliders.make(real, compiler.compiled).settling_speed
     bounces, in_place, zero = "restitution" in parts, FRICTION_IN_PLACE in parts, real(0)
@@ -183,8 +182,9 @@ def make_instants(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
 
 
 def make_collide_mass(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
-    """collide_mass(bodies, kinds, step, parameters, ax, ay, az, px, py, pz, vx, vy, vz) -> (px, py, pz, vx, vy, vz): one mass
-    and all colliders, in their order. `bodies`: of `collider_numbers`; `kinds`: PLANE and so on."""
+    """Make collide_mass(bodies, kinds, step, parameters, ax, ay, az, px, py, pz, vx, vy, vz) -> (px, py, pz, vx, vy,
+    vz). It applies all colliders to one mass, in their order. `bodies`: of `collider_numbers`; `kinds`: PLANE and so
+    on."""
     touches, instants = make_touches(compiler, real, parts), make_instants(compiler, real, parts)
     plane, sphere, capsule, box = touches.plane, touches.sphere, touches.capsule, touches.box
     mesh, field = touches.mesh_collider, touches.distance_field
@@ -213,7 +213,7 @@ def make_collide_mass(compiler: Compiler, real: Any, parts: frozenset[str]) -> A
 
 
 def make_touch_rows(compiler: Compiler, real: Any, parts: frozenset[str]) -> tuple[Any, ...]:
-    """By kind: touch_row(blocks, body, begin, end, slow, ax, ay, az, x, y, z, vx, vy, vz), a row and one collider."""
+    """Make, by kind, touch_row(blocks, body, begin, end, slow, ax, ay, az, x, y, z, vx, vy, vz): a row."""
     touches, block = make_touches(compiler, real, parts), block_of(real)
 
     def make_loop(kind: str) -> Any:
@@ -238,8 +238,8 @@ def make_touch_rows(compiler: Compiler, real: Any, parts: frozenset[str]) -> tup
 
 
 def make_collide_planes(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
-    """collide_planes(bodies, kinds, step, parameters, blocks, ax, ay, az, x, y, z, vx, vy, vz): masses that lie one after the
-    other in planes, and all colliders."""
+    """Make collide_planes(bodies, kinds, step, parameters, blocks, ax, ay, az, x, y, z, vx, vy, vz). It applies all
+    colliders to masses stored contiguously in planes."""
     plane_row, sphere_row, capsule_row, box_row, mesh_row, field_row = make_touch_rows(compiler, real, parts)
     instants = make_instants(compiler, real, parts)
     has_plane, has_sphere, has_capsule, has_box, has_mesh, has_field = (kind in parts for kind in COLLIDER_KINDS)
@@ -266,8 +266,9 @@ def make_collide_planes(compiler: Compiler, real: Any, parts: frozenset[str]) ->
 
 
 def make_collide_row(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
-    """collide_row(bodies, kinds, step, parameters, blocks, source, here, plane, target, there, target_plane): a row of masses
-    and all colliders. `source` has it before the step from `here` on, `target` after it from `there` on."""
+    """Make collide_row(bodies, kinds, step, parameters, blocks, source, here, plane, target, there, target_plane). It
+    applies all colliders to a row of masses. The row begins at `here` in `source` (before the step) and at `there` in
+    `target` (after it)."""
     instants = make_instants(compiler, real, parts)
     plane_row, sphere_row, capsule_row, box_row, mesh_row, field_row = make_touch_rows(compiler, real, parts)
     has_plane, has_sphere, has_capsule, has_box, has_mesh, has_field = (kind in parts for kind in COLLIDER_KINDS)

@@ -1,4 +1,4 @@
-"""Who is near to whom among particles, on CPU threads: a service for whatever happens between particles that are near."""
+"""Neighbour search among particles on CPU threads, for all interactions of nearby particles."""
 
 from __future__ import annotations
 
@@ -12,19 +12,20 @@ from cpu_backend.core.layout import aligned_zeros
 from model.contact.particle_parameters import MAX_NEIGHBOURS
 from model.formulas.shape_matching.cluster import LANES
 
-CELLS = 12  # of the table for a particle: with less it goes round for what falls in a column
+CELLS = 12  # cells of the table per particle; with fewer, a tall column of falling particles would wrap around
 
 
 class Neighbours:
-    """The neighbours of particles that lie in planes of `count`, found by `bands` threads.
+    """The neighbours of particles stored in planes of `count`, searched by `bands` threads.
 
-    `body`, `kind` (count,) int32 and `rest` (3 count,): of each particle its body, the kind of that, and where it lay at
-    rest: within a body only those are neighbours that were none at rest. `kinds`: how many; which pairs of them are
-    neighbours, and how near, the pairs' rows of a record say (model/contact/particle_parameters.py).
+    `body`, `kind` (count,) int32 and `rest` (3 count,): each particle's body, the kind of that body, and its rest
+    position. Within a body, particles that are neighbours at rest are excluded. `kinds`: number of kinds; the rows of
+    pairs in a record define which pairs of kinds are neighbours, and up to which distance
+    (model/contact/particle_parameters.py).
 
     Lists are in the order of cells, then of numbers, the same for any number of threads. `lost`: neighbours beyond the
-    MAX_NEIGHBOURS of a particle, since it was made. `search` is what kernels take: what was given, tables, particles in
-    the order of cells, and `found`.
+    MAX_NEIGHBOURS of a particle, since the object was made. `search` is the argument of kernels: the arrays given, the
+    tables, the particles in the order of cells, and `found`.
     """
 
     def __init__(
@@ -38,15 +39,15 @@ class Neighbours:
         tables = np.zeros(AXES * count, np.int32), boxes, table, buckets, starts, totals
         order, bodies, rooms = (np.zeros(n, np.int32) for n in (ahead, ahead, ROOM * bands))
         in_order = order, aligned_zeros(PLACES * ahead, real), bodies, rooms
-        who, entries = (np.zeros(n, np.uint32) for n in (count, most))  # unsigned: no index from the end
+        who, entries = (np.zeros(n, np.uint32) for n in (count, most))  # unsigned: no check for negative indices
         many, pairs = np.zeros(count, np.int32), np.zeros(most, np.int32)
         self.found = who, many, entries, pairs, begins, active, self._lost
         self.search = (body, kind, rest), tables, in_order, self.found
         self._find = make_find_stage(real, math)
 
     def find(self, position: np.ndarray, weights: np.ndarray, record: np.ndarray, reach: Any) -> None:
-        """From positions, three planes, flat; `weights` (count,): what weighs 0 is nobody's neighbour. `record`, `reach`:
-        rows of pairs, and the longest way between neighbours."""
+        """Search from `position`, three planes, flat. `weights` (count,): a particle of weight 0 has no neighbours.
+        `record`, `reach`: rows of pairs, and the largest distance between neighbours."""
         self._find(self.bands, position, weights, record, reach, self.kinds, *self.search)
 
     @property
@@ -54,7 +55,7 @@ class Neighbours:
         return int(self._lost.sum())
 
     def lists(self) -> dict[int, list[int]]:
-        """Of each particle's place that has any, the places of its neighbours in their order."""
+        """Return, by place of a particle, the places of its neighbours in their order, if it has any."""
         who, many, entries, _, begins, active, _ = self.found
         lists: dict[int, list[int]] = {}
         for first, number in zip(begins, active, strict=True):

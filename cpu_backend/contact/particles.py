@@ -1,5 +1,6 @@
-"""Contacts between particles of bodies on CPU threads: the stages "find neighbours", "project contacts" and "bounce", and
-what they keep. See model/scene/particle_contact.py; particles are in the places of cpu_backend/shape_matching/layout.py."""
+"""Contacts between particles of bodies on CPU threads: the stages "find neighbours", "project contacts" and "bounce",
+and their arrays (model/scene/particle_contact.py). Particles are in the order of
+cpu_backend/shape_matching/layout.py."""
 
 from __future__ import annotations
 
@@ -21,16 +22,16 @@ from model.contact.particle_parameters import (
 )
 from model.scene.scene import Scene
 
-NO_CONTACTS: tuple[Any, ...] = ((),) * 7  # ParticleContacts.arrays of a scene without
+NO_CONTACTS: tuple[Any, ...] = ((),) * 7  # `ParticleContacts.arrays` of a scene without contacts
 
 
 class ParticleContacts:
-    """The contacts of a substep. `slots` (particles,): where each particle lies in planes of `count`; `bands`: threads.
+    """The contacts of a substep. `slots` (particles,): place of each particle in planes of `count`; `bands`: threads.
 
-    `find` finds the `neighbours` of particles at predicted positions, `project` sweeps over contacts among them; both take
-    positions as three planes, flat, and `weights` (count,), inverse masses of any unit: what weighs 0 meets nobody. `old`:
-    room for the velocities with which the substep began, where particles bounce; `bounce` takes those that it ended with.
-    `arrays` is what kernels take.
+    `find` searches the `neighbours` of particles at predicted positions; `project` sweeps over the contacts among them.
+    Both take positions as three planes, flat, and `weights` (count,), inverse masses of any unit; a particle of weight
+    0 has no contacts. `old`: buffer for the velocities at the start of the substep, if particles bounce; `bounce` takes
+    those at its end. `arrays` is the argument of kernels.
     """
 
     def __init__(
@@ -42,7 +43,7 @@ class ParticleContacts:
         body[slots], kind[slots] = scene.body_set.body, kinds_of_particles(scene)
         rest.reshape(AXES, -1)[:, slots] = scene.body_set.position.T
         self.neighbours = Neighbours(real, math, body, kind, rest, len(scene.bodies), bands)
-        acting = np.zeros(count * MAX_NEIGHBOURS, np.uint32)  # unsigned: no index from the end
+        acting = np.zeros(count * MAX_NEIGHBOURS, np.uint32)  # unsigned: no check for negative indices
         self._keeps = "rigid-motion" in parts
         pressed = np.zeros(len(acting) if self._keeps else 0, real)
         self._contacts = acting, np.zeros(count, real), np.zeros(AXES * count, real), pressed
@@ -53,7 +54,7 @@ class ParticleContacts:
         self.change(scene)
 
     def change(self, scene: Scene) -> None:
-        """Take over what may change while running."""
+        """Apply the parameters that may change during a run."""
         self.record = particle_contact_record(scene, self.real)
         self.reach = self.real(pair_rows(scene)[:, :, G_REACH].max())
 
@@ -63,8 +64,8 @@ class ParticleContacts:
 
     @property
     def arrays(self) -> tuple[Any, ...]:
-        """What a kernel takes, as NO_CONTACTS has it where there are none: (record, reach, kinds, sweeps), four tuples that
-        the search takes, the last of them what it found, one that the projection does, (old,)."""
+        """The arguments of a kernel, laid out as NO_CONTACTS: (record, reach, kinds, sweeps), four tuples for the
+        search, the last of them its result, one for the projection, (old,)."""
         numbers = self.record, self.reach, self.neighbours.kinds, self.sweeps
         return numbers, *self.neighbours.search, self._contacts, (self.old,)
 
@@ -81,8 +82,8 @@ class ParticleContacts:
         travel: np.ndarray | None = None,
         couples: np.ndarray | None = None,
     ) -> None:
-        """`travel`: as of shape_matching/particles.py, where bodies are rigid; `couples`: as of shape_matching/couples.py,
-        where friction turns clusters."""
+        """Sweep over the contacts. `travel`: of shape_matching/particles.py, if bodies are rigid; `couples`: of
+        shape_matching/couples.py, if friction turns clusters."""
         self._project(
             self.bands, self.sweeps, before, position, weights, self.record, self.neighbours.found, self._contacts,
             *(np.zeros_like(position) if one is None else one for one in (travel, couples)),

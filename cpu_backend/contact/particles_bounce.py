@@ -1,5 +1,6 @@
-"""Particles that bounce off each other, once their velocities are known: pairs that are to part faster are counted, answered
-all from one state, and sped up. Only particles that have a neighbour are looked at, as in contact/particles_project.py."""
+"""Rebounds between particles, after their velocities are known: count the pairs that must separate faster, compute all
+impulses from one state, and apply them. Only particles with neighbours are processed, as in
+contact/particles_project.py."""
 
 from __future__ import annotations
 
@@ -25,10 +26,12 @@ from model.formulas.shape_matching import rebound
 
 
 def make_passes(compiler: Compiler, real: Any, scaled: bool, has_rigid: bool = False) -> SimpleNamespace:
-    """`tell`, `push`, `put`: see the inner functions; of a `band` of those that have neighbours. `scaled`: impulses of a pair
-    are multiplied by the lesser one of both particles' `scales`. `has_rigid`: `travel` is read, as of
-    shape_matching/particles.py: two particles of rigid bodies, which have slacks, part as those do
-    (model/formulas/particle_contact.py, `parting`), also where nothing is given back."""
+    """Make `tell`, `push`, `put` (see the inner functions), for a `band` of the particles that have neighbours.
+
+    `scaled`: impulses of a pair are multiplied by the smaller one of both particles' `scales`. `has_rigid`: `travel` is
+    read, as in shape_matching/particles.py. Two particles of rigid bodies, which have slacks, then separate as those do
+    (model/formulas/particle_contact.py, `parting`), even without restitution.
+    """
     formulas = particle_contact.make(real, compiler.compiled)
     squared, touching, direction = formulas.squared, formulas.touching, formulas.direction
     lacking, split, added, moved = formulas.lacking, formulas.split, formulas.added, formulas.moved
@@ -38,8 +41,8 @@ def make_passes(compiler: Compiler, real: Any, scaled: bool, has_rigid: bool = F
 
     @compiler.compiled
     def lack_of(i, j, pair, count, position, old, velocity, record, travel, pressed):
-        """(how much faster particles i and j must part, the unit normal from j to i); `pressed`: their contact in the
-        substep."""
+        """Return how much faster particles i and j must separate, and the unit normal from j to i. `pressed`: their
+        contact in the substep."""
         x, y, z = position, row_at(position, np.int64(count)), row_at(position, np.int64(2 * count))
         distance = record[pair + G_DISTANCE] if pair >= 0 else record[-1 - pair + G_OWN]
         dx, dy, dz = x[i] - x[j], y[i] - y[j], z[i] - z[j]
@@ -60,8 +63,8 @@ def make_passes(compiler: Compiler, real: Any, scaled: bool, has_rigid: bool = F
 
     @compiler.compiled
     def tell(band, count, position, old, velocity, record, neighbours, contacts, travel):
-        """With whom each must part faster: their places, one particle's after the other's, into `acting`, how many into
-        `met`. Returned: whether anyone must."""
+        """Store the contacts of each particle that must separate faster in `acting`, one particle after the other, and
+        their numbers in `met`. Returns True if there are any."""
         who, numbers, entries, pairs, begins, active, _ = neighbours
         acting, met, _, pressed = contacts
         first = begins[band]
@@ -81,8 +84,8 @@ def make_passes(compiler: Compiler, real: Any, scaled: bool, has_rigid: bool = F
 
     @compiler.compiled
     def push(band, count, position, old, velocity, weights, record, neighbours, contacts, scales, travel):
-        """What those get that bounce, into `ways` by their places in `who`; of rigid bodies at first also what their contacts
-        ask for by themselves, into `scales`."""
+        """Write the velocity changes of bouncing particles into `ways`, by their place in `who`; for rigid bodies in
+        the first pass also the change that their contacts ask for alone, into `scales`."""
         who, _, entries, pairs, begins, active, _ = neighbours
         acting, met, ways, pressed = contacts
         first = begins[band]
@@ -137,8 +140,11 @@ def make_passes(compiler: Compiler, real: Any, scaled: bool, has_rigid: bool = F
 
 @cache
 def make_bounce(real: Any, math: str) -> Any:
-    """bounce(team, member, bands, position, old, velocity, weights, record, neighbours, contacts): what a member of a team
-    does (core/progress.py). `old`: when the substep began; other arrays as cpu_backend/contact/particles.py makes them."""
+    """Make bounce(team, member, bands, position, old, velocity, weights, record, neighbours, contacts).
+
+    Each member of a team runs it (core/progress.py). `old`: velocities at the start of the substep; the other arrays
+    are those of cpu_backend/contact/particles.py.
+    """
     compiler = Compiler(f"particles_bounce_{np.dtype(real).name}_{math}", math)
     made = make_passes(compiler, real, False)
     tell, push, put = made.tell, made.push, made.put
@@ -158,7 +164,7 @@ def make_bounce(real: Any, math: str) -> Any:
 
 @cache
 def make_bounce_stage(real: Any, math: str) -> Any:
-    """bounce(bands, position, old, velocity, weights, record, neighbours, contacts): see make_bounce."""
+    """Compile bounce(bands, position, old, velocity, weights, record, neighbours, contacts): see make_bounce."""
     bounce_all = make_bounce(real, math)
 
     return Compiler(f"particles_{np.dtype(real).name}_{math}", math).team(bounce_all)

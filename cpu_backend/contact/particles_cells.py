@@ -1,5 +1,5 @@
-"""The table of cells in which the particles of bodies are looked for, see contact/particles_find.py: which cell a particle is
-in, particles sorted by cells, and the runs of them around a cell."""
+"""The table of cells for the neighbour search among particles of bodies (contact/particles_find.py): cells of
+particles, the sort by cells, and the runs of particles around a cell."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ from model.contact.particle_parameters import FARTHEST, H_INVERSE_CELL
 from model.formulas import particle_contact
 
 AXES = 3
-NARROWEST = 4  # cells two apart, which rounding may bring within reach, are none of the three side by side
-BOX = 2 * AXES  # numbers of a band's box of cells, and of the table's: the lowest cell, how many each way
+NARROWEST = 4  # the 27 cells around one must differ; one more, as rounding may bring cells two apart within range
+BOX = 2 * AXES  # numbers of a band's box of cells, and of the table's: the lowest cell, the counts along the axes
 FAR = np.int32(2**31 - 1)
 
 
 def make_table(compiler: Compiler, real: Any) -> SimpleNamespace:
-    """`cells_of`, `span`, `enter`: from positions to places in the table."""
+    """Make `cells_of`, `span`, `enter`, which map positions to cells of the table."""
     scaled = particle_contact.make(real, compiler.compiled).scaled
     zero, farthest = real(0), real(FARTHEST)
 
     @compiler.row
     def cells_of(n, weights, x, y, z, record, cell_x, cell_y, cell_z, box):
-        """The cells of n particles, and the box of those that weigh anything and are somewhere; FAR for the others."""
+        """Write the cells of n particles (FAR without a weight or a finite position), and the box of the others."""
         inverse = record[H_INVERSE_CELL]
         low_x, low_y, low_z, high_x, high_y, high_z = FAR, FAR, FAR, -FAR, -FAR, -FAR
         for k in range(n):
@@ -37,7 +37,7 @@ def make_table(compiler: Compiler, real: Any) -> SimpleNamespace:
             l = np.int32(l - 1) if c < real(l) else l  # noqa: E741
             there = (
                 (weights[k] != zero) & (abs(a) <= farthest) & (abs(b) <= farthest) & (abs(c) <= farthest)
-            )  # no NaN is
+            )  # false for NaN
             cell_x[k], cell_y[k], cell_z[k] = i if there else FAR, j, l
             low_x, high_x = min(low_x, i if there else FAR), max(high_x, i if there else -FAR)
             low_y, high_y = min(low_y, j if there else FAR), max(high_y, j if there else -FAR)
@@ -46,8 +46,10 @@ def make_table(compiler: Compiler, real: Any) -> SimpleNamespace:
 
     @compiler.compiled
     def span(bands, boxes, most, table):
-        """The table of at most `most` cells that holds the boxes of all bands and a cell around; returned: whether
-        it does, or is but as large as it may be."""
+        """Set the table, of at most `most` cells, around the boxes of all bands and one cell more.
+
+        Returns True if it covers them, False if the limit made it smaller.
+        """
         holds = True
         for axis in range(AXES):
             low, high = np.int64(FAR), -np.int64(FAR)
@@ -75,7 +77,8 @@ def make_table(compiler: Compiler, real: Any) -> SimpleNamespace:
 
     @compiler.compiled
     def enter(first, last, count, cells, table, holds, buckets):
-        """The places of the particles' cells in the table, -1 of those that have none. `holds`: whether it has all."""
+        """Write each particle's index of its cell in the table, -1 if it has none. `holds`: True if the table has all
+        cells."""
         if holds:
             enter_rows(
                 last - first, row_at(cells, first), row_at(cells, count + first), row_at(cells, 2 * count + first),
@@ -93,11 +96,11 @@ def make_table(compiler: Compiler, real: Any) -> SimpleNamespace:
 
 
 def make_sort(compiler: Compiler) -> SimpleNamespace:
-    """`tally` and `put`: a counting sort that keeps the order, of the cells `low` to before `high` of the table."""
+    """Make `tally` and `put`, a stable counting sort for the cells `low` to before `high` of the table."""
 
     @compiler.compiled
     def tally(low, high, buckets, starts):
-        """How many particles each of the cells holds; returned: all of them."""
+        """Count the particles in each of the cells. Returns their sum."""
         inside = 0
         for b in range(low, high):
             starts[b] = 0
@@ -110,7 +113,8 @@ def make_sort(compiler: Compiler) -> SimpleNamespace:
 
     @compiler.compiled
     def put(low, high, end, count, buckets, starts, position, rest, body, order, places, bodies):
-        """`end`: how many particles are in the cells before. Afterwards starts[b] is the first of cell b."""
+        """Write particles in the order of cells; `end`: number of particles in the cells before. Afterwards starts[b]
+        is the first of cell b."""
         room = order.size
         for b in range(low, high):
             end += starts[b]
@@ -130,13 +134,13 @@ def make_sort(compiler: Compiler) -> SimpleNamespace:
 
 
 def make_runs(compiler: Compiler) -> Any:
-    """runs_around(b, table, holds, starts, runs): where the sorted particles of the 27 cells around cell b begin and end,
-    without empty runs; returned: how many numbers."""
+    """Make runs_around(b, table, holds, starts, runs): it writes begin and end of the runs of sorted particles in the
+    27 cells around cell b, without empty runs, and returns how many numbers."""
 
     @compiler.compiled
     def runs_around(b, table, holds, starts, runs):
         width, height, depth, n = table[3], table[4], table[5], 0
-        if holds:  # a cell lies around all that are entered
+        if holds:  # every cell with particles has cells around it in the table
             for place in range(9):
                 cell = b + (place // 3 - 1) * (width * height) + (place % 3 - 1) * width
                 runs[n], runs[n + 1] = starts[cell - 1], starts[cell + 2]

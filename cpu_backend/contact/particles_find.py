@@ -1,10 +1,11 @@
-"""Which particles of bodies may meet within a substep: cells of space, sorted by counting, and each particle's neighbours.
+"""Neighbour search among particles of bodies: cells of space, a counting sort, and the neighbours of each particle.
 
-A cell is as large as the longest reach, so that the 27 around a particle hold all whom it may meet. Cells lie in a table
-row by row along x, and particles are copied into the cells' order: the 27 are nine runs of particles that lie side by side,
-looked at LANES at a time. The table holds the box of all particles where it is large enough, else cells a whole number of
-tables apart share a place, and distances tell them apart; it is NARROWEST cells wide at least, so that no two of 27 do.
-Neighbours come in the order of cells, z, y, x, then of their numbers, whatever the table and the number of threads.
+A cell is as large as the largest contact distance, so the 27 cells around a particle contain all its possible contacts.
+Cells are stored in a table row by row along x, and particles are copied into the order of cells: the 27 cells are nine
+runs of contiguous particles, processed LANES at a time. The table covers the box of all particles if it is large
+enough. Otherwise cells that are a multiple of the table's size apart share an entry, and distances separate their
+particles; the table is at least NARROWEST cells wide, so no two of the 27 share one. Neighbours are in the order of
+cells, z, y, x, then of their numbers, for any table and number of threads.
 """
 
 from __future__ import annotations
@@ -33,17 +34,17 @@ from model.contact.particle_parameters import (
 from model.formulas import particle_contact
 from model.formulas.shape_matching.cluster import LANES
 
-PLACES = 2 * AXES  # numbers of a sorted particle: where it is, where it lay at rest
-HOLDS = BOX  # of the table's only: whether it holds all cells that there are
+PLACES = 2 * AXES  # numbers of a sorted particle: its position, its rest position
+HOLDS = BOX  # index in the table: not 0 if it covers all cells
 TABLE = BOX + 1
-ROOM = 64  # whole numbers: where the runs of a band's cell begin and end, 27 at most
+ROOM = 64  # integers: begin and end of the runs around a band's cell, 27 at most
 
 _built_in: Any = intrinsic  # typed by numba when it is compiled
 
 
 @_built_in
 def lowest_bit(typing_context, number):
-    """Where the lowest bit of an int32 that is set lies; of 0 there is none."""
+    """Return the position of the lowest set bit of an int32; undefined for 0."""
 
     def build(context, builder, signature, arguments):
         place = builder.cttz(arguments[0], context.get_constant(types.boolean, True))
@@ -58,14 +59,14 @@ def _lowest_bit(number: Any) -> int:
 
 
 def _make_search(compiler: Compiler, real: Any) -> Any:
-    """search(band, first, last, ...): see the inner function."""
+    """Make search(band, first, last, ...): see the inner function."""
     formulas, runs_around = particle_contact.make(real, compiler.compiled), make_runs(compiler)
     squared, within = formulas.squared, formulas.within
     zero = real(0)
 
     @compiler.row
     def look(x, y, z, rest_x, rest_y, rest_z, body, reach, own, rested, xs, ys, zs, rest_xs, rest_ys, rest_zs, bodies):
-        """Which of LANES particles may be neighbours, a bit each."""
+        """Return a mask of the LANES particles that may be neighbours, one bit each."""
         found = np.int32(0)
         for lane in range(LANES):
             other = bodies[lane] != body
@@ -79,10 +80,13 @@ def _make_search(compiler: Compiler, real: Any) -> Any:
         band, first, last, record, reach, kinds, kind, table, holds, buckets, starts, order, places, bodies, runs, who,
         numbers, entries, pairs, active, lost,
     ):  # fmt: skip
-        """The neighbours of the sorted particles `first` to before `last`. Those that have any are put into `who` from
-        there on, `numbers`: how many; the neighbours lie in `entries`, one particle's after the other's, from MAX_NEIGHBOURS
-        times `first` on; `pairs`: where in the record their constants are, -1 less that of one within a body. `active`: how
-        many have any."""
+        """Search the neighbours of the sorted particles `first` to before `last`.
+
+        Particles with neighbours are written to `who` from `first` on, their numbers of neighbours to `numbers`. The
+        neighbours are in `entries`, one particle after the other, from MAX_NEIGHBOURS * `first` on. `pairs`: offset of
+        their constants in the record, or -1 minus the offset within a body. `active`: number of particles with
+        neighbours.
+        """
         n, entry, size = first, np.int64(first) * MAX_NEIGHBOURS, order.size
         cell, ends, missed = -1, 0, 0
         for q in range(first, last):
@@ -133,8 +137,11 @@ def _make_search(compiler: Compiler, real: Any) -> Any:
 
 @cache
 def make_find(real: Any, math: str) -> Any:
-    """find(team, member, bands, position, weights, record, reach, kinds, of_particle, tables, in_order, neighbours): what a
-    member of a team does (core/progress.py); arrays as cpu_backend/contact/particles.py makes them."""
+    """Make find(team, member, bands, position, weights, record, reach, kinds, of_particle, tables, in_order,
+    neighbours).
+
+    Each member of a team runs it (core/progress.py); the arrays are those of cpu_backend/contact/particles.py.
+    """
     compiler = Compiler(f"particles_find_{np.dtype(real).name}_{math}", math)
     table_made, sort = make_table(compiler, real), make_sort(compiler)
     cells_of, span, enter = table_made.cells_of, table_made.span, table_made.enter
@@ -186,7 +193,8 @@ def make_find(real: Any, math: str) -> Any:
 
 @cache
 def make_find_stage(real: Any, math: str) -> Any:
-    """find(bands, position, weights, record, reach, kinds, of_particle, tables, in_order, neighbours): see make_find."""
+    """Compile find(bands, position, weights, record, reach, kinds, of_particle, tables, in_order, neighbours): see
+    make_find."""
     find_all = make_find(real, math)
 
     return Compiler(f"particles_{np.dtype(real).name}_{math}", math).team(find_all)

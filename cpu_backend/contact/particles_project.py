@@ -1,5 +1,5 @@
-"""Contacts of particles taken out: those of a sweep are counted, projected all from one state, and moved. Only particles
-that have a neighbour are looked at; a thread has those whose neighbours it found."""
+"""Projection of particle contacts: those of a sweep are counted, projected from one state, and then applied. Only
+particles with neighbours are processed; each thread handles those whose neighbours it searched."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ PACES = frozenset({"speed-limit", "sleeping"})
 def _make_sweep(
     compiler: Compiler, real: Any, has_friction: bool, has_adhesion: bool, has_rigid: bool, has_couples: bool
 ) -> SimpleNamespace:
-    """`tell`, `push`, `put`: see the inner functions; of a `band` of those that have neighbours."""
+    """Make `tell`, `push`, `put` (see the inner functions), for a `band` of the particles that have neighbours."""
     formulas = particle_contact.make(real, compiler.compiled)
     squared, within, split, held, direction = (
         formulas.squared, formulas.within, formulas.split, formulas.held, formulas.direction
@@ -46,8 +46,8 @@ def _make_sweep(
 
     @compiler.compiled
     def tell(band, count, position, record, neighbours, contacts):
-        """Which neighbours are contacts where particles are now: their places, one particle's after the other's, into
-        `acting`, how many into `met`."""
+        """Store the neighbours that are contacts at the current positions in `acting`, one particle after the other,
+        and their numbers in `met`."""
         who, numbers, entries, pairs, begins, active, _ = neighbours
         acting, met, _, _ = contacts
         first = begins[band]
@@ -68,7 +68,7 @@ def _make_sweep(
 
     @compiler.compiled
     def push(band, count, before, position, weights, record, neighbours, contacts, couples):
-        """Where the particles that have contacts go, into `ways` by their places in `who`; couples added to."""
+        """Write new positions of particles with contacts into `ways`, by their place in `who`; add to `couples`."""
         who, _, entries, pairs, begins, active, _ = neighbours
         acting, met, ways, pressed = contacts
         first = begins[band]
@@ -139,10 +139,13 @@ def _make_sweep(
 def make_project(
     real: Any, math: str, has_friction: bool, has_adhesion: bool, has_rigid: bool, has_couples: bool = False
 ) -> Any:
-    """project(team, member, bands, sweeps, before, position, weights, record, neighbours, contacts, travel, couples): what a
-    member of a team does (core/progress.py); arrays as cpu_backend/contact/particles.py makes them, `travel` as of
-    shape_matching/particles.py, where bodies are rigid, `has_rigid`; `couples` as of shape_matching/couples.py, where
-    friction turns clusters, `has_couples`."""
+    """Make project(team, member, bands, sweeps, before, position, weights, record, neighbours, contacts, travel,
+    couples).
+
+    Each member of a team runs it (core/progress.py); the arrays are those of cpu_backend/contact/particles.py.
+    `travel`, with `has_rigid`, is that of shape_matching/particles.py, for rigid bodies; `couples`, with `has_couples`,
+    that of shape_matching/couples.py, for friction that turns clusters.
+    """
     words = "_friction" * has_friction + "_adhesion" * has_adhesion + "_rigid" * has_rigid + "_couples" * has_couples
     compiler = Compiler(f"particles_project_{np.dtype(real).name}_{math}{words}", math)
     made = _make_sweep(compiler, real, has_friction, has_adhesion, has_rigid, has_couples)
@@ -168,7 +171,8 @@ def make_project(
 def make_project_stage(
     real: Any, math: str, has_friction: bool, has_adhesion: bool, has_rigid: bool, has_couples: bool = False
 ) -> Any:
-    """project(bands, sweeps, before, position, weights, record, neighbours, contacts, travel, couples): see make_project."""
+    """Compile project(bands, sweeps, before, position, weights, record, neighbours, contacts, travel, couples): see
+    make_project."""
     name = f"particles_{np.dtype(real).name}_{math}{'_friction' * has_friction}{'_adhesion' * has_adhesion}"
     project_all = make_project(real, math, has_friction, has_adhesion, has_rigid, has_couples)
 
@@ -176,7 +180,7 @@ def make_project_stage(
 
 
 def make_clear(compiler: Compiler) -> Any:
-    """clear(band, neighbours, contacts): a substep begins, in which no contact of rigid bodies has pressed."""
+    """Make clear(band, neighbours, contacts): it zeroes `pressed` of all contacts at the start of a substep."""
 
     @compiler.compiled
     def clear(band, neighbours, contacts):
@@ -193,7 +197,7 @@ def make_clear(compiler: Compiler) -> Any:
 
 @cache
 def make_clear_stage(real: Any, math: str) -> Any:
-    """clear(bands, neighbours, contacts): all particles, in parallel."""
+    """Compile clear(bands, neighbours, contacts): all particles, in parallel."""
     compiler = Compiler(f"particles_clear_{np.dtype(real).name}_{math}", math)
     clear_some = make_clear(compiler)
 
@@ -204,8 +208,8 @@ def make_clear_stage(real: Any, math: str) -> Any:
 
 
 def make_settle(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
-    """settle(first, last, count, before, position, record, travel): particles at a substep's end that went too far, or
-    hardly moved."""
+    """Make settle(first, last, count, before, position, record, travel): it applies the speed limit and sleeping at the
+    end of a substep."""
     formulas = particle_contact.make(real, compiler.compiled)
     far, shortened, rested = formulas.far, formulas.shortened, formulas.rested
     has_limit, has_sleeping, has_rigid = "speed-limit" in parts, "sleeping" in parts, "rigid-motion" in parts
@@ -244,7 +248,7 @@ def make_settle(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
 
 @cache
 def make_settle_stage(real: Any, math: str, parts: frozenset[str]) -> Any:
-    """settle(bands, count, before, position, record, travel): all particles, in parallel."""
+    """Compile settle(bands, count, before, position, record, travel): all particles, in parallel."""
     words = sorted(parts & (PACES | {"rigid-motion"}))
     compiler = Compiler(f"particles_{np.dtype(real).name}_{math}_{'_'.join(words)}", math)
     settle_some = make_settle(compiler, real, parts)

@@ -1,4 +1,4 @@
-"""Where pinned masses of a cloth that follow a motion are: for the CPU's kernels, one mass at a time."""
+"""Positions of a cloth's pinned masses that follow a motion, for the CPU's kernels, one mass at a time."""
 
 from __future__ import annotations
 
@@ -31,8 +31,11 @@ from model.mass_spring.cloth_parameters import (
 
 
 def make_follow(compiler: Compiler, real: Any) -> Any:
-    """follow(bodies, pin, time) -> (x, y, z, vx, vy, vz) at `time` [s] of the pinned mass whose row begins at `pin` of the
-    flat array of model/mass_spring/cloth_parameters.py, `body_rows`; to be asked only where that row names a motion."""
+    """Make follow(bodies, pin, time) -> (x, y, z, vx, vy, vz), the state of a pinned mass at `time` [s].
+
+    Its row begins at `pin` of the flat array `body_rows` of model/mass_spring/cloth_parameters.py, and must name a
+    motion.
+    """
     formulas = motion.make(real, compiler.compiled)
     turn, placed = formulas.turn, formulas.placed
 
@@ -50,9 +53,12 @@ def make_follow(compiler: Compiler, real: Any) -> Any:
 
 
 def make_drive(compiler: Compiler, real: Any) -> Any:
-    """drive(first, last, number, position, velocity, parameters, bodies, driven): where their motion has pinned particles,
-    and how fast, as substep `number` ends: of `driven` (pins,), all that are pinned, `first` to before `last`. Their rows are
-    the last of `bodies`; those that follow nothing stay as they are."""
+    """Make drive(first, last, number, position, velocity, parameters, bodies, driven).
+
+    It sets position and velocity of pinned particles at the end of substep `number` by their motions: of `driven`
+    (pins,), all pinned particles, `first` to before `last`. Their rows are the last of `bodies`; those without a motion
+    are unchanged.
+    """
     follow, instant = make_follow(compiler, real), cloth.make(real, compiler.compiled).instant
 
     @compiler.compiled

@@ -1,4 +1,4 @@
-"""A cloth's contacts with itself on CPU threads: two stages that a position-based solver runs, and what they keep."""
+"""Self-contacts of a cloth on CPU threads: the two stages of a position-based solver, and their arrays."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from model.scene.scene import Scene
 
 
 class HeldContacts:
-    """Contacts of masses with triangles: room for the MAX_CONTACTS nearest of each, and the sweeps over them.
+    """Contacts of masses with triangles: storage for the MAX_CONTACTS nearest of each, and the sweeps over them.
 
-    `found` (masses,): how many triangles each may come near; `lost` counts, since it was last set to 0, those that were
-    beyond the MAX_CONTACTS nearest; `weights` (masses,): inverse masses of any unit, 0 where pinned.
+    `found` (masses,): number of triangles that each may touch. `lost`: number of those beyond the MAX_CONTACTS nearest,
+    since it was last set to 0. `weights` (masses,): inverse masses of any unit, 0 if pinned.
     """
 
     record: np.ndarray
@@ -47,13 +47,13 @@ class HeldContacts:
         self._empty = True
 
     def _link(self) -> None:
-        """Of what was found, which mass is a corner of which contact."""
+        """List, for each mass, the contacts that it is a corner of."""
         self._empty = not self.found.any()
         if not self._empty:
             self._project.link_contacts(self._bands, self.found, self.corners, *self._links)
 
     def _sweep(self, begin: np.ndarray, position: np.ndarray) -> None:
-        """All sweeps over the contacts of the substep that began at `begin` (masses, 3 ...), on (3, rows, columns) [m]."""
+        """Sweep over the contacts of the substep that began at `begin` (masses, 3 ...), on (3, rows, columns) [m]."""
         if self._empty:
             return
         starts, _, links = self._links
@@ -64,7 +64,7 @@ class HeldContacts:
 
 
 class Contacts(HeldContacts):
-    """The contacts of a cloth with itself in a substep. `weights` in the masses of the sheet.
+    """Self-contacts of a cloth in a substep. `weights` in the order of the sheet's masses.
 
     `find` makes them from the state before a substep and the predicted one; `project` sweeps over them.
     """
@@ -86,11 +86,11 @@ class Contacts(HeldContacts):
         self._find = make_find(real, math)
 
     def change(self, scene: Scene) -> None:
-        """Take over what may change while running."""
+        """Apply the parameters that may change during a run."""
         self.record = contact_record(scene, self.real)
 
     def find(self, before: np.ndarray, predicted: np.ndarray) -> None:
-        """Both (3, rows, columns) [m], views of any strides."""
+        """Search the contacts of the substep. Both arrays are (3, rows, columns) [m], views of any strides."""
         if min(self.rows, self.columns) < 2:
             return
         self._find.hash_cells(self._bands, before, predicted, self.record[0], *self._hashed)
@@ -101,5 +101,5 @@ class Contacts(HeldContacts):
         self._link()
 
     def project(self, position: np.ndarray) -> None:
-        """All sweeps over the contacts of the substep, on (3, rows, columns) [m]."""
+        """Sweep over the contacts of the substep, on (3, rows, columns) [m]."""
         self._sweep(self._begin, position)

@@ -1,5 +1,6 @@
-"""Which triangles a mass of a cloth may come near within a substep: the sheet's cells hashed by a counting sort, and every
-mass's nearest triangles. Parallel over rows, buckets and masses; what is found does not depend on the number of threads."""
+"""Search of the triangles that a mass of a cloth may touch within a substep: the sheet's cells hashed by a counting
+sort, and the nearest triangles of each mass. Parallel over rows, buckets and masses; the result does not depend on the
+number of threads."""
 
 from __future__ import annotations
 
@@ -18,16 +19,16 @@ from model.contact.self_contact_parameters import (
 )
 from model.formulas import contact
 
-VALUES = 7  # of a contact:
+VALUES = 7  # values of a contact:
 V_B, V_C, V_NX, V_NY, V_NZ, V_HELD, V_DISTANCE = range(VALUES)
 
 
 def make_slots(compiler: Compiler, count: int) -> SimpleNamespace:
-    """Of a mass's contacts, of `count` values each, in their order: `place_of` a new one, `copy` one."""
+    """Make `place_of` and `copy`, for the sorted contacts of a mass, of `count` values each."""
 
     @compiler.compiled
     def place_of(first, last, distance, triangle, triangles, values):
-        """Where it belongs: by distance, of equal ones the lower number first."""
+        """Return the place of a new contact, sorted by distance, then by number."""
         place = last
         while place > first and (
             distance < values[place - 1, V_DISTANCE]
@@ -48,7 +49,7 @@ def make_slots(compiler: Compiler, count: int) -> SimpleNamespace:
 
 
 def _make_triangle(compiler: Compiler, real: Any, formulas: SimpleNamespace, numbers: SimpleNamespace) -> Any:
-    """meet(k, i, j, triangle, begin, move, columns, parameters, corners, values, slots): see the inner function."""
+    """Make meet(k, i, j, triangle, begin, move, columns, parameters, corners, values, slots), see below."""
     nearest, away, length, dot = formulas.nearest, formulas.away, formulas.length, formulas.dot
     rest_distance, normal, held_distance = formulas.rest_distance, formulas.normal, formulas.held_distance
     corners_of, owns = numbers.corners, numbers.owns
@@ -61,8 +62,10 @@ def _make_triangle(compiler: Compiler, real: Any, formulas: SimpleNamespace, num
 
     @compiler.compiled
     def meet(k, i, j, triangle, begin, move, columns, parameters, triangles, corners, values, found):
-        """`found` and 1 more if mass k, in row i and column j, may come near the triangle, which then is put among its
-        nearest: by distance, of equal ones the lower number first."""
+        """Insert the triangle among the nearest of mass k, in row i and column j, if they may touch.
+
+        Sorted by distance, then by number. Returns `found`, plus 1 if they may touch.
+        """
         second, cell = triangle % two == 1, triangle // two
         a, b, c = corners_of(triangle, columns)
         if a == k or b == k or c == k:
@@ -105,7 +108,7 @@ def _make_triangle(compiler: Compiler, real: Any, formulas: SimpleNamespace, num
 
 
 def _make_space(compiler: Compiler, real: Any, formulas: SimpleNamespace) -> SimpleNamespace:
-    """`floor`, of a coordinate; `relative`: how far mass k moves, seen from a reference."""
+    """Make `floor`, of a coordinate, and `relative`, the displacement of mass k relative to a reference."""
     length = formulas.length
 
     @compiler.compiled
@@ -121,14 +124,17 @@ def _make_space(compiler: Compiler, real: Any, formulas: SimpleNamespace) -> Sim
 
 
 def _make_hash(compiler: Compiler, real: Any, formulas: SimpleNamespace, numbers: SimpleNamespace) -> Any:
-    """hash_cells: see the inner function."""
+    """Make hash_cells: see the inner function."""
     space, middle, scaled, zero = _make_space(compiler, real, formulas), formulas.middle, formulas.scaled, real(0)
     floor, relative, key_of, bucket_of = space.floor, space.relative, numbers.key, numbers.bucket
 
     @compiler.compiled
     def enclose(q, a, columns, begin, move, reference, boxes, center):
-        """The box that holds the four corners of cell q from the substep's beginning to its end, seen from `reference`;
-        returned: how far it reaches from the cell's middle along an axis. Boxes of a flat sheet are thin; balls are not."""
+        """Write the box of the four corners of cell q during the substep, relative to the motion of `reference`.
+
+        Returns its largest extent from the cell's middle along an axis. Boxes are used because those of a flat sheet
+        are thin, which balls are not.
+        """
         b, c, d = a + 1, a + columns, a + columns + 1
         moved, extent = zero, zero
         for corner in (a, b, c, d):
@@ -148,9 +154,12 @@ def _make_hash(compiler: Compiler, real: Any, formulas: SimpleNamespace, numbers
         team, member, bands, before, predicted, parameters, begin, move, boxes, keys, buckets, largest, starts, totals,
         sorted_cells,
     ):  # fmt: skip
-        """The state before and the predicted one (3, rows, columns) put side by side, and the sheet's cells sorted into
-        buckets: those of bucket b are sorted_cells[starts[b] : starts[b + 1]], in ascending order. A thread owns a range of
-        buckets and reads all cells."""
+        """Copy the state before and the displacement of (3, rows, columns) by masses, and sort the sheet's cells into
+        buckets.
+
+        The cells of bucket b are sorted_cells[starts[b] : starts[b + 1]], in ascending order. Each thread has a range
+        of buckets and reads all cells.
+        """
         rows, columns = before.shape[1], before.shape[2]
         for band in shares(team, member, bands):
             for i in range(rows * band // bands, rows * (band + 1) // bands):
@@ -205,14 +214,14 @@ def _make_hash(compiler: Compiler, real: Any, formulas: SimpleNamespace, numbers
 
 
 def _make_search(compiler: Compiler, real: Any, formulas: SimpleNamespace, numbers: SimpleNamespace) -> Any:
-    """find_contacts: see the inner function."""
+    """Make find_contacts: see the inner function."""
     space, scaled, zero = _make_space(compiler, real, formulas), formulas.scaled, real(0)
     floor, relative, key_of, bucket_of = space.floor, space.relative, numbers.key, numbers.bucket
     meet = _make_triangle(compiler, real, formulas, numbers)
 
     @compiler.compiled
     def beside(x, y, z, own, boxes, q):
-        """Whether a point is farther than `own` from the box of cell q along an axis."""
+        """Return True if a point is farther than `own` from the box of cell q along an axis."""
         return (
             x < boxes[q, 0] - own or x > boxes[q, 3] + own or y < boxes[q, 1] - own or y > boxes[q, 4] + own
             or z < boxes[q, 2] - own or z > boxes[q, 5] + own
@@ -222,7 +231,7 @@ def _make_search(compiler: Compiler, real: Any, formulas: SimpleNamespace, numbe
         rows, columns, record, begin, move, boxes, keys, largest, starts, sorted_cells, triangles, corners, values,
         found,
     ):  # fmt: skip
-        """found (particles,): how many triangles each mass may come near; the first MAX_CONTACTS of them are kept."""
+        """Write found (particles,): how many triangles each mass may touch; MAX_CONTACTS of them are stored."""
         extent, mask = zero, np.int64(starts.size - 2)
         for i in range(rows - 1):
             extent = max(extent, largest[i])
@@ -262,7 +271,7 @@ def _make_search(compiler: Compiler, real: Any, formulas: SimpleNamespace, numbe
 
 @cache
 def make_find(real: Any, math: str) -> SimpleNamespace:
-    """`hash_cells` and `find_contacts`; arrays as cpu_backend/contact/self_contact.py makes them."""
+    """Compile `hash_cells` and `find_contacts`; the arrays are those of cpu_backend/contact/self_contact.py."""
     compiler = Compiler(f"{np.dtype(real).name}_{math}", math)
     given = compiler, real, contact.make(real, compiler.compiled), contact.make_numbers(compiler.compiled)
     return SimpleNamespace(hash_cells=_make_hash(*given), find_contacts=_make_search(*given))

@@ -1,5 +1,5 @@
-"""Holding a cloth's masses away from its triangles: every mass gathers what its contacts ask of it, as their mass and as
-a corner of their triangle, in the order of the contacts. Parallel, and the same bits for any number of threads."""
+"""Projection of a cloth's self-contacts: each mass sums the corrections of its contacts, as their mass and as a corner
+of their triangle, in the order of the contacts. Parallel, with the same bits for any number of threads."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from cpu_backend.core.progress import shares
 from model.contact.self_contact_parameters import MAX_CONTACTS
 from model.formulas import contact, surface_contact
 
-FORCES = 4  # of a contact in a sweep: how deep, how it moves its mass (of weight 1)
+FORCES = 4  # values of a contact in a sweep: depth, displacement of its mass (of weight 1)
 F_DEPTH, F_X, F_Y, F_Z = range(FORCES)
-LEVERS = FORCES + 6  # and of surfaces that rub how it moves its triangle's second and third corner beside that
+LEVERS = FORCES + 6  # with friction of surfaces: extra displacements of two corners
 
 
 def _make_now(compiler: Compiler, real: Any) -> SimpleNamespace:
-    """`shallower`, `rubbed`: what contacts of surfaces ask of where their triangle is now (surface_contact.py)."""
+    """Make `shallower`, `rubbed`: corrections of surface contacts from the current triangle (surface_contact.py)."""
     formulas = surface_contact.make(real, compiler.compiled)
     still_deep, rub, load, split = formulas.still_deep, formulas.rub, formulas.load, formulas.split
     first_weight = contact.make(real, compiler.compiled).first_weight
@@ -63,7 +63,7 @@ def _make_now(compiler: Compiler, real: Any) -> SimpleNamespace:
 def _make_contact(
     compiler: Compiler, real: Any, formulas: SimpleNamespace, friction: bool, surfaces: bool
 ) -> tuple[Any, Any]:
-    """(depth_of, push), of one contact."""
+    """Make (depth_of, push), for one contact."""
     current, zero = _make_now(compiler, real), real(0)
     shallower, rubbed_surfaces = current.shallower, current.rubbed
     dot, length, mixed, along = formulas.dot, formulas.length, formulas.mixed, formulas.along
@@ -72,7 +72,7 @@ def _make_contact(
 
     @compiler.compiled
     def offset(points, k, a, b, c, s, t):
-        """From the triangle's point to the mass."""
+        """Return the vector from the triangle's point to the mass."""
         return (
             points[k, 0] - mixed(points[a, 0], points[b, 0], points[c, 0], s, t),
             points[k, 1] - mixed(points[a, 1], points[b, 1], points[c, 1], s, t),
@@ -81,7 +81,7 @@ def _make_contact(
 
     @compiler.compiled
     def depth_of(slot, k, points, begin, corners, values):
-        """How much nearer than held [m]; not above 0 where the contact does nothing."""
+        """Return the penetration depth below the stored distance [m]; 0 or less if the contact is inactive."""
         a, b, c = corners[slot, 0], corners[slot, 1], corners[slot, 2]
         x, y, z = offset(points, k, a, b, c, values[slot, V_B], values[slot, V_C])
         depth = values[slot, V_HELD] - dot(values[slot, V_NX], values[slot, V_NY], values[slot, V_NZ], x, y, z)
@@ -98,7 +98,7 @@ def _make_contact(
         if friction:
             r = offset(points, k, a, b, c, s, t)
             ox, oy, oz = offset(begin, k, a, b, c, s, t)
-            x, y, z = r[0] - ox, r[1] - oy, r[2] - oz  # how it slid in this substep, and along the normal
+            x, y, z = r[0] - ox, r[1] - oy, r[2] - oz  # displacement in this substep, not only tangential
             if surfaces:
                 rubbed_surfaces(
                     slot, k, points, begin, corners, values, weights, loads, parameters, r, (x, y, z), forces
@@ -123,11 +123,14 @@ def _make_contact(
 
 
 def _make_link(compiler: Compiler) -> Any:
-    """link_contacts: see the inner function."""
+    """Make link_contacts: see the inner function."""
 
     def link_contacts(team, member, bands, found, corners, starts, totals, links):
-        """Of mass m the places (3 contact + corner) where it is a corner: links[starts[m] : starts[m + 1]], ascending. A
-        thread owns a range of masses and reads all contacts; a counting sort."""
+        """List, for mass m, the places (3 contact + corner) where it is a corner: links[starts[m] : starts[m + 1]],
+        ascending.
+
+        Each thread has a range of masses and reads all contacts; a counting sort.
+        """
         masses = found.size
         for band in shares(team, member, bands):
             low, high = masses * band // bands, masses * (band + 1) // bands
@@ -167,13 +170,13 @@ def _make_link(compiler: Compiler) -> Any:
 
 
 def _make_gather(compiler: Compiler, real: Any, formulas: SimpleNamespace, levered: bool) -> tuple[Any, Any]:
-    """(gather, load_of), of one mass."""
+    """Make (gather, load_of), for one mass."""
     first_weight, taken, zero, one = formulas.first_weight, formulas.taken, real(0), real(1)
     load_of_share = _make_now(compiler, real).load
 
     @compiler.compiled
     def share(values, place):
-        """Of a triangle's corner: of contact place // 3, the corner place % 3."""
+        """Return the weight of the corner place % 3 of contact place // 3."""
         slot, corner = place // 3, place % 3
         if corner == 0:
             return first_weight(values[slot, V_B], values[slot, V_C])
@@ -181,7 +184,7 @@ def _make_gather(compiler: Compiler, real: Any, formulas: SimpleNamespace, lever
 
     @compiler.compiled
     def lever(forces, place, axis):
-        """Of a triangle's corner: see `share`."""
+        """Return the further displacement of a triangle's corner along an axis; `place` as in `share`."""
         slot, corner = place // 3, place % 3
         if corner == 0:
             return -(forces[slot, FORCES + axis] + forces[slot, FORCES + 3 + axis])
@@ -189,7 +192,7 @@ def _make_gather(compiler: Compiler, real: Any, formulas: SimpleNamespace, lever
 
     @compiler.compiled
     def gather(k, found, values, starts, links, forces):
-        """How far all its contacts move mass k, for a weight of 1."""
+        """Return the displacement of mass k by all its contacts, for a weight of 1."""
         x, y, z = zero, zero, zero
         for slot in range(k * MAX_CONTACTS, k * MAX_CONTACTS + min(found[k], MAX_CONTACTS)):
             if forces[slot, F_DEPTH] > zero:
@@ -208,7 +211,7 @@ def _make_gather(compiler: Compiler, real: Any, formulas: SimpleNamespace, lever
 
     @compiler.compiled
     def load_of(k, found, values, starts, links, forces):
-        """How many contacts ask something of mass k, those of its triangles by its part in them."""
+        """Return the number of active contacts of mass k; as a triangle's corner it counts them by its weight."""
         load = zero
         for slot in range(k * MAX_CONTACTS, k * MAX_CONTACTS + min(found[k], MAX_CONTACTS)):
             if forces[slot, F_DEPTH] > zero:
@@ -224,8 +227,10 @@ def _make_gather(compiler: Compiler, real: Any, formulas: SimpleNamespace, lever
 
 @cache
 def make_project(real: Any, math: str, friction: bool, surfaces: bool = False) -> SimpleNamespace:
-    """`link_contacts` and `project_contacts`; arrays as cpu_backend/contact/self_contact.py makes them. `surfaces`: contacts
-    look at where their triangle is now, and rub without a moment."""
+    """Compile `link_contacts` and `project_contacts`; the arrays are those of cpu_backend/contact/self_contact.py.
+
+    `surfaces`: contacts use the current triangle, and friction exerts no moment.
+    """
     words = ("friction" if friction else "smooth") + "_surfaces" * surfaces
     variant = f"{np.dtype(real).name}_{math}_{words}"
     compiler = Compiler(variant, math)
@@ -237,7 +242,7 @@ def make_project(real: Any, math: str, friction: bool, surfaces: bool = False) -
         team, member, bands, sweeps, position, begin, found, corners, values, starts, links, weights, parameters, points,
         loads, forces,
     ):  # fmt: skip
-        """Sweeps, each over all contacts at once, from `position` (3, rows, columns) and into it."""
+        """Sweep over the contacts, all of a sweep from one state, and update `position` (3, rows, columns)."""
         rows, columns = position.shape[1], position.shape[2]
         masses = rows * columns
         for _ in range(sweeps):

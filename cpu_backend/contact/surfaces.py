@@ -17,11 +17,12 @@ AXES = 3
 
 
 class SurfaceContacts(HeldContacts):
-    """The contacts of a substep: vertices against the triangles of other bodies, and of their own body's far parts where it
-    meets itself. Particles are rows of numbers, positions first; `weights` (particles,): their inverse masses; `meeting`:
-    whose they are.
+    """The contacts of a substep: vertices against the triangles of other bodies, and against distant parts of their own
+    body if it has self-contact.
 
-    `find` makes them from the state before a substep and the predicted one; `project` sweeps over them.
+    Particles are rows of numbers, positions first. `weights` (particles,): their inverse masses. `meeting`: the family
+    of the surfaces. `find` makes the contacts from the state before a substep and the predicted one; `project` sweeps
+    over them.
     """
 
     def __init__(
@@ -43,7 +44,7 @@ class SurfaceContacts(HeldContacts):
         self.change(scene)
 
     def change(self, scene: Scene) -> None:
-        """Take over what may change while running."""
+        """Apply the parameters that may change during a run."""
         pairs = self._meeting.pairs(scene)
         self.record, self._pairs = self._meeting.record(scene, self.real), neighbour_record(pairs, self.real)
         self._reach = self.real(pairs[:, :, G_REACH].max())
@@ -51,7 +52,7 @@ class SurfaceContacts(HeldContacts):
             self._ratio = self._meeting.ratio(scene).astype(self.real)
 
     def find(self, before: np.ndarray, predicted: np.ndarray) -> None:
-        """Both (particles, 3 or more) [m]."""
+        """Search the contacts of the substep. Both arrays are (particles, 3 or more) [m]."""
         self._places.reshape(AXES, -1)[...] = before[self._vertices, :AXES].T
         self._neighbours.find(self._places, self._ones, self._pairs, self._reach)
         self.found[...] = 0
@@ -64,10 +65,10 @@ class SurfaceContacts(HeldContacts):
         self._link()
 
     def project(self, before: np.ndarray, position: np.ndarray) -> None:
-        """All sweeps over the contacts of the substep that began at `before`."""
+        """Sweep over the contacts of the substep that began at `before`."""
         self._sweep(before, position[:, :AXES].T[:, None])
 
     @property
     def neighbours_lost(self) -> int:
-        """How many vertices in reach there was no room for, since it was made."""
+        """Number of neighbouring vertices that did not fit, since the object was made."""
         return self._neighbours.lost

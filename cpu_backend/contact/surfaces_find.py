@@ -1,5 +1,5 @@
-"""Which triangles of other bodies' surfaces a vertex may come near within a substep, on CPU threads: those at the vertices
-that the search for neighbours found (contact/neighbours.py). What is found does not depend on the number of threads."""
+"""Search of the triangles of other bodies' surfaces that a vertex may touch within a substep, on CPU threads: those at
+its neighbouring vertices (contact/neighbours.py). The result does not depend on the number of threads."""
 
 from __future__ import annotations
 
@@ -16,19 +16,22 @@ from model.contact.particle_parameters import MAX_NEIGHBOURS
 from model.contact.self_contact_parameters import MAX_CONTACTS
 from model.formulas import contact, surface_contact
 
-V_INSIDE = OF_SHEETS  # not 0 where the vertex lies inside
+V_INSIDE = OF_SHEETS  # not 0 if the vertex is inside
 VALUES = OF_SHEETS + 1
 
 
 def _make_slots(compiler: Compiler, real: Any) -> SimpleNamespace:
-    """Of a vertex's contacts in their order: `place_of` a new one, `copy` one, `one_side`."""
+    """Make `place_of`, `copy` and `one_side`, for the sorted contacts of a vertex."""
     slots = make_slots(compiler, VALUES)
     copy = slots.copy
 
     @compiler.compiled
     def one_side(first, last, body, triangles, corners, values):
-        """How many are left: of each body the nearest triangle tells on which side a vertex lies. Inside, it alone leads out;
-        outside, what is seen from behind is no contact."""
+        """Remove contacts on the wrong side of a body, and return how many are left.
+
+        The nearest triangle of each body decides on which side of it the vertex is. If inside, only that contact
+        remains; if outside, triangles seen from behind are removed.
+        """
         zero, end = real(0), first
         for slot in range(first, last):
             kept, own = True, body[corners[slot, 0]]
@@ -46,8 +49,8 @@ def _make_slots(compiler: Compiler, real: Any) -> SimpleNamespace:
 
 
 def _make_triangle(compiler: Compiler, real: Any, slots: SimpleNamespace, ratios: bool) -> Any:
-    """meet(k, triangle, before, predicted, rest, body, surface, parameters, ratio, triangles, corners, values, found): see
-    the inner function."""
+    """Make meet(k, triangle, before, predicted, rest, body, surface, parameters, ratio, triangles, corners, values,
+    found): see the inner function."""
     formulas = contact.make(real, compiler.compiled)
     sides = surface_contact.make(real, compiler.compiled)
     outward, kept_by = sides.outward, sides.kept_by
@@ -66,7 +69,7 @@ def _make_triangle(compiler: Compiler, real: Any, slots: SimpleNamespace, ratios
 
     @compiler.compiled
     def rest_distance(rest, k, a, b, c, s, t):
-        """From the vertex to the triangle's point at rest."""
+        """Return the distance from the vertex to the triangle's point at rest."""
         return length(
             rest[k, 0] - mixed(rest[a, 0], rest[b, 0], rest[c, 0], s, t),
             rest[k, 1] - mixed(rest[a, 1], rest[b, 1], rest[c, 1], s, t),
@@ -75,7 +78,7 @@ def _make_triangle(compiler: Compiler, real: Any, slots: SimpleNamespace, ratios
 
     @compiler.compiled
     def meet(k, triangle, before, predicted, rest, body, surface, parameters, ratio, triangles, corners, values, found):
-        """`found` and 1 more if vertex k may come near the triangle, which then is put among its nearest."""
+        """Insert the triangle among the nearest of vertex k if they may touch. Returns `found`, plus 1 if so."""
         corners_of, owned = surface
         a, b, c = corners_of[triangle, 0], corners_of[triangle, 1], corners_of[triangle, 2]
         if a == k or b == k or c == k:
@@ -91,7 +94,7 @@ def _make_triangle(compiler: Compiler, real: Any, slots: SimpleNamespace, ratios
         nearer = max(motion(before, predicted, k, a), motion(before, predicted, k, b))
         nearer = max(nearer, motion(before, predicted, k, c))
         thickness, margin, flat = parameters.thickness, parameters.margin, parameters.normal_distance
-        if ratios:  # of vertices that are balls
+        if ratios:  # vertices that are balls
             thickness, margin, flat = kept_by(ratio[k], thickness), kept_by(ratio[k], margin), kept_by(ratio[k], flat)
         if not distance < thickness + margin + nearer:
             return found
@@ -121,10 +124,13 @@ def _make_triangle(compiler: Compiler, real: Any, slots: SimpleNamespace, ratios
 
 @cache
 def make_find(real: Any, math: str, ratios: bool = False) -> Any:
-    """find_contacts(bands, before, predicted, rest, body, vertices, neighbours, at_vertex, surface, parameters, ratio,
-    triangles, corners, values, found, lost, seen): of each vertex that has neighbours; `neighbours`: what their search found,
-    `at_vertex`, `surface`: (offsets, triangles at vertices), (corners, owned features). `found` is 0 before; `seen` (bands,
-    triangles): which vertex a triangle was last looked at for, which it is by each of its corners."""
+    """Compile find_contacts(bands, before, predicted, rest, body, vertices, neighbours, at_vertex, surface, parameters,
+    ratio, triangles, corners, values, found, lost, seen), for all vertices with neighbours.
+
+    `neighbours`: the result of their search. `at_vertex`: (offsets, triangles at vertices). `surface`: (corners, owned
+    features). `found` must be 0. `seen` (bands, triangles): the last vertex that a triangle was tested for, as each of
+    its corners leads to it.
+    """
     compiler = Compiler(f"surfaces{'_of_balls' * ratios}_{np.dtype(real).name}_{math}", math)
     slots = _make_slots(compiler, real)
     meet, one_side = _make_triangle(compiler, real, slots, ratios), slots.one_side

@@ -1,4 +1,5 @@
-"""Capsules and boxes that no way within a substep leads through: for the CPU's kernels (model/formulas/fluid/sweep.py)."""
+"""Swept collisions with capsules and boxes, which no path within a substep crosses, for the CPU's kernels
+(model/formulas/fluid/sweep.py)."""
 
 from __future__ import annotations
 
@@ -12,7 +13,7 @@ from model.mass_spring.cloth_parameters import B_RADIUS, B_THICKNESS, B_U, B_V, 
 
 
 def make_swept(compiler: Compiler, real: Any, pushing: SimpleNamespace) -> tuple[Any, Any]:
-    """`touch_capsule`, `touch_box`, as in cpu_backend/contact/colliders.py; `pushing`: of `make_push`."""
+    """Make `touch_capsule` and `touch_box`, as in cpu_backend/contact/colliders.py; `pushing`: of `make_push`."""
     compiled, point, answer, push = compiler.compiled, pushing.point, pushing.answer, pushing.push
     formulas, sums, sweeps = colliders.make(real, compiled), cloth.make(real, compiled), sweep.make(real, compiled)
     capsule, box, between, pushed = formulas.capsule, formulas.box, sums.between, sums.pushed

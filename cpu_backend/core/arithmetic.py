@@ -1,8 +1,8 @@
-"""How fast this machine's cores multiply and add: the roof of what no memory bounds, measured and not looked up.
+"""Peak arithmetic rate of this machine's cores, measured: the roofline of kernels that memory does not limit.
 
-Each core works on a short row that stays in its first cache. A number is loaded once, goes through CHAIN products and
-sums that the compiler fuses where the processor can, and is stored once; numbers of a row are independent, so the vector
-units are never idle for want of a result.
+Each core works on a short row that fits in its first-level cache. A number is loaded once, passes through CHAIN
+products and sums, which the compiler fuses where the processor can, and is stored once. The numbers of a row are
+independent, so the vector units never wait for a result.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ from cpu_backend.core.compile import Compiler
 
 CHAIN = 16  # multiply-adds between a load and its store
 ROW = 512  # numbers: 4 KiB at most
-REPEATS = 2000  # rows a call: some tenths of a millisecond
+REPEATS = 2000  # rows per call: a few 0.1 ms
 
 
 @cache
 def _make_chains(real: Any) -> Any:
-    """chains(rows, repeats, factor, summand): `rows` (threads, ROW), each moved on `repeats` times by its thread."""
+    """Make chains(rows, repeats, factor, summand): threads update rows of `rows` (threads, ROW) `repeats` times."""
     compiler = Compiler(f"{np.dtype(real).name}", "fast")
 
     @compiler.compiled
@@ -44,7 +44,7 @@ def _make_chains(real: Any) -> Any:
 
 
 def arithmetic_rate(precision: str, threads: int, budget: float = 0.2) -> float:
-    """Operations a second on `threads` threads, a multiply-add counting as two: the best of `budget` seconds of trials.
+    """Return the operations/s on `threads` threads, a multiply-add counting as two: the best trial of `budget` seconds.
 
     `precision`: float32 or float64.
     """
@@ -52,7 +52,7 @@ def arithmetic_rate(precision: str, threads: int, budget: float = 0.2) -> float:
     numba.set_num_threads(threads)
     rows = np.ones((threads, ROW), real)
     kernel = _make_chains(real)
-    arguments = rows, REPEATS, real(0.999), real(1e-3)  # a fixed point at 1: it neither grows nor becomes denormal
+    arguments = rows, REPEATS, real(0.999), real(1e-3)  # fixed point 1: values neither grow nor become denormal
     kernel(*arguments)
     best, end, trials = float("inf"), time.perf_counter() + budget, 0
     while trials < 3 or time.perf_counter() < end:

@@ -1,7 +1,7 @@
-"""Compiling the formulas and kernels for the CPU, and keeping the machine code between runs.
+"""Compilation of formulas and kernels for the CPU, and the cache of machine code between runs.
 
-A function is known by what it is made of (model/core/digest.py): two factories that make the same function share one,
-whatever they call their variant, and what a kernel is made of is in the name of the file in which its machine code is kept
+A function is identified by its content (model/core/digest.py): two factories that make the same function share one,
+whatever they call their variant, and the content of a kernel is part of the name of its machine code's file
 (model/core/kernel_cache.py).
 """
 
@@ -21,8 +21,8 @@ from cpu_backend.core.region import BodyPipeline, LinkedPipeline, packed, region
 from model.core.digest import content_digest, file_name, source_digest
 from model.core.kernel_cache import Kept, NamedByContent, Place, keep
 
-# What `fast` allows. Not `reassoc`, which would cancel the (p' - p) of the hand-out's step; not `nnan` and `ninf`, since
-# a diverging state must stay visible.
+# Optimisations of `fast`. Not `reassoc`, which would cancel the (p' - p) of the hand-out's step; not `nnan` and `ninf`,
+# since a diverging state must stay visible.
 FAST = frozenset({"contract", "arcp", "afn", "nsz"})
 
 
@@ -35,10 +35,10 @@ class _KernelCache(Kept, FunctionCache):
 
 
 class _RowPipeline(LinkedPipeline):
-    """numba's pipeline for functions whose array arguments share no memory that is written.
+    """The numba pipeline of functions whose array arguments do not overlap if they are written.
 
-    LLVM is told so. Else it checks at run time whether the arrays overlap, which takes longer than a short row, and
-    above a handful of arrays it does not vectorise at all.
+    It tells LLVM so. Otherwise LLVM checks at run time whether the arrays overlap, which takes longer than a short row,
+    and for more than a handful of arrays it does not vectorise at all.
     """
 
     def define_pipelines(self) -> Any:
@@ -46,39 +46,39 @@ class _RowPipeline(LinkedPipeline):
         return super().define_pipelines()
 
 
-# How functions are compiled, which their own content does not tell: pipelines and libraries.
+# How functions are compiled, which is not part of their own content: pipelines and libraries.
 _HOW = source_digest(Path(__file__), Path(__file__).with_name("region.py"))
-_shared: dict[str, Any] = {}  # functions that kernels call, by what they are made of
+_shared: dict[str, Any] = {}  # functions that kernels call, by their content
 
 
 class Compiler:
-    """Decorators for one arithmetic: `compiled` for formulas and helpers, `row` for loops along a row, `kernel` for what
-    Python calls. `variant`: what a kernel is called where people read of it; it need not tell variants apart."""
+    """Decorators for one arithmetic: `compiled` for formulas and helpers, `row` for loops along a row, `kernel` for
+    functions that Python calls. `variant`: label of a kernel for readers; it need not be unique."""
 
     def __init__(self, variant: str, math: str):
         self.variant = variant
         self.options: dict[str, Any] = {
             "fastmath": set(FAST) if math == "fast" else False,
-            "error_model": "numpy",  # without it every quotient keeps a branch that stops vectorisation
+            "error_model": "numpy",  # by default every quotient has a branch that prevents vectorisation
             "nogil": True,
         }
-        # only ever called from kernels: without wrappers for Python and C a variant compiles in four fifths of the time;
-        # and they allocate nothing, so that there is nothing to count references of
+        # They are only called from kernels: without wrappers for Python and C a variant compiles in 4/5 of the time.
+        # They allocate nothing, so no reference counting is needed.
         self._inner: dict[str, Any] = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True, "_nrt": False}
 
     def compiled(self, function: Callable) -> Any:
         return self._made_once(function)
 
     def inlined(self, function: Callable) -> Any:
-        """As `compiled`, for functions of so many arguments that passing them costs more than a short row."""
+        """Compile as `compiled`, for functions with so many arguments that passing them costs more than a short row."""
         return self._made_once(function, forceinline=True)
 
     def row(self, function: Callable) -> Any:
-        """A loop along rows. Its array arguments must not overlap, except for those that it only reads."""
+        """Compile a loop along rows. Its array arguments must not overlap, except for those that it only reads."""
         return self._made_once(function, pipeline_class=_RowPipeline)
 
     def kernel(self, function: Callable, parallel: bool = True) -> Any:
-        """A parallel kernel whose machine code is kept on disk; without a writable place it is compiled each time."""
+        """Compile a parallel kernel, cached on disk; without a writable folder it is compiled each time."""
         label = f"{function.__name__} {self.variant}"
         named(function, content_digest(function, self.options, _HOW))
         dispatcher = numba.njit(parallel=parallel, **self.options)(function)
@@ -86,15 +86,18 @@ class Compiler:
         return dispatcher
 
     def team(self, function: Callable) -> Any:
-        """A parallel kernel (bands, ...) of one region, in which every member runs `function` (team, member, bands, ...): see
-        progress.shares. Arguments are numbers, arrays and tuples of them."""
+        """Compile a parallel kernel (bands, ...) of one region, in which every member runs `function` (team, member,
+        bands, ...).
+
+        See progress.shares. Arguments are numbers, arrays and tuples of them.
+        """
         name, run, all_members = self._inside(function)
 
         def team(bands, *given):
             flags = new_team(bands)
             entry, arguments = packed(run, (flags,), bands, given)
             all_members(entry, arguments, bands)
-            flags[0, 1] = bands  # so that they live until here
+            flags[0, 1] = bands  # keeps them alive until here
 
         team.__name__ = f"team_{name}"
         kernel = self.kernel(team, parallel=False)
@@ -109,7 +112,8 @@ class Compiler:
         return kernel
 
     def banded(self, function: Callable) -> Any:
-        """A parallel kernel (bands, ...) that runs `function` (band, bands, ...) for every band, in any order."""
+        """Compile a parallel kernel (bands, ...) that runs `function` (band, bands, ...) for all bands, in any
+        order."""
         name, run, all_members = self._inside(function)
 
         def banded(bands, *given):
@@ -128,7 +132,7 @@ class Compiler:
         return kernel
 
     def _inside(self, function: Any) -> tuple[str, Any, Any]:
-        """What a parallel kernel is made of: its name, what each member or band runs, and what starts them."""
+        """Return the components of a parallel kernel: name, function of a member or band, parallel region."""
         known = getattr(function, "softlab_content", None)
         name = function.__name__.removesuffix(f"_{known}")
         return name, function if known else self._made_once(function, BodyPipeline), _region()
@@ -144,7 +148,7 @@ class Compiler:
 
 
 def named(function: Callable, content: str) -> Callable:
-    """The function under a name that holds its content, so that no two share a symbol or a file of machine code."""
+    """Rename the function by its content, so that no two share a symbol or a file of machine code."""
     function.__name__ = function.__qualname__ = file_name(f"{function.__name__}_{content}")
     return function
 
@@ -166,5 +170,5 @@ def _empty_region() -> Any:
 
 
 def start_threads() -> None:
-    """Run one parallel region, so that the threading layer is chosen."""
+    """Run one parallel region, so that numba chooses its threading layer."""
     _empty_region()(1)

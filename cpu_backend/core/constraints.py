@@ -1,7 +1,7 @@
-"""The executor of position-based constraints on CPU threads: some of a colour, one after the other.
+"""Executor of position-based constraints on CPU threads.
 
-Corners, values and multipliers are rows of arrays, a row a constraint; what a projection computes is in
-model/formulas/constraints. Of a colour no two runs move the same particle, so that threads take any runs of it.
+Corners, values and multipliers are arrays with one row per constraint; model/formulas/constraints has the projections.
+No two runs of a colour move the same particle, so threads may process any runs of it.
 """
 
 from __future__ import annotations
@@ -18,15 +18,15 @@ from cpu_backend.core.progress import shares
 from model.core.constraints import ConstraintSet, Projection
 from model.core.tuples import each_of, tuple_of
 
-ALONE = 256  # constraints of a colour that one thread does sooner than threads come together: some microseconds
-# Runs of a colour that take turns: the processor begins the next one's constraint before the last one's is through, which
-# constraints of one run, that wait for each other, do not let it.
+ALONE = 256  # constraints of a colour that one thread processes faster than threads can synchronise: a few microseconds
+# Runs of a colour that are interleaved: the processor starts the constraint of the next run before it has finished the
+# last one's. Constraints of one run depend on each other and cannot overlap.
 TOGETHER = 16
 SetArrays = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 
 
 def set_arrays(found: ConstraintSet, projection: Projection, real: Any) -> SetArrays:
-    """(corners, values, multipliers, starts) of a set, as kernels take them."""
+    """Return (corners, values, multipliers, starts) of a set, the arguments of kernels."""
     rows = len(found.corners) if projection.soft else 0
     return (
         np.ascontiguousarray(found.corners, np.int32),
@@ -37,14 +37,16 @@ def set_arrays(found: ConstraintSet, projection: Projection, real: Any) -> SetAr
 
 
 def no_sets(real: Any) -> tuple[SetArrays, ...]:
-    """In place of the sets where a scene has no constraints."""
+    """Return empty sets, for a scene without constraints."""
     empty = np.zeros((0, 1), real)
     return ((np.zeros((0, 2), np.int32), empty, empty, np.zeros(1, np.int32)),)
 
 
 def make_rows(compiler: Compiler) -> SimpleNamespace:
-    """Particles as rows x, y, z, weight: `point(position, weights, k)`, `weight(...)`, `put(position, weights, k, point)`;
-    `weights` are not looked at."""
+    """Make accessors of particles stored as rows x, y, z, weight; `weights` is not used.
+
+    `point(position, weights, k)`, `weight(...)`, `put(position, weights, k, point)`.
+    """
 
     @compiler.compiled
     def point(position, weights, k):
@@ -62,7 +64,7 @@ def make_rows(compiler: Compiler) -> SimpleNamespace:
 
 
 def make_planes(compiler: Compiler) -> SimpleNamespace:
-    """The same of particles in three planes, as many numbers each as there are `weights`."""
+    """Make the same accessors of particles stored in three planes, each as long as `weights`."""
 
     @compiler.compiled
     def point(position, weights, k):
@@ -82,10 +84,13 @@ def make_planes(compiler: Compiler) -> SimpleNamespace:
 
 
 def make_projections(compiler: Compiler, real: Any, projection: Projection, particles: SimpleNamespace) -> Any:
-    """project(first, last, position, weights, before, corners, values, multipliers, fresh, parameters): constraints `first`
-    to before `last`. `multipliers` (constraints, n) count as 0 where `fresh`; `particles`: make_rows or make_planes."""
+    """Make project(first, last, position, weights, before, corners, values, multipliers, fresh, parameters).
+
+    It projects the constraints `first` to before `last`. `multipliers` (constraints, n) count as 0 if `fresh`;
+    `particles`: make_rows or make_planes.
+    """
     compiled = compiler.compiled
-    # a call of it would hand dozens of numbers over in memory
+    # inlined: a call would pass dozens of numbers through memory
     one = compiler.inlined(projection.make(real, compiled, **dict(projection.flags)).project.py_func)
     point, weight, put = particles.point, particles.weight, particles.put
     is_soft, is_damped = projection.soft, projection.damped
@@ -158,8 +163,11 @@ def make_projections(compiler: Compiler, real: Any, projection: Projection, part
 
 
 def make_colours(compiler: Compiler, projects: Sequence[Any], runs: Sequence[int]) -> Any:
-    """sweep(team, member, bands, position, weights, before, sets, fresh, parameters): all constraints once, set by set and
-    colour by colour. `projects`: make_projections of each set; `runs`: of each; `sets`: their set_arrays; at least one."""
+    """Make sweep(team, member, bands, position, weights, before, sets, fresh, parameters).
+
+    It projects all constraints once, set by set and colour by colour. `projects`: make_projections of each set; `runs`:
+    of each; `sets`: their set_arrays, at least one.
+    """
     found: Any = None
     for number in range(len(projects) - 1, -1, -1):
         found = _of_set(compiler, number, projects[number], runs[number], found)
@@ -167,7 +175,7 @@ def make_colours(compiler: Compiler, projects: Sequence[Any], runs: Sequence[int
 
 
 def _of_set(compiler: Compiler, number: int, project: Any, run: int, others: Any) -> Any:
-    """The sweep of set `number`, and then of the `others`."""
+    """Make the sweep of set `number`, followed by the `others`."""
     has_others = others is not None
 
     @compiler.compiled
@@ -187,8 +195,8 @@ def _of_set(compiler: Compiler, number: int, project: Any, run: int, others: Any
 
 @cache
 def make_constraint_stage(real: Any, math: str, projection: Projection, in_planes: bool) -> Any:
-    """stage(bands, start, stop, position, weights, before, corners, values, multipliers, fresh, parameters): a parallel loop
-    over one colour, by itself."""
+    """Compile stage(bands, start, stop, position, weights, before, corners, values, multipliers, fresh, parameters): a
+    parallel loop over one colour."""
     run = projection.run
     compiler = Compiler(f"{projection.name}_{np.dtype(real).name}_{math}", math)
     project = make_projections(compiler, real, projection, (make_planes if in_planes else make_rows)(compiler))
@@ -203,8 +211,10 @@ def make_constraint_stage(real: Any, math: str, projection: Projection, in_plane
 
 @cache
 def make_sweep_stage(real: Any, math: str, projections: tuple[Projection, ...]) -> Any:
-    """stage(bands, position, weights, before, sets, fresh, parameters): all constraints once, in one call, of particles as
-    rows; `sets`: those of the `projections`, at least one."""
+    """Compile stage(bands, position, weights, before, sets, fresh, parameters): all constraints once, in one call.
+
+    Particles are rows; `sets`: those of the `projections`, at least one.
+    """
     compiler = Compiler(f"sweep_{np.dtype(real).name}_{math}", math)
     rows = make_rows(compiler)
     projects = [make_projections(compiler, real, projection, rows) for projection in projections]

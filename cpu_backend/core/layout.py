@@ -1,10 +1,10 @@
-"""Where the numbers of a state lie: padded rows, so that a loop along a row is whole vectors and nothing else.
+"""Memory layout of a state: padded rows, so that a loop along a row consists of whole vectors.
 
-A state is four planes (x, y, vx, vy), one flat array. A row is followed by at least one spare column, a *ghost*: it holds
-the place of the row's last mass, and coincident masses do not pull, so that the loop needs no case for the edge. Loops
-run over whole BLOCKS of columns and so compute some ghosts; those are put back in place afterwards, and no mass ever sees
-another than the first of them. Rows and planes are a little longer than a power of two, since streams that lie a
-multiple of 4 KiB apart fall into the same few places of the first cache.
+A state is four planes (x, y, vx, vy), one flat array. A row is followed by at least one padding column, a *ghost*,
+which stores the position of the row's last mass. Coincident masses do not pull, so the loop needs no case for the edge.
+Loops run over whole BLOCKS of columns and so compute some ghosts; these are reset afterwards, and masses only ever read
+the first of them. Rows and planes are a little longer than a power of two, since streams at a multiple of 4 KiB from
+each other map to the same few sets of the first-level cache.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ from numba.extending import intrinsic
 from cpu_backend.core.plain import in_python
 
 LINE = 64  # bytes of a cache line, and of the widest vectors
-PAGE = 4096  # bytes after which places in the first cache repeat
+PAGE = 4096  # bytes after which addresses map to the same sets of the first-level cache
 SHIFT = 320  # bytes by which neighbouring planes are shifted in it
 PLANES = 4  # of a grid; a cloth has six
 
-# places in the array of integers that kernels get
+# indices in the array of integers for kernels
 L_ROWS, L_COLUMNS, L_STRIDE, L_PLANE = range(4)
 
 
@@ -32,12 +32,12 @@ _built_in: Any = intrinsic  # typed by numba when it is compiled
 
 
 def block_of(real: Any) -> int:
-    """Columns that loops along a row go on by: a cache line."""
+    """Return the number of columns per iteration of loops along a row: a cache line."""
     return LINE // np.dtype(real).itemsize
 
 
 def aligned_zeros(count: int, real: Any) -> np.ndarray:
-    """`count` zeros that begin at a cache line."""
+    """Return `count` zeros, aligned to a cache line."""
     item = np.dtype(real).itemsize
     memory = np.zeros(count + LINE // item, real)
     first = -memory.ctypes.data % LINE // item
@@ -46,7 +46,7 @@ def aligned_zeros(count: int, real: Any) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Layout:
-    """Of a grid of `rows` x `columns` masses. `stride`: scalars from row to row; `plane`: from plane to plane."""
+    """Layout of `rows` x `columns` masses. `stride`: scalars from row to row; `plane`: from plane to plane."""
 
     rows: int
     columns: int
@@ -56,34 +56,34 @@ class Layout:
 
     @property
     def size(self) -> int:
-        """Scalars of a state."""
+        """Number of scalars of a state."""
         return self.planes * self.plane
 
     def integers(self) -> np.ndarray:
-        """What kernels get, see L_ROWS and so on."""
+        """Return the integers for kernels, indexed by L_ROWS and so on."""
         return np.array([self.rows, self.columns, self.stride, self.plane], np.int64)
 
     def view(self, state: np.ndarray, columns: int | None = None) -> np.ndarray:
-        """(planes, rows, columns) of a flat state, without its ghosts (or with those up to `columns`)."""
+        """Return (planes, rows, columns) of a flat state, without its ghosts (or with those up to `columns`)."""
         planes = state.reshape(self.planes, self.plane)[:, : self.rows * self.stride]
         return planes.reshape(self.planes, self.rows, self.stride)[:, :, : columns or self.columns]
 
     def rows_of(self, state: np.ndarray, held: slice) -> np.ndarray:
-        """(planes, rows, columns) of the rows `held` of a flat state, columns in their order."""
+        """Return (planes, rows, columns) of the rows `held` of a flat state, columns in their order."""
         return self.view(state)[:, held]
 
     def put_rows(self, state: np.ndarray, held: slice, rows: np.ndarray) -> None:
-        """Take such rows as the rows `held` of a flat state."""
+        """Write `rows` into the rows `held` of a flat state."""
         self.view(state)[:, held] = rows
 
 
 def plain(rows: int, columns: int, planes: int = PLANES) -> Layout:
-    """No padding: planes as NumPy would have them, for kernels that take arrays of (rows, columns)."""
+    """Return a layout without padding, planes as in NumPy, for kernels that take arrays of (rows, columns)."""
     return Layout(rows, columns, columns, rows * columns, planes)
 
 
 def padded(rows: int, columns: int, real: Any, planes: int = PLANES) -> Layout:
-    """For loops over whole blocks."""
+    """Return the layout for loops over whole blocks."""
     block, item = block_of(real), np.dtype(real).itemsize
     stride = (columns // block + 1) * block
     if stride * item % PAGE == 0:
@@ -94,9 +94,9 @@ def padded(rows: int, columns: int, real: Any, planes: int = PLANES) -> Layout:
 
 @_built_in
 def row_at(typing_context, array, offset):
-    """The part of a flat array that begins at `offset`, as an array of unchecked length.
+    """Return the part of a flat array from `offset` on, as an array of unchecked length.
 
-    Slicing would do, at the price of bounds and reference counts for a dozen rows at a time, more than a short row costs.
+    A slice would cost bounds checks and reference counts for a dozen rows at a time, more than a short row itself.
     """
     if not (isinstance(array, types.Array) and array.ndim == 1 and array.layout == "C"):
         return None

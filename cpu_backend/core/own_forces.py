@@ -1,4 +1,4 @@
-"""Forces on a particle by itself (model/core/own_forces.py) on CPU threads: along a row, and as stages."""
+"""Forces on single particles (model/core/own_forces.py) on CPU threads: along a row, and as stages."""
 
 from __future__ import annotations
 
@@ -14,13 +14,15 @@ from model.core.plan import Moment, StageRun
 
 
 def make_own_force(compiler: Compiler, real: Any, axes: int, parts: frozenset[str]) -> Any:
-    """own(a, k, weight, parameters, integers, step), see model/core/own_forces.py."""
+    """Make own(a, k, weight, parameters, integers, step) (model/core/own_forces.py)."""
     return make_own(real, compiler.compiled, lambda make: make(real, compiler.compiled), axes, parts)
 
 
 def make_own_row(compiler: Compiler, real: Any, axes: int, parts: frozenset[str]) -> Any:
-    """add(count, first, step, parameters, integers, x, y[, z]): onto a row's sums of accelerations, an array an axis; of so
-    many particles from number `first` on."""
+    """Make add(count, first, step, parameters, integers, x, y[, z]).
+
+    It adds to a row's sums of accelerations, one array per axis, for `count` particles from number `first` on.
+    """
     own, one = make_own_force(compiler, real, axes, parts), real(1)
 
     def add_2d(count, first, step, parameters, integers, x, y):
@@ -36,9 +38,11 @@ def make_own_row(compiler: Compiler, real: Any, axes: int, parts: frozenset[str]
 
 @cache
 def _make_stage(real: Any, math: str, axes: int, force: OwnForce, has_load: bool, window: frozenset[str]) -> Any:
-    """stage(acceleration, weights, record, integers, step): one force on every mass; `acceleration` (axes, rows, columns)
-    [m/s^2], `weights` (rows, columns), by which masses are lighter than the sheet's where they differ (`has_load`);
-    `window`: {WINDOW} where the sheet is one, else nothing."""
+    """Compile stage(acceleration, weights, record, integers, step): one force on every mass.
+
+    `acceleration` (axes, rows, columns) [m/s^2]; `weights` (rows, columns): factors by which masses are lighter than
+    the sheet's, if they differ (`has_load`); `window`: {WINDOW} if the sheet is one, else empty.
+    """
     compiler = Compiler(f"{force.part}_{axes}d_{np.dtype(real).name}_{math}", math)
     own = make_own_force(compiler, real, axes, window | {force.part} | ({"load"} if has_load else set()))
     zero, one = real(0), real(1)
@@ -68,7 +72,7 @@ def _make_gravity(real: Any, math: str) -> Any:
 
 
 def bind_forces(sim: Any, acceleration: np.ndarray, weights: np.ndarray | None = None) -> dict[str, StageRun]:
-    """What runs the stages of `sim` that look at one mass alone: gravity and these forces; `weights` where masses differ."""
+    """Return the stages of `sim` for single masses: gravity and these forces; `weights` if masses differ."""
     gravity = _make_gravity(sim.real, sim.options.math)
     alike = np.zeros((1, 1), sim.real) if weights is None else weights
 

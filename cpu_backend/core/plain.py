@@ -1,12 +1,12 @@
-"""The CPU kernels as plain Python: what they compute without compiling, as CUDA has its simulator.
+"""The CPU kernels as plain Python: the same results without compiling, as CUDA's simulator gives them.
 
-SOFTLAB_PLAIN_PYTHON=1 in the environment, or `plain_python(True)`, and calling a kernel runs its Python source: the kernel
-and every function it calls, with NumPy scalars for numbers. In `exact` math the bits are those of the compiled kernel;
-`fast` math, which may round otherwise, is computed as `exact` is. A breakpoint in a formula stops. A step of 64 masses takes
-milliseconds instead of seconds of compiling, one of a million masses minutes.
+With SOFTLAB_PLAIN_PYTHON=1 in the environment, or after `plain_python(True)`, calling a kernel runs its Python source:
+the kernel and every function it calls, with NumPy scalars for numbers. In `exact` math the bits equal those of the
+compiled kernel; `fast` math, which may round differently, is computed as `exact`. Breakpoints in formulas work. A step
+of 64 masses takes milliseconds instead of seconds of compiling, one of a million masses takes minutes.
 
-What only machine code does (intrinsics) has an equivalent beside it, see `in_python`. One thread runs all bands one after
-the other: kernels whose threads wait for each other find that the others are not there, and take their other way.
+Intrinsics, which only machine code has, have an equivalent next to them (see `in_python`). One thread runs all bands in
+sequence: kernels whose threads wait for each other notice that the others are missing and take their serial branch.
 """
 
 from __future__ import annotations
@@ -27,25 +27,25 @@ from numba.core.registry import CPUDispatcher
 SWITCH = "SOFTLAB_PLAIN_PYTHON"
 SECONDS = "SOFTLAB_PLAIN_PYTHON_SECONDS"
 
-_equivalents: dict[Any, Callable] = {}  # of intrinsics, and of functions that are another thing on one thread
+_equivalents: dict[Any, Callable] = {}  # of intrinsics, and of functions that differ on one thread
 _translated: dict[Any, Callable] = {}
-_machine_code = BaseDispatcher.__call__  # what calling a kernel does unless it is plain
+_machine_code = BaseDispatcher.__call__  # the normal call of a kernel
 _left = math.inf  # seconds until machine code takes over
-_end = math.inf  # of the processor's time, when the call under way has to end
+_end = math.inf  # process time [s] at which the current call has to end
 
 
 class TooLong(Exception):
-    """A call in plain Python takes longer than machine code's compiling may."""
+    """A call in plain Python that takes longer than compiling may."""
 
 
 def still_time() -> None:
-    """Asked by loops over bands and over parts of a team's work. Raises where the call has had its time."""
+    """Raise TooLong if the call has used up its time; called by loops over bands and over parts of a team's work."""
     if time.process_time() > _end:
         raise TooLong
 
 
 def _each(*bounds: int) -> Iterator[int]:
-    """What prange is in plain Python."""
+    """Iterate as prange does, in plain Python."""
     for k in range(*bounds):
         still_time()
         yield k
@@ -62,7 +62,7 @@ def in_python(machine_code: Any) -> Callable[[Callable], Callable]:
 
 
 def _sqrt(number: Any) -> Any:
-    """Rounded to the argument's type, NaN for negative numbers: the square root of a float32 by way of float64 is exact."""
+    """Return the square root in the argument's type, NaN if negative; that of a float32 via float64 is exact."""
     return type(number)(math.sqrt(number)) if number >= 0 else number - number + math.nan * number
 
 
@@ -70,7 +70,7 @@ def _whole(kind: Any) -> Callable[[Any], Any]:
     def convert(number: Any) -> Any:
         try:
             return kind(number)
-        except (ValueError, OverflowError):  # NaN and numbers out of range, for which processors have a value too
+        except (ValueError, OverflowError):  # NaN and numbers out of range, for which processors also return a value
             return np.asarray(number).astype(kind)[()]
 
     return convert
@@ -91,7 +91,7 @@ _replaced: dict[Any, Any] = {
 
 
 def _plainly(value: Any) -> Any:
-    """What stands for a global or closed-over value of a compiled function."""
+    """Return the replacement of a global or closed-over value of a compiled function."""
     if isinstance(value, tuple):
         return tuple(_plainly(item) for item in value)
     if isinstance(value, Dispatcher):
@@ -102,7 +102,7 @@ def _plainly(value: Any) -> Any:
 
 
 def translated(dispatcher: Any) -> Callable:
-    """The plain function of a compiled one; all that it calls is plain too."""
+    """Return the plain function of a compiled one; all that it calls is plain too."""
     if dispatcher in _equivalents:
         return _equivalents[dispatcher]
     if dispatcher not in _translated:
@@ -117,12 +117,12 @@ def translated(dispatcher: Any) -> Callable:
 
 
 def _is_made(dispatcher: Any) -> bool:
-    """Whether a kernel has machine code, of this process or kept."""
+    """Return True if a kernel has machine code, from this process or cached."""
     return bool(dispatcher.overloads) or getattr(dispatcher._cache, "has_any", False)
 
 
 def _arrays(arguments: Any) -> Iterator[np.ndarray]:
-    """All that a call may write to, in tuples too."""
+    """Iterate over all arrays that a call may write to, in tuples too."""
     for argument in arguments:
         if isinstance(argument, np.ndarray) and argument.flags.writeable:
             yield argument
@@ -135,25 +135,25 @@ def _call(dispatcher: Any, *arguments: Any) -> Any:
     if _left < math.inf and _is_made(dispatcher):
         numba.set_num_threads(
             numba.get_num_threads()
-        )  # starts them: kept code of a team may be called before any solver did
+        )  # starts the threads: cached code of a team may be called before any solver did
         return _machine_code(dispatcher, *arguments)
     begin = time.process_time()
     before = [(array, array.copy()) for array in _arrays(arguments)] if _left < math.inf else []
     _end = begin + _left
     try:
-        with np.errstate(all="ignore"):  # quotients by zero and overflows are numbers, as in machine code
+        with np.errstate(all="ignore"):  # quotients by zero and overflows give numbers, as in machine code
             return translated(dispatcher)(*(readable(argument) for argument in arguments))
     except TooLong:
         for array, copy in before:
             array[...] = copy
-        plain_python(False)  # the kernels that this one would be followed by would take too long, too
+        plain_python(False)  # the next kernels would take too long, too
         return dispatcher(*arguments)
     finally:
         _left -= time.process_time() - begin
 
 
 class Constants:
-    """The values of a record of equal types, by attribute or by name: thirty times as quick to look up as in numpy's own."""
+    """The values of a record of equal types, by attribute or by name, thirty times as fast as in numpy's own."""
 
     def __init__(self, record: np.record):
         values = np.frombuffer(record.tobytes(), record.dtype[0])
@@ -164,8 +164,11 @@ class Constants:
 
 
 def readable(argument: Any) -> Any:
-    """An argument as plain Python takes it: a Python number is a 64-bit one in machine code; records, and arrays of one
-    record, also in tuples, as `Constants`."""
+    """Return an argument in the form that plain Python takes.
+
+    A Python number becomes a 64-bit one, as in machine code; records, and arrays of one record, also in tuples, become
+    `Constants`.
+    """
     if type(argument) is float:
         return np.float64(argument)
     if type(argument) is np.record:
@@ -178,10 +181,10 @@ def readable(argument: Any) -> Any:
 
 
 def plain_python(on: bool, seconds: float = math.inf) -> None:
-    """From here on calling a kernel runs its source (True) or its machine code (False).
+    """Make calls of kernels run their source (True) or their machine code (False) from now on.
 
-    `seconds`: of the processor's time, after which machine code takes over, with the same bits in `exact` math; and where
-    there is machine code already, it runs at once.
+    `seconds`: process time after which machine code takes over, with the same bits in `exact` math; existing machine
+    code runs at once.
     """
     global _left
     _left = seconds
@@ -192,7 +195,7 @@ def plain_python(on: bool, seconds: float = math.inf) -> None:
 
 
 def is_plain() -> bool:
-    """Whether kernels run as plain Python."""
+    """Return True if kernels run as plain Python."""
     return CPUDispatcher.__dict__.get("__call__") is _call
 
 

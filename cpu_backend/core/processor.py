@@ -8,7 +8,7 @@ from functools import cache
 
 @cache
 def processor_name() -> str:
-    """The processor as it calls itself."""
+    """Return the processor's own name."""
     try:
         with open("/proc/cpuinfo", encoding="utf-8") as file:
             for line in file:

@@ -1,11 +1,11 @@
-"""How threads of one parallel region tell each other how far they are: flags in memory, waiting for them, and teams.
+"""Synchronisation of the threads of one parallel region: progress flags in memory, waiting for them, and teams.
 
-A flag is an int64 with a pair of cache lines to itself, in an array (flags, FLAG_SPACING). It is stored with release and
-loaded with acquire order: who sees the flag sees what its thread had written before.
+A flag is an int64 with two cache lines to itself, in an array (flags, FLAG_SPACING). It is stored with release and
+loaded with acquire order: a thread that sees the flag sees everything that its thread had written before.
 
-Who waits spins for microseconds, then offers the processor, then sleeps, longer each time: the one waited for may lie on
-the same core, or behind another program. A team goes further: work that its member has not begun is taken over by who would
-wait for it, so that a thread which the system keeps away holds nobody up.
+A waiting thread spins for microseconds, then yields the processor, then sleeps, longer each time: the thread that it
+waits for may be on the same core, or behind another program. A team does more: work that its member has not begun is
+taken over by a thread that would wait for it, so that a descheduled thread does not stall the others.
 """
 
 from __future__ import annotations
@@ -26,16 +26,16 @@ from numba.extending import intrinsic
 from cpu_backend.core.plain import in_python, still_time
 
 FLAG_SPACING = 16  # int64: two lines, since processors fetch lines in pairs
-SPINS = 300  # looks with a pause between them: some microseconds
-YIELDS = 200  # looks with the processor offered between them: a tenth of a millisecond where nobody wants it
-SHORTEST_SLEEP, LONGER = 20, 4  # us, and how often it doubles: a third of a millisecond, a tenth of a time slice
+SPINS = 300  # checks with a pause between them: a few microseconds
+YIELDS = 200  # checks with a yield between them: 0.1 ms if no other thread wants the processor
+SHORTEST_SLEEP, LONGER = 20, 4  # us, and how often it doubles: 0.3 ms, a tenth of a time slice
 
 _YIELD, _SLEEP = "softlab_yield_processor", "softlab_sleep"
 _X86 = platform.machine().lower() in ("x86_64", "amd64", "i686", "x86")
 
 
 def _register_calls() -> None:
-    """Give compiled code the system's calls by names of ours, which then are the same in cached machine code."""
+    """Register the system's calls under our own names, which are then the same in cached machine code."""
     if sys.platform == "win32":
         offer, sleep = ctypes.windll.kernel32.SwitchToThread, ctypes.windll.kernel32.Sleep
     else:
@@ -59,7 +59,7 @@ def _pointer(context: Any, builder: Any, array_type: Any, array: Any, flag: Any)
 
 @_built_in
 def load_acquire(typing_context, flags, flag):
-    """The flag's value."""
+    """Return the flag's value."""
 
     def build(context, builder, signature, arguments):
         pointer = _pointer(context, builder, signature.args[0], *arguments)
@@ -82,7 +82,7 @@ def store_release(typing_context, flags, flag, value):
 
 @_built_in
 def exchange(typing_context, flags, flag, seen, value):
-    """Set the flag if it still is as it was seen; whether it was."""
+    """Set the flag if its value still is `seen`. Returns True if it was."""
 
     def build(context, builder, signature, arguments):
         pointer = _pointer(context, builder, signature.args[0], *arguments[:2])
@@ -94,7 +94,7 @@ def exchange(typing_context, flags, flag, seen, value):
 
 @_built_in
 def pause(typing_context):
-    """Tell the core that this is a waiting loop, where it has an instruction for that."""
+    """Mark a waiting loop for the core, if it has an instruction for that."""
 
     def build(context, builder, signature, arguments):
         if _X86:
@@ -107,7 +107,7 @@ def pause(typing_context):
 
 @_built_in
 def yield_processor(typing_context):
-    """Offer the processor to another thread that is ready to run."""
+    """Yield the processor to another thread that is ready to run."""
 
     def build(context, builder, signature, arguments):
         kind = ir.FunctionType(ir.IntType(32), [])
@@ -130,14 +130,13 @@ def _system_sleep(typing_context, units):
 
 
 def new_flags(count: int) -> np.ndarray:
-    """`count` flags, all 0."""
+    """Return `count` flags, all 0."""
     return np.zeros((count + 1, FLAG_SPACING), np.int64)
 
 
 @numba.njit(nogil=True)
 def bide(looks, spins):
-    """Let some time pass before the next look at a flag, after `looks` of them: `spins` pauses, then YIELDS offers of the
-    processor, then sleep."""
+    """Wait before the next check of a flag, after `looks` checks: `spins` pauses, then YIELDS yields, then sleep."""
     if looks < spins:
         pause()
     elif looks < spins + YIELDS:
@@ -153,8 +152,11 @@ _inner: dict[str, Any] = {"nogil": True, "no_cpython_wrapper": True, "no_cfunc_w
 
 @numba.njit(nogil=True)
 def new_team(members):
-    """The flags of a team of so many members: which phase each part was last taken in and done in, and of each member the
-    phase it is in and how long it waits for a part to be taken."""
+    """Return the flags of a team of `members`.
+
+    They store the phase in which each part was last taken and done, and for each member its phase and how long it waits
+    for a part to be taken.
+    """
     team = np.zeros((3 * members + 1, FLAG_SPACING), np.int64)
     team[2 * members :, 1] = SPINS
     return team
@@ -162,19 +164,20 @@ def new_team(members):
 
 @numba.njit(**_inner)
 def take(team, part, phase):
-    """Whether the part was to be had in this phase, and now is the caller's."""
+    """Take the part in this phase. Returns True if it was free and now is the caller's."""
     seen = load_acquire(team, part)
     return seen < phase and exchange(team, part, seen, phase)
 
 
 @numba.njit(**_inner)
 def shares(team, member, count):
-    """Goes over the parts 0 to `count` - 1 of a phase that a member is to do; ends when all parts are done, by anyone.
+    """Iterate over the parts 0 to `count` - 1 of a phase that a member has to do; ends when all parts are done, by any
+    member.
 
-    All members go through the same phases in the same order, with as many parts. A member begins with the part of its own
-    number. One that others have not begun while it looked for them a while it does itself, and looks for less long the next
-    time; a member that comes late finds its phases done. So parts must not depend on who does them, and what lies between
-    two phases may be done late, twice and at any time: it reads nothing that phases write, and writes nothing.
+    All members pass through the same phases in the same order, with as many parts. A member begins with the part of its
+    own number. It takes over a part that others have not begun while it waited, and waits less the next time; a member
+    that comes late finds its phases done. So parts must not depend on the member that does them. Code between two
+    phases may run late, twice and at any time: it must not read anything that phases write, nor write anything.
     """
     members = np.int64(team.shape[0]) // 3
     own = 2 * members + member
@@ -221,12 +224,12 @@ def _no_time(looks: int, spins: int) -> None:
 
 @in_python(new_team)
 def _team(members: int) -> np.ndarray:
-    return new_team.py_func(members)  # as it stands: element types of arrays are no conversions
+    return new_team.py_func(members)  # not translated: element types of arrays are no conversions
 
 
 @in_python(shares)
 def _all_parts(team: np.ndarray, member: int, count: int) -> Iterator[int]:
-    """Members run one after the other: the first does every part, the others find them done."""
+    """Run members in sequence: the first does every part, the others find them done."""
     own = 2 * (len(team) // 3) + member
     phase = team[own, 0] = team[own, 0] + 1
     for part in range(count):

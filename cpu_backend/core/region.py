@@ -1,9 +1,9 @@
 """The one parallel region of all team kernels: its members enter a kernel by address.
 
-numba makes of a parallel loop's body four functions, one around the other, and optimises and emits all that the body calls
-with each: most of the time that a large kernel takes to compile. So there is one such loop, of whole numbers, that calls a
-function at an address; a kernel hands it the address of its own body and of the arguments, which lie packed on the stack of
-the thread that called the kernel.
+numba makes four nested functions of a parallel loop's body, and optimises and emits all that the body calls with each:
+most of the compile time of a large kernel. So there is only one such loop, over integers, that calls a function at an
+address. A kernel passes it the address of its own body and of the arguments, which are packed on the stack of the
+thread that called the kernel.
 """
 
 from __future__ import annotations
@@ -24,14 +24,14 @@ _ENTRY = ir.FunctionType(ir.VoidType(), [ir.IntType(8).as_pointer(), ir.IntType(
 
 
 class _NoEnvironment:
-    """In place of the engine that a library's code is emitted by."""
+    """Replacement of the engine that emits a library's code."""
 
     def set_env(self, name: str, environment: Any) -> None:
-        """What is not emitted has no environment; it needs none, see Compiler."""
+        """Ignore the environment: code that is not emitted has none and needs none (see Compiler)."""
 
 
 class LinkedLibrary(JITCodeLibrary):
-    """Code that is only ever linked into other code: emitted there, not by itself."""
+    """Code that is only linked into other code: emitted there, not on its own."""
 
     codegen = _NoEnvironment()
 
@@ -43,14 +43,14 @@ class LinkedLibrary(JITCodeLibrary):
 
 
 class _BodyLibrary(LinkedLibrary):
-    """Code that a single function contains: optimised there, not by itself."""
+    """Code that a single function contains: optimised there, not on its own."""
 
     def _optimize_final_module(self) -> None:
         pass
 
 
 class LinkedPipeline(NumbaCompiler):
-    """numba's pipeline for functions that only kernels call."""
+    """The numba pipeline of functions that only kernels call."""
 
     library = LinkedLibrary
 
@@ -60,7 +60,7 @@ class LinkedPipeline(NumbaCompiler):
 
 
 class BodyPipeline(LinkedPipeline):
-    """The same for the body of a parallel kernel."""
+    """The same pipeline for the body of a parallel kernel."""
 
     library = _BodyLibrary
 
@@ -79,14 +79,14 @@ def enter(typing_context, entry, arguments, member):
 
 
 def region(entry, arguments, members):
-    """The body, once for each member."""
+    """Run the body once for each member."""
     for member in numba.prange(members):
         enter(entry, arguments, np.int64(member))
 
 
 @_built_in
 def packed(typing_context, body, first, members, given):
-    """(address of a kernel's body, address of its arguments); the body takes (*first, member, members, *given)."""
+    """Return the addresses of a kernel's body and its arguments; the body takes (*first, member, members, *given)."""
     taken = (*first.types, types.int64, members, *given.types)
     place_of_member = len(first.types)
 
@@ -112,5 +112,5 @@ def packed(typing_context, body, first, members, given):
         addresses = [builder.ptrtoint(pointer, ir.IntType(64)) for pointer in (entry, memory)]
         return context.make_tuple(builder, signature.return_type, addresses)
 
-    body.dispatcher.compile(taken)  # before the code around it is written
+    body.dispatcher.compile(taken)  # before the code around it is compiled
     return types.UniTuple(types.int64, 2)(body, first, members, given), build

@@ -1,4 +1,4 @@
-"""What every solver on CPU threads does alike: its threads, and how its state is put aside, watched, and handed out."""
+"""Common parts of all solvers on CPU threads: threads, snapshots of the state, checks for divergence, and transfers."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ from model.scene.cloth import COLLIDER_KINDS
 from model.scene.scene import Scene
 from model.tetrahedra.targets import Targeted
 
-WIDTH = 4  # numbers of a particle in space: x, y, z and, of positions, its weight
+WIDTH = 4  # numbers of a particle in space: x, y, z and, for positions, its weight
 
 
 @cache
 def make_first_diverged(real: Any, axes: int) -> Any:
-    """first_diverged(state, bound, centre, columns_bad): per row the first bad column, one farther than `bound` from `centre`
-    (axes,) along an axis, or -1. No fast math: NaN must be seen."""
+    """Compile first_diverged(state, bound, centre, columns_bad): per row the first bad column, not finite or farther
+    than `bound` from `centre` (axes,) along an axis, or -1. No fast math: NaN must be detected."""
     compiler = Compiler(f"{axes}d_{np.dtype(real).name}", "exact")
 
     def first_diverged(state, bound, centre, bad):
@@ -51,9 +51,9 @@ def make_first_diverged(real: Any, axes: int) -> Any:
 
 @cache
 def make_first_diverged_of(real: Any, axes: int) -> Any:
-    """first_diverged(position, velocity, slots, stride, bound, centre, bands, bad): of each band the first bad particle, one
-    farther than `bound` from `centre` (axes,) along an axis, or -1, where
-    coordinate `axis` of particle k lies at slots[k] + axis * stride of both flat arrays. No fast math: NaN must be seen."""
+    """Compile first_diverged(position, velocity, slots, stride, bound, centre, bands, bad): per band the first bad
+    particle, not finite or farther than `bound` from `centre` (axes,) along an axis, or -1. Coordinate `axis` of
+    particle k is at slots[k] + axis * stride of both flat arrays. No fast math: NaN must be detected."""
 
     def first_diverged(position, velocity, slots, stride, bound, centre, bands, bad):
         zero, particles = bound - bound, slots.size
@@ -73,17 +73,18 @@ def make_first_diverged_of(real: Any, axes: int) -> Any:
 
 
 def chosen_kernel(wanted: str | None, what: str, known: Sequence[str] = ("fused", "stages")) -> str:
-    """The kernel `wanted`, or the first one known. Raises SceneError for any other; `what`: of which solver."""
+    """Return the kernel `wanted`, or the first one known. Raises SceneError for others; `what`: the solver."""
     if wanted is not None and wanted not in known:
         raise unknown_kernel(wanted, known, f"for {what} on the cpu")
     return wanted or known[0]
 
 
 class CpuSimulation(Simulation):
-    """The part of the contract (model/core/simulation.py) that does not hang on where the state lies.
+    """The part of the contract (model/core/simulation.py) that does not depend on the layout of the state.
 
-    `threads`: `1x`, `2x`, `4x` or a number. A solver sets `plan`, `kernel`, `integers` (1 + poked particle at [1]), `_bands`
-    (into how many parts the work is divided) and `_executor`; `bodies`, `kinds` are the rows of colliders and their kinds.
+    `threads`: `1x`, `2x`, `4x` or a number. A solver sets `plan`, `kernel`, `integers` (1 + poked particle at [1]),
+    `_bands` (parts that the work is divided into) and `_executor`; `bodies`, `kinds` are the rows of colliders and
+    their kinds.
     """
 
     backend = "cpu"
@@ -98,7 +99,7 @@ class CpuSimulation(Simulation):
 
     @property
     def record(self) -> np.ndarray:
-        """The constants as an array of one, for what numba's parallel loops run: they take no record."""
+        """The constants as an array of one record, for numba's parallel loops, which take no record."""
         return self._record
 
     @property
@@ -107,7 +108,7 @@ class CpuSimulation(Simulation):
         return self._record[0]
 
     def _seeds(self, count: int = 3) -> np.ndarray:
-        """(count,) uint64: the seed of external forces; 1 + the poked particle, 0 for none; the seed of gusts; ..."""
+        """Return (count,) uint64: the seed of external forces; 1 + the poked particle or 0; the seed of gusts; ..."""
         found = np.zeros(count, np.uint64)
         found[0] = self.scene.external.seed if self.scene.external else 0
         if count > 2:
@@ -119,37 +120,37 @@ class CpuSimulation(Simulation):
         self.kinds = np.array([COLLIDER_KINDS.index(kind) for kind, _ in self.scene.colliders], np.int64)
 
     def _run(self, steps: int) -> None:
-        numba.set_num_threads(self._bands)  # so that each band gets a thread of its own
+        numba.set_num_threads(self._bands)  # one thread for each band
         self._executor.run(self.step, steps)
 
     def _parameters_changed(self) -> None:
         self.integers[1] = self._poke_particle + 1
 
     def synchronize(self) -> None:
-        """Nothing to wait for: a call returns when its steps are done."""
+        """Do nothing: a call returns when its steps are done."""
 
     def close(self) -> None:
-        """Let go of the executor, whose way back to the simulation would keep its arrays until a garbage collection."""
+        """Drop the executor, whose reference to the simulation keeps arrays until a garbage collection."""
         super().close()
         self.__dict__.pop("_executor", None)
 
 
 class ParticlesSimulation(CpuSimulation):
-    """Of particles in any order: a solver tells where they lie (`_places`)."""
+    """A simulation of particles in any order; a solver defines their layout by `_places`."""
 
     @abstractmethod
     def _places(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, int]:
-        """(positions, velocities, where each particle's first coordinate lies, how far the next lies from it), flat."""
+        """Return (positions, velocities, offset of each first coordinate, stride of coordinates), flat arrays."""
 
     @property
     def substep_start(self) -> np.ndarray:
-        """Positions with which the substep began, as they lie in the first of `_places`, of the kernel `stages`."""
+        """Positions at the start of the substep, laid out as the first of `_places`; for the kernel `stages`."""
         raise NotImplementedError
 
     @property
     def inertial(self) -> np.ndarray | None:
-        """Likewise where particles would be by inertia, of solvers that come back to it in each iteration: what others do to
-        their particles is done to these places, too."""
+        """Inertial positions, likewise, of solvers that return to them; displacements by others must also apply to
+        them."""
         return None
 
     def _first_diverged(self) -> int:
@@ -161,10 +162,10 @@ class ParticlesSimulation(CpuSimulation):
 
 
 class QuadsSimulation(Targeted, ParticlesSimulation):
-    """Of particles in space, each a row of WIDTH numbers; `_allocate` makes the arrays, `_before` where a substep began."""
+    """A simulation of particles in rows of WIDTH numbers; `_allocate` makes the arrays, `_before` starts a substep."""
 
     def _allocate(self, shares: int) -> None:
-        """For threads that take one of so many `shares` each at least."""
+        """Allocate the arrays, for threads that process at least one of `shares` blocks each."""
         count, real = len(self.body.position), self.real
         self._position, self._velocity, self._before = (np.zeros((count, WIDTH), real) for _ in range(3))
         self._position[:, 3] = self.body.inverse_mass * self.scene.grid.mass
@@ -175,7 +176,7 @@ class QuadsSimulation(Targeted, ParticlesSimulation):
         self._bad, self._slots = np.zeros(self._bands, np.int64), WIDTH * np.arange(count)
 
     def _set_driven(self) -> None:
-        """What particles meet, and what those that are pinned follow: `driven` (pins,) int32, all of them where any moves."""
+        """Set the colliders, and the pinned particles that move: `driven` (pins,) int32, all of them if any moves."""
         rows, self._first_pin = self._driven_rows()
         self._set_colliders(rows)
         self.driven = self.body.pinned[: len(self.body.pinned) if self._first_pin else 0].astype(np.int32)
@@ -200,7 +201,7 @@ class QuadsSimulation(Targeted, ParticlesSimulation):
 
     @property
     def substep_start(self) -> np.ndarray:
-        """See ParticlesSimulation."""
+        """Positions at the start of the substep (ParticlesSimulation)."""
         return self._before.reshape(-1)
 
     def _download(self) -> tuple[np.ndarray, np.ndarray]:
@@ -210,21 +211,18 @@ class QuadsSimulation(Targeted, ParticlesSimulation):
         self._position[:, :3], self._velocity[:, :3] = position, velocity
 
     def some_particles(self, places: np.ndarray) -> np.ndarray:
-        """(2, n, 3): positions and velocities of those at `places` (n,) now."""
+        """Return (2, n, 3): positions and velocities of the particles at `places` (n,) now."""
         return np.stack([self._position[places, :3], self._velocity[places, :3]])
 
     def take_particles(self, places: np.ndarray, state: np.ndarray) -> None:
-        """Put such a `state` in the place of theirs."""
+        """Replace positions and velocities of the particles at `places` by `state` (2, n, 3)."""
         self._position[places, :3], self._velocity[places, :3] = state
 
 
 class RowsSimulation(CpuSimulation):
-    """Of a sheet: a state is planes of rows, positions first and velocities after them, one flat array (see core/layout.py);
-    steps go from one of several such arrays to the next.
-
-    A solver sets `_layout`, `_states` (flat, several of them), `_current` (which is the state) and `_kept`, and calls
-    `_set_pins`.
-    """
+    """A simulation of a sheet: a state is planes of rows, positions first, then velocities, one flat array
+    (core/layout.py); steps go from one of several such arrays to the next. A solver sets `_layout`, `_states` (flat,
+    several), `_current` (index of the state) and `_kept`, and calls `_set_pins`."""
 
     _layout: Layout
     _states: np.ndarray
@@ -232,7 +230,7 @@ class RowsSimulation(CpuSimulation):
     _kept: np.ndarray
 
     def _set_pins(self) -> None:
-        """Where the pinned masses are, row by row; and what looking for a bad state needs."""
+        """Set the pinned masses, row by row, and the arrays of the check for divergence."""
         rows = self.body.rows
         self._pin_row, column = np.divmod(self.body.pinned, self.body.columns)
         self._pin_start = np.searchsorted(self._pin_row, np.arange(rows + 1)).astype(np.int64)
@@ -256,7 +254,7 @@ class RowsSimulation(CpuSimulation):
 
     @property
     def pinned_position(self) -> np.ndarray:
-        """(dimensions, pins): where the pinned masses are held. They never move, so any state tells."""
+        """(dimensions, pins): positions of the pinned masses. They never move, so any state has them."""
         return self._layout.view(self._kept)[: self.scene.dimensions, self._pin_row, self._pin_column]
 
     def _keep(self) -> None:
@@ -282,17 +280,17 @@ class RowsSimulation(CpuSimulation):
         current[axes:] = velocity.T.reshape(current[axes:].shape)
 
     def rows(self, first: int, count: int) -> np.ndarray:
-        """(2 x dimensions, count, columns): positions, then velocities of some rows now, to be read only."""
+        """Return (2 x dimensions, count, columns): positions, then velocities of some rows now, read-only."""
         return self._layout.rows_of(self._flat, slice(first, first + count))
 
     def take_rows(self, first: int, rows: np.ndarray) -> None:
-        """Put those in the place of what is there."""
+        """Replace the rows from `first` on by `rows`."""
         held = slice(first, first + rows.shape[1])
         self._layout.put_rows(self._flat, held, rows)
         self._place_ghosts(held)
 
     def _place_ghosts(self, rows: slice) -> None:
-        """What a storage holds beside the masses of rows that were written."""
+        """Update the padding of rows that were written."""
 
     def _read_position(self, into: Any) -> Any:
         if into is None:

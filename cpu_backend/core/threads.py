@@ -1,12 +1,12 @@
-"""Threads: how many there are to have, how many a word such as `2x` means, and how those wait that have nothing to do.
+"""Number of threads, the words for it such as `2x`, and how idle threads wait.
 
-numba reads NUMBA_NUM_THREADS once, when it is imported, and can later only go below it. So this module, imported before
-numba anywhere in the lab, asks for four times the cores. Where numba came first (a notebook), asking for more than it
-holds is an error that says what to do.
+numba reads NUMBA_NUM_THREADS once, when it is imported, and later can only use fewer. So this module, imported before
+numba anywhere in the lab, asks for four times the cores. If numba was imported first (a notebook), asking for more than
+it has is an error that says what to do.
 
-The OpenMP runtime, too, reads how to wait when it is loaded. Left alone, GNU's spins for milliseconds, which is as long as
-the time slice of another program: where two threads and that program share two cores, each meeting of the threads may
-take a slice. So they are told to spin for microseconds and then to sleep, unless the user says otherwise.
+The OpenMP runtime also reads how to wait when it is loaded. By default GNU's spins for milliseconds, as long as the
+time slice of another program: if two threads and that program share two cores, each synchronisation may take a slice.
+So idle threads are set to spin for microseconds and then to sleep, unless the user chose otherwise.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from model.core.errors import SceneError
 
 
 def allowed_cores() -> frozenset[int]:
-    """Numbers of the cores that this process may use."""
+    """Return the numbers of the cores that this process may use."""
     try:
         return frozenset(os.sched_getaffinity(0))
     except AttributeError:  # not Linux
@@ -27,21 +27,21 @@ def allowed_cores() -> frozenset[int]:
 
 
 def core_count() -> int:
-    """Cores that this process may use."""
+    """Return the number of cores that this process may use."""
     return len(allowed_cores())
 
 
 MULTIPLES = {"1x": 1, "2x": 2, "4x": 4}
 
-POLICY = "OMP_WAIT_POLICY"  # the user's word: active or passive
-SPIN_COUNT, BLOCK_TIME = "GOMP_SPINCOUNT", "KMP_BLOCKTIME"  # what GNU's and LLVM's runtimes ask for beside it
-BRIEF = {SPIN_COUNT: "300", BLOCK_TIME: "0"}  # looks with a pause between, about 6 us; ms: LLVM's sleeps at once
+POLICY = "OMP_WAIT_POLICY"  # the user's choice: active or passive
+SPIN_COUNT, BLOCK_TIME = "GOMP_SPINCOUNT", "KMP_BLOCKTIME"  # settings of GNU's and LLVM's runtimes
+BRIEF = {SPIN_COUNT: "300", BLOCK_TIME: "0"}  # checks with a pause between, about 6 us; ms: LLVM's sleeps at once
 
 
 def wait_briefly(environment: MutableMapping[str, str]) -> None:
-    """Have idle threads spin for microseconds and then sleep, where the user has not said what they are to do."""
+    """Make idle threads spin for microseconds and then sleep, unless the user chose otherwise."""
     if POLICY in environment:
-        for name, ours in BRIEF.items():  # that of a process of ours which started this one
+        for name, ours in BRIEF.items():  # set by our own parent process
             if environment.get(name) == ours:
                 del environment[name]
     elif SPIN_COUNT not in environment and BLOCK_TIME not in environment:
@@ -49,7 +49,7 @@ def wait_briefly(environment: MutableMapping[str, str]) -> None:
 
 
 def policy_of(environment: MutableMapping[str, str]) -> str:
-    """See wait_policy."""
+    """Return the policy of an environment (see wait_policy)."""
     if POLICY in environment:
         return environment[POLICY].lower()
     if SPIN_COUNT in environment or BLOCK_TIME in environment:
@@ -64,7 +64,7 @@ _policy = policy_of(os.environ)  # as the runtime reads it
 
 
 def thread_count(word: str | int) -> int:
-    """Threads for `1x`, `2x`, `4x` (times the cores) or a number. (`auto` is app/driver.py's.)
+    """Return the number of threads for `1x`, `2x`, `4x` (times the cores) or a number. app/driver.py handles `auto`.
 
     Raises SceneError for any other word, and for more threads than numba was started with.
     """
@@ -88,18 +88,21 @@ def thread_count(word: str | int) -> int:
 
 
 def wait_policy() -> str:
-    """What idle OpenMP threads do: `brief` (spin for microseconds, then sleep: the lab's own choice), `passive` (sleep) or
-    `active` (spin), as OMP_WAIT_POLICY said, `custom` (GOMP_SPINCOUNT or KMP_BLOCKTIME said), or `default` (spin for
-    milliseconds: numba was there before the lab)."""
+    """Return what idle OpenMP threads do.
+
+    `brief`: spin for microseconds, then sleep, the lab's own choice; `passive` (sleep) or `active` (spin): set by
+    OMP_WAIT_POLICY; `custom`: set by GOMP_SPINCOUNT or KMP_BLOCKTIME; `default`: spin for milliseconds, as numba was
+    imported before the lab.
+    """
     return _policy
 
 
 def threading_layer() -> str:
-    """The layer numba runs on (`omp`, `tbb`, `workqueue`); starts it if nothing has yet."""
+    """Return the layer numba runs on (`omp`, `tbb`, `workqueue`); starts it if nothing has yet."""
     import numba
 
     try:
         return numba.threading_layer()
     except ValueError:  # nothing parallel has run in this process
-        numba.get_num_threads()  # starts them
+        numba.get_num_threads()  # starts the threads
         return numba.threading_layer()

@@ -1,5 +1,5 @@
-"""A fluid on several CPU ranks, by slabs of space: the window of a rank is the ordinary fluid, some of whose particles are
-there."""
+"""A fluid on several CPU ranks, divided into slabs of space: a rank's window is an ordinary fluid with some of the
+particles active."""
 
 from __future__ import annotations
 
@@ -13,19 +13,20 @@ from cpu_backend.fluid.quads import LANES
 from cpu_backend.fluid.solver import Fluid
 from model.core.plan import Executor, Moment
 
-SPARE = 1.25  # of the room for particles, where more are to be held than there was room for
+SPARE = 1.25  # factor of the capacity for particles when it must grow
 
 
 class FluidWindow(Fluid):
-    """See model/domains/shared_fluid.py. Arrays have room for what it held so far, and some more; the table of cells is that
-    of all, which decides how wide they are."""
+    """The window of a rank (model/domains/shared_fluid.py). Arrays have capacity for its particles so far and some
+    more; the cell table is that of all particles, which determine its width."""
 
     def _allocate(self) -> None:
         self._particles, self._held = LANES, np.zeros(1, np.int64)
         super()._allocate()
 
     def _grow(self, count: int) -> None:
-        """Make room for so many particles; what is left is what was put aside, and what the last substep told."""
+        """Increase the capacity to `count` particles. The snapshot and the results of the last substep are
+        preserved."""
         kept, counts, multiplier = self._kept, self._counts, self._world[4][2]
         self._particles = min(int(SPARE * count), len(self.body.position))
         room = self._room
@@ -46,32 +47,32 @@ class FluidWindow(Fluid):
         return int(self._held[0])
 
     def run_stage(self, name: str, moment: Moment) -> None:
-        """One of the plan's."""
+        """Run one stage of the plan."""
         numba.set_num_threads(self._bands)
         self.stages[name](moment)
 
     def box(self) -> np.ndarray:
-        """(6,) float64 [m]: the lowest predicted places, then the highest ones."""
+        """Return (6,) float64 [m]: the lowest predicted positions, then the highest ones."""
         boxes = self._boxes
         return np.concatenate([boxes[:, :AXES].min(axis=0), boxes[:, AXES:].max(axis=0)]).astype(np.float64)
 
     def take_box(self, box: np.ndarray) -> None:
-        """Sort into the cells of that one."""
+        """Use this box for the sort into cells."""
         self._boxes[:] = box.astype(self.real)
 
     @property
     def _boxes(self) -> np.ndarray:
-        """(bands, 6)."""
+        """Boxes of the bands (bands, 6)."""
         found: np.ndarray = self._world[5][0].reshape(-1, BOX)
         return found
 
     def particles(self) -> tuple[np.ndarray, np.ndarray]:
-        """(numbers (n,), positions and velocities (2 x dimensions, n)) of those that are there."""
+        """Return (numbers (n,), positions and velocities (2 x dimensions, n)) of the active particles."""
         count = self.there
         return self._state[2][:count], np.concatenate([array[:, :count] for array in self._planes])
 
     def hold(self, number: np.ndarray, values: np.ndarray) -> None:
-        """Take those in the place of all that were there."""
+        """Replace all active particles by these."""
         count, axes = len(number), self.scene.dimensions
         if count > self._particles:
             self._grow(count)
@@ -86,7 +87,7 @@ class FluidWindow(Fluid):
         return [array[: axes * room].reshape(axes, room) for array in self._state[:2]]
 
     def _upload(self, position: np.ndarray, velocity: np.ndarray) -> None:
-        """Nobody: what is in a slab and near it is `held`."""
+        """Remove all particles: those in a slab and near it are `held`."""
         self._held[0] = 0
 
     def _places(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, int]:
@@ -97,6 +98,6 @@ class FluidWindow(Fluid):
         return found if found < 0 else int(np.sort(self._state[2][: self.there])[found])
 
     def multipliers_at(self, places: np.ndarray) -> np.ndarray:
-        """Of the last substep [m^2], by where particles lay after it."""
+        """Return the multipliers of the last substep [m^2], by place after it."""
         found: np.ndarray = self._world[4][2][places]
         return found

@@ -1,4 +1,5 @@
-"""What a rank's window sends and takes in an exchange, in messages of main memory: rows of a sheet, particles of a mesh."""
+"""Halos of a rank's window, packed into and unpacked from messages in main memory: rows of a sheet, particles of a
+mesh."""
 
 from __future__ import annotations
 
@@ -12,23 +13,23 @@ from model.domains.partitions import Partitions
 
 
 class Halo:
-    """Of the window of `rank`: by the ranks that they go to and come from, messages `sent` and `received`."""
+    """Halo of the window of `rank`: messages `sent` and `received`, by target and source rank."""
 
     rank: int
     sent: Mapping[int, np.ndarray]
     received: Mapping[int, np.ndarray]
 
     def pack(self, target: int) -> np.ndarray:
-        """The message to rank `target`, of the state as it is."""
+        """Return the message to rank `target`, with the current state."""
         raise NotImplementedError
 
     def take(self, source: int) -> None:
-        """Put what was received from rank `source` in the place of what is there."""
+        """Write what was received from rank `source` into the state."""
         raise NotImplementedError
 
 
 class RowsHalo(Halo):
-    """Rows of a sheet."""
+    """Halo of a sheet: rows."""
 
     def __init__(self, window: RowsSimulation, decomposition: Decomposition, rank: int):
         self.window, self.rank = window, rank
@@ -50,7 +51,7 @@ class RowsHalo(Halo):
 
 
 class ParticlesHalo(Halo):
-    """Particles of a mesh."""
+    """Halo of a mesh: particles."""
 
     def __init__(self, window: QuadsSimulation, partitions: Partitions, rank: int):
         self.window, self.rank = window, rank

@@ -1,4 +1,4 @@
-"""Ranks that are threads of one process: for tests, and to see what a decomposition does without MPI."""
+"""Ranks that are threads of one process: for tests, and to study a decomposition without MPI."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from model.domains.processes import lost
 
 
 class Meeting:
-    """Where the threads of `count` ranks meet: a queue for each pair of neighbours, a table for what all are told. `patience`
-    [s]: how long one waits for another."""
+    """Communication between the threads of `count` ranks: a queue for each pair of neighbours, a table for gathered
+    values. `patience` [s]: timeout of waiting for another thread."""
 
     def __init__(self, count: int, patience: float = PATIENCE):
         self.count, self.patience = count, patience
@@ -29,19 +29,19 @@ class Meeting:
         self.barrier = threading.Barrier(count)
 
     def all_of(self, rank: int, what: Any) -> Sequence[Any]:
-        """What all ranks told."""
+        """Return the values `what` of all ranks."""
         self.told[rank] = what
         try:
             self.barrier.wait(self.patience)
             found = list(self.told)
-            self.barrier.wait(self.patience)  # before anyone tells anything else
+            self.barrier.wait(self.patience)  # before any rank writes its next value
         except threading.BrokenBarrierError:
             raise lost("another rank", self.patience) from None
         return found
 
 
 class AmongThreads(NothingSent):
-    """What all threads tell one another; see Exchange."""
+    """Collective communication among threads (see Exchange)."""
 
     def __init__(self, rank: int, meeting: Meeting):
         self.rank, self._meeting = rank, meeting
@@ -58,7 +58,7 @@ class AmongThreads(NothingSent):
 
 
 class ThreadExchange(RankExchange, AmongThreads):
-    """Messages through queues; see Exchange."""
+    """Messages through queues (see Exchange)."""
 
     def __init__(self, halo: Halo, meeting: Meeting):
         RankExchange.__init__(self, halo)
@@ -75,7 +75,7 @@ class ThreadExchange(RankExchange, AmongThreads):
 
 
 class ThreadRanks(Ranks):
-    """One of the threads that meet."""
+    """The ranks as seen by one of the threads."""
 
     def __init__(self, meeting: Meeting, rank: int):
         self.meeting, self.rank, self.count = meeting, rank, meeting.count
@@ -88,7 +88,8 @@ class ThreadRanks(Ranks):
 
 
 def run_in_threads(count: int, program: Callable[[Ranks], Any], patience: float = PATIENCE) -> list[Any]:
-    """What `program(ranks)` returns on each of `count` ranks. Raises what the first of them raised by itself."""
+    """Return the results of `program(ranks)` on each of `count` ranks. Raises the first error that originated on a
+    rank."""
     meeting = Meeting(count, patience)
     results: list[Any] = [None] * count
     errors: list[BaseException | None] = [None] * count

@@ -1,4 +1,4 @@
-"""Ranks that are processes of MPI, on one machine or several: started by `mpiexec`, one window each."""
+"""Ranks that are MPI processes, on one machine or several: started by `mpiexec`, one window each."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from model.domains.processes import await_request, gather_rows, largest_of, swap
 
 
 class AmongProcesses(NothingSent):
-    """What all processes tell one another; see Exchange."""
+    """Collective communication among processes (see Exchange)."""
 
     def __init__(self, rank: int, world: Any):
         self.rank, self._world = rank, world
@@ -30,7 +30,7 @@ class AmongProcesses(NothingSent):
 
 
 class MpiExchange(RankExchange, AmongProcesses):
-    """By messages that are sent and received without waiting, looked at until they are there; see Exchange."""
+    """Non-blocking messages, polled until they arrive (see Exchange)."""
 
     def __init__(self, halo: Halo, world: Any):
         RankExchange.__init__(self, halo)
@@ -39,7 +39,7 @@ class MpiExchange(RankExchange, AmongProcesses):
         self._coming: dict[int, Any] = {}
 
     def post(self) -> None:
-        for source, message in self.halo.received.items():  # first, so that what arrives has a place to go to
+        for source, message in self.halo.received.items():  # first, so that arriving messages have a buffer
             self._coming[source] = self._world.Irecv(message, source)
         super().post()
 
@@ -56,8 +56,8 @@ class MpiExchange(RankExchange, AmongProcesses):
 
 
 class MpiRanks(Ranks):
-    """All processes that MPI knows of. Raises BackendUnavailable without MPI or with another than the launcher's, SceneError
-    for another number of them than `count`."""
+    """All processes of MPI. Raises BackendUnavailable without MPI or with another MPI than the launcher's, SceneError
+    if their number is not `count`."""
 
     def __init__(self, count: int):
         self._world = world_of(count, "--ranks")

@@ -1,4 +1,5 @@
-"""A sheet, bodies or a fluid on several CPU ranks: processes or threads that have a window each and run the same program."""
+"""A sheet, bodies or a fluid on several CPU ranks: processes or threads that run the same program with a window
+each."""
 
 from __future__ import annotations
 
@@ -25,8 +26,8 @@ from model.scene.scene import Scene
 
 
 class RankExchange(Exchange):
-    """Of the `halo` of one window, in the main memory of a rank. A way of sending says how a message goes to another rank and
-    comes from one: `_send`, `_receive`."""
+    """Exchange of the `halo` of one window, in the main memory of a rank. Subclasses implement `_send` and
+    `_receive`."""
 
     def __init__(self, halo: Halo):
         self.halo, self.rank = halo, halo.rank
@@ -42,35 +43,35 @@ class RankExchange(Exchange):
         self._finish()
 
     def _send(self, rank: int, message: np.ndarray) -> None:
-        """Begin to send; the message stays as it is until `_finish`."""
+        """Begin to send; the message must not change until `_finish`."""
         raise NotImplementedError
 
     def _receive(self, rank: int, message: np.ndarray) -> None:
-        """Return with the message. Raises BackendUnavailable where none comes."""
+        """Return when the message has arrived. Raises BackendUnavailable if none comes."""
         raise NotImplementedError
 
     def _finish(self) -> None:
-        """Return when what was sent may be overwritten."""
+        """Return when the sent messages may be overwritten."""
 
 
 class Ranks:
-    """Those that run together: `rank` is this one of `count`."""
+    """The ranks of a run: `rank` is this one of `count`."""
 
     rank: int
     count: int
 
     def exchange(self, halo: Halo) -> RankExchange:
-        """Between this rank's window, of which it is the halo, and the others'."""
+        """Return the exchange between this rank's window, with `halo`, and the others."""
         raise NotImplementedError
 
     def apart(self) -> Exchange:
-        """Among ranks whose windows send each other no borders of rows."""
+        """Return the exchange among ranks whose windows share no borders."""
         raise NotImplementedError
 
 
 class OnRanks(WindowedSimulation):
-    """This rank's window, whatever it holds; see model/domains/windows.py. `divided(scene, count, steps, option)`: who owns
-    what. `threads`: of each rank; `1x`, `2x`, `4x` of its share of the cores, or a number."""
+    """This rank's window of any kind (model/domains/windows.py). `divided(scene, count, steps, option)`: the
+    decomposition. `threads`: of each rank; `1x`, `2x`, `4x` of its fraction of the cores, or a number."""
 
     backend = "cpu"
     divided: Callable[[Scene, int, int | None, str], Any]
@@ -100,7 +101,7 @@ class RankSimulation(OnRanks, DecomposedSimulation):
 
 
 class RankBodies(OnRanks, SharedBodies):
-    """This rank's share of bodies that never meet."""
+    """This rank's subset of bodies that never touch."""
 
     divided = staticmethod(division)
 
@@ -127,7 +128,7 @@ class RankFluid(OnRanks, SharedFluid):
 def on_ranks(
     scene: Scene, options: Options, ranks: Ranks, threads: str | int = "1x", steps: int | None = None
 ) -> RankSimulation | RankBodies | RankPartitions | RankFluid:
-    """This rank's part of a scene, whichever way it is shared. Raises SceneError for one that is not."""
+    """Return this rank's part of a scene, for any decomposition. Raises SceneError for a scene that has none."""
     if is_in_slabs(scene):
         return RankFluid(scene, options, ranks, threads, steps)
     if is_partitioned(scene, ranks.count):
@@ -136,6 +137,6 @@ def on_ranks(
 
 
 def shared_threads(threads: str | int, ranks: int) -> str | int:
-    """The threads of one of so many ranks on this machine; a number is taken as it is."""
+    """Return the threads of one of `ranks` ranks on this machine; a number is returned as it is."""
     factors = {"1x": 1, "2x": 2, "4x": 4}
     return max(1, factors[str(threads)] * core_count() // ranks) if threads in factors else threads

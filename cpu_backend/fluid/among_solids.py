@@ -1,6 +1,6 @@
-"""A fluid that meets solids, on CPU threads, stage by stage: model/fluid/plan.py, Solids, says what it does.
+"""A fluid coupled to solids on CPU threads, stage by stage (model/fluid/plan.py, Solids).
 
-The solids are someone else's, who brings their particles and takes them back (`SolidPlaces`).
+The solids belong to another simulation, which reads and writes their particles through `SolidPlaces`.
 """
 
 from __future__ import annotations
@@ -25,28 +25,28 @@ from model.scene.scene import Scene
 
 @cache
 def make_solid_stages(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
-    """The phases that know of solids, each a parallel loop (bands, ...)."""
+    """Compile the phases that involve solids, each as a parallel loop (bands, ...)."""
     compiler = Compiler(f"fluid_solids_{np.dtype(real).name}_{math}_{'_'.join(sorted(parts))}", math)
     phases = vars(make_sampling(compiler, real)) | vars(make_solid_constraint(compiler, real, parts))
     return SimpleNamespace(**{name: compiler.banded(phase) for name, phase in phases.items()})
 
 
 class SolidPlaces(Protocol):
-    """Where the solids' particles are: `before` as a substep began, `position` now, (n, 3) in the precision [m]."""
+    """Positions of the solids' particles, (n, 3) in the precision [m]: `before` the substep, and `position` now."""
 
     before: np.ndarray
     position: np.ndarray
 
     def take(self, fresh: bool) -> None:
-        """Bring `position` up to date, with `fresh` also `before`."""
+        """Bring `position` up to date, and `before` too if `fresh`."""
 
     def give(self) -> None:
-        """The solids are at `position` from now on."""
+        """Write `position` back to the solids."""
 
 
 class FluidAmongSolids(Fluid):
-    """Fluids and `samples` of solids, whose particles lie at `places`. Kernel `stages` alone; the rest is the contract of
-    Fluid."""
+    """Fluids and `samples` of solids, whose particles are at `places`. Supports only the kernel `stages`; the rest is
+    the contract of Fluid."""
 
     def __init__(
         self, scene: Scene, options: Options, threads: str | int, samples: Samples, places: SolidPlaces

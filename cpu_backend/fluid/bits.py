@@ -1,4 +1,4 @@
-"""Words of bits: which of WORD numbers are small, and where the bits lie that are set."""
+"""Bit masks: which of WORD numbers are below a limit, and the positions of the set bits."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from numba.extending import intrinsic
 
 from cpu_backend.core.plain import in_python
 
-WORD = 64  # distances that are looked at in one go, a bit each
+WORD = 64  # distances compared at once, one bit each
 
 _built_in: Any = intrinsic  # typed by numba when it is compiled
 
 
 @_built_in
 def bits_below(typing_context, array, offset, limit):
-    """Of the WORD numbers of a flat array from `offset` on, those that are less than `limit`, a bit each."""
+    """Return a uint64 whose bit k is set if array[offset + k] < limit, for WORD numbers of a flat array."""
     if not (isinstance(array, types.Array) and array.ndim == 1 and array.layout == "C" and array.dtype == limit):
         return None
 
@@ -42,7 +42,7 @@ def _bits_below(array: np.ndarray, offset: int, limit: Any) -> int:
 
 @_built_in
 def lowest_bit(typing_context, word):
-    """Where the lowest bit of a uint64 that is set lies; of 0 WORD."""
+    """Return the position of the lowest set bit of a uint64; WORD for 0."""
 
     def build(context, builder, signature, arguments):
         return builder.cttz(arguments[0], context.get_constant(types.boolean, False))
@@ -57,7 +57,7 @@ def _lowest_bit(word: Any) -> int:
 
 @_built_in
 def bits_of(typing_context, word):
-    """How many bits of a uint64 are set."""
+    """Return the number of set bits of a uint64."""
 
     def build(context, builder, signature, arguments):
         return builder.ctpop(arguments[0])
@@ -72,7 +72,7 @@ def _bits_of(word: Any) -> int:
 
 @_built_in
 def without(typing_context, word, bit):
-    """A uint64 without that bit, if it has one of that number."""
+    """Return a uint64 with bit number `bit` cleared; unchanged if `bit` is outside 0 to WORD - 1."""
 
     def build(context, builder, signature, arguments):
         one, last = ir.Constant(ir.IntType(WORD), 1), ir.Constant(ir.IntType(WORD), WORD - 1)
@@ -90,7 +90,7 @@ def _without(word: Any, bit: Any) -> int:
 
 @_built_in
 def without_lowest(typing_context, word):
-    """A uint64 without the lowest of its bits."""
+    """Return a uint64 with its lowest set bit cleared."""
 
     def build(context, builder, signature, arguments):
         return builder.and_(arguments[0], builder.sub(arguments[0], ir.Constant(ir.IntType(WORD), 1)))

@@ -1,4 +1,4 @@
-"""Particles of a fluid in cells: the table, and a sort by cell and number, for CPU threads (model/fluid/plan.py, 1 and 2)."""
+"""Cell table of a fluid, and the sort by cell and number, for CPU threads (model/fluid/plan.py, 1 and 2)."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from model.formulas.fluid import cells, motion
 from model.scene.cloth import COLLIDER_KINDS
 
 AXES = 3
-BOX = 2 * AXES  # numbers of a band's box: the lowest place, the highest one
-TABLE = 3  # whole numbers of the table: counts along x, y, z
-LARGEST = 1e30  # of a box: what is farther off, or nowhere, is not looked for
+BOX = 2 * AXES  # numbers in a band's box: the lowest corner, the highest one
+TABLE = 3  # integers of the table: counts along x, y, z
+LARGEST = 1e30  # limit of a box: particles farther off, or not finite, do not extend it
 
 
 def make_row_of(parts: frozenset[str]) -> Any:
-    """row_of(fluid, k): where the row of a particle's fluid begins."""
+    """Make row_of(fluid, k): the offset of the row of the fluid of particle k."""
     several = "fluids" in parts
 
     def row_of(fluid, k):
@@ -32,9 +32,12 @@ def make_row_of(parts: frozenset[str]) -> Any:
 
 
 def make_predict(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
-    """predict(band, first, last, step, substep, room, state, unsorted, boxes, parameters, fluids, integers, bodies, kinds) ->
-    how many the speed limit slowed; where the particles `first` to before `last` go, out of the colliders of that substep,
-    and the box of a band's."""
+    """Make predict(band, first, last, step, substep, room, state, unsorted, boxes, parameters, fluids, integers,
+    bodies, kinds).
+
+    It predicts the positions of the particles `first` to before `last`, moves them out of the colliders of that
+    substep, and writes the bounding box of the band. It returns how many particles the speed limit slowed.
+    """
     formulas = motion.make(real, compiler.compiled)
     accelerated, speed_of, slowed, drifted = formulas.accelerated, formulas.speed_of, formulas.slowed, formulas.drifted
     turned_round, buoyant = formulas.turned_round, formulas.buoyant
@@ -94,7 +97,7 @@ def make_predict(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
 
 
 def make_table(compiler: Compiler, real: Any) -> SimpleNamespace:
-    """`span`: the table of all bands' boxes; `enter`: the cells of particles."""
+    """Make `span`, the table around the boxes of all bands, and `enter`, which computes the cells of particles."""
     formulas, fits = cells.make(real, compiler.compiled), cells.make_fits(compiler.compiled)
     cells_along, halved, cell_of = formulas.cells_along, formulas.halved, formulas.cell_of
     zero, largest = real(0), real(LARGEST)
@@ -108,7 +111,7 @@ def make_table(compiler: Compiler, real: Any) -> SimpleNamespace:
 
     @compiler.compiled
     def along(bands, boxes, axis, low, side, inverse, inverse_side, cells):
-        """(lowest place, inverse edge, count, highest place) along an axis."""
+        """Return (lowest position, inverse cell edge, count, highest position) along an axis."""
         if side > zero:
             return low, inverse_side, np.int64(cells), low
         lowest, highest = joined(bands, boxes, axis)
@@ -116,7 +119,7 @@ def make_table(compiler: Compiler, real: Any) -> SimpleNamespace:
 
     @compiler.compiled
     def span(bands, boxes, most, parameters):
-        """(lowest places, inverse edges, counts), three each."""
+        """Return (lowest positions, inverse cell edges, counts), three of each."""
         p, inverse = parameters, parameters.inverse_cell
         lx, ix, nx, hx = along(bands, boxes, 0, p.low_x, p.side_x, inverse, p.inverse_side_x, p.cells_x)
         ly, iy, ny, hy = along(bands, boxes, 1, p.low_y, p.side_y, inverse, p.inverse_side_y, p.cells_y)
@@ -155,13 +158,12 @@ def make_table(compiler: Compiler, real: Any) -> SimpleNamespace:
 
 
 def make_sort(compiler: Compiler, parts: frozenset[str]) -> SimpleNamespace:
-    """`tally` and `put`: particles in the order of their cells, those of a cell in that of their numbers; of the cells `low`
-    to before `high`."""
+    """Make `tally` and `put`, which sort the particles of the cells `low` to before `high` by cell and number."""
     several = "fluids" in parts
 
     @compiler.compiled
     def tally(low, high, count, cell, starts):
-        """How many particles each of the cells holds; returned: all of them."""
+        """Count the particles in each cell. Returns their sum."""
         inside = 0
         for c in range(low, high):
             starts[c] = 0
@@ -174,8 +176,10 @@ def make_sort(compiler: Compiler, parts: frozenset[str]) -> SimpleNamespace:
 
     @compiler.compiled
     def put(low, high, first, count, room, state, unsorted, in_order, cell, starts, order):
-        """`first`: how many particles the cells before hold. Afterwards starts[c] is the first of cell c. Returned: where the
-        last one's end is."""
+        """Write the particles in the order of cells; `first` is the number of particles in the cells before `low`.
+
+        Afterwards starts[c] is the first particle of cell c. Returns the end of the last cell.
+        """
         _, _, number, fluid = state
         before, place, meant = unsorted
         new_before, new_place, new_meant, new_number, new_fluid = in_order

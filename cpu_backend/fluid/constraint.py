@@ -1,6 +1,7 @@
-"""The phases of a fluid's density constraint on CPU threads, over slices of LANES particles (model/fluid/plan.py, 3 to 5).
+"""The phases of a fluid's density constraint on CPU threads, over slices of LANES particles (model/fluid/plan.py, 3 to
+5).
 
-Where particles are is in planes, and behind them (QUADS planes on) once more in quads, which neighbours are read from
+Positions are stored as planes, and again as quads behind them (after QUADS planes). Neighbours are read from the quads
 (cpu_backend/fluid/quads.py).
 """
 
@@ -24,7 +25,7 @@ from model.scene.cloth import COLLIDER_KINDS
 
 
 def make_sides_of(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
-    """sides_of(parameters): the lengths along which the box repeats, and their halves."""
+    """Make sides_of(parameters): the side lengths of the periodic box and their halves; 0 without one."""
     repeats, zero = "repeats" in parts, real(0)
 
     @compiler.compiled
@@ -37,8 +38,11 @@ def make_sides_of(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
 
 
 def make_search_phases(compiler: Compiler, real: Any, parts: frozenset[str], cells_in: Any) -> SimpleNamespace:
-    """`find(part, parts, number, world, parameters, fluids, bodies, kinds)`: lists of neighbours, and factors; `prepare`, the
-    same: with the first `constrain`, whose sums are of the same neighbours."""
+    """Make `find` and `prepare`, both (part, parts, number, world, parameters, fluids, bodies, kinds).
+
+    `find` builds the neighbour lists and the factors. `prepare` also does the first `constrain`, which sums over the
+    same neighbours.
+    """
     search = _make_search(compiler, real, parts, cells_in)
     return SimpleNamespace(
         find=_make_factors(compiler, real, parts, search, False),
@@ -47,7 +51,7 @@ def make_search_phases(compiler: Compiler, real: Any, parts: frozenset[str], cel
 
 
 def _make_search(compiler: Compiler, real: Any, parts: frozenset[str], cells_in: Any) -> Any:
-    """search(part, parts, world, parameters): the lists of a part's slices."""
+    """Make search(part, parts, world, parameters): it builds the neighbour lists of a band's slices."""
     find_some = make_find(compiler, real, parts, MAX_NEIGHBOURS[2 if "flat" in parts else 3])
     sides_of = make_sides_of(compiler, real, parts)
 
@@ -111,7 +115,7 @@ def _make_factors(compiler: Compiler, real: Any, parts: frozenset[str], search: 
 
 
 def make_put(compiler: Compiler) -> Any:
-    """put(quads, delta): the changes of a slice's multipliers, into its quads."""
+    """Make put(quads, delta): it stores the changes of a slice's multipliers in the quads of the slice."""
 
     @compiler.compiled
     def put(quads, delta):
@@ -122,8 +126,11 @@ def make_put(compiler: Compiler) -> Any:
 
 
 def make_iteration(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
-    """`constrain(part, parts, number, place, world, parameters, bodies, kinds)`, `correct(part, parts, number, place, there,
-    world, parameters, fluids, bodies, kinds)`: the phases of an iteration."""
+    """Make the phases of an iteration.
+
+    `constrain(part, parts, number, place, world, parameters, bodies, kinds)` and `correct(part, parts, number, place,
+    there, world, parameters, fluids, bodies, kinds)`.
+    """
     return SimpleNamespace(
         constrain=_make_constrain(compiler, real, parts), correct=_make_correct(compiler, real, parts)
     )
@@ -139,7 +146,7 @@ def _make_constrain(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any
 
     @compiler.compiled
     def constrain(part, shared, number, place, world, parameters, bodies, kinds):
-        """The constraints where particles are at `place`, and the changes of their multipliers."""
+        """Evaluate the constraints at the positions `place`, and the changes of their multipliers."""
         (count, room, _), _, _, _, work, _, (_, longest, entries, _), (scratch, _, _, _) = world
         _, factor, multiplier, delta, error, wall = work
         slices, sides, (_, end, _) = (count + LANES - 1) // LANES, sides_of(parameters), instants(number, parameters)
@@ -174,7 +181,7 @@ def _make_correct(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
 
     @compiler.compiled
     def correct(part, shared, number, place, there, world, parameters, fluids, bodies, kinds):
-        """Particles at `place` moved, into `there`."""
+        """Correct the positions `place` and store them in `there`."""
         (count, room, _), _, _, in_order, (_, _, _, delta, _, wall), _, lists, (scratch, _, _, _) = world
         longest, entries = lists[1], lists[2]
         before, fluid, slices, sides = in_order[0], in_order[4], (count + LANES - 1) // LANES, sides_of(parameters)

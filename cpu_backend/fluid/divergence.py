@@ -1,8 +1,10 @@
-"""The phases of a fluid's substep by the scheme `divergence-free` on CPU threads, one part of each at a time:
-model/fluid/divergence_plan.py says what they do. The `world` is that of cpu_backend/fluid/solver.py; what is in it for one
-scheme alone, the other uses like this: velocities `meant`, to which neighbours listen; `before`, after the sort: shifts; the
-third of the unsorted planes: the last iterate, the second solve's multipliers, the solves' target. From `accelerate` on
-velocities are in the state, where they end.
+"""The phases of a substep of the scheme `divergence-free` on CPU threads, one band at a time
+(model/fluid/divergence_plan.py).
+
+`world` is that of cpu_backend/fluid/solver.py. This scheme uses some of its arrays differently: `meant` are the
+velocities that are read of neighbours; `before`, after the sort, are the shifts; the third group of the unsorted planes
+are the last iterate, the multipliers of the second solve, and the target of the solves. From `accelerate` on, the
+velocities are in the state, where they also end.
 """
 
 from __future__ import annotations
@@ -28,14 +30,14 @@ from model.scene.cloth import COLLIDER_KINDS
 
 
 def make_approach(compiler: Compiler, real: Any, parts: frozenset[str], sides_of: Any) -> SimpleNamespace:
-    """`approach(s, many, world, parameters, vector, total)`, `rest_of(i, room, wall, vector, total)`."""
+    """Make `approach(s, many, world, parameters, vector, total)` and `rest_of(i, room, wall, vector, total)`."""
     compiled, approaches = compiler.compiled, make_approaches(compiler, real, parts)
     of_wall = divergence.make(real, compiled).approach_of_wall
     most, has_walls, zero = MAX_NEIGHBOURS[2 if "flat" in parts else 3], "walls" in parts, real(0)
 
     @compiled
     def approach(s, many, world, parameters, vector, total):
-        """The sums of slice s over neighbours of what a vector of each adds to C, into `total`."""
+        """Sum over the neighbours of slice s what a vector field contributes to the rate of C, into `total`."""
         (_, room, _), _, _, in_order, _, _, lists, _ = world
         base, place = np.int64(s) * LANES, in_order[1]
         for lane in range(LANES):
@@ -50,7 +52,7 @@ def make_approach(compiler: Compiler, real: Any, parts: frozenset[str], sides_of
 
     @compiled
     def rest_of(i, room, wall, vector, total):
-        """The sum of particle i, with its walls' part."""
+        """Return the sum of particle i including the contribution of walls."""
         if has_walls:
             return of_wall(
                 total, wall[i], wall[room + i], wall[2 * room + i], vector[i], vector[room + i], vector[2 * room + i]
@@ -61,8 +63,10 @@ def make_approach(compiler: Compiler, real: Any, parts: frozenset[str], sides_of
 
 
 def make_solve(compiler: Compiler, real: Any, parts: frozenset[str], sides_of: Any) -> SimpleNamespace:
-    """`survey`, `foresee`, `relax`: phases over slices of LANES particles, that take (part, parts, ..., world, ...);
-    `second`: whether of the second solve."""
+    """Make `survey`, `foresee` and `relax`, phases over slices of LANES particles: (part, parts, ..., world, ...).
+
+    `second` is true in the second solve.
+    """
     compiled, f, g = compiler.compiled, density.make(real, compiler.compiled), divergence.make(real, compiler.compiled)
     constraint, along = f.constraint, make_approach(compiler, real, parts, sides_of)
     approach, rest_of = along.approach, along.rest_of
@@ -76,7 +80,7 @@ def make_solve(compiler: Compiler, real: Any, parts: frozenset[str], sides_of: A
 
     @compiled
     def survey(part, shared, number, world, parameters, bodies, kinds):
-        """Constraints, and what the first solve is to take away."""
+        """Evaluate the constraints and the target of the first solve."""
         (count, room, _), _, unsorted, in_order, (_, _, _, _, error, wall), _, lists, (scratch, _, _, _) = world
         place, velocity, target = in_order[1], in_order[2], row_at(unsorted[2], 2 * np.int64(room))
         longest, slices = lists[1], (count + LANES - 1) // LANES
@@ -108,7 +112,7 @@ def make_solve(compiler: Compiler, real: Any, parts: frozenset[str], sides_of: A
 
     @compiled
     def foresee(part, shared, world, parameters):
-        """What the second solve is to take away."""
+        """Evaluate the target of the second solve."""
         (count, room, _), state, unsorted, _, (_, _, _, _, error, wall), _, lists, (scratch, _, _, _) = world
         velocity, target = state[1], row_at(unsorted[2], 2 * np.int64(room))
         (coming, _, _, _, _, _), slices = sums_of(part, scratch), (count + LANES - 1) // LANES
@@ -120,7 +124,7 @@ def make_solve(compiler: Compiler, real: Any, parts: frozenset[str], sides_of: A
 
     @compiled
     def relax(part, shared, turn, iterations, second, world, parameters):
-        """The changes of multipliers, and where they are then."""
+        """Evaluate the changes of the multipliers, and the new multipliers."""
         (count, room, _), _, unsorted, in_order, (_, factor, multiplier, delta, _, wall), _, lists, around = world
         shift, iterate = in_order[0], row_at(unsorted[2], np.int64(0))
         ahead, target = row_at(unsorted[2], np.int64(room)), row_at(unsorted[2], 2 * np.int64(room))
@@ -147,7 +151,7 @@ def make_solve(compiler: Compiler, real: Any, parts: frozenset[str], sides_of: A
 
 
 def make_push(compiler: Compiler, real: Any, parts: frozenset[str], sides_of: Any) -> SimpleNamespace:
-    """`push(part, parts, turn, world, parameters, fluids)`: the phase of an iteration that follows `relax`."""
+    """Make `push(part, parts, turn, world, parameters, fluids)`: the phase of an iteration after `relax`."""
     compiled, f, scratch_of = compiler.compiled, density.make(real, compiler.compiled), make_scratch(compiler)
     wall_added, moved, corrections = f.wall_added, f.moved, make_pairs(compiler, real, parts).corrections
     sums_of, numbers_of, own_of = scratch_of.sums_of, scratch_of.numbers_of, scratch_of.own
@@ -156,7 +160,7 @@ def make_push(compiler: Compiler, real: Any, parts: frozenset[str], sides_of: An
 
     @compiled
     def push(part, shared, turn, world, parameters, fluids):
-        """Shifts by what multipliers changed."""
+        """Add the effect of the changed multipliers to the shifts."""
         (count, room, _), _, _, in_order, (_, _, _, delta, _, wall), _, lists, (scratch, _, _, _) = world
         shift, place, fluid = in_order[0], in_order[1], in_order[4]
         (ax, ay, az, _, _, _), slices = sums_of(part, scratch), (count + LANES - 1) // LANES
@@ -186,7 +190,7 @@ def make_push(compiler: Compiler, real: Any, parts: frozenset[str], sides_of: An
 
 
 def make_take_up(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
-    """`take_up`, `move`: phases after a solve, particle by particle."""
+    """Make `take_up` and `move`, the phases after a solve, one particle at a time."""
     compiled, m = compiler.compiled, motion.make(real, compiler.compiled)
     gained = divergence.make(real, compiled).gained
     speed_of, held_back, slowed, drifted = m.speed_of, m.held_back, m.slowed, m.drifted
@@ -196,7 +200,7 @@ def make_take_up(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simple
 
     @compiled
     def given(i, room, velocity, shift, parameters, most):
-        """A velocity after a solve."""
+        """Return the velocity of particle i after a solve."""
         rate, u, v, w = parameters.inverse_dt, velocity[i], velocity[room + i], velocity[2 * room + i]
         a, b, c = gained(u, shift[i], rate), gained(v, shift[room + i], rate), gained(w, shift[2 * room + i], rate)
         if is_held:
@@ -206,7 +210,7 @@ def make_take_up(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simple
 
     @compiled
     def take_up(part, shared, world, parameters, fluids):
-        """Velocities after the first solve."""
+        """Update the velocities after the first solve."""
         (count, room, _), _, _, in_order, _, _, _, _ = world
         shift, velocity, fluid = in_order[0], in_order[2], in_order[4]
         for i in range(count * part // shared, count * (part + 1) // shared):
@@ -215,7 +219,7 @@ def make_take_up(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simple
 
     @compiled
     def move(part, shared, number, world, parameters, fluids, bodies, kinds):
-        """The new state, and the multipliers of both solves."""
+        """Write the new state and the sum of the multipliers of both solves."""
         (count, room, _), state, unsorted, in_order, work, _, _, _ = world
         position, velocity, numbers, fluid = state
         shift, place, multiplier, second = in_order[0], in_order[1], work[2], row_at(unsorted[2], np.int64(room))

@@ -1,5 +1,5 @@
-"""A fluid's substeps by the scheme `divergence-free` on CPU threads: all of a call by one team (`advance`), or a parallel
-loop a stage. See cpu_backend/fluid/kernels.py for those of the others."""
+"""Kernels of the scheme `divergence-free` on CPU threads: all substeps of a call by one team (`advance`), or a parallel
+loop per stage. cpu_backend/fluid/kernels.py has those of the other schemes."""
 
 from __future__ import annotations
 
@@ -34,8 +34,10 @@ def _phases(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNames
 
 @cache
 def make_advance_freely(real: Any, math: str, parts: frozenset[str]) -> Any:
-    """advance(bands, steps, step, substeps, iterations, world, parameters, fluids, integers, bodies, kinds): many steps
-    in one call."""
+    """Compile advance(bands, steps, step, substeps, iterations, world, parameters, fluids, integers, bodies, kinds).
+
+    It runs many steps in one call.
+    """
     compiler = fluid_compiler("fluid_free", real, math, parts)
     phases = _phases(compiler, real, parts)
     gather, enter, tally, put, find = phases.gather, phases.enter, phases.tally, phases.put, phases.find
@@ -84,7 +86,7 @@ def make_advance_freely(real: Any, math: str, parts: frozenset[str]) -> Any:
 
 @cache
 def make_free_stages(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
-    """The phases by themselves, each a parallel loop (bands, ...); `sort`: three of them, by a team."""
+    """Compile each phase as a parallel loop (bands, ...); `sort` runs three phases by a team."""
     compiler = fluid_compiler("fluid_free_stages", real, math, parts)
     phases = _phases(compiler, real, parts)
     names = "gather", "find", "survey", "foresee", "relax", "push", "take_up", "shape", "accelerate", "move"
@@ -93,7 +95,7 @@ def make_free_stages(real: Any, math: str, parts: frozenset[str]) -> SimpleNames
 
 
 def free_stages(sim: Any) -> dict[str, StageRun]:
-    """What runs each stage of the plan of `sim`, a cpu_backend.fluid.solver.Fluid."""
+    """Return the function that runs each stage of the plan of `sim`, a cpu_backend.fluid.solver.Fluid."""
     stage, method = make_free_stages(sim.real, sim.options.math, sim.plan.parts), sim.scene.method
     world, bands = sim._world, sim._bands
 

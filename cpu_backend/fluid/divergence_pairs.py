@@ -1,5 +1,5 @@
-"""The sum over neighbours of the scheme `divergence-free` that others lack, LANES particles at a time, and the phases that
-take particles into a substep and on in its middle (model/fluid/divergence_plan.py, 1, 4, 8)."""
+"""The neighbour sum that only the scheme `divergence-free` has, LANES particles at a time, and its phases `gather` and
+`accelerate` (model/fluid/divergence_plan.py, 1, 4, 8)."""
 
 from __future__ import annotations
 
@@ -21,8 +21,12 @@ from model.formulas.fluid import density, divergence, motion
 
 
 def make_approaches(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
-    """approaches(many, first, entries, x, y, z, u, v, w, own_x, ..., own_w, sides, support, inverse, scale, total): of what a
-    vector (u, v, w) of each particle adds to constraints; added to `total`. See cpu_backend/fluid/pairs.py."""
+    """Make approaches(many, first, entries, x, y, z, u, v, w, own_x, ..., own_w, sides, support, inverse, scale,
+    total).
+
+    It adds to `total` what a vector (u, v, w) of each particle contributes to the constraints. The arguments are those
+    of cpu_backend/fluid/pairs.py.
+    """
     f, wrap = density.make(real, compiler.compiled), make_wrap(compiler, real, parts)
     squared, apart, slope = f.squared, f.apart, f.slope
     approach_added = divergence.make(real, compiler.compiled).approach_added
@@ -46,7 +50,8 @@ def make_approaches(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any
 
 
 def make_gather(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
-    """gather(part, parts, world, parameters): the state, within the box that repeats, and the box of a part's."""
+    """Make gather(part, parts, world, parameters): it copies the state, wrapped into the periodic box, and writes the
+    bounding box of the band."""
     turned_round, compiled = motion.make(real, compiler.compiled).turned_round, compiler.compiled
     repeats, largest = "repeats" in parts, real(LARGEST)
 
@@ -73,7 +78,7 @@ def make_gather(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
 
 
 def make_accelerate(compiler: Compiler, real: Any, parts: frozenset[str], sides_of: Any) -> SimpleNamespace:
-    """`accelerate`: of velocities between the solves, particle by particle."""
+    """Make `accelerate`: it updates the velocities between the solves, one particle at a time."""
     compiled, m = compiler.compiled, motion.make(real, compiler.compiled)
     accelerated, buoyant, braked, speed_of, slowed = m.accelerated, m.buoyant, m.braked, m.speed_of, m.slowed
     smooth_of = make_smoothing(compiler, real, parts).smooth
@@ -84,7 +89,7 @@ def make_accelerate(compiler: Compiler, real: Any, parts: frozenset[str], sides_
 
     @compiled
     def forced(number, row, step, parameters, fluids, integers):
-        """What accelerates a particle by itself [m/s^2]."""
+        """Return the acceleration of a particle by gravity and own forces [m/s^2]."""
         ax, ay, az = zero, zero, zero
         if has_gravity:
             ay = buoyant(parameters.gravity, fluids[row + F_BUOYANCY])
@@ -95,7 +100,7 @@ def make_accelerate(compiler: Compiler, real: Any, parts: frozenset[str], sides_
 
     @compiled
     def accelerate(part, shared, step, world, parameters, fluids, integers):
-        """Velocities after neighbours, drag and forces, into the state."""
+        """Apply neighbours, drag and forces to the velocities, and write them into the state."""
         (count, room, _), state, unsorted, in_order, work, _, (neighbours, _, entries, counts), _ = world
         place, meant, velocity, error = in_order[1], in_order[2], state[1], work[4]
         h, sides = parameters.dt, sides_of(parameters)

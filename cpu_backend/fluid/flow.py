@@ -1,8 +1,9 @@
-"""What comes by emitters and ends in sinks, on CPU threads (model/fluid/plan.py, 0 and 2).
+"""Emitters and sinks on CPU threads (model/fluid/plan.py, 0 and 2).
 
-`flow` is a tuple: (alive, missed, starts, there, emitters, points, sinks). `alive` (1,): how many particles are there; they
-lie first in the state's arrays. `missed` (1,): how many that were due found none that waits. `starts` (fluids + 1,): of each
-fluid's numbers the first; `there` (particles,), by number; rows of model/fluid/flow.py, flat.
+`flow` is a tuple: (alive, missed, starts, there, emitters, points, sinks). `alive` (1,): number of active particles,
+which are first in the state's arrays. `missed` (1,): particles that were due while all particles of their fluid were
+active. `starts` (fluids + 1,): first particle number of each fluid. `there` (particles,): 1 if active, by number. The
+rest are rows of model/fluid/flow.py, flat.
 """
 
 from __future__ import annotations
@@ -47,13 +48,17 @@ from model.formulas.fluid import flow as formulas_of_flow
 
 AXES = 3
 BOX, SPHERE, _ = range(len(SINK_SHAPES))
-GONE = -1  # the cell of who ended
+GONE = -1  # the cell of a removed particle
 
 
 def make_flow(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
-    """`emit(number, world, parameters, flow)`: what leaves nozzles in substep `number`, by one thread; `drain(part, shared,
-    world, flow)`: those of a part that sinks take get the cell GONE; `rest(world, cells, flow)`: how many are left, by one
-    thread, of a table of so many cells; `there_of(world, flow)`: the world with as many particles as are there."""
+    """Make `emit`, `drain`, `rest` and `there_of`.
+
+    `emit(number, world, parameters, flow)`, by one thread: emit the particles of substep `number`. `drain(part, shared,
+    world, flow)`: give the particles of a band that a sink removes the cell GONE. `rest(world, cells, flow)`, by one
+    thread: update the number of active particles of a table of so many `cells`. `there_of(world, flow)`: return the
+    world with the active particles as its count.
+    """
     compiled, f = compiler.compiled, formulas_of_flow.make(real, compiler.compiled)
     instant = cloth.make(real, compiled).instant
     passed, begun, emitted = f.passed, f.begun, f.emitted
@@ -61,14 +66,14 @@ def make_flow(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNam
 
     @compiled
     def free(n, end, there):
-        """The first number from n to before `end` that waits, or `end`."""
+        """Return the first inactive number from n to before `end`, or `end`."""
         while n < end and there[n] != 0:
             n += 1
         return n
 
     @compiled
     def put(slot, n, fluid_number, room, state, row, points, q, layers, k):
-        """Particle n, of layer k at the point q of a nozzle, into a place of the state."""
+        """Write particle n, of layer k at point q of a nozzle, into slot `slot` of the state."""
         position, velocity, number, fluid = state
         distance, at = row[E_DISTANCE], 3 * q
         position[slot] = emitted(points[at], row[E_X], layers, k, distance)
@@ -104,7 +109,7 @@ def make_flow(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNam
 
     @compiled
     def ends(sink, x, y, z):
-        """Whether a place lies in it."""
+        """Return True if a position is inside the sink."""
         dx, dy, dz = x - sink[S_X], y - sink[S_Y], z - sink[S_Z]
         kind = np.int64(sink[S_KIND])
         if kind == BOX:
@@ -137,8 +142,10 @@ def make_flow(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNam
 
 
 def make_flowing(compiler: Compiler, phases: SimpleNamespace, drains: bool) -> dict[str, Any]:
-    """`emit(bands, number, world, parameters, flow)`; `sort(bands, world, parameters, flow)`, of who is there, without those
-    that sinks take: phases by themselves, each by a team."""
+    """Make `emit(bands, number, world, parameters, flow)` and `sort(bands, world, parameters, flow)`, each by a team.
+
+    `sort` handles the active particles and removes those in sinks.
+    """
     enter, tally, put = phases.enter, phases.tally, phases.put
     emit_some, drain, rest, cells_in = phases.emit, phases.drain, phases.rest, phases.cells_in
 

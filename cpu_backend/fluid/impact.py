@@ -1,4 +1,4 @@
-"""Velocities of particles at walls on CPU threads: model/fluid/plan.py, 1 and 6."""
+"""Velocities of fluid particles at walls, on CPU threads (model/fluid/plan.py, 1 and 6)."""
 
 from __future__ import annotations
 
@@ -37,10 +37,13 @@ from model.mass_spring.cloth_parameters import (
 
 
 def make_impact(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
-    """`impact(bodies, kinds, number, parameters, b (3), u (3), p (3), v (3), most)` -> (place (3) and velocity (3) that the
-    colliders leave a particle from b that meant to go at u, velocity (3) at p: v if no collider was in the way);
-    `settled(bodies, kinds, number, parameters, q (3), v (3), u (3), multiplier, weight)` -> velocity (3) without the rebound
-    from walls. See model/formulas/fluid/impact.py."""
+    """Make `impact` and `settled` (model/formulas/fluid/impact.py).
+
+    `impact(bodies, kinds, number, parameters, b (3), u (3), p (3), v (3), most)` returns the position (3) and velocity
+    (3) of a particle after the colliders, if it moves from b at the predicted velocity u, and its velocity (3) at p,
+    which is v if no collider was in its way. `settled(bodies, kinds, number, parameters, q (3), v (3), u (3),
+    multiplier, weight)` returns the velocity (3) without the rebound from walls.
+    """
     compiled, m = compiler.compiled, motion.make(real, compiler.compiled)
     drifted, held_back, speed_of = m.drifted, m.held_back, m.speed_of
     after_impact, is_held = impact.make(real, compiled).after_impact, "held-back" in parts
@@ -94,8 +97,8 @@ def _make_settled(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
 
 
 def _make_one_wall(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
-    """one_wall(kind) -> settle(body, given, total, vx, vy, vz) -> the same after one collider; `total`: the density that
-    earlier ones add."""
+    """Make one_wall(kind) -> settle(body, given, total, vx, vy, vz), which returns (total, velocity) after one more
+    collider. `total` is the wall density of the colliders so far."""
     compiled, f, g = compiler.compiled, density.make(real, compiler.compiled), impact.make(real, compiler.compiled)
     beyond, wall_near, wall_density, wall_slope = f.beyond, f.wall_near, f.wall_density, f.wall_slope
     joined_density, rate, wall_push = f.joined_density, f.rate, g.wall_push

@@ -1,4 +1,4 @@
-"""A fluid's substeps on CPU threads: all of a call by one team (`advance`), or a parallel loop a stage."""
+"""Kernels of a fluid on CPU threads: all substeps of a call by one team (`advance`), or a parallel loop per stage."""
 
 from __future__ import annotations
 
@@ -27,14 +27,18 @@ def _phases(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNames
 
 
 def fluid_compiler(name: str, real: Any, math: str, parts: frozenset[str]) -> Compiler:
-    """What compiles the kernels of that name."""
+    """Return the compiler of the kernels called `name`."""
     return Compiler(f"{name}_{np.dtype(real).name}_{math}_{'_'.join(sorted(parts))}", math)
 
 
 @cache
 def make_advance(real: Any, math: str, parts: frozenset[str]) -> Any:
-    """advance(bands, steps, step, substeps, iterations, everyone, parameters, fluids, integers, bodies, kinds, flow): many
-    steps in one call. `everyone`: the world with all particles; `flow`: of cpu_backend/fluid/flow.py, where there is any."""
+    """Compile advance(bands, steps, step, substeps, iterations, everyone, parameters, fluids, integers, bodies, kinds,
+    flow).
+
+    It runs many steps in one call. `everyone` is the world with all particles; `flow` is that of
+    cpu_backend/fluid/flow.py, if the scene has emitters or sinks.
+    """
     compiler = fluid_compiler("fluid", real, math, parts)
     phases = _phases(compiler, real, parts)
     predict, enter, tally, put, prepare = phases.predict, phases.enter, phases.tally, phases.put, phases.prepare
@@ -94,8 +98,10 @@ def make_advance(real: Any, math: str, parts: frozenset[str]) -> Any:
 
 @cache
 def make_stages(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
-    """The phases by themselves, each a parallel loop (bands, ...); `sort`: three of them, by a team; where particles come and
-    go, by `make_flowing` of cpu_backend/fluid/flow.py."""
+    """Compile each phase as a parallel loop (bands, ...).
+
+    `sort` runs three phases by a team; with emitters or sinks `make_flowing` of cpu_backend/fluid/flow.py makes it.
+    """
     compiler = fluid_compiler("fluid_stages", real, math, parts)
     phases = _phases(compiler, real, parts)
     names = ("predict", "find", "constrain", "correct", "update", "shape", "finish")
@@ -106,7 +112,7 @@ def make_stages(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
 
 
 def make_sort(compiler: Compiler, phases: SimpleNamespace) -> Any:
-    """sort(bands, world, parameters): three phases, by a team."""
+    """Make sort(bands, world, parameters): three phases, by a team."""
     enter, tally, put = phases.enter, phases.tally, phases.put
 
     def sort(team, member, bands, world, parameters):

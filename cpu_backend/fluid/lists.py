@@ -1,10 +1,10 @@
-"""Who is near whom in a fluid: lists of neighbours, for CPU threads (model/fluid/plan.py, 3).
+"""Neighbour lists of a fluid, for CPU threads (model/fluid/plan.py, 3).
 
-Particles are listed by slices of LANES that follow each other: entry k of all lanes, then entry k + 1. What a lane lacks, as
-another has more, is filled with `nobody`, a particle so far off that it adds 0 to every sum. So loops over lanes are vectors,
-and each lane's sum goes in the order of its own list.
+Lists are stored by slices of LANES consecutive particles: entry k of all lanes, then entry k + 1. A list that is
+shorter than another one of its slice is padded with `nobody`, a particle so far away that it adds 0 to every sum. So
+loops over lanes are vectors, and each lane sums in the order of its own list.
 
-Numbers of entries are made unsigned where many are written: of a signed one numba asks first whether it counts from the end.
+Indices of entries are unsigned where many are written: for a signed index numba first checks whether it is negative.
 """
 
 from __future__ import annotations
@@ -20,14 +20,15 @@ from cpu_backend.fluid.bits import WORD, bits_below, bits_of, lowest_bit, withou
 from cpu_backend.fluid.quads import LANES
 from model.formulas.fluid import density
 
-AROUND = 1024  # particles of the cells around one that are gathered; where there are more, they are looked at in place
-RUNS = 64  # numbers: the ends of runs around a cell
-FAR = 1e15  # m: nobody's place; its square is still a number in float32
-TOGETHER = 12  # bits that are followed in one go, whether so many are left or not
+AROUND = 1024  # capacity for the particles of 27 cells; more are processed in batches
+RUNS = 64  # numbers: the ends of the runs around a cell
+FAR = 1e15  # m: coordinate of `nobody`; its square is finite in float32
+TOGETHER = 12  # bits handled in one pass, even if fewer are left
 
 
 def make_wrap(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
-    """wrap(dx, dy, dz, sides): a difference, the shortest where the box repeats; `sides`: three lengths, and their halves."""
+    """Make wrap(dx, dy, dz, sides): the shortest difference in a periodic box of `sides` (three lengths, their
+    halves)."""
     wrapped = density.make(real, compiler.compiled).wrapped
     repeats, flat = "repeats" in parts, "flat" in parts
 
@@ -48,7 +49,7 @@ def _make_picked(compiler: Compiler, real: Any, parts: frozenset[str], most: int
 
     @compiler.row
     def distances(x, y, z, sides, xs, ys, zs, squares):
-        """The squares of WORD distances from a place."""
+        """Write the squares of the distances of WORD particles from a position."""
         for k in range(WORD):
             dx, dy, dz = wrap(x - xs[k], y - ys[k], z - zs[k], sides)
             squares[k] = squared(dx, dy, dz)
@@ -57,8 +58,10 @@ def _make_picked(compiler: Compiler, real: Any, parts: frozenset[str], most: int
     def picked(
         i, own, lane, found, x, y, z, many, near_x, near_y, near_z, squares, who, sides, limit, entries, fluid, sampled
     ):  # fmt: skip
-        """Appends those of the `many` that were gathered that are near to i, number `own` of them; returned: how many there
-        are with them."""
+        """Append to the list of i those of the `many` gathered particles that are near; i is number `own` among them.
+
+        Returns the number of neighbours so far.
+        """
         for first in range(0, many, WORD):
             at = np.int64(first)
             distances(x, y, z, sides, row_at(near_x, at), row_at(near_y, at), row_at(near_z, at), squares)
@@ -69,12 +72,12 @@ def _make_picked(compiler: Compiler, real: Any, parts: frozenset[str], most: int
                     j = who[first + lowest_bit(near)]
                     near = without_lowest(near)
                     if has_solids and fluid[i] == sampled and fluid[j] == sampled:
-                        continue  # two samples of solids
+                        continue  # two samples of solids are no neighbours
                     if found < most:
                         entries[found * LANES + lane] = j
                     found += 1
                 continue
-            for k in range(found, end, TOGETHER):  # what is behind the last is overwritten by what comes
+            for k in range(found, end, TOGETHER):  # numbers behind the last entry are overwritten by the next ones
                 for n in range(TOGETHER):
                     entries[np.uint64((k + n) * LANES + lane)] = who[np.uint64(first + lowest_bit(near))]
                     near = without_lowest(near)
@@ -89,7 +92,7 @@ def _make_runs_around(compiler: Compiler, real: Any, parts: frozenset[str]) -> A
 
     @compiler.compiled
     def runs_around(c, nx, ny, nz, starts, sides, runs):
-        """The runs of places of the 27 cells around one, their ends in `runs`; returned: how many numbers."""
+        """Write the ends of the runs of particles in the 27 cells around cell c into `runs`. Returns their number."""
         x, y, z, n = c % nx, c // nx % ny, c // (nx * ny), 0
         wraps_x = wraps_y = wraps_z = False
         if repeats:
@@ -127,7 +130,7 @@ def _make_gathered(compiler: Compiler, real: Any) -> SimpleNamespace:
 
     @compiler.compiled
     def gathered(k, begin, end, room, place, near_x, near_y, near_z, who):
-        """Copies the places `begin` to before `end`, from number k on; returned: how many there are with them."""
+        """Copy the positions `begin` to before `end` to index k on. Returns the new number of gathered particles."""
         first = np.int64(begin)
         copied(
             end - begin, first, row_at(place, first), row_at(place, room + first), row_at(place, 2 * room + first),
@@ -137,7 +140,7 @@ def _make_gathered(compiler: Compiler, real: Any) -> SimpleNamespace:
 
     @compiler.compiled
     def filled_up(many, near_x):
-        """Nobody in what the last WORD of those gathered lacks."""
+        """Pad the gathered particles with `nobody` to a multiple of WORD."""
         for k in range(many, (many + WORD - 1) // WORD * WORD):
             near_x[k] = far
 
@@ -145,17 +148,20 @@ def _make_gathered(compiler: Compiler, real: Any) -> SimpleNamespace:
 
 
 def make_find(compiler: Compiler, real: Any, parts: frozenset[str], most: int) -> Any:
-    """find(first, last, count, room, nobody, place, cell, order, starts, counts, sides, parameters, lists, around, fluid)
-    -> neighbours that no list holds: of the slices `first` to before `last`. `counts`: of cells along x, y, z; `most`:
-    neighbours of a particle; `around`: room for those that lie in a cell's 27, whom its particles are all held against:
-    their places (three planes), which they are, and the runs that they come in."""
+    """Make find(first, last, count, room, nobody, place, cell, order, starts, counts, sides, parameters, lists, around,
+    fluid).
+
+    It builds the lists of the slices `first` to before `last` and returns the number of neighbours that did not fit.
+    `counts`: cells along x, y, z. `most`: capacity of a list. `around`: scratch for the particles of the 27 cells
+    around a cell: their positions (three planes), squared distances, numbers, and the runs that they come from.
+    """
     squared, zero, gather = density.make(real, compiler.compiled).squared, real(0), _make_gathered(compiler, real)
     picked, runs_around = _make_picked(compiler, real, parts, most), _make_runs_around(compiler, real, parts)
     gathered, filled_up = gather.gathered, gather.filled_up
 
     @compiler.row
     def filled(longest, nobody, neighbours, entries):
-        """Nobody in what the lists of a slice lack."""
+        """Pad the lists of a slice with `nobody`."""
         shortest = longest
         for lane in range(LANES):
             shortest = min(shortest, np.int64(neighbours[lane]))
@@ -200,7 +206,7 @@ def make_find(compiler: Compiler, real: Any, parts: frozenset[str], most: int) -
                         i, i + own_from, lane, found, x, y, z, many, near_x, near_y, near_z, squares, who, sides, limit,
                         own, fluid, sampled,
                     )  # fmt: skip
-                else:  # as many at a time as there is room for
+                else:  # in batches of AROUND particles
                     for n in range(0, ends, 2):
                         for begin in range(runs[n], runs[n + 1], AROUND):
                             end = min(begin + AROUND, runs[n + 1])

@@ -1,6 +1,5 @@
-"""The sums over neighbours of a fluid's density constraint, LANES particles at a time, for CPU threads
-(model/fluid/plan.py, 4 and 5). What each function is given: `many` entries of the slice's list, the planes of all, and
-those of the slice's own."""
+"""Neighbour sums of a fluid's density constraint, LANES particles at a time, for CPU threads (model/fluid/plan.py, 4
+and 5). Arguments: `many` entries of the slice's list, the quads of all particles, and the planes of the slice's own."""
 
 from __future__ import annotations
 
@@ -18,7 +17,7 @@ from model.formulas.fluid import density
 
 
 def make_pairs(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
-    """`densities`, `gradients`, `corrections`; their sums are added to, and begin at 0."""
+    """Make `densities`, `gradients`, `corrections`, which add to their sums; the sums are 0 at first."""
     f, wrap = density.make(real, compiler.compiled), make_wrap(compiler, real, parts)
     squared, near, closeness, apart, slope = f.squared, f.near, f.closeness, f.apart, f.slope
     density_added = f.density_added

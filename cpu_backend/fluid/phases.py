@@ -1,6 +1,6 @@
-"""The phases of a fluid's substep on CPU threads, one part of each at a time: model/fluid/plan.py says what they do.
+"""The phases of a fluid's substep up to the sort, on CPU threads, one band at a time (model/fluid/plan.py, 1 and 2).
 
-All are given the same `world`, a tuple of tuples: see `Fluid` of cpu_backend/fluid/solver.py, which makes it.
+All take the same `world`, a tuple of tuples made by `Fluid` of cpu_backend/fluid/solver.py.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from cpu_backend.fluid.cells import make_predict, make_sort, make_table
 
 
 def make_order(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
-    """`predict`, `enter`, `tally`, `put`: phases until particles lie in order. All take (part, parts, step, world, ...)."""
+    """Make `predict`, `enter`, `tally`, `put`: the phases up to the sort, (part, parts, step, world, ...)."""
     predict_some, table_made, sort = (
         make_predict(compiler, real, parts),
         make_table(compiler, real),
@@ -34,7 +34,7 @@ def make_order(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNa
 
     @compiled
     def cells_in(shared, world, parameters):
-        """(lowest places, inverse edges, counts) of the table."""
+        """Return (lowest positions, inverse cell edges, counts) of the table."""
         table = world[5]
         return span(shared, table[0], table[2].size - 1, parameters)
 

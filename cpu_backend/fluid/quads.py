@@ -1,7 +1,8 @@
-"""Places of a fluid's particles as quads (x, y, z, change of the multiplier), behind their planes, for CPU threads.
+"""Positions of a fluid's particles as quads (x, y, z, change of the multiplier), behind their planes, for CPU threads.
 
-LANES neighbours are then as many loads of four numbers, which two rows of shuffles turn into planes; of planes they were
-three or four times as many loads of one number, by an instruction (`vgatherqps`) that takes no less than so many loads do.
+LANES neighbours are then LANES loads of four numbers, which two rows of shuffles turn into planes. Reading the planes
+takes three or four times as many loads of one number, by an instruction (`vgatherqps`) that is no faster than the
+loads.
 """
 
 from __future__ import annotations
@@ -17,14 +18,14 @@ from cpu_backend.core.plain import in_python
 
 LANES = 16  # particles of a slice
 QUAD = 4
-QUADS = 3  # planes, behind which quads lie
+QUADS = 3  # number of planes before the quads
 GROUP = LANES // QUAD
 
 _built_in: Any = intrinsic  # typed by numba when it is compiled
 
 
 def _joined(builder: Any, parts: list[Any]) -> Any:
-    """One vector of several."""
+    """Concatenate several vectors."""
     while len(parts) > 1:
         size = parts[0].type.count
         places = ir.Constant(ir.VectorType(ir.IntType(32), 2 * size), list(range(2 * size)))
@@ -33,7 +34,7 @@ def _joined(builder: Any, parts: list[Any]) -> Any:
 
 
 def _interleaved(builder: Any, a: Any, b: Any, first: int, run: int) -> Any:
-    """Of each QUAD of two vectors half: a run of numbers of `a` from `first` on, a run of `b`, and so on."""
+    """Take half of each QUAD of two vectors: a run of numbers of `a` from `first` on, a run of `b`, and so on."""
     places = []
     for quad in range(0, LANES, QUAD):
         for start in range(quad + first, quad + first + QUAD // 2, run):
@@ -42,7 +43,7 @@ def _interleaved(builder: Any, a: Any, b: Any, first: int, run: int) -> Any:
 
 
 def _planes(builder: Any, quads: list[Any]) -> list[Any]:
-    """x, y, z, w of LANES quads: each QUAD of a vector holds a quad, so that all stays within 128 bits of float32."""
+    """Return x, y, z, w of LANES quads. Each QUAD of a vector is a quad: shuffles stay within 128 bits of float32."""
     rows = [_joined(builder, [quads[m + QUAD * n] for n in range(GROUP)]) for m in range(QUAD)]
     xy = [_interleaved(builder, rows[n], rows[n + 1], 0, 1) for n in (0, 2)]  # x, x, y, y of two quads
     zw = [_interleaved(builder, rows[n], rows[n + 1], 2, 1) for n in (0, 2)]
@@ -51,7 +52,7 @@ def _planes(builder: Any, quads: list[Any]) -> list[Any]:
 
 @_built_in
 def read_quads(typing_context, quads, entries, offset, x, y, z, w):
-    """x, y, z, w (LANES,): the numbers of the quads of LANES particles, which are `entries` from `offset` on. Flat arrays."""
+    """Read the quads of LANES particles, `entries` from `offset` on, into x, y, z, w (LANES,). All arrays are flat."""
     kinds = [each.dtype for each in (quads, x, y, z, w)]
     if entries.dtype != types.int32 or any(kind != kinds[0] for kind in kinds):
         return None

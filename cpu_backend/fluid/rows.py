@@ -1,5 +1,5 @@
-"""What the particles of a slice do by themselves after a sum over neighbours, LANES at a time, for CPU threads
-(model/fluid/plan.py, 4 and 5); and rows of scratch for a slice."""
+"""Operations on each particle of a slice after a neighbour sum, LANES at a time, for CPU threads (model/fluid/plan.py,
+4 and 5); and scratch rows for a slice."""
 
 from __future__ import annotations
 
@@ -15,13 +15,16 @@ from cpu_backend.fluid.quads import LANES
 from model.fluid.parameters import F_WEIGHT
 from model.formulas.fluid import density
 
-SUMS, NUMBERS = 6, 4  # rows of LANES for each part: sums, or a place and a velocity; and what neighbours are
+SUMS, NUMBERS = 6, 4  # rows of LANES for each band: sums, or a position and a velocity; and quads of neighbours
 SCRATCH = SUMS + NUMBERS
 
 
 def make_scratch(compiler: Compiler) -> SimpleNamespace:
-    """`sums_of(part, scratch)`: SUMS rows of a part, one behind the other; `numbers_of(part, scratch)`: NUMBERS more;
-    `own(plane, room, base)`: three planes of a slice's own particles."""
+    """Make views of scratch and planes.
+
+    `sums_of(part, scratch)`: the SUMS rows of a band, in sequence. `numbers_of(part, scratch)`: its NUMBERS further
+    rows. `own(plane, room, base)`: the three planes of a slice's own particles.
+    """
 
     @compiler.compiled
     def sums_of(part, scratch):
@@ -47,9 +50,13 @@ def make_scratch(compiler: Compiler) -> SimpleNamespace:
 
 
 def make_rows(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
-    """`factors(relaxation, softness, fluid, fluids, gx, gy, gz, own, wx, wy, wz, factor, multiplier)`; `relax(lattice_sum,
-    scale, total, share, factor, multiplier, delta, error)`: constraints, and changes of multipliers; `move(fluid, fluids,
-    delta, wx, wy, wz, px, py, pz, ax, ay, az, vx, vy, vz)`: corrections a become places, and v is 0."""
+    """Make `factors`, `relax` and `move`.
+
+    `factors(relaxation, softness, fluid, fluids, gx, gy, gz, own, wx, wy, wz, factor, multiplier)`. `relax(lattice_sum,
+    scale, total, share, factor, multiplier, delta, error)`: constraints and changes of multipliers. `move(fluid,
+    fluids, delta, wx, wy, wz, px, py, pz, ax, ay, az, vx, vy, vz)`: turn the corrections a into positions, and set v to
+    0.
+    """
     f, averaged, has_walls = density.make(real, compiler.compiled), "averaged" in parts, "walls" in parts
     constraint, change, change_alone, factor_of = f.constraint, f.change, f.change_alone, f.factor
     wall_added, moved = f.wall_added, f.moved

@@ -1,4 +1,4 @@
-"""What neighbours do to a fluid's velocities, for CPU threads (model/fluid/plan.py, 7 and 8)."""
+"""Effects of neighbours on a fluid's velocities, for CPU threads (model/fluid/plan.py, 7 and 8)."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from model.formulas.fluid import density, motion
 
 
 def make_smoothing(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
-    """`shapes`, `smooth`: of velocities (model/fluid/plan.py, 7 and 8), one particle at a time."""
+    """Make `shapes` (normals, vorticity) and `smooth` (velocities), one particle at a time (plan, 7 and 8)."""
     return SimpleNamespace(shapes=_make_shapes(compiler, real, parts), smooth=_make_smooth(compiler, real, parts))
 
 
@@ -26,7 +26,7 @@ def _make_difference(compiler: Compiler, real: Any, parts: frozenset[str]) -> An
 
     @compiler.compiled
     def difference(i, j, room, place, sides, support):
-        """(d, its square) of two particles."""
+        """Return the difference of two positions and its square."""
         dx, dy, dz = place[i] - place[j], place[room + i] - place[room + j], place[2 * room + i] - place[2 * room + j]
         dx, dy, dz = wrap(dx, dy, dz, sides)
         dy = apart(dy, squared(dx, dy, dz), support, i < j)
@@ -43,7 +43,7 @@ def _make_shapes(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
 
     @compiler.compiled
     def shapes(i, many, entries, room, place, velocity, normal, curl, sides, parameters, fluid):
-        """The normal and the vorticity of particle i; `entries`: its own begin there."""
+        """Write the normal and the vorticity of particle i, whose neighbours begin at entries[0]."""
         support, inverse, scale = parameters.support, parameters.inverse_support, parameters.gradient_scale
         nx, ny, nz, wx, wy, wz = zero, zero, zero, zero, zero, zero
         vx, vy, vz = velocity[i], velocity[room + i], velocity[2 * room + i]
@@ -77,7 +77,7 @@ def _make_smooth(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
 
     @compiler.compiled
     def smooth(i, many, entries, room, place, velocity, normal, curl, sides, parameters, fluid, fluids):
-        """The velocity of particle i after what neighbours do to it."""
+        """Return the velocity of particle i after viscosity, cohesion, surface tension and vorticity confinement."""
         support, inverse, scale = parameters.support, parameters.inverse_support, parameters.gradient_scale
         vx, vy, vz = velocity[i], velocity[room + i], velocity[2 * room + i]
         mx, my, mz, fx, fy, fz, rx, ry, rz = zero, zero, zero, zero, zero, zero, zero, zero, zero

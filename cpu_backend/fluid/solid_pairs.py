@@ -1,6 +1,6 @@
-"""The sums over neighbours of a fluid's density constraint where samples of solids are among them, LANES particles at a time,
-for CPU threads (model/fluid/plan.py, Solids). Arguments as in cpu_backend/fluid/pairs.py; `volume`, `grip`,
-`lightness`: of all, in the order of cells."""
+"""The neighbour sums of a fluid's density constraint with samples of solids, LANES particles at a time, for CPU threads
+(model/fluid/plan.py, Solids). Arguments as in cpu_backend/fluid/pairs.py; `volume`, `grip`, `lightness`: of all
+particles, in the order of cells."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from model.formulas.fluid import density, solids
 
 
 def make_solid_pairs(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
-    """`densities`, `gradients`, `corrections`; their sums are added to, and begin at 0."""
+    """Make `densities`, `gradients`, `corrections`, which add to their sums (0 at first), and `frictions`."""
     f, m = density.make(real, compiler.compiled), solids.make(real, compiler.compiled)
     squared, near, closeness, apart, slope = f.squared, f.near, f.closeness, f.apart, f.slope
     gradient_added, own_added, crowded, correction_added = f.gradient_added, f.own_added, f.crowded, f.correction_added
@@ -71,7 +71,7 @@ def make_solid_pairs(compiler: Compiler, real: Any, parts: frozenset[str]) -> Si
 
     @compiler.compiled
     def frictions(i, many, entries, room, place, before, inverse, grip, lightness, fluid, fluids, x, y, z):
-        """Of particle i: the sums x, y, z with what it and those samples that it touches take from each other."""
+        """Return the sums x, y, z of particle i with the friction between it and the samples (or particles) near it."""
         if not rubs:
             return x, y, z
         mine = fluids[row_of(fluid, i) + F_VISCOSITY]

@@ -1,8 +1,8 @@
-"""The phases of a fluid's substep that know of solids, on CPU threads: model/fluid/plan.py, Solids, says what they do.
+"""The phases of a fluid's substep that involve solids, on CPU threads (model/fluid/plan.py, Solids).
 
-`solids`: (how many particles the fluid has, its neighbours' kinds by number, the same in the order of cells, where each
-sample lies in it, (corners, shares) of samples, (before, position) of the solids' particles in rows, (lightness, offsets,
-samples, shares) of what each of them carries, what samples are pushed by, in planes).
+`solids` (in the code `met`): (number of the fluid's particles, the rows of `kinds_of` by number, the same in the order
+of cells, the slot of each sample, (corners, shares) of samples, (before, position) of the solids' particles in rows,
+(lightness, offsets, samples, shares) of the samples that each of them carries, shifts of samples in planes).
 """
 
 from __future__ import annotations
@@ -26,11 +26,11 @@ from model.fluid.samples import CORNERS
 from model.formulas.fluid import density, solids
 from model.scene.cloth import COLLIDER_KINDS
 
-SUMS = 5  # rows of LANES for each part
+SUMS = 5  # rows of LANES for each band
 
 
 def make_sampling(compiler: Compiler, real: Any) -> SimpleNamespace:
-    """`sample`, `gather`, `follow`, `push`: phases that carry solids to their samples and back, (part, parts, ...)."""
+    """Make `sample`, `gather`, `follow`, `push`: phases that couple samples to solids, (part, parts, ...)."""
     compiled, formulas = compiler.compiled, solids.make(real, compiler.compiled)
     middle, carried_on = formulas.middle, formulas.carried_on
     moved = density.make(real, compiler.compiled).moved
@@ -38,7 +38,7 @@ def make_sampling(compiler: Compiler, real: Any) -> SimpleNamespace:
 
     @compiled
     def point(s, corners, shares, rows):
-        """Where sample s is, of particles in rows of three."""
+        """Return the position of sample s between its corners, of particles in rows of three."""
         at = CORNERS * s
         i, j, k = AXES * np.int64(corners[at]), AXES * np.int64(corners[at + 1]), AXES * np.int64(corners[at + 2])
         a, b, c = shares[at], shares[at + 1], shares[at + 2]
@@ -49,7 +49,7 @@ def make_sampling(compiler: Compiler, real: Any) -> SimpleNamespace:
 
     @compiled
     def sample(part, shared, world, met):
-        """Samples where solids are predicted, among particles in no order yet; and the box of a part's."""
+        """Write the predicted positions of samples among the unsorted particles, and the bounding box of the band."""
         (count, room, _), state, (before, place, meant), _, _, table, _, _ = world
         fluids, _, _, _, (corners, shares), (began, position), _, _ = met
         number, boxes = state[2], table[0]
@@ -69,7 +69,7 @@ def make_sampling(compiler: Compiler, real: Any) -> SimpleNamespace:
 
     @compiled
     def gather(part, shared, world, met):
-        """What each in the order of cells counts for, and where samples lie in it."""
+        """Copy `kinds` into the order of cells, and store the slots of samples."""
         (count, room, _), _, _, in_order, _, _, _, _ = world
         fluids, by_number, kinds, slots, _, _, _, _ = met
         number = in_order[3]
@@ -82,7 +82,7 @@ def make_sampling(compiler: Compiler, real: Any) -> SimpleNamespace:
 
     @compiled
     def follow(part, shared, place, world, met):
-        """Samples where solids are now."""
+        """Write the current positions of samples."""
         (_, room, _), _, _, _, _, _, _, _ = world
         _, _, _, slots, (corners, shares), (_, position), _, _ = met
         many = slots.size
@@ -92,7 +92,7 @@ def make_sampling(compiler: Compiler, real: Any) -> SimpleNamespace:
 
     @compiled
     def push(part, shared, met):
-        """The solids' particles, by what their samples are pushed by, in the samples' order."""
+        """Move the solids' particles by the shifts of their samples, summed in the order of the samples."""
         _, _, _, slots, _, (_, position), (lightness, offsets, samples, shares), shift = met
         many, room = lightness.size, slots.size
         for k in range(many * part // shared, many * (part + 1) // shared):
@@ -112,7 +112,7 @@ def make_sampling(compiler: Compiler, real: Any) -> SimpleNamespace:
 
 
 def make_solid_constraint(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
-    """`factors`, `constrain`, `correct`: the density constraint's phases among solids, over slices of LANES."""
+    """Make `factors`, `constrain`, `correct`: phases of the density constraint among solids, over slices of LANES."""
     return SimpleNamespace(
         factors=_make_factors(compiler, real, parts), constrain=_make_constrain(compiler, real, parts),
         correct=_make_correct(compiler, real, parts),
@@ -127,7 +127,7 @@ def _make_factors(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
 
     @compiler.compiled
     def factors(part, shared, number, world, met, scratch, parameters, fluids, bodies, kinds_of):
-        """The factors that an iteration multiplies by; of samples 0."""
+        """Evaluate the neighbour factors of the constraint; 0 for samples."""
         (count, room, _), _, _, in_order, (_, factor, multiplier, _, _, wall), _, (_, longest, entries, _), _ = world
         first, kinds, place, numbers, fluid = met[0], met[2], in_order[1], in_order[3], in_order[4]
         _, end, _ = instants(number, parameters)
@@ -167,7 +167,7 @@ def _make_constrain(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any
 
     @compiler.compiled
     def constrain(part, shared, number, place, world, met, scratch, parameters, bodies, kinds_of):
-        """The constraints where particles are at `place`, and the changes of their multipliers; of samples 0."""
+        """Evaluate the constraints at the positions `place`, and the changes of their multipliers; 0 for samples."""
         (count, room, _), _, _, in_order, (_, factor, multiplier, delta, error, wall), _, lists, _ = world
         first, kinds, numbers = met[0], met[2], in_order[3]
         longest, entries, slices = lists[1], lists[2], (count + LANES - 1) // LANES
@@ -207,7 +207,7 @@ def _make_correct(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
 
     @compiled
     def correct(part, shared, number, place, there, world, met, scratch, parameters, fluids, bodies, kinds_of):
-        """Particles at `place` moved, into `there`; and what samples are pushed by."""
+        """Correct the positions `place` and store them in `there`; store the shifts of samples."""
         (count, room, _), _, _, in_order, (_, _, _, delta, _, wall), _, lists, _ = world
         first, kinds, slots, shift = met[0], met[2], met[3], met[7]
         before, numbers, fluid = in_order[0], in_order[3], in_order[4]

@@ -1,9 +1,10 @@
-"""Position-based fluids on CPU threads (M. Macklin and M. Mueller, SIGGRAPH 2013): what a substep is, model/fluid/plan.py
-says.
+"""Position-based fluids on CPU threads (M. Macklin and M. Mueller, SIGGRAPH 2013); model/fluid/plan.py defines a
+substep.
 
-Particles lie in the order of their cells, which each substep makes anew. Kernels: `fused`, many steps in one call by a
-team of threads, and `stages`, a parallel loop a stage. In `exact` math both give the same bits, for any number of
-threads."""
+Particles are stored in the order of their cells, and sorted anew in each substep. Kernels: `fused`, many steps in one
+call by a team of threads, and `stages`, one parallel loop per stage. In `exact` math both give the same bits, for any
+number of threads.
+"""
 
 from __future__ import annotations
 
@@ -33,9 +34,9 @@ from model.scene.scene import Scene
 
 
 class Fluid(ParticlesSimulation):
-    """See model/core/simulation.py for the contract. `threads`: `1x`, `2x`, `4x` or a number."""
+    """Fluids on CPU threads; model/core/simulation.py defines the contract. `threads`: `1x`, `2x`, `4x` or a number."""
 
-    samples: Samples | None = None  # of solids, which are particles here, behind all others
+    samples: Samples | None = None  # of solids: further particles behind those of the fluids
 
     def __init__(self, scene: Scene, options: Options, threads: str | int = "1x"):
         super().__init__(scene, options, threads)
@@ -49,7 +50,7 @@ class Fluid(ParticlesSimulation):
         self.integers[0] = scene.external.seed if scene.external else 0
         self._set_colliders(collider_numbers(scene, self.real))
         self._allocate()
-        numba.set_num_threads(self._bands)  # starts them: stages may be called by themselves
+        numba.set_num_threads(self._bands)  # starts the threads: stages may be called alone
         self._is_free, stages = "divergence-free" in self.plan.parts, {}
         staged = self.kernel == "stages"
         if staged:
@@ -58,8 +59,11 @@ class Fluid(ParticlesSimulation):
         self.reset()
 
     def _allocate(self) -> None:
-        """The arrays of kernels. Planes hold `room` numbers: those of all particles, of slices that they do not fill, and of
-        nobody, who is far away."""
+        """Allocate the arrays of the kernels.
+
+        A plane has `room` numbers: for all particles, for the unfilled lanes of the last slice, and for `nobody`, which
+        is far away.
+        """
         real, count, bands = self.real, self._particles, self._bands
         slices = -(-count // LANES)
         nobody = slices * LANES
@@ -69,11 +73,11 @@ class Fluid(ParticlesSimulation):
             return aligned_zeros(many * room + LANES, kind)
 
         def places() -> np.ndarray:
-            """With the same in quads behind."""
+            """Allocate planes of positions with the quads behind them."""
             return planes(many=QUADS + QUAD)
 
         self._state = planes(), planes(), planes(np.int32, 1), planes(np.int32, 1)  # position, velocity, number, fluid
-        unsorted = planes(), planes(), planes()  # before, predicted, velocity meant
+        unsorted = planes(), planes(), planes()  # before, predicted, predicted velocity
         in_order = planes(), places(), planes(), planes(np.int32, 1), planes(np.int32, 1)
         factor, multiplier, delta, error = (planes(many=1) for _ in range(4))
         work = (
@@ -90,7 +94,7 @@ class Fluid(ParticlesSimulation):
         )  # fmt: skip
         most = MAX_NEIGHBOURS[self.scene.dimensions]
         entries = aligned_zeros(slices * LANES * most, np.int32)
-        self._counts = np.zeros(2 * bands, np.int64)  # neighbours without room, then velocities slowed, of each band
+        self._counts = np.zeros(2 * bands, np.int64)  # per band: neighbours lost, then velocities slowed
         lists = planes(np.int32, 1), np.zeros(slices, np.int32), entries, self._counts
         for array in (in_order[1], work[0]):
             for axis in range(self.scene.dimensions):
@@ -103,7 +107,7 @@ class Fluid(ParticlesSimulation):
         self._kept = tuple(array.copy() for array in self._now)
 
     def _make_flow(self) -> tuple[np.ndarray, ...]:
-        """See cpu_backend/fluid/flow.py; nothing where nothing comes and goes."""
+        """Return the tuple of cpu_backend/fluid/flow.py; empty without emitters and sinks."""
         if not self._flows:
             return ()
         scene, real = self.scene, self.real
@@ -113,12 +117,12 @@ class Fluid(ParticlesSimulation):
 
     @property
     def _now(self) -> tuple[np.ndarray, ...]:
-        """What a substep goes on from: the state, and who is there."""
+        """The arrays that a substep starts from: the state, and which particles are active."""
         return (*self._state, self._flow[0], self._flow[3]) if self._flow else self._state
 
     @property
     def there(self) -> int:
-        """How many particles are there, the first ones of the state's arrays."""
+        """Number of active particles, which are the first ones of the state's arrays."""
         return int(self._flow[0][0]) if self._flow else self._particles
 
     def _advance(self, step: int, steps: int) -> None:
@@ -130,14 +134,14 @@ class Fluid(ParticlesSimulation):
         )  # fmt: skip
 
     def _stages(self) -> dict[str, StageRun]:
-        """What runs each stage of the plan by itself."""
+        """Return the function that runs each stage of the plan."""
         stage = make_stages(self.real, self.options.math, self.plan.parts)
         world, bands, iterations = self._world, self._bands, self.scene.method.iterations
         buffers = world[3][1], world[4][0]
         last = buffers[iterations % 2]
 
         def run(kernel: Any, *names: str) -> StageRun:
-            """A stage that is given the attributes of those names after the world."""
+            """Make a stage that takes the attributes `names`."""
 
             def stage_run(moment: Moment) -> None:
                 here = moment.iteration % 2
@@ -167,26 +171,26 @@ class Fluid(ParticlesSimulation):
             found["normals and vorticity"] = run(stage.shape, "last", "world", "parameters")
         return found
 
-    # ------------------------------------------------------------------ what is told
+    # ------------------------------------------------------------------ diagnostics
 
     @property
     def contacts_lost(self) -> int:
-        """Neighbours beyond the MAX_NEIGHBOURS of a list, since the simulation was opened."""
+        """Number of neighbours beyond the MAX_NEIGHBOURS of a list, since the simulation was opened."""
         return int(self._counts[: self._bands].sum())
 
     @property
     def speed_limited(self) -> int:
-        """How often the speed limit slowed a particle in a substep, since the simulation was opened."""
+        """Number of times that the speed limit slowed a particle in a substep, since the simulation was opened."""
         return int(self._counts[self._bands :].sum())
 
     def _by_number(self, array: np.ndarray) -> np.ndarray:
-        """(particles,): one value each of `array`, whose particles lie as after the last substep; 0 of those that wait."""
+        """Return (particles,) values by number from an array in the order of cells; 0 for inactive particles."""
         found = np.zeros(self._particles, array.dtype)
         found[self._state[2][: self.there]] = array[: self.there]
         return found
 
     def _multipliers(self) -> np.ndarray:
-        """(particles,) [m^2]: of the last substep, see `pressures` of model/fluid/measure.py."""
+        """Return (particles,) the multipliers of the last substep [m^2] (`pressures` of model/fluid/measure.py)."""
         return self._by_number(self._world[4][2])
 
     # ------------------------------------------------------------------ the contract
@@ -200,7 +204,7 @@ class Fluid(ParticlesSimulation):
             array[:] = kept
 
     def _places(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, int]:
-        slots = np.full(self._particles, self._world[0][2])  # nobody's, in which there are zeros
+        slots = np.full(self._particles, self._world[0][2])  # the slot of `nobody`, which has zeros
         slots[self._state[2][: self.there]] = np.arange(self.there)
         return self._state[0], self._state[1], slots, self._room
 
@@ -230,5 +234,5 @@ class Fluid(ParticlesSimulation):
 
     @property
     def not_emitted(self) -> int:
-        """Particles that were due at a nozzle while none waited, since the simulation was opened."""
+        """Number of particles that a nozzle could not emit as none was inactive, since the simulation was opened."""
         return int(self._flow[1][0]) if self._flow else 0

@@ -22,7 +22,7 @@ from model.scene.cloth import COLLIDER_KINDS
 
 
 def make_velocities(compiler: Compiler, real: Any, parts: frozenset[str], sides_of: Any) -> SimpleNamespace:
-    """`update`, `shape`, `finish`: phases that take (part, parts, ..., place, world, ...). `place`: where particles are."""
+    """Make `update`, `shape`, `finish`, phases (part, parts, ..., place, world, ...); `place` are the positions."""
     compiled, m = compiler.compiled, motion.make(real, compiler.compiled)
     speed_of, slowed, braked, around = m.speed_of, m.slowed, m.braked, make_smoothing(compiler, real, parts)
     shape_of, smooth_of = around.shapes, around.smooth
@@ -32,7 +32,7 @@ def make_velocities(compiler: Compiler, real: Any, parts: frozenset[str], sides_
 
     @compiled
     def shape(part, shared, place, world, parameters):
-        """Normals and vorticity, into what positions were before."""
+        """Write normals and vorticity into the unsorted planes of positions."""
         (count, room, _), _, unsorted, in_order, _, _, (neighbours, _, entries, _), _ = world
         sides, meant = sides_of(parameters), in_order[2]
         for i in range(count * part // shared, count * (part + 1) // shared):
@@ -43,7 +43,7 @@ def make_velocities(compiler: Compiler, real: Any, parts: frozenset[str], sides_
 
     @compiled
     def finish(part, shared, place, world, parameters, fluids):
-        """The new state: velocities after neighbours, drag and the speed limit."""
+        """Write the new state: velocities after neighbours, drag and the speed limit."""
         (count, room, _), state, unsorted, in_order, work, _, (neighbours, _, entries, _), _ = world
         position, velocity, number, fluid = state
         sides, meant, error = sides_of(parameters), in_order[2], work[4]
@@ -96,7 +96,7 @@ def _make_update(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
 
     @compiled
     def update(part, shared, number, place, world, parameters, fluids, bodies, kinds):
-        """What positions say, and colliders; into `meant`, which nobody else reads."""
+        """Derive velocities from positions and colliders, and write them into `meant`, which no other phase reads."""
         (count, room, _), _, _, in_order, _, _, _, (scratch, _, _, _) = world
         before, meant, fluid, slices = in_order[0], in_order[2], in_order[4], (count + LANES - 1) // LANES
         sums = sums_of(part, scratch)
@@ -119,8 +119,11 @@ def _make_update(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
 
 
 def _make_at_walls(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
-    """at_walls(base, number, world, parameters, fluids, bodies, kinds, x, y, z, u, v, w): velocities (u, v, w) of a slice at
-    (x, y, z), after impacts on colliders and without the rebound from walls."""
+    """Make at_walls(base, number, world, parameters, fluids, bodies, kinds, x, y, z, u, v, w).
+
+    It updates the velocities (u, v, w) of a slice at (x, y, z) for impacts on colliders, without the rebound from
+    walls.
+    """
     compiled, made = compiler.compiled, make_impact(compiler, real, parts)
     impact_of, settled, row_of = made.impact, made.settled, compiled(make_row_of(parts))
 

@@ -1,5 +1,5 @@
-"""What walls add to a fluid's density, LANES particles at a time (model/fluid/plan.py, at its end). A wall out of reach adds
-zeros."""
+"""Contribution of walls to a fluid's density, LANES particles at a time (model/fluid/plan.py, Walls). A wall beyond its
+range contributes zeros."""
 
 from __future__ import annotations
 
@@ -34,8 +34,10 @@ from model.mass_spring.cloth_parameters import (
 
 
 def make_wall_rows(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
-    """wall_rows(bodies, kinds, time, parameters, x, y, z, share, gx, gy, gz): of LANES particles, what all colliders add to
-    the density at `time` [s], and its gradient."""
+    """Make wall_rows(bodies, kinds, time, parameters, x, y, z, share, gx, gy, gz).
+
+    It writes what all colliders at `time` [s] contribute to the density of LANES particles, and its gradient.
+    """
     row_of = _make_rows(compiler, real, parts)
     rows = {kind: row_of(away) for kind, away in make_aways(compiler, real, parts).items()}
     plane, sphere, capsule, box, mesh, field = (rows[kind] for kind in WALLS)
@@ -66,8 +68,10 @@ def make_wall_rows(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
 
 
 def make_aways(compiler: Compiler, real: Any, parts: frozenset[str]) -> dict[str, Any]:
-    """By kind: away(body, time, reach, x, y, z) -> (distance, normal) of a place from a collider's surface; `reach` where one
-    made from a mesh is farther."""
+    """Make, by kind, away(body, time, reach, x, y, z) -> (distance, normal) of a position from a collider's surface.
+
+    Colliders made from a mesh return `reach` where the surface is farther.
+    """
     compiled, distances = compiler.compiled, colliders.make(real, compiler.compiled)
     plane, sphere, capsule, box = distances.plane, distances.sphere, distances.capsule, distances.box
     surface, point = surfaces.make(real, compiled), make_push(compiler, real, parts).point
@@ -107,8 +111,11 @@ def make_aways(compiler: Compiler, real: Any, parts: frozenset[str]) -> dict[str
 
 
 def _make_rows(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
-    """row_of(away) -> row(body, time, support, inverse_range, wall_scale, wall_gradient, x, y, z, share, gx, gy, gz): one
-    more collider, LANES particles at a time."""
+    """Make row_of(away) -> row(body, time, support, inverse_range, wall_scale, wall_gradient, x, y, z, share, gx, gy,
+    gz).
+
+    It adds one more collider, LANES particles at a time.
+    """
     formulas = density.make(real, compiler.compiled)
     beyond, wall_near, wall_density = formulas.beyond, formulas.wall_near, formulas.wall_density
     wall_slope, joined_density, joined_gradient = formulas.wall_slope, formulas.joined_density, formulas.joined_gradient

@@ -1,5 +1,5 @@
-"""The stages that move masses, for the teaching versions of grids and cloths: damping and the integrators, one unknown of
-every mass at a time, an array (rows, columns)."""
+"""The stages that move masses, for the teaching versions of grids and cloths: damping and the integrators, one unknown
+of all masses at a time, an array (rows, columns)."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from model.formulas import integrators, springs
 
 
 def make_motion_stages(compiler: Compiler, real: Any, integrator: str, has_damping: bool = True) -> SimpleNamespace:
-    """The kernels of damping and of an integrator."""
+    """Make the kernels of damping and of an integrator."""
     kernel, (_, damped) = compiler.kernel, springs.make(real, compiler.compiled)
     formulas = integrators.make(real, compiler.compiled, has_damping)
     first_half, second_half, rk4_stage = formulas.verlet_first_half, formulas.verlet_second_half, formulas.rk4_stage
@@ -59,7 +59,7 @@ def make_motion_stages(compiler: Compiler, real: Any, integrator: str, has_dampi
 
     @kernel
     def accumulate(stage, base, rate, total, record, out):
-        """One stage of RK4 for one unknown of every mass; the fourth writes the new state to `out`."""
+        """Do one stage of RK4 for one unknown of every mass; the fourth writes the new state to `out`."""
         derivative_dt = record[0].dt if stage == 3 else record[0].half_dt
         total_dt = record[0].sixth_dt if stage == 1 or stage == 4 else record[0].third_dt
         for i in prange(base.shape[0]):
@@ -78,8 +78,11 @@ def make_motion_stages(compiler: Compiler, real: Any, integrator: str, has_dampi
 def bind_motion(
     sim: Any, make: SimpleNamespace, at: dict[str, Any], state: Any, acceleration: Any, keep: Callable[[], None]
 ) -> dict[str, StageRun]:
-    """What runs these stages of `sim`. `state`: an array an unknown, positions first; `at["state"]`: where the forces are
-    evaluated, that or a stage of RK4; `keep` is called before positions are those of a step's end."""
+    """Return the functions of these stages of `sim`.
+
+    `state`: one array per unknown, positions first; `at["state"]`: the state at which forces are evaluated, that or a
+    stage of RK4; `keep` is called before positions become those of a step's end.
+    """
     integrator, axes = sim.scene.method.integrator, len(acceleration)
     empty = np.zeros((2 if integrator == "rk4" else 0, *sim.current.shape), sim.real)
     total, stage_state = (tuple(array) for array in empty) if len(empty) else ((), ())

@@ -1,5 +1,5 @@
-"""Couples of friction between particles, on CPU threads: clusters gather them and turn, particles go with their clusters. See
-model/formulas/shape_matching/couple.py."""
+"""Moments of friction between particles, on CPU threads: clusters sum them up and turn, and particles turn with them
+(model/formulas/shape_matching/couple.py)."""
 
 from __future__ import annotations
 
@@ -18,18 +18,19 @@ from model.formulas.shape_matching import couple, pace, rigid
 from model.formulas.shape_matching.cluster import LANES
 from model.formulas.shape_matching.couple import SPIN, SUMS
 
-RIGID = 7  # arrays of clusters that rigid motions take, after whose come those of here
+RIGID = 7  # number of arrays of rigid motions; those of couples follow
 
 
 def at_couples(parts: frozenset[str]) -> int:
-    """Where in the clusters' arrays those of couples lie: starts, clusters and shares of particles, flat turns of clusters,
-    three planes of couples."""
+    """Return the index of the couples' arrays among the clusters' arrays: starts, clusters and shares of particles,
+    flat turns of clusters, three planes of couples."""
     return at_rigid(parts) + RIGID * ("rigid-motion" in parts)
 
 
 def make_couples(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
-    """`gather(c, position, count, arrays, scratch)`: how cluster c turns; `turn(first, last, position, travel, weights,
-    count, arrays)`: particles, and what they had of couples is 0. Nothing is done unless the `parts` have couples."""
+    """Make `gather(c, position, count, arrays, scratch)`, the turn of cluster c, and `turn(first, last, position,
+    travel, weights, count, arrays)`, which moves particles and zeroes their couples. Both do nothing unless `parts` has
+    couples."""
     if "couples" not in parts:
         return _without(compiler)
     formulas, masses = couple.make(real, compiler.compiled), pace.make(real, compiler.compiled)
@@ -130,8 +131,8 @@ def _without(compiler: Compiler) -> SimpleNamespace:
 
 @cache
 def make_couples_stage(real: Any, math: str, parts: frozenset[str]) -> Any:
-    """turn(bands, position, travel, weights, count, arrays, scratch, pitch): all clusters, then all particles, a parallel
-    loop each; `pitch`: numbers of a band's scratch."""
+    """Compile turn(bands, position, travel, weights, count, arrays, scratch, pitch): all clusters, then all particles,
+    one parallel loop each; `pitch`: numbers in a band's scratch."""
     words = f"{at_couples(parts)}{'_rigid' * ('rigid-motion' in parts)}"
     compiler = Compiler(f"bodies_couples_{np.dtype(real).name}_{math}_{words}", math)
     made = make_couples(compiler, real, parts)

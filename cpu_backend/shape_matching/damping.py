@@ -1,4 +1,5 @@
-"""Damping of the motion inside clusters on CPU threads: clusters gather momenta, particles the clusters' rigid motions."""
+"""Damping of the motion within clusters on CPU threads: clusters sum up momenta, particles approach the clusters' rigid
+motions."""
 
 from __future__ import annotations
 
@@ -19,12 +20,12 @@ from model.shape_matching.cluster_tables import shaping
 
 
 def at_damping(parts: frozenset[str]) -> int:
-    """Where in the clusters' arrays those of damping lie."""
+    """Return the index of the damping's arrays among the clusters' arrays."""
     return AT_SHAPES + 3 * bool(shaping(parts))
 
 
 def make_lane_sum(compiler: Compiler, real: Any) -> Any:
-    """sum_of(lanes, n): the sum of row n, of LANES numbers."""
+    """Make sum_of(lanes, n): the sum of row n, of LANES numbers."""
     total = cluster.make(real, compiler.compiled).total
 
     @compiler.compiled
@@ -40,9 +41,12 @@ def make_lane_sum(compiler: Compiler, real: Any) -> Any:
 
 
 def make_damping(compiler: Compiler, real: Any, damped: bool, place: int) -> SimpleNamespace:
-    """`gather(c, position, velocity, count, arrays, scratch)`: the rigid motion of cluster c; `slow(first, last, position,
-    velocity, count, arrays)`: particles towards those of their clusters. Arrays from `place` on: starts and clusters of
-    particles, factors, motions, flat. Nothing is done unless `damped`. `scratch`: MOMENTA * LANES numbers."""
+    """Make `gather(c, position, velocity, count, arrays, scratch)`, the rigid motion of cluster c, and `slow(first,
+    last, position, velocity, count, arrays)`, which moves particles' velocities towards those of their clusters.
+
+    Arrays from `place` on: starts and clusters of particles, factors, motions, flat. `scratch`: MOMENTA * LANES
+    numbers. Both do nothing unless `damped`.
+    """
     if not damped:
         return _undamped(compiler)
     formulas, sum_of = pace.make(real, compiler.compiled), make_lane_sum(compiler, real)
@@ -146,8 +150,8 @@ def _undamped(compiler: Compiler) -> SimpleNamespace:
 
 @cache
 def make_damping_stage(real: Any, math: str, place: int) -> Any:
-    """damp(bands, position, velocity, count, arrays, scratch, pitch): all clusters, then all particles, a parallel loop each;
-    `pitch`: numbers of a band's scratch."""
+    """Compile damp(bands, position, velocity, count, arrays, scratch, pitch): all clusters, then all particles, one
+    parallel loop each; `pitch`: numbers in a band's scratch."""
     compiler = Compiler(f"bodies_damping_{np.dtype(real).name}_{math}_{place}", math)
     made = make_damping(compiler, real, True, place)
     gather, slow = made.gather, made.slow

@@ -1,7 +1,7 @@
-"""Shape matching of a grid on CPU threads: the lab's third solver, with the forces and the loop of the position-based ones.
+"""Shape matching of a grid on CPU threads: the third solver, with the forces and the loop of the position-based ones.
 
-Kernels: `fused` (many steps in one call, one pass over the grid an iteration) and `stages`; see shape_matching/matching.py.
-In `exact` math both give the same bits, for any number of threads.
+Kernels: `fused` (many steps in one call, one pass over the grid per iteration) and `stages`; see
+shape_matching/matching.py. In `exact` math both give the same bits, for any number of threads.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from model.xpbd.plan import xpbd_plan
 
 
 def aligned(rows: int, columns: int, real: Any) -> Layout:
-    """Rows that begin at cache lines, an odd number of them apart; planes without a gap."""
+    """Return a layout whose rows begin at cache lines, an odd number of them apart; planes have no gap."""
     block = block_of(real)
     stride = -(-columns // block) * block
     stride += block * (stride // block % 2 == 0)
@@ -35,7 +35,8 @@ def aligned(rows: int, columns: int, real: Any) -> Layout:
 
 
 class ShapeMatching(RowsSimulation):
-    """See model/core/simulation.py for the contract. `threads`: `1x`, `2x`, `4x` or a number."""
+    """Shape matching of a grid; model/core/simulation.py defines the contract. `threads`: `1x`, `2x`, `4x` or a
+    number."""
 
     def __init__(self, scene: Scene, options: Options, threads: str | int = "1x"):
         super().__init__(scene, options, threads)
@@ -54,7 +55,7 @@ class ShapeMatching(RowsSimulation):
         self._executor = self._staged() if self.kernel == "stages" else self._fused()
         self.reset()
 
-    # ------------------------------------------------------------------ the kernels
+    # ------------------------------------------------------------------ kernels
 
     def _staged(self) -> Executor:
         return Executor(self.plan, self._stages())

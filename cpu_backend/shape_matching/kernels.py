@@ -1,9 +1,10 @@
-"""Clusters of particles on CPU threads: whole blocks of LANES particles, and of LANES clusters, a vector operation each.
+"""Clusters of particles on CPU threads: whole blocks of LANES particles, and of LANES clusters, one vector operation
+each.
 
-Positions and velocities are three planes each, an axis a plane. A body's particles begin at a multiple of LANES, and what
-is left of its last block are *ghosts*, which weigh nothing and belong to no one; so do the entries of a cluster. A body of
-one cluster, which holds its particles in their order (`lone`), is summed up and moved without an index; others gather.
-Which thread does which part, and in how many parts, changes no bit.
+Positions and velocities are three planes each, one per axis. A body's particles begin at a multiple of LANES, and its
+last block is padded with *ghosts*, which have no weight and belong to no cluster; so are the entries of a cluster. A
+body of one cluster, whose particles are in order (`lone`), is summed up and moved without indices; others gather. The
+result does not depend on the thread of a part, nor on the number of parts.
 """
 
 from __future__ import annotations
@@ -22,10 +23,10 @@ from model.formulas.shape_matching import cluster, rigid
 from model.formulas.shape_matching.cluster import LANES, MOMENTS
 
 AXES = 3
-FRAME = 12  # numbers of a cluster that particles go by: its rotation, by rows, and its centre
+FRAME = 12  # numbers of a cluster for its particles: its rotation, by rows, and its centre
 QUATERNION = 4
 # rows of a band's scratch, LANES numbers each: the lanes of a cluster's moments, the moments of LANES clusters, their
-# leans, their rotations of before, the new ones and whether those are reached, their linear maps
+# rest offsets, their old rotations, the new ones and whether those converged, their linear maps
 AT_SUMS, AT_LEAN = MOMENTS, 2 * MOMENTS
 AT_OLD = AT_LEAN + AXES
 AT_NEW = AT_OLD + QUATERNION
@@ -34,7 +35,8 @@ SCRATCH = AT_MAPS + ENTRIES
 
 
 def make_moments(compiler: Compiler, real: Any) -> Any:
-    """sum_up(c, place, position, count, arrays, scratch): the moments of cluster c into place `place` of the scratch."""
+    """Make sum_up(c, place, position, count, arrays, scratch): the moments of cluster c, into column `place` of the
+    scratch."""
     formulas, zero = cluster.make(real, compiler.compiled), real(0)
     weighted, added, total = formulas.weighted, formulas.added, formulas.total
 
@@ -100,8 +102,11 @@ def make_moments(compiler: Compiler, real: Any) -> Any:
 
 
 def make_turn(compiler: Compiler, real: Any, shaping: frozenset[str]) -> Any:
-    """turn(first, last, position, count, arrays, rotation, turned, frames, scratch): the rotations of clusters, at most LANES
-    of them, whose moments lie in the scratch: from `rotation` into `turned` and, with their centres, into `frames`."""
+    """Make turn(first, last, position, count, arrays, rotation, turned, frames, scratch).
+
+    It computes the rotations of at most LANES clusters from their moments in the scratch: from `rotation` into `turned`
+    and, with their centres, into `frames`.
+    """
     formulas, turns = cluster.make(real, compiler.compiled), rotation.make(real, compiler.inlined)
     upright, centre, near, matrix_of = formulas.upright, formulas.centre, turns.rotation_3d_near, turns.matrix_of
     far, shapes = rotation.make(real, compiler.compiled).rotation_3d_far, make_shapes(compiler, real, shaping, AXES)
@@ -173,8 +178,8 @@ def make_turn(compiler: Compiler, real: Any, shaping: frozenset[str]) -> Any:
 
 
 def make_clusters(compiler: Compiler, real: Any, shaping: frozenset[str]) -> SimpleNamespace:
-    """`match(first, last, position, count, arrays, rotation, turned, frames, scratch)`: clusters, at most LANES of them;
-    `sum_up` and `turn`: its two parts."""
+    """Make `match(first, last, position, count, arrays, rotation, turned, frames, scratch)`, for at most LANES
+    clusters; `sum_up` and `turn`: its two parts."""
     sum_up, turn = make_moments(compiler, real), make_turn(compiler, real, shaping)
 
     @compiler.compiled
@@ -187,9 +192,12 @@ def make_clusters(compiler: Compiler, real: Any, shaping: frozenset[str]) -> Sim
 
 
 def make_goals(compiler: Compiler, real: Any, has_rigid: bool) -> SimpleNamespace:
-    """`move_lone(c, position, count, arrays, factors, frames, travel)`: the particles of a lone cluster towards their goals;
-    `move(first, last, position, count, own, own_factors, frames, travel)`: those of any clusters, which they gather.
-    `travel`: as of particles.py; its slacks are read where bodies are rigid, `has_rigid`."""
+    """Make `move_lone` and `move`.
+
+    `move_lone(c, position, count, arrays, factors, frames, travel)` moves the particles of a lone cluster towards their
+    goals; `move(first, last, position, count, own, own_factors, frames, travel)` those of any clusters, which it
+    gathers. `travel`: as in particles.py; its slacks are read if bodies are rigid, `has_rigid`.
+    """
     formulas = cluster.make(real, compiler.compiled)
     goal, added_way, arrived = formulas.goal, formulas.added_way, formulas.arrived
     settled, zero = rigid.make(real, compiler.compiled).settled, real(0)
@@ -244,8 +252,8 @@ def make_goals(compiler: Compiler, real: Any, has_rigid: bool) -> SimpleNamespac
 def make_matching(
     real: Any, math: str, shaping: frozenset[str] = frozenset(), has_rigid: bool = False
 ) -> SimpleNamespace:
-    """What hangs on no other parts of a scene than `shaping` and rigid bodies, compiled once for all of them:
-    `make_clusters` and `make_goals`."""
+    """Compile `make_clusters` and `make_goals`, which depend only on `shaping` and rigid bodies, once for all
+    scenes."""
     compiler = Compiler("_".join(["bodies", np.dtype(real).name, math, *sorted(shaping), "rigid" * has_rigid]), math)
     return SimpleNamespace(
         **vars(make_clusters(compiler, real, shaping)), **vars(make_goals(compiler, real, has_rigid))

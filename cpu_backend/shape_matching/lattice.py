@@ -1,9 +1,9 @@
-"""Lattices among the bodies of CPU threads: three passes an iteration, over slices, pencils, slices; see
-shape_matching/lattice_rows.py.
+"""Lattices of bodies on CPU threads: three passes per iteration, over slices, pencils, slices
+(shape_matching/lattice_rows.py).
 
-A slice (x, y) sums up along x and y; a pencil, a few rows along x over all z, along z, finds the clusters' rotations and sums
-up their goals along z; the slice then along y and x, and moves its masses. A pass waits for the one before, and slices and
-pencils are dealt out to threads: which one does what changes no bit.
+A slice (x, y) sums along x and y. A pencil, a few rows along x over all z, sums along z, computes the clusters'
+rotations and sums their goals along z. The slice then sums along y and x, and moves its masses. A pass waits for the
+previous one. Slices and pencils are distributed over threads; the result does not depend on the distribution.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ from model.shape_matching.lattice import (
 
 
 def make_slice_up(compiler: Compiler, real: Any) -> Any:
-    """slice_up(unit, position, count, arrays, room): the sums of a slice, into the work."""
+    """Make slice_up(unit, position, count, arrays, room): the sums of a slice, into the work array."""
     sum_line = make_line_sums(compiler, real).sum_line
 
     @compiler.compiled
@@ -70,8 +70,8 @@ def make_slice_up(compiler: Compiler, real: Any) -> Any:
 
 
 def make_turn(compiler: Compiler, real: Any) -> Any:
-    """turn(unit, position, count, arrays, turned, frames, look, room): the clusters of a pencil into `turned`, and their
-    goals' sums into the work, or, in a `look`, their frames."""
+    """Make turn(unit, position, count, arrays, turned, frames, look, room): it writes the rotations of a pencil's
+    clusters into `turned`, and the sums of their goals into the work array, or, with `look`, their frames."""
     turns, one = make_turns(compiler, real), real(1)
     turn_row, centre_row, show_row = turns.turn_row, turns.centre_row, turns.show_row
 
@@ -123,7 +123,7 @@ def make_turn(compiler: Compiler, real: Any) -> Any:
 
 
 def make_move(compiler: Compiler, real: Any) -> Any:
-    """move(unit, position, count, arrays, room): the masses of a slice."""
+    """Make move(unit, position, count, arrays, room): it moves the masses of a slice."""
     moved = lattice.make(real, compiler.inlined).moved
     sum_goals, scan = make_line_sums(compiler, real).sum_goals, make_goal_scan(compiler, real, 1)
 
@@ -161,8 +161,8 @@ def make_move(compiler: Compiler, real: Any) -> Any:
 
 @cache
 def make_lattice_matching(real: Any, math: str) -> SimpleNamespace:
-    """`match(team, member, bands, position, count, arrays, turned, frames, look)` and `move(team, member, bands, position,
-    count, arrays)`: what a member of a team does (core/progress.py) of all lattices, as Lattices.arrays has them."""
+    """Make `match(team, member, bands, position, count, arrays, turned, frames, look)` and `move(team, member, bands,
+    position, count, arrays)`, run by each member of a team (core/progress.py), for all lattices of Lattices.arrays."""
     compiler = Compiler(f"lattice_{np.dtype(real).name}_{math}", math)
     slice_up, turn, move_slice = make_slice_up(compiler, real), make_turn(compiler, real), make_move(compiler, real)
 
@@ -188,8 +188,8 @@ def make_lattice_matching(real: Any, math: str) -> SimpleNamespace:
 
 @cache
 def make_lattice_stages(real: Any, math: str) -> SimpleNamespace:
-    """`match(bands, position, count, arrays, turned, frames, look)`, `move(bands, position, count, arrays)`: see
-    make_lattice_matching."""
+    """Compile `match(bands, position, count, arrays, turned, frames, look)` and `move(bands, position, count, arrays)`:
+    see make_lattice_matching."""
     made = make_lattice_matching(real, math)
     compiler = Compiler(f"lattice_stages_{np.dtype(real).name}_{math}", math)
     return SimpleNamespace(match=compiler.team(made.match), move=compiler.team(made.move))

@@ -1,5 +1,4 @@
-"""Where the lattices of a body set lie in memory, and how they are shared out among CPU threads; see
-shape_matching/lattice.py."""
+"""Memory layout of the lattices of a body set, and their distribution over CPU threads (shape_matching/lattice.py)."""
 
 from __future__ import annotations
 
@@ -15,16 +14,18 @@ from model.shape_matching.lattice import T_INVERSE, T_MASS, VALUES
 
 NUMBERS = 8  # of a lattice: counts along x, y, z, region, where its three tables begin, and that of a slice
 PENCIL = 5  # numbers of a pencil
-PARTS = 4  # that each thread gets of what is shared out, at least
-LONG = 128  # masses along a pencil's rows, if it can be: calls cost as much as short rows
+PARTS = 4  # minimum number of parts per thread
+LONG = 128  # masses along a pencil's rows, if possible: calls cost as much as short rows
 QUATERNION, FRAME = 4, 12
 
 
 class Lattices:
-    """What kernels get of a body set's lattices, `slots` being where its particles lie in planes of `count`: `arrays`
-    (numbers, slices (n, 3): lattice, first place, z; pencils (n, 5): lattice, first place, first cluster, first y and the
-    one behind the last; tables, values, work, rotation, scratch, room), `rotation` (4, clusters) flat, `frames` as those of
-    other clusters."""
+    """The kernels' arrays of a body set's lattices; `slots`: places of its particles in planes of `count`.
+
+    `arrays`: (numbers, slices (n, 3): lattice, first place, z; pencils (n, 5): lattice, first place, first cluster,
+    first y and the one behind the last; tables, values, work, rotation, scratch, room); `rotation`: (4, clusters) flat;
+    `frames`: as those of other clusters.
+    """
 
     def __init__(self, body_set: BodySet, slots: np.ndarray, count: int, bands: int, real: Any):
         self.copies, self.real = body_set.lattices, real
@@ -65,6 +66,6 @@ class Lattices:
         )  # fmt: skip
 
     def change(self, method: Method) -> None:
-        """Follow a step that has changed."""
+        """Apply a changed step length."""
         for values, one in zip(self.values.reshape(-1, VALUES), self.copies, strict=True):
             values[:] = one.values(method.dt / method.substeps, method.iterations)

@@ -1,8 +1,8 @@
-"""Passes over lattices on CPU threads, row by row along x; see formulas/shape_matching/lattice.py for what is summed and in
-which order.
+"""Passes over lattices on CPU threads, row by row along x; formulas/shape_matching/lattice.py defines the sums and
+their order.
 
-Rows are arrays of unchecked length (`row_at`), none of which overlap; what belongs together (the sums of a window, and so on)
-are so many rows one after the other, `pitch` apart: of a slice in a thread's scratch, or planes of the whole. Vectors are
+Rows are arrays of unchecked length (`row_at`), which do not overlap. Arrays that belong together (the sums of a window,
+and so on) are consecutive rows, `pitch` apart: of a slice in a thread's scratch, or planes of the whole. Vectors are
 three rows; `n`: masses of a row.
 """
 
@@ -16,11 +16,12 @@ from cpu_backend.core.layout import row_at
 from model.formulas.shape_matching import lattice
 
 LINE, SLICE, WINDOW = 6, 9, 12  # sums over a row, a slice and a whole window: differences and turns, three each
-GOAL_LINE = 6  # of ways to goals, after the passes along z and y; after z, as many as of a slice
+GOAL_LINE = 6  # of displacements to goals, after the passes along z and y; after z, as many as of a slice
 
 
 def make_rows(compiler: Compiler, real: Any) -> SimpleNamespace:
-    """`clear(n, rows, pitch, out)`; `copy(n, rows, source, source_pitch, out, pitch)`; `add_to(n, source, out)`, one row."""
+    """Make `clear(n, rows, pitch, out)`, `copy(n, rows, source, source_pitch, out, pitch)` and `add_to(n, source,
+    out)`, one row."""
     compiled, row, zero = compiler.compiled, compiler.row, real(0)
 
     @row
@@ -52,8 +53,8 @@ def make_rows(compiler: Compiler, real: Any) -> SimpleNamespace:
 
 
 def make_line_sums(compiler: Compiler, real: Any) -> SimpleNamespace:
-    """Sums along a row at x, of windows: `sum_line(n, region, x, plane, share, centre, line, pitch)`, of masses;
-    `sum_goals(n, region, rest, count, x, plane, centre, line, pitch, ways)`, of ways to goals."""
+    """Make sums over windows along a row at x: `sum_line(n, region, x, plane, share, centre, line, pitch)`, of masses,
+    and `sum_goals(n, region, rest, count, x, plane, centre, line, pitch, ways)`, of displacements to goals."""
     compiled, row, clear = compiler.compiled, compiler.row, make_rows(compiler, real).clear
     formulas = lattice.make(real, compiler.inlined)
     lever, part_of, added_turn, added_goal = formulas.lever, formulas.part_of, formulas.added_turn, formulas.added_goal
@@ -103,8 +104,9 @@ def make_line_sums(compiler: Compiler, real: Any) -> SimpleNamespace:
 
 
 def make_moments(compiler: Compiler, real: Any, turns: int) -> SimpleNamespace:
-    """Moments along y and z: `add`, a row's sums onto a scan; `end`, both halves of a window's sums, counted from its own
-    mass on. Of both: differences, turns along the `turns` axes that are done, and those along the scan's own."""
+    """Make moments along y and z: `add` adds a row's sums to a scan; `end` combines both halves of a window's sums,
+    relative to its own mass. Both have differences, turns along the `turns` axes that are done, and those along the
+    scan's own."""
     compiled, row, own = compiler.compiled, compiler.row, 3 * (turns + 1)
     formulas = lattice.make(real, compiler.inlined)
     part_of_row, added_turn, shifted = formulas.part_of_row, formulas.added_turn, formulas.shifted
@@ -153,9 +155,11 @@ def make_moments(compiler: Compiler, real: Any, turns: int) -> SimpleNamespace:
 
 
 def make_goals(compiler: Compiler, real: Any, rest: int) -> SimpleNamespace:
-    """Ways to goals along y and z: `add_goals`, onto a scan; `end_goals`, both halves. Of both: ways, the columns of the
-    rotations along the scan's axis, and those of `rest` axes that are still to come; they lie in the order ways, others, own
-    ones."""
+    """Make displacements to goals along y and z: `add_goals` adds to a scan; `end_goals` combines both halves.
+
+    Both have displacements, the columns of the rotations along the scan's axis, and those of the `rest` axes that are
+    still to come, in the order displacements, others, own ones.
+    """
     compiled, row, own = compiler.compiled, compiler.row, 3 * (rest + 1)
     formulas = lattice.make(real, compiler.inlined)
     added_goal, ended, add_to = formulas.added_goal, formulas.ended, make_rows(compiler, real).add_to

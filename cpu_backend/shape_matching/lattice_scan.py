@@ -1,8 +1,8 @@
-"""Sums over windows of lattices along y and z, on CPU threads: the one scan of formulas/shape_matching/lattice.py, of
-moments and of ways to goals.
+"""Sums over windows of lattices along y and z, on CPU threads: the scan of formulas/shape_matching/lattice.py, for
+moments and for displacements to goals.
 
-Of an axis, a scan is given the rows of positions, of what is summed and of sums, each as (array, from row to row, from
-plane to plane), and three numbers a row from its table.
+Along an axis, the arguments of a scan are the rows of positions, of summands and of sums, each as (array, pitch of
+rows, pitch of planes), and three numbers per row from its table.
 """
 
 from __future__ import annotations
@@ -16,10 +16,13 @@ from model.formulas.shape_matching import lattice
 
 
 def make_scan(compiler: Compiler, real: Any, planes: int, keeps_all: bool, term: Any, add: Any, end: Any) -> Any:
-    """scan(n, length, region, positions, source, halves, sums, given): `length` rows of `n` masses, in groups of windows
-    that hold a reference row b. `add(n, *term(j, b, given), row, pitch, x, reference, plane, sums)`: row j onto `planes` of
-    sums; `end(n, i, b, reference, x, plane, sums, half, pitch, given)`: the window of row i, of what is behind b and the half
-    before it. `halves` have a place for each row if a scan `keeps_all`, else for each of a group."""
+    """Make scan(n, length, region, positions, source, halves, sums, given): `length` rows of `n` masses, in groups of
+    windows that contain a reference row b.
+
+    `add(n, *term(j, b, given), row, pitch, x, reference, plane, sums)` adds row j to `planes` of sums. `end(n, i, b,
+    reference, x, plane, sums, half, pitch, given)` completes the window of row i, from the sums behind b and the half
+    before it. `halves` has a place for each row if a scan `keeps_all`, else for each row of a group.
+    """
     rows = make_rows(compiler, real)
     clear, copy = rows.clear, rows.copy
 
@@ -53,8 +56,8 @@ def make_scan(compiler: Compiler, real: Any, planes: int, keeps_all: bool, term:
 
 
 def make_moment_scan(compiler: Compiler, real: Any, turns: int, then: Any) -> Any:
-    """The scan of moments, `turns` axes being done. `given`: (shares, centres, masses of the axis; masses of the row; what is
-    `then` done to a window: then(n, i, window, more))."""
+    """Make the scan of moments, after `turns` axes. `given`: (shares, centres, masses of the axis; masses of the row;
+    the arguments of `then`, called for each window: then(n, i, window, more))."""
     lever, moments = lattice.make(real, compiler.inlined).lever, make_moments(compiler, real, turns)
     end_row = moments.end
 
@@ -72,8 +75,8 @@ def make_moment_scan(compiler: Compiler, real: Any, turns: int, then: Any) -> An
 
 
 def make_goal_scan(compiler: Compiler, real: Any, rest: int) -> Any:
-    """The scan of ways to goals, `rest` axes being still to come. `given`: (centres, counts of the axis; spacing; clusters
-    of a row; where windows' sums go, as rows)."""
+    """Make the scan of displacements to goals, before `rest` more axes. `given`: (centres, counts of the axis; spacing;
+    clusters of a row; the output of windows' sums, as rows)."""
     lever, goals = lattice.make(real, compiler.inlined).lever, make_goals(compiler, real, rest)
     end_goals = goals.end_goals
 

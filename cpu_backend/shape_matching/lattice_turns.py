@@ -1,4 +1,4 @@
-"""The rotations of lattices' clusters on CPU threads, a row of windows at a time."""
+"""Rotations of lattices' clusters on CPU threads, one row of windows at a time."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from model.formulas.shape_matching import lattice
 
 
 def make_rotation_rows(compiler: Compiler, real: Any) -> SimpleNamespace:
-    """`near_row`, `far_of`, `matrix_row`: rotations from the moments of windows, and their matrices as the columns that rest
-    offsets are turned by. `t`: the lattice's turn at the start, by rows; moments and matrices by columns."""
+    """Make `near_row`, `far_of`, `matrix_row`: rotations from the moments of windows, and their matrices as the columns
+    that turn rest offsets. `t`: the lattice's turn at the start, by rows; moments and matrices by columns."""
     entry, turns = lattice.make(real, compiler.inlined).entry, rotation.make(real, compiler.inlined)
     near, matrix_of = turns.rotation_3d_near, turns.matrix_of
     far = rotation.make(real, compiler.compiled).rotation_3d_far
@@ -25,7 +25,7 @@ def make_rotation_rows(compiler: Compiler, real: Any) -> SimpleNamespace:
 
     @compiler.inlined
     def times(a, b, c, d, e, f, g, h, i, columns):
-        """The product with the matrix of these columns, of the matrix a b c / d e f / g h i; by rows."""
+        """Return the product with the matrix of these columns, of the matrix a b c / d e f / g h i; by rows."""
         o, p, q, r, s, t, u, v, w = columns
         return (
             entry(a, b, c, o, p, q), entry(a, b, c, r, s, t), entry(a, b, c, u, v, w),
@@ -43,7 +43,7 @@ def make_rotation_rows(compiler: Compiler, real: Any) -> SimpleNamespace:
 
     @compiler.compiled
     def far_of(a, n, t, w, x, y, z):
-        """The rotation of a window whose moments lie `n` apart."""
+        """Return the rotation of a window whose moments are `n` apart."""
         start = t[0], t[1], t[2], t[3], t[4], t[5], t[6], t[7], t[8]
         moments = times(a[0], a[3 * n], a[6 * n], a[n], a[4 * n], a[7 * n], a[2 * n], a[5 * n], a[8 * n], start)
         return far(*moments, w, x, y, z)
@@ -60,8 +60,8 @@ def make_rotation_rows(compiler: Compiler, real: Any) -> SimpleNamespace:
 
 
 def make_turns(compiler: Compiler, real: Any) -> SimpleNamespace:
-    """`turn_row`: see the inner function; `centre_row(n, of_slice, inverse, total)`: windows' centres from their sums;
-    `show_row(n, clusters, plane, x, window, turned, frames)`: frames of a row of windows."""
+    """Make `turn_row` (see the inner function), `centre_row(n, of_slice, inverse, total)`, windows' centres from their
+    sums, and `show_row(n, clusters, plane, x, window, turned, frames)`, frames of a row of windows."""
     rotations, copy, zero = make_rotation_rows(compiler, real), make_rows(compiler, real).copy, real(0)
     near_row, far_of, matrix_row = rotations.near_row, rotations.far_of, rotations.matrix_row
     inlined = compiler.inlined
@@ -69,9 +69,10 @@ def make_turns(compiler: Compiler, real: Any) -> SimpleNamespace:
 
     @compiler.compiled
     def turn_row(n, t, window, rotation, turned, clusters, reached):
-        """The rotations of a row of windows by their sums, which then are the columns that rest offsets are turned by."""
+        """Compute the rotations of a row of windows from their sums, which become the columns that turn rest
+        offsets."""
         a, old, new = row_at(window, 3 * n), row_at(reached, n), turned
-        copy(n, QUATERNION, rotation, clusters, old, n)  # which may be where the new ones go
+        copy(n, QUATERNION, rotation, clusters, old, n)  # `rotation` and `turned` may be the same array
         near_row(
             n, t, a, row_at(a, n), row_at(a, 2 * n), row_at(a, 3 * n), row_at(a, 4 * n), row_at(a, 5 * n), row_at(a, 6 * n),
             row_at(a, 7 * n), row_at(a, 8 * n), old, row_at(old, n), row_at(old, 2 * n),

@@ -1,5 +1,5 @@
-"""Where the particles, entries and clusters of a body set lie in memory, in whole blocks of LANES; see
-shape_matching/kernels.py."""
+"""Memory layout of the particles, entries and clusters of a body set, in whole blocks of LANES
+(shape_matching/kernels.py)."""
 
 from __future__ import annotations
 
@@ -14,31 +14,33 @@ from model.shape_matching.body_set import BodySet
 from model.shape_matching.cluster_tables import first_particles, leans
 from model.shape_matching.clusters import Clusters
 
-LONE, SCATTERED = 2, 1  # kinds of rigid clusters: one that is a body, with its particles in their order; others
+LONE, SCATTERED = 2, 1  # kinds of rigid clusters: a whole body, with its particles in order; others
 
 Bounds = tuple[np.ndarray, np.ndarray]  # first particles and first clusters of bodies, and the ends of the last one
 
 
 def bounds_of(body_set: BodySet) -> Bounds:
-    """The first particle and the first loose cluster of each copy, and the ends of the last one."""
+    """Return the first particle and the first loose cluster of each copy, and the ends of the last one."""
     first_particle = np.array([*(copy.first_particle for copy in body_set.copies), body_set.particle_count])
     firsts = np.array([*(copy.first_cluster for copy in body_set.copies), body_set.loose.count])
-    firsts = np.minimum(firsts, body_set.loose.count)  # those of lattices come last, ...
+    firsts = np.minimum(firsts, body_set.loose.count)  # clusters of lattices come last, ...
     return first_particle, np.minimum.accumulate(firsts[::-1])[::-1]  # ... and none of theirs are loose
 
 
 def blocks_of(sizes: np.ndarray) -> np.ndarray:
-    """`sizes` in whole blocks, as places where each begins; the last one is the end."""
+    """Return the start of each of `sizes` in whole blocks; the last number is the end."""
     found: np.ndarray = np.concatenate([[0], np.cumsum(-(-sizes // LANES) * LANES)]).astype(np.int64)
     return found
 
 
 @dataclass(frozen=True, eq=False)
 class Layout:
-    """`slots` (particles,): where each particle lies in a plane of `count`; `groups` and `work` (groups,), what they cost in
-    particles and entries: see loops.make_bodies_apart; `arrays` (starts, firsts, straight, slots of entries,
-    members, leans), `own` (starts, clusters, rest offsets), `of_entry` and `of_own`: the entry whose factor goes
-    there, -1 of a ghost."""
+    """`slots` (particles,): place of each particle in a plane of `count`. `groups` (see loops.make_bodies_apart) and
+    `work` (groups,), their cost in particles and entries.
+
+    `arrays`: (starts, firsts, straight, slots of entries, members, leans); `own`: (starts, clusters, rest offsets);
+    `of_entry` and `of_own`: the entry whose factor is stored there, -1 for a ghost.
+    """
 
     slots: np.ndarray
     count: int
@@ -50,26 +52,26 @@ class Layout:
     of_own: np.ndarray
 
     def kinds(self, whole: np.ndarray) -> np.ndarray:
-        """(clusters,): LONE, SCATTERED or, where they are not `whole`, 0."""
+        """Return (clusters,): LONE, SCATTERED or, if not `whole`, 0."""
         found = np.where(whole, SCATTERED, 0).astype(np.uint8)
         for _, _, low, high, lone in self.groups:
             found[low:high][whole[low:high]] = LONE if lone else SCATTERED
         return found
 
     def bands(self, threads: int) -> np.ndarray:
-        """(threads + 1,): the first group of each thread, so that they have as much to do as groups allow."""
+        """Return (threads + 1,): the first group of each thread, with the work divided as evenly as groups allow."""
         ends = np.concatenate([[0], np.cumsum(self.work)])
         inner = np.searchsorted(ends, ends[-1] * np.arange(1, threads) / threads - 0.5 * self.work.mean())
         return np.array([0, *inner, len(self.work)], np.int64)
 
     def evenness(self, threads: int) -> float:
-        """What the busiest thread has to do, over its fair part."""
+        """Return the work of the busiest thread, relative to the mean."""
         ends = np.concatenate([[0], np.cumsum(self.work)])[self.bands(threads)]
         return float(np.diff(ends).max() * threads / max(1, ends[-1]))
 
 
 def layout_of(clusters: Clusters, bounds: Bounds, real: Any, threads: int) -> Layout:
-    """Of bodies that are particles and clusters one after the other. Groups are made so that `threads` threads share them."""
+    """Return the layout of bodies, each with consecutive particles and clusters, in groups for `threads` threads."""
     first_particle, first_cluster = bounds
     particles, begins = np.diff(first_particle), blocks_of(np.diff(first_particle))
     count = int(begins[-1])
@@ -120,8 +122,8 @@ def layout_of(clusters: Clusters, bounds: Bounds, real: Any, threads: int) -> La
 
 
 def _runs(lone: np.ndarray, work: np.ndarray, threads: int) -> list[tuple[int, int]]:
-    """(first, behind the last) body of each group: lone ones up to LANES together, others by themselves, none over the
-    border of two threads' parts."""
+    """Return the first body and the one behind the last of each group: up to LANES lone ones, or a single other one; no
+    group crosses the border of two threads."""
     thread = (np.cumsum(work) - work / 2) * threads // max(1, work.sum())
     found: list[tuple[int, int]] = []
     first = 0

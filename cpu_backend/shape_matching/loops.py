@@ -1,6 +1,6 @@
-"""The loops of bodies over many steps, and stage by stage: which thread does which particles and clusters when.
+"""The loops of bodies over many steps, and stage by stage: the distribution of particles and clusters over threads.
 
-In `exact` math all give the same bits, for any number of threads. See shape_matching/kernels.py for what is done to them.
+In `exact` math all give the same bits, for any number of threads. shape_matching/kernels.py has the operations.
 """
 
 from __future__ import annotations
@@ -33,9 +33,12 @@ from model.shape_matching.cluster_tables import shaping
 def make_matching_stages(
     real: Any, math: str, shaping: frozenset[str] = frozenset(), has_rigid: bool = False
 ) -> SimpleNamespace:
-    """`match(bands, position, count, arrays, rotation, turned, frames, scratch)`, all clusters, and `move(bands, position,
-    count, own, own_factors, frames, travel)`, all particles: a parallel loop each, over `bands` parts. `count`: particles
-    and ghosts; `scratch`: flat, SCRATCH * LANES a band."""
+    """Compile `match(bands, position, count, arrays, rotation, turned, frames, scratch)`, for all clusters, and
+    `move(bands, position, count, own, own_factors, frames, travel)`, for all particles: one parallel loop each, over
+    `bands` bands.
+
+    `count`: particles and ghosts; `scratch`: flat, SCRATCH * LANES per band.
+    """
     compiler = Compiler("_".join(["bodies", np.dtype(real).name, math, *sorted(shaping), "rigid" * has_rigid]), math)
     made = make_matching(real, math, shaping, has_rigid)
     match_some, move_some = made.match, made.move
@@ -55,8 +58,8 @@ def make_matching_stages(
 
 @cache
 def make_bodies_stages(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
-    """The stages that look at one particle, a parallel loop each: `gravity`, `own` by name, `predict`, `update`, `collide`.
-    `count`: particles and ghosts; `a`: three planes of accelerations, 0 after a prediction."""
+    """Compile the stages of single particles, one parallel loop each: `gravity`, `own` by name, `predict`, `update`,
+    `collide`. `count`: particles and ghosts; `a`: three planes of accelerations, 0 after a prediction."""
     compiler = Compiler(cloth_variant("bodies_stages", real, math, parts), math)
     made = make_particles(compiler, real, parts)
     rate_some, collide_some = made.rate, made.collide
@@ -110,9 +113,12 @@ def make_bodies_stages(real: Any, math: str, parts: frozenset[str]) -> SimpleNam
 
 
 def make_substep_end(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
-    """`begin(first, last, c, ...)`, of the particles of a lone cluster c; `end(first, last, low, high, lone, number, before,
-    after, velocity, weights, arrays, room, parameters, bodies, kinds)`: what becomes of particles `first` to before `last`,
-    of the clusters `low` to before `high`, which may be a `lone` one, when they have come to their goals."""
+    """Make `begin(first, last, c, ...)`, for the particles of a lone cluster c, and `end(first, last, low, high, lone,
+    number, before, after, velocity, weights, arrays, room, parameters, bodies, kinds)`.
+
+    `end` completes a substep of the particles `first` to before `last`, of the clusters `low` to before `high`, which
+    may be one `lone` cluster, after they have moved to their goals.
+    """
     of_one, has_damping = make_particles(compiler, real, parts), "cluster_damping" in parts
     begin_any, begin_rigid = of_one.begin, of_one.begin_rigid
     rate, collide, strike, has_bodies = of_one.rate, of_one.collide, of_one.strike, bool(parts & set(COLLIDER_KINDS))
@@ -131,7 +137,8 @@ def make_substep_end(compiler: Compiler, real: Any, parts: frozenset[str]) -> Si
 
     @compiler.compiled
     def begin(first, last, c, before, after, velocity, weights, arrays, parameters, integers):
-        """Of a rigid one the velocities that it has at the substep's end, as matching alone moves it."""
+        """Predict the particles; for a rigid cluster also compute the velocities at the substep's end, as only matching
+        moves it."""
         count = weights.size
         if has_rigid:
             if is_rigid(c, arrays):
@@ -172,12 +179,12 @@ def make_substep_end(compiler: Compiler, real: Any, parts: frozenset[str]) -> Si
 
 @cache
 def make_bodies_apart(real: Any, math: str, parts: frozenset[str]) -> Any:
-    """advance(bands, bounds, groups, steps, step, substeps, iterations, even, odd, velocity, weights, arrays, factors, own,
-    own_factors, rotation, frames, scratch, parameters, integers, bodies, kinds): many steps in one call. Groups of bodies
-    know nothing of each other, so that a thread takes a group, which its second cache holds, through all steps.
+    """Compile advance(bands, bounds, groups, steps, step, substeps, iterations, even, odd, velocity, weights, arrays,
+    factors, own, own_factors, rotation, frames, scratch, parameters, integers, bodies, kinds): many steps in one call.
 
-    `bounds` (bands + 1,): the bands' first groups; `groups` (groups, 5) int64: first and last particle, first and last
-    cluster, whether they are lone; `even`: positions when it begins, and after every other substep.
+    Groups of bodies are independent, so a thread takes a group, which fits in its second-level cache, through all
+    steps. `bounds` (bands + 1,): the bands' first groups; `groups` (groups, 5) int64: first and last particle, first
+    and last cluster, 1 if they are lone; `even`: positions at the start, and after every other substep.
     """
     compiler = Compiler(cloth_variant("bodies_apart", real, math, parts), math)
     has_rigid, at_travel = "rigid-motion" in parts, at_rigid(parts) + 5

@@ -1,8 +1,9 @@
-"""Shape matching of a grid on CPU threads, a whole iteration in one pass; its two stages: matching_stages.py.
+"""Shape matching of a grid on CPU threads, a whole iteration in one pass; matching_stages.py has its two stages.
 
-Each thread goes down a band of rows once an iteration, a row of predictions, a row of clusters and a row of masses at a time,
-the rows between kept in a ring that stays in the first cache. The rows that windows reach beyond a band are done by both
-neighbours: no thread waits for another. In `exact` math both give the same bits, for any number of threads.
+Each thread goes down a band of rows once per iteration, a row of predictions, a row of clusters and a row of masses at
+a time; the rows between are stored in a ring that fits in the first-level cache. Rows beyond a band that its windows
+cover are computed by both neighbours: no thread waits for another. In `exact` math both give the same bits, for any
+number of threads.
 """
 
 from __future__ import annotations
@@ -32,13 +33,13 @@ from model.shape_matching.lattice import T_CENTRE, T_INVERSE, T_SHARE
 AXES = 2
 PLACE = AXES + LINE  # rows of a ring: of a row of masses ...
 GOAL = CLUSTER + GOALS  # ... and of one of clusters
-STATES = 3  # of a substep: its beginning, and two that iterations take in turn
-ONCE, FIRST, MIDDLE, LAST = range(4)  # which iteration of a substep a pass is; ONCE: first and last
+STATES = 3  # of a substep: its start, and two that iterations use in turn
+ONCE, FIRST, MIDDLE, LAST = range(4)  # number of an iteration within a substep; ONCE: first and last
 
 
 def scratch_places(region: int) -> SimpleNamespace:
-    """Rows of scratch of a band: the `ring` (how long it is) of positions, then that of `clusters`, `sums`, `ways` and
-    accelerations (`kick`); `count`: all."""
+    """Return the rows of a band's scratch: the `ring` (its length) of positions, then those of `clusters`, `sums`,
+    `ways` and accelerations (`kick`); `count`: all."""
     ring = 2 * region + 1
     sums = (PLACE + GOAL) * ring
     ways, kick = sums + SUMS, sums + SUMS + AXES
@@ -46,7 +47,7 @@ def scratch_places(region: int) -> SimpleNamespace:
 
 
 def _make_window(compiler: Compiler, region: int) -> Any:
-    """window(i, rows): (first, behind the last) row of the window of row i."""
+    """Make window(i, rows): (first, behind the last) row of the window of row i."""
 
     @compiler.compiled
     def window(i, rows):
@@ -56,7 +57,7 @@ def _make_window(compiler: Compiler, region: int) -> Any:
 
 
 def make_bring(compiler: Compiler, real: Any, region: int, parts: frozenset[str]) -> Any:
-    """bring: see the inner function."""
+    """Make bring: see the inner function."""
     motion, sum_line = make_motion_rows(compiler, real, parts), make_cluster_rows(compiler, real, region).sum_line
     accelerate, predict, copy = motion.accelerate, motion.predict, motion.copy
     places = scratch_places(region)
@@ -64,7 +65,7 @@ def make_bring(compiler: Compiler, real: Any, region: int, parts: frozenset[str]
 
     @compiler.compiled
     def bring(far, step, predicting, rows, columns, stride, begin, before, table, weights, parameters, integers, room):
-        """The positions of row `far`, into the ring: predicted, or as the iteration before left them; and their sums."""
+        """Write the positions of row `far`, predicted or from the last iteration, and their sums into the ring."""
         kick = row_at(room, at_kick * stride)
         if predicting:
             accelerate(far, step, columns, stride, parameters, integers, kick)
@@ -85,7 +86,7 @@ def make_bring(compiler: Compiler, real: Any, region: int, parts: frozenset[str]
 
 
 def make_match(compiler: Compiler, real: Any, region: int) -> Any:
-    """match: see the inner function."""
+    """Make match: see the inner function."""
     rows_of, sum_goals = make_cluster_rows(compiler, real, region), make_goal_rows(compiler, real, region).sum_goals
     add_window, finish, clear = rows_of.add_window, rows_of.finish, make_clear(compiler, real)
     window, places = _make_window(compiler, region), scratch_places(region)
@@ -93,7 +94,7 @@ def make_match(compiler: Compiler, real: Any, region: int) -> Any:
 
     @compiler.compiled
     def match(i, rows, columns, stride, row_table, table, rest, room):
-        """The clusters of row i and their sums, into their ring."""
+        """Write the clusters of row i and their sums into their ring."""
         sums = row_at(room, at_sums * stride)
         clear(SUMS * stride, sums)
         here = row_at(room, PLACE * (i % ring) * stride)
@@ -114,7 +115,7 @@ def make_match(compiler: Compiler, real: Any, region: int) -> Any:
 
 
 def make_arrive(compiler: Compiler, real: Any, region: int, parts: frozenset[str]) -> Any:
-    """arrive: see the inner function."""
+    """Make arrive: see the inner function."""
     motion, add_goals = make_motion_rows(compiler, real, parts), make_goal_rows(compiler, real, region).add_goals
     move, rate, clear = motion.move, motion.rate, make_clear(compiler, real)
     rest_offset = shape_matching.make(real, compiler.compiled).rest_offset
@@ -123,7 +124,7 @@ def make_arrive(compiler: Compiler, real: Any, region: int, parts: frozenset[str
 
     @compiler.compiled
     def arrive(i, ending, rows, columns, stride, begin, after, row_table, table, weights, parameters, room):
-        """The masses of row i towards their goals, and at a substep's end their velocities."""
+        """Move the masses of row i towards their goals; at a substep's end also compute their velocities."""
         ways, rest = row_at(room, at_ways * stride), parameters.matching_rest
         clear(AXES * stride, ways)
         here = row_at(room, PLACE * (i % ring) * stride)
@@ -151,12 +152,12 @@ def make_arrive(compiler: Compiler, real: Any, region: int, parts: frozenset[str
 
 @cache
 def make_matching_advance(real: Any, math: str, region: int, parts: frozenset[str]) -> Any:
-    """advance(bands, steps, step, substeps, iterations, bounds, rows, columns, stride, states, current, row_table,
-    column_table, weights, parameters, integers, scratch, room, place_after).
+    """Compile advance(bands, steps, step, substeps, iterations, bounds, rows, columns, stride, states, current,
+    row_table, column_table, weights, parameters, integers, scratch, room, place_after).
 
-    `bounds` (bands + 1,): the bands' first rows; `states`: flat, STATES of them, each four planes of `rows` rows `stride`
-    apart; `current`: which is the state now; tables (3, rows) and flat, rows `stride` apart; `weights`: flat, likewise, 0
-    where pinned; `scratch`: flat, `room` numbers a band; `place_after` (1,): which of the states is the state then.
+    `bounds` (bands + 1,): the bands' first rows; `states`: flat, STATES of them, each four planes of `rows` rows
+    `stride` apart; `current`: index of the state; tables (3, rows) and flat, rows `stride` apart; `weights`: flat,
+    likewise, 0 if pinned; `scratch`: flat, `room` numbers per band; `place_after` (1,): index of the final state.
     """
     words = "_".join(sorted(parts))
     compiler = Compiler(f"matching_{np.dtype(real).name}_{math}_{region}_{words}", math)
@@ -168,8 +169,11 @@ def make_matching_advance(real: Any, math: str, region: int, parts: frozenset[st
         first, last, kind, step, rows, columns, stride, begin, before, after, row_table, table, weights, parameters, integers,
         room,
     ):  # fmt: skip
-        """One iteration of the rows first to before last: from the positions `before`, or of a first iteration from the state
-        `begin`, to those of `after`; of a last one its velocities too."""
+        """Do one iteration of the rows first to before last.
+
+        From the positions `before`, or in a first iteration from the state `begin`, to those of `after`; in a last one
+        also to its velocities.
+        """
         for far in range(max(0, first - 2 * region), last + 2 * region):
             if far < rows:
                 predicting = kind in (ONCE, FIRST)

@@ -1,9 +1,10 @@
-"""Shape matching of a grid, row by row: the clusters around a row's masses, and the ways from masses to their goals.
+"""Shape matching of a grid, row by row: the clusters around a row's masses, and the displacements from masses to their
+goals.
 
-Windows are `region` masses wide to either side; formulas/shape_matching.py says in which order they are summed. Rows are
-arrays of unchecked length (`row_at`), none of which overlap, but for the same one read at another place: a loop goes along
-the row for one member of all its windows at a time, and is vectorised. What belongs together (SUMS of a window, and so on)
-are so many rows `stride` apart. Of `columns` masses; (x, y): their positions; `table`: of the columns.
+Windows extend `region` masses to either side; formulas/shape_matching.py defines the order of sums. Rows are arrays of
+unchecked length (`row_at`), which do not overlap except for the same row read at another offset: a loop goes along the
+row for one member of all its windows at a time, and is vectorised. Arrays that belong together (SUMS of a window, and
+so on) are rows `stride` apart. `columns`: masses of a row; (x, y): their positions; `table`: of the columns.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ GOALS = 6  # sums along a row of clusters
 
 
 def make_clear(compiler: Compiler, real: Any) -> Any:
-    """clear(columns, row)"""
+    """Make clear(columns, row)."""
     zero = real(0)
 
     @compiler.row
@@ -38,17 +39,20 @@ def make_clear(compiler: Compiler, real: Any) -> Any:
 
 
 def make_cluster_rows(compiler: Compiler, real: Any, region: int) -> SimpleNamespace:
-    """`sum_line(columns, stride, x, y, table, line)`: the sums along a row. `add_window(columns, stride, line, x, y, here_x,
-    here_y, table, share, offset, sums)`: onto those of the windows around a row (here_x, here_y) those of the row (x, y), of
-    that `share`, that `offset` [spacings] below their centres. `finish(columns, stride, sums, here_x, here_y, inverse, table,
-    cluster)`: the clusters."""
+    """Make `sum_line`, `add_window` and `finish`.
+
+    `sum_line(columns, stride, x, y, table, line)`: the sums along a row. `add_window(columns, stride, line, x, y,
+    here_x, here_y, table, share, offset, sums)`: add the sums of row (x, y) to those of the windows around row (here_x,
+    here_y); `share`: weight of the row; `offset`: its rest offset below their centres [spacings]. `finish(columns,
+    stride, sums, here_x, here_y, inverse, table, cluster)`: the clusters.
+    """
     compiled, row, clear = compiler.compiled, compiler.row, make_clear(compiler, real)
     formulas = shape_matching.make(real, compiler.inlined)
     added_member, added_row, found = formulas.added_member, formulas.added_row, formulas.cluster
 
     @row
     def add_members(count, step, x, y, shares, middle_x, middle_y, centres, l0, l1, l2, l3):
-        for j in range(count):  # from 0: numba takes an index that may be negative for one from the end
+        for j in range(count):  # from 0: numba takes an index that may be negative as one from the end
             l0[j], l1[j], l2[j], l3[j] = added_member(
                 l0[j], l1[j], l2[j], l3[j], x[j], y[j], middle_x[j], middle_y[j], shares[j], step, centres[j]
             )
@@ -101,9 +105,12 @@ def make_cluster_rows(compiler: Compiler, real: Any, region: int) -> SimpleNames
 
 
 def make_goal_rows(compiler: Compiler, real: Any, region: int) -> SimpleNamespace:
-    """`sum_goals(columns, stride, cluster, table, rest, goals)`: the sums along a row of clusters. `add_goals(columns,
-    stride, goals, cluster, x, y, table, down, way_x, way_y)`: onto the ways of the masses (x, y) those to the goals of a row
-    of clusters, `down` [m] below whose centres they lie at rest."""
+    """Make `sum_goals` and `add_goals`.
+
+    `sum_goals(columns, stride, cluster, table, rest, goals)`: the sums along a row of clusters. `add_goals(columns,
+    stride, goals, cluster, x, y, table, down, way_x, way_y)`: add the displacements to the goals of a row of clusters
+    to those of the masses (x, y), which at rest are `down` [m] below its centres.
+    """
     compiled, row, clear = compiler.compiled, compiler.row, make_clear(compiler, real)
     formulas = shape_matching.make(real, compiler.inlined)
     rest_offset, added_goal, added_goal_row = formulas.rest_offset, formulas.added_goal, formulas.added_goal_row
@@ -151,7 +158,7 @@ def make_goal_rows(compiler: Compiler, real: Any, region: int) -> SimpleNamespac
 
 
 def make_motion_rows(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
-    """What is done to one row, along one axis each but for `accelerate`, which fills the rows of both."""
+    """Make the operations on one row, along one axis each, except for `accelerate`, which fills the rows of both."""
     compiled, row = compiler.compiled, compiler.row
     points, moved = distance.make(real, compiled), shape_matching.make(real, compiled).moved
     kicked, predicted, rate_of = points.kicked, points.predicted, points.rate

@@ -1,4 +1,4 @@
-"""Shape matching of a grid on CPU threads, the two stages of an iteration by themselves: all clusters, then all masses."""
+"""Shape matching of a grid on CPU threads, the two stages of an iteration: all clusters, then all masses."""
 
 from __future__ import annotations
 
@@ -18,9 +18,12 @@ AXES = 2
 
 @cache
 def make_matching_stages(real: Any, math: str, region: int) -> SimpleNamespace:
-    """`match(position, row_table, column_table, clusters)`: clusters (4, rows, columns) of position (2, rows, columns), by
-    tables (5, n). `move(position, clusters, row_table, column_table, weights, parameters, out)`: the masses that are not
-    pinned, to `out` (2, rows, columns)."""
+    """Compile `match` and `move`.
+
+    `match(position, row_table, column_table, clusters)`: clusters (4, rows, columns) of position (2, rows, columns),
+    with tables (5, n). `move(position, clusters, row_table, column_table, weights, parameters, out)`: the masses that
+    are not pinned, to `out` (2, rows, columns).
+    """
     compiler = Compiler(f"matching_{np.dtype(real).name}_{math}_{region}_", math)
     compiled = compiler.compiled
     formulas = shape_matching.make(real, compiled)

@@ -1,4 +1,4 @@
-"""What the clusters' material adds to their arrays on the CPU: shape tables, plastic strain, damping, rigid motion."""
+"""The clusters' arrays for their material on the CPU: shape tables, plastic strain, damping, rigid motion."""
 
 from __future__ import annotations
 
@@ -19,10 +19,13 @@ from model.shape_matching.rigid_rebound import rebound_limits, whole_clusters
 
 
 class ClusterArrays:
-    """`steps`, the clusters' arrays of the kernels with those that the scene's `parts` need; `look`: the same for a look at
-    the state, whose strain then goes nowhere; `plastic`: the state's, flat, ENTRIES a cluster, none where nothing is;
-    `travel`: see particles.py, empty where nothing is rigid; `couples`: see couples.py, empty where friction turns nothing;
-    `touched`: both, what contacts change beside places."""
+    """The clusters' arrays.
+
+    `steps`: those of the kernels for the scene's `parts`; `look`: the same for reading the state, whose strain is
+    discarded; `plastic`: the state's, flat, ENTRIES per cluster, empty without plasticity; `travel`: see particles.py,
+    empty without rigid bodies; `couples`: see couples.py, empty without friction that turns clusters; `touched`: both,
+    the arrays that contacts change besides positions.
+    """
 
     def __init__(self, clusters: Clusters, layout: Layout, parts: frozenset[str], real: Any):
         self._clusters, self._of_own = clusters, layout.of_own
@@ -60,7 +63,7 @@ class ClusterArrays:
         self.touched, self.steps, self.look = (self.travel, self.couples), steps, look
 
     def change(self, method: Method) -> None:
-        """What hangs on the length of a substep."""
+        """Update the tables that depend on the length of a substep."""
         h = method.dt / method.substeps
         if len(self._shapes):
             self._shapes[:] = shape_table(self._clusters, h, method.iterations).reshape(-1)

@@ -1,5 +1,5 @@
-"""What is done to the particles of bodies one by one on CPU threads: loops over blocks of LANES of them, which lie as
-shape_matching/kernels.py says."""
+"""Operations on single particles of bodies on CPU threads: loops over blocks of LANES, in the layout of
+shape_matching/kernels.py."""
 
 from __future__ import annotations
 
@@ -19,27 +19,30 @@ from model.formulas.shape_matching.cluster import LANES
 
 
 def make_particles(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
-    """Loops over blocks of particles: `begin`, their predictions; `rate`, their velocities, of rigid bodies' those of
-    their travels (model/formulas/shape_matching/rigid.py); `collide`. `travel`: three planes and one of slacks, read where
-    bodies are rigid. `begin_rigid`: predictions of a rigid body that nothing but matching moves, and their velocities;
-    `strike`: as `collide`, and what velocities got, into three planes `struck`."""
+    """Make loops over blocks of particles: `begin`, `rate`, `collide`, `begin_rigid`, `strike`.
+
+    `begin`: predictions; `rate`: velocities, for rigid bodies from their travels
+    (model/formulas/shape_matching/rigid.py). `travel`: three planes and one of slacks, read if bodies are rigid.
+    `begin_rigid`: predictions of a rigid body that only matching moves, and their velocities. `strike`: as `collide`,
+    and writes the velocity changes into three planes `struck`.
+    """
     formulas = distance.make(real, compiler.compiled)
     kicked, kept, predicted, rate_of = formulas.kicked, formulas.kept, formulas.predicted, formulas.rate
     touch, collide_planes = make_collide_mass(compiler, real, parts), make_collide_planes(compiler, real, parts)
     block = block_of(real)
-    own = make_own_force(compiler, real, AXES, parts | {"load"})  # every particle has its weight
+    own = make_own_force(compiler, real, AXES, parts | {"load"})  # each particle has its own weight
     has_gravity, has_damping, no_step = "gravity" in parts, "damping" in parts, np.int64(0)
     has_spare, has_rigid, zero, one = "spare" in parts, "rigid-motion" in parts, real(0), real(1)
-    keeping, there = rigid.make(real, compiler.compiled), np.int64(has_rigid)  # where travels are not, another array is
+    keeping, there = rigid.make(real, compiler.compiled), np.int64(has_rigid)  # 0: an array passed instead of travels
     travelled, rate_over = keeping.travelled, keeping.rate_over
 
     def make_predict(rates: bool) -> Any:
-        """`rates`: velocities become those of travels at once, which then nobody needs."""
+        """Make the prediction; with `rates` velocities become those of travels at once, which are then not stored."""
 
         def predict_rows(
             blocks, first, integers, parameters, weights, x, y, z, vx, vy, vz, to_x, to_y, to_z, over_x, over_y, over_z
         ):  # fmt: skip
-            """`first`: the place of the first of them."""
+            """Predict the blocks of particles; `first`: place of the first particle."""
             h = parameters.dt
             for block in range(blocks):
                 for lane in range(LANES):
@@ -70,7 +73,7 @@ def make_particles(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simp
 
     @compiler.compiled
     def begin(first, last, count, before, after, velocity, weights, parameters, integers, travel):
-        """The particles from `first` to before `last`, of `count` of a plane."""
+        """Predict the particles from `first` to before `last`, of `count` of a plane."""
         predict_rows(
             (last - first) // LANES, first, integers, parameters, row_at(weights, first), row_at(before, first),
             row_at(before, count + first), row_at(before, 2 * count + first), row_at(velocity, first),
@@ -121,7 +124,7 @@ def make_particles(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simp
     def collide(first, last, count, number, before, after, velocity, weights, parameters, bodies, kinds):
         for k in range(first, last):
             if has_spare and weights[k] == zero:
-                continue  # also of ghosts
+                continue  # also skips ghosts
             px, py, pz, vx, vy, vz = touch(
                 bodies, kinds, number, parameters, before[k], before[count + k], before[2 * count + k], after[k],
                 after[count + k], after[2 * count + k], velocity[k], velocity[count + k], velocity[2 * count + k],

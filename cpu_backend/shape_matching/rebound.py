@@ -1,5 +1,5 @@
-"""Rigid bodies that come off colliders as a whole, on CPU threads: clusters gather what colliders gave to their particles,
-particles go with the motion that the body makes of it. See model/shape_matching/rigid_rebound.py."""
+"""Rigid bodies that rebound from colliders as a whole, on CPU threads: clusters sum up the impulses on their particles,
+and particles move with the body's resulting motion (model/shape_matching/rigid_rebound.py)."""
 
 from __future__ import annotations
 
@@ -19,24 +19,27 @@ from model.formulas.shape_matching import rebound
 from model.formulas.shape_matching.cluster import LANES
 from model.formulas.shape_matching.pace import MOTION
 
-DAMPING = 4  # arrays of clusters that damping takes, after whose come those of here
+DAMPING = 4  # number of arrays of damping; those of rebounds follow
 
 
 def at_rebound(parts: frozenset[str]) -> int:
-    """Where in the clusters' arrays those of rebounds lie."""
+    """Return the index of the rebounds' arrays among the clusters' arrays."""
     return at_damping(parts) + DAMPING * ("cluster_damping" in parts)
 
 
 def make_answer(compiler: Compiler, real: Any, place: int, meets: bool = False) -> Any:
-    """answer(c, position, count, arrays, scratch): the rigid motion that cluster c makes of what its particles got; none of a
-    cluster that does not come off as a whole. `meets`: of bodies that meet, in the place of its first three numbers what a
-    pair's factor is made of (rebound.py, `shared`)."""
+    """Make answer(c, position, count, arrays, scratch): the rigid motion of cluster c that results from the impulses on
+    its particles; none for a cluster that does not rebound as a whole.
+
+    `meets`: for bodies in contact the first three numbers are replaced by the components of a pair's factor
+    (rebound.py, `shared`).
+    """
     formulas, sum_of = rebound.make(real, compiler.compiled), make_lane_sum(compiler, real)
     weighed, rigid, enlarged, scaled = formulas.weighed, formulas.rigid, formulas.enlarged, formulas.scaled
     gather = make_damping(compiler, real, True, place).gather
     touched_mass, asked, bound = formulas.touched, formulas.asked, formulas.bound
     at_motions, at_limits, at_struck, zero = place + 3, place + 4, place + 5, real(0)
-    at_wanted = place + 6  # the plane of scales, which come after it
+    at_wanted = place + 6  # the plane of scales follows
 
     def make_rows(gathers: bool) -> Any:
         def worth_rows(blocks, motion, slots, x, y, z, vx, vy, vz, wanted, mass, lanes):
@@ -72,7 +75,8 @@ def make_answer(compiler: Compiler, real: Any, place: int, meets: bool = False) 
 
     @compiler.compiled
     def touched(c, count, arrays):
-        """Whether a particle of cluster c got anything; of a straight one, or one of those that follow it in its block."""
+        """Return True if a particle of cluster c got an impulse; for a straight cluster also a particle behind it in
+        its block."""
         struck, starts, slots, first = arrays[at_struck], arrays[0], arrays[3], np.int64(arrays[1][c])
         if arrays[2][c]:
             return any_row(
@@ -123,11 +127,14 @@ def make_answer(compiler: Compiler, real: Any, place: int, meets: bool = False) 
 
 
 def make_rebound(compiler: Compiler, real: Any, rebounds: bool, place: int) -> SimpleNamespace:
-    """`note(first, last, velocity, count, arrays)`: before colliders; `strike(first, last, velocity, count, arrays)`: after
-    them, what particles got; `answer(c, position, velocity, count, arrays, scratch)`: what cluster c makes of it, also of its
-    particles where it is LONE; `go(first, last, position, velocity, count, arrays)`: particles of others. Arrays from `place`
-    on: as of damping, factors 1 of clusters that come off as a whole; limits (clusters,), 0 of the others; what particles
-    got, three planes; scales; kinds (layout.py). Not done unless a body `rebounds`."""
+    """Make the functions of rebounds; they do nothing unless a body `rebounds`.
+
+    `note(first, last, velocity, count, arrays)`: before colliders; `strike(first, last, velocity, count, arrays)`:
+    after them, the impulses on particles; `answer(c, position, velocity, count, arrays, scratch)`: the response of
+    cluster c, also of its particles if it is LONE; `go(first, last, position, velocity, count, arrays)`: particles of
+    others. Arrays from `place` on: as of damping, factors 1 of clusters that rebound as a whole; limits (clusters,), 0
+    of the others; impulses of particles, three planes; scales; kinds (layout.py).
+    """
     if not rebounds:
         return _without(compiler)
     formulas, made = rebound.make(real, compiler.compiled), make_answer(compiler, real, place)
@@ -161,7 +168,7 @@ def make_rebound(compiler: Compiler, real: Any, rebounds: bool, place: int) -> S
 
     @compiler.row
     def stay_rows(blocks, vx, vy, vz):
-        """What go_rows makes of nothing: -0 becomes 0."""
+        """Apply the result of go_rows for no impulse: -0 becomes 0."""
         for block in range(blocks):
             for lane in range(LANES):
                 k = block * LANES + lane
@@ -214,8 +221,9 @@ def _without(compiler: Compiler) -> SimpleNamespace:
 
 @cache
 def make_rebound_stages(real: Any, math: str, place: int) -> SimpleNamespace:
-    """`note(bands, velocity, count, arrays)`; after colliders `rebound(bands, position, velocity, count, arrays, scratch,
-    pitch)`: all particles, then all clusters, then all particles; `pitch`: numbers of a band's scratch."""
+    """Compile `note(bands, velocity, count, arrays)` and, after colliders, `rebound(bands, position, velocity, count,
+    arrays, scratch, pitch)`: all particles, then all clusters, then all particles; `pitch`: numbers in a band's
+    scratch."""
     compiler = Compiler(f"bodies_rebound_{np.dtype(real).name}_{math}_{place}", math)
     made = make_rebound(compiler, real, True, place)
     note_some, strike, answer, go = made.note, made.strike, made.answer, made.go

@@ -1,4 +1,4 @@
-"""Rigid bodies that keep their momenta to rounding, on CPU threads: see model/formulas/shape_matching/rigid.py."""
+"""Rigid bodies that conserve their momenta up to rounding, on CPU threads (model/formulas/shape_matching/rigid.py)."""
 
 from __future__ import annotations
 
@@ -19,19 +19,22 @@ from model.formulas.shape_matching import rebound
 from model.formulas.shape_matching.cluster import LANES
 from model.formulas.shape_matching.pace import MOTION
 
-REBOUND = 8  # arrays of clusters that rebounds take, after whose come those of here
+REBOUND = 8  # number of arrays of rebounds; those of rigid motion follow
 
 
 def at_rigid(parts: frozenset[str]) -> int:
-    """Where in the clusters' arrays those of rigid motion lie."""
+    """Return the index of the rigid motions' arrays among the clusters' arrays."""
     return at_rebound(parts) + REBOUND * bool(parts & {"rigid-rebound", "rigid-bounce"})
 
 
 def make_steadying(compiler: Compiler, real: Any, has_rigid: bool, place: int) -> SimpleNamespace:
-    """`gather(c, position, velocity, count, arrays, scratch)`: the rigid motion of cluster c that has the momenta of its
-    particles, whose velocities become those of it where it is LONE; `steady(first, last, position, velocity, count, arrays)`:
-    velocities of particles. Arrays from `place` on: as of damping, factors 1 of rigid bodies; kinds of clusters (layout.py);
-    travels and slacks, four planes; whether any is SCATTERED. Nothing is done unless `has_rigid`."""
+    """Make `gather` and `steady`; they do nothing unless `has_rigid`.
+
+    `gather(c, position, velocity, count, arrays, scratch)`: the rigid motion of cluster c with the momenta of its
+    particles, which get its velocities if it is LONE; `steady(first, last, position, velocity, count, arrays)`:
+    velocities of other particles. Arrays from `place` on: as of damping, factors 1 of rigid bodies; kinds of clusters
+    (layout.py); travels and slacks, four planes; 1 if any is SCATTERED.
+    """
     if not has_rigid:
         return _without(compiler)
     rigid, zero = rebound.make(real, compiler.compiled).rigid, real(0)
@@ -52,7 +55,7 @@ def make_steadying(compiler: Compiler, real: Any, has_rigid: bool, place: int) -
     def gather(c, position, velocity, count, arrays, scratch):
         if arrays[at_kinds][c]:
             gather_motion(c, position, velocity, count, arrays, scratch)
-        if arrays[at_kinds][c] == LONE:  # and its ghosts, which belong to no one
+        if arrays[at_kinds][c] == LONE:  # including its ghosts, which belong to no cluster
             first = np.int64(arrays[1][c])
             steady_rows(
                 (arrays[0][c + 1] - arrays[0][c]) // LANES, row_at(arrays[at_motions], np.int64(MOTION * c)),
@@ -90,8 +93,8 @@ def _without(compiler: Compiler) -> SimpleNamespace:
 
 @cache
 def make_rest(compiler: Compiler, real: Any, rests: bool, place: int) -> Any:
-    """rest(c, before, position, velocity, count, arrays): stop the rigid cluster c if none of its particles has moved in the
-    substep. Nothing is done unless a body `rests`. `place`: as of make_steadying."""
+    """Make rest(c, before, position, velocity, count, arrays): stop the rigid cluster c if none of its particles moved
+    in the substep. It does nothing unless a body `rests`. `place`: as of make_steadying."""
     zero, at_kinds = real(0), place + 4
 
     @compiler.compiled
@@ -103,7 +106,7 @@ def make_rest(compiler: Compiler, real: Any, rests: bool, place: int) -> Any:
         if arrays[at_kinds][c] == 0:
             return
         for e in range(starts[c], starts[c + 1]):
-            if members[masses + e] != zero:  # no ghost
+            if members[masses + e] != zero:  # not a ghost
                 x, y, z = slots[e], count + slots[e], 2 * count + slots[e]
                 if position[x] != before[x] or position[y] != before[y] or position[z] != before[z]:
                     return
@@ -116,7 +119,7 @@ def make_rest(compiler: Compiler, real: Any, rests: bool, place: int) -> Any:
 
 @cache
 def make_rest_stage(real: Any, math: str, place: int) -> Any:
-    """rest(bands, before, position, velocity, count, arrays): all clusters, in parallel."""
+    """Compile rest(bands, before, position, velocity, count, arrays): all clusters, in parallel."""
     compiler = Compiler(f"bodies_rest_{np.dtype(real).name}_{math}_{place}", math)
     rest_one = make_rest(compiler, real, True, place)
 
@@ -130,8 +133,8 @@ def make_rest_stage(real: Any, math: str, place: int) -> Any:
 
 @cache
 def make_steadying_stage(real: Any, math: str, place: int) -> Any:
-    """steady(bands, position, velocity, count, arrays, scratch, pitch): all clusters, then all particles, a
-    parallel loop each; `pitch`: numbers of a band's scratch."""
+    """Compile steady(bands, position, velocity, count, arrays, scratch, pitch): all clusters, then all particles, one
+    parallel loop each; `pitch`: numbers in a band's scratch."""
     compiler = Compiler(f"bodies_rigid_{np.dtype(real).name}_{math}_{place}", math)
     made = make_steadying(compiler, real, True, place)
     gather, steady_some = made.gather, made.steady

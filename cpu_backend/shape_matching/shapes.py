@@ -1,4 +1,4 @@
-"""Clusters that do more than turn, on CPU threads: what is done to one of them before and after its rotation is found."""
+"""Clusters that deform besides turning, on CPU threads: the operations before and after the rotation is computed."""
 
 from __future__ import annotations
 
@@ -11,16 +11,19 @@ from model.formulas.shape_matching import deformation
 from model.formulas.shape_matching.cluster import LANES
 from model.formulas.shape_matching.deformation import S_CREEP, S_INVERSE, S_LIMIT, S_LINEAR, S_THRESHOLD, SHAPE
 
-# where the clusters' arrays have tables, plastic strains, and those after this iteration, all flat
+# indices of tables, plastic strains, and strains after this iteration among the clusters' arrays, all flat
 AT_SHAPES, AT_PLASTIC, AT_BENT = 6, 7, 8
 ENTRIES = 9
 
 
 def make_shapes(compiler: Compiler, real: Any, shaping: frozenset[str], row: int) -> SimpleNamespace:
-    """`prepare(c, place, arrays, sums, maps)`: of cluster c, in lane `place`: its linear map into the 9 rows of `maps`, and
-    its moments, from `row` of `sums`, bent where it is plastic; `finish(c, place, arrays, maps, xx ... zz)`: the matrix of
-    its goals, of that of its rotation, and its strain afterwards. Nothing is done, and the rotation handed back, where
-    `shaping` (model/shape_matching/cluster_tables.py) is empty."""
+    """Make `prepare` and `finish`; they do nothing, and return the rotation, if `shaping`
+    (model/shape_matching/cluster_tables.py) is empty.
+
+    `prepare(c, place, arrays, sums, maps)`: for cluster c, in lane `place`, its linear map, into the 9 rows of `maps`,
+    and its moments, from `row` of `sums`, bent if it is plastic. `finish(c, place, arrays, maps, xx ... zz)`: the
+    matrix of its goals from that of its rotation, and its new strain.
+    """
     if not shaping:
         return _turning(compiler)
     has_linear, has_plastic = "linear" in shaping, "plastic" in shaping

@@ -1,8 +1,8 @@
-"""Soft and rigid bodies by shape matching on CPU threads: clusters in compressed form, any number a particle.
+"""Soft and rigid bodies by shape matching on CPU threads: clusters in compressed form, any number per particle.
 
-M. Mueller et al., "Meshless Deformations Based on Shape Matching", SIGGRAPH 2005, in substeps, with the masses split among
-clusters; see model/shape_matching/clusters.py. Kernels: `fused`, many steps in one call, and `stages`, a parallel loop a
-stage. In `exact` math both give the same bits, for any number of threads.
+M. Mueller et al., "Meshless Deformations Based on Shape Matching", SIGGRAPH 2005, in substeps, with the masses divided
+among clusters (model/shape_matching/clusters.py). Kernels: `fused`, many steps in one call, and `stages`, one parallel
+loop per stage. In `exact` math both give the same bits, for any number of threads.
 """
 
 from __future__ import annotations
@@ -38,21 +38,21 @@ from model.shape_matching.cluster_tables import matching_factors, shaping
 from model.shape_matching.links import LINKS
 from model.xpbd.plan import xpbd_plan
 
-UNEVEN = 1.3  # the busiest thread's work over its fair part, from where on threads share bodies
+UNEVEN = 1.3  # work of the busiest thread relative to the mean, above which threads share bodies
 
 
 def choose_kernel(wanted: str | None) -> str:
-    """The kernel `wanted`, or `fused`. Raises SceneError for any other."""
+    """Return the kernel `wanted`, or `fused`. Raises SceneError for any other."""
     return chosen_kernel(wanted, "bodies")
 
 
 def _quaternions(*planes: np.ndarray) -> np.ndarray:
-    """(clusters, 4) of flat arrays of four planes each."""
+    """Return (clusters, 4) from flat arrays of four planes each."""
     return np.ascontiguousarray(np.concatenate([one.reshape(QUATERNION, -1) for one in planes], axis=1).T)
 
 
 class Bodies(ParticlesSimulation):
-    """See model/core/simulation.py for the contract. `threads`: `1x`, `2x`, `4x` or a number."""
+    """Bodies on CPU threads; model/core/simulation.py defines the contract. `threads`: `1x`, `2x`, `4x` or a number."""
 
     def __init__(self, scene: Scene, options: Options, threads: str | int = "1x"):
         super().__init__(scene, options, threads)
@@ -123,7 +123,7 @@ class Bodies(ParticlesSimulation):
             self._even, self._odd = self._odd, self._even
 
     def _stages(self) -> dict[str, StageRun]:
-        """What runs each stage of the plan by itself."""
+        """Return the function of each stage of the plan."""
         makes: Any = make_bodies_stages, make_couples_stage, make_settle_stage
         stage, turn, settle = (make(self.real, self.options.math, self.plan.parts) for make in makes)
         (travel, couples), keeps = self._material.touched, "rigid-motion" in self.plan.parts
@@ -213,12 +213,12 @@ class Bodies(ParticlesSimulation):
 
     @property
     def contacts_lost(self) -> int:
-        """Neighbours of particles beyond the MAX_NEIGHBOURS of each, since the simulation was opened."""
+        """Number of neighbours of particles beyond the MAX_NEIGHBOURS of each, since the simulation was opened."""
         return self.contacts.lost if self.contacts else 0
 
     def _match(self, turned: np.ndarray, of_lattices: np.ndarray, arrays: tuple[Any, ...], look: bool = False) -> None:
-        """The clusters' rotations where particles are now, into `turned` and `of_lattices`, and with their centres into the
-        frames; those of lattices only in a `look`."""
+        """Compute the clusters' rotations at the current positions, into `turned` and `of_lattices`, and with their
+        centres into the frames; those of lattices only with `look`."""
         variant = self.real, self.options.math, shaping(self.plan.parts), "rigid-motion" in self.plan.parts
         make_matching_stages(*variant).match(
             self._bands, self._even, self.layout.count, arrays, self._rotation, turned, self._frames,
@@ -244,12 +244,12 @@ class Bodies(ParticlesSimulation):
 
     @property
     def substep_start(self) -> np.ndarray:
-        """See ParticlesSimulation."""
+        """Positions at the start of the substep (ParticlesSimulation)."""
         return self._odd
 
     @property
     def inertial(self) -> np.ndarray | None:
-        """See ParticlesSimulation: of rigid bodies, from where the substep began."""
+        """Inertial displacements of rigid bodies since the start of the substep (ParticlesSimulation)."""
         return self._material.travel if "rigid-motion" in self.plan.parts else None
 
     def _parameters_changed(self) -> None:
@@ -292,7 +292,7 @@ class Bodies(ParticlesSimulation):
         self._material.plastic.reshape(-1, AXES, AXES)[:] = np.eye(AXES) if plastic is None else plastic
 
     def _look(self) -> np.ndarray:
-        """(clusters, 12): rotations, by rows, and centres of all clusters where particles are now."""
+        """Return (clusters, 12): rotations, by rows, and centres of all clusters at the current positions."""
         numba.set_num_threads(self.threads)
         self._match(self._turned, self._lattices.turned, self._material.look, True)
         return np.concatenate([self._frames, self._lattices.frames]).reshape(-1, FRAME)

@@ -1,5 +1,5 @@
-"""The steps of bodies on CPU threads that share every body: few or large ones, and such as meet; one team for all
-passes (core/progress.py)."""
+"""Steps of bodies on CPU threads with every body shared by all threads: few or large bodies, and bodies in contact; one
+team for all passes (core/progress.py)."""
 
 from __future__ import annotations
 
@@ -31,9 +31,12 @@ from model.shape_matching.links import LINKS
 
 
 def make_substep_end(compiler: Compiler, real: Any, math: str, parts: frozenset[str]) -> Any:
-    """end(team, member, bands, number, goes_on, before, after, velocity, weights, arrays, scratch, parameters, integers,
-    bodies, kinds, contacts): what a member of a team does when particles have come to their goals, and where it `goes_on` the
-    predictions of the next substep."""
+    """Make end(team, member, bands, number, goes_on, before, after, velocity, weights, arrays, scratch, parameters,
+    integers, bodies, kinds, contacts).
+
+    Each member of a team runs it after particles have moved to their goals; if it `goes_on`, it also predicts the next
+    substep.
+    """
     of_one, has_damping = make_particles(compiler, real, parts), "cluster_damping" in parts
     begin, rate, collide, has_bodies = of_one.begin, of_one.rate, of_one.collide, bool(parts & set(COLLIDER_KINDS))
     settle, has_pace = make_settle(compiler, real, parts), bool(parts & PACES)
@@ -49,7 +52,7 @@ def make_substep_end(compiler: Compiler, real: Any, math: str, parts: frozenset[
     rest, begins_last = make_rest(compiler, real, rests, at_rigid(parts)), rebounds or rests or has_rigid
     turning, has_couples = make_couples(compiler, real, parts), "couples" in parts
     gather_couples, turn = turning.gather, turning.turn
-    rates_apart = has_pace or bounces or has_damping or keeps or has_couples  # of what others look at before colliders
+    rates_apart = has_pace or bounces or has_damping or keeps or has_couples  # others read velocities before colliders
 
     @compiler.compiled
     def end(
@@ -138,10 +141,12 @@ def make_substep_end(compiler: Compiler, real: Any, math: str, parts: frozenset[
 
 @cache
 def make_bodies_together(real: Any, math: str, parts: frozenset[str]) -> Any:
-    """advance(bands, steps, step, substeps, iterations, even, odd, velocity, weights, arrays, links, own, own_factors,
-    rotation, frames, scratch, parameters, integers, bodies, kinds, contacts, lattices, lattice_frames): as
-    loops.make_bodies_apart, over clusters, then over particles, with the velocities of a substep and the predictions
-    of the next. `contacts`: ParticleContacts.arrays, or NO_CONTACTS; `lattices`: Lattices.arrays, or empty."""
+    """Compile advance(bands, steps, step, substeps, iterations, even, odd, velocity, weights, arrays, links, own,
+    own_factors, rotation, frames, scratch, parameters, integers, bodies, kinds, contacts, lattices, lattice_frames).
+
+    As loops.make_bodies_apart, over clusters, then over particles, with the velocities of a substep and the predictions
+    of the next. `contacts`: ParticleContacts.arrays, or NO_CONTACTS; `lattices`: Lattices.arrays, or empty.
+    """
     compiler = Compiler(cloth_variant("bodies_together", real, math, parts), math)
     keeps, at_travel = "rigid-motion" in parts, at_rigid(parts) + 5
     of_one, made = make_particles(compiler, real, parts), make_matching(real, math, shaping(parts), keeps)
@@ -161,7 +166,7 @@ def make_bodies_together(real: Any, math: str, parts: frozenset[str]) -> Any:
         "cluster_damping",
         "lattices",
         "rigid-motion",
-    }  # particles end with the last way to their goals
+    }  # particles end with the last displacement to their goals
 
     def advance(
         team, member, bands, steps, step, substeps, iterations, even, odd, velocity, weights, arrays, links, own,

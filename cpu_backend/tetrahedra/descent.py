@@ -1,8 +1,9 @@
-"""Bodies of tetrahedra on CPU threads by vertex block descent: free vertices sorted by colour, each with its tetrahedra.
+"""Bodies of tetrahedra on CPU threads by vertex block descent: free vertices sorted by colour, each with its
+tetrahedra.
 
-A. H. Chen et al., "Vertex Block Descent", ACM TOG 43 (2024), algorithm 1, without acceleration. What begins and ends a
-substep is a mesh's (xpbd/mesh_kernels.py). Kernels: `fused`, many steps in one call, and `stages`. In `exact` math both give
-the same bits, for any number of threads.
+A. H. Chen et al., "Vertex Block Descent", ACM TOG 43 (2024), algorithm 1, without acceleration. Start and end of a
+substep are a mesh's (xpbd/mesh_kernels.py). Kernels: `fused`, many steps in one call, and `stages`. In `exact` math
+both give the same bits, for any number of threads.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ from model.tetrahedra.springs import springs
 
 
 class VertexBlockDescent(Tetrahedra):
-    """See model/core/simulation.py for the contract. `threads`: `1x`, `2x`, `4x` or a number."""
+    """Vertex block descent; model/core/simulation.py defines the contract. `threads`: `1x`, `2x`, `4x` or a number."""
 
     def _plan_of(self, scene: Scene, live: frozenset[str]) -> Plan:
         return vbd_plan(scene, live)
@@ -51,12 +52,12 @@ class VertexBlockDescent(Tetrahedra):
 
     @cached_property
     def _holds(self) -> np.ndarray:
-        """(particles, 1) [N/m]: what holds each, by which colliders are hard."""
+        """(particles, 1) [N/m]: stiffness that holds each particle, which sets that of colliders."""
         return holding(self.scene.tetrahedra_set).astype(self.real)[:, None]
 
     @cached_property
     def _ways(self) -> np.ndarray:
-        """Where the last two sweeps ended."""
+        """Positions after the last two sweeps."""
         return np.zeros((2, *self._position.shape), self.real)
 
     @cached_property
@@ -66,12 +67,12 @@ class VertexBlockDescent(Tetrahedra):
 
     @cached_property
     def _inertial(self) -> np.ndarray:
-        """Where vertices would be by inertia and all but elastic forces."""
+        """Positions of vertices by inertia and all forces except elastic ones."""
         return np.zeros_like(self._position)
 
     @property
     def inertial(self) -> np.ndarray:
-        """See ParticlesSimulation."""
+        """Inertial positions (ParticlesSimulation)."""
         return self._inertial.reshape(-1)
 
     def _advance(self, step: int, steps: int) -> None:
@@ -107,7 +108,7 @@ class VertexBlockDescent(Tetrahedra):
         return found
 
     def _of_material(self, one: Descent, arrays: DescentArrays) -> dict[str, StageRun]:
-        """What runs its stages of the plan."""
+        """Return the functions of a material's stages of the plan."""
         stage, bands = self._visits_of(one), self._bands
         position, velocity, before, inertial = self._position, self._velocity, self._before, self._inertial
 

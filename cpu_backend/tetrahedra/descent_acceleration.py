@@ -1,4 +1,4 @@
-"""Chebyshev's acceleration of the sweeps of vertex block descent, on CPU threads."""
+"""Chebyshev acceleration of the sweeps of vertex block descent, on CPU threads."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from model.formulas.elastic import chebyshev
 
 
 def make_accelerate(compiler: Compiler, real: Any) -> Any:
-    """accelerate(first, last, position, ways, w): particles after a sweep; `ways` (2, particles, 4): where the last sweep
-    ended, and the one before it."""
+    """Make accelerate(first, last, position, ways, w): it extrapolates particles after a sweep; `ways` (2, particles,
+    4): positions after the last sweep, and after the one before it."""
     beyond, zero = chebyshev.make(real, compiler.compiled).beyond, real(0)
 
     @compiler.compiled
@@ -31,7 +31,7 @@ def make_accelerate(compiler: Compiler, real: Any) -> Any:
 
 @cache
 def make_accelerate_stage(real: Any, math: str) -> Any:
-    """accelerate(bands, position, ways, w): a parallel loop by itself."""
+    """Compile accelerate(bands, position, ways, w): one parallel loop."""
     compiler = Compiler(f"chebyshev_{np.dtype(real).name}_{math}", math)
     some = make_accelerate(compiler, real)
 

@@ -1,4 +1,5 @@
-"""Colliders within a visit of vertex block descent, on CPU threads: the spring of newton_contact.py, and friction."""
+"""Colliders in a vertex visit of vertex block descent, on CPU threads: the spring of newton_contact.py, and
+friction."""
 
 from __future__ import annotations
 
@@ -12,8 +13,11 @@ from model.formulas.elastic import descent, friction, newton
 
 
 def make_meeting(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
-    """`has_bodies`; `met(k, sums, position, given)`: the sums of vertex k and what colliders add to them; `given`: (substep,
-    positions where it began, what holds particles, parameters, bodies, kinds)."""
+    """Make `met(k, sums, position, given)`: it adds the contribution of colliders to the sums of vertex k.
+
+    `given`: (substep, positions at its start, stiffness that holds particles, parameters, bodies, kinds). `has_bodies`:
+    true if there are colliders.
+    """
     compiled, contact = compiler.compiled, make_contact(compiler, real, parts)
     within, outer = contact.within, newton.make(real, compiled).outer
     rub = friction.make(real, compiled)
@@ -25,7 +29,7 @@ def make_meeting(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simple
 
     @compiled
     def answer(b, p, v, number, parameters, bodies, kinds):
-        """What a velocity becomes."""
+        """Return the velocity after collision."""
         _, _, _, x, y, z = touch(
             bodies, kinds, number, parameters, b[0], b[1], b[2], p[0], p[1], p[2], v[0], v[1], v[2]
         )  # fmt: skip

@@ -1,7 +1,7 @@
-"""Vertices of tetrahedral bodies visited on CPU threads, some of a colour one after the other; and a step's loops over them.
+"""Visits of tetrahedral bodies' vertices on CPU threads, and the loops of a step over them.
 
-No two vertices of a colour share a tetrahedron, so that threads take any part of it: the state's bits depend on neither their
-number nor their order. What a visit computes is in model/formulas/elastic/descent.py.
+No two vertices of a colour share a tetrahedron, so threads may process any part of it: the state's bits depend neither
+on their number nor on their order. model/formulas/elastic/descent.py has the formulas of a visit.
 """
 
 from __future__ import annotations
@@ -25,14 +25,14 @@ from model.formulas.elastic import descent
 from model.tetrahedra.descent import CHEBYSHEV, CORNERS, RATE, SCALE, Descent, visited
 from model.tetrahedra.springs import PARTS, Springs
 
-ALONE = 8  # vertices of a colour that one thread does sooner than threads come together: some microseconds
+ALONE = 8  # vertices of a colour that one thread processes faster than threads can synchronise: a few microseconds
 NOTHING: frozenset[str] = frozenset()
 DescentArrays = tuple[np.ndarray, ...]
 
 
 def descent_arrays(found: Descent, real: Any, damped: bool, held: Springs) -> DescentArrays:
-    """(order, starts, offsets, entries, falls, corners, values, strains, and those of springs) of a material, as kernels
-    take them."""
+    """Return (order, starts, offsets, entries, falls, corners, values, strains, and those of springs) of a material,
+    the arguments of kernels."""
     count = len(found.corners) if damped else 0
     strains = np.zeros((count, descent.STRAINS), real)
     values = np.ascontiguousarray(found.values, real)
@@ -44,10 +44,12 @@ def descent_arrays(found: Descent, real: Any, damped: bool, held: Springs) -> De
 
 @cache
 def make_visits(real: Any, math: str, material: int, damped: bool, parts: frozenset[str] = NOTHING) -> SimpleNamespace:
-    """Loops over a material, from the first of a range to before its last: `remember(first, last, before, arrays)`, strains
-    of tetrahedra where a substep begins; of vertices of the order `start(first, last, before, velocity, inertial, position,
-    arrays, parameters)` and `descend(first, last, position, inertial, arrays, parameters)`. `given`: substep, before, what
-    holds particles, bodies, kinds."""
+    """Make loops over a material, from the first of a range to before its last.
+
+    `remember(first, last, before, arrays)`: strains of tetrahedra at the start of a substep. Over the ordered vertices:
+    `start(first, last, before, velocity, inertial, position, arrays, parameters)` and `descend(first, last, position,
+    inertial, arrays, parameters, given)`. `given`: substep, before, stiffness that holds particles, bodies, kinds.
+    """
     compiler = Compiler(f"{descent.__name__.rpartition('.')[2]}_{np.dtype(real).name}_{math}", math)
     compiled = compiler.compiled
     formulas = descent.make(real, compiled, material, damped)
@@ -124,9 +126,11 @@ def make_visits(real: Any, math: str, material: int, damped: bool, parts: frozen
 
 
 def make_material(compiler: Compiler, visits: Sequence[SimpleNamespace], damped: bool) -> SimpleNamespace:
-    """Of all materials one after the other, each with its `visits`: `prepare(team, member, bands, before, velocity, inertial,
-    position, descents, parameters)` and `sweep(team, member, bands, position, inertial, descents, parameters, given)`;
-    `descents`: the descent_arrays of each."""
+    """Make loops over all materials in turn, each with its `visits`.
+
+    `prepare(team, member, bands, before, velocity, inertial, position, descents, parameters)` and `sweep(team, member,
+    bands, position, inertial, descents, parameters, given)`; `descents`: the descent_arrays of each.
+    """
     found = SimpleNamespace(prepare=None, sweep=None)
     for number in range(len(visits) - 1, -1, -1):
         found = _of_material(compiler, number, visits[number], found, damped)
@@ -136,7 +140,7 @@ def make_material(compiler: Compiler, visits: Sequence[SimpleNamespace], damped:
 def _of_material(
     compiler: Compiler, number: int, visits: SimpleNamespace, others: SimpleNamespace, damped: bool
 ) -> SimpleNamespace:
-    """Both of material `number`, and then of the `others`."""
+    """Make both loops for material `number`, followed by the `others`."""
     remember, start, descend = visits.remember, visits.start, visits.descend
     prepare_others, sweep_others, has_others = others.prepare, others.sweep, others.sweep is not None
 
@@ -172,7 +176,7 @@ def _of_material(
 
 @cache
 def make_descent_stages(real: Any, math: str, material: int, damped: bool, parts: frozenset[str]) -> SimpleNamespace:
-    """The loops of `make_visits`, each a parallel one by itself over a range: (bands, first, last, ...)."""
+    """Compile the loops of `make_visits`, each as a parallel loop over a range: (bands, first, last, ...)."""
     compiler = Compiler(f"descent_stages_{np.dtype(real).name}_{math}", math)
     visits = make_visits(real, math, material, damped, parts)
     remember_some, start_some, descend_some = visits.remember, visits.start, visits.descend
@@ -199,9 +203,11 @@ def make_descent_stages(real: Any, math: str, material: int, damped: bool, parts
 
 @cache
 def make_descent_advance(real: Any, math: str, parts: frozenset[str], made: tuple[int, ...], damped: bool) -> Any:
-    """advance(bands, steps, step, substeps, iterations, position, velocity, before, inertial, parameters, integers,
-    wind_lists, descents, holds, bodies, kinds, driven, ways, weights): many steps in one call; `made`: the materials of
-    the `descents`; `weights` (iterations,): of Chebyshev's acceleration."""
+    """Compile advance(bands, steps, step, substeps, iterations, position, velocity, before, inertial, parameters,
+    integers, wind_lists, descents, holds, bodies, kinds, driven, ways, weights): many steps in one call.
+
+    `made`: the materials of the `descents`; `weights` (iterations,): of Chebyshev acceleration.
+    """
     compiler = Compiler(cloth_variant("descent", real, math, parts), math)
     whole = make_substep(compiler, real, parts)
     opening, closing = whole.opening, whole.closing

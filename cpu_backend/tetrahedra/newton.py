@@ -1,7 +1,8 @@
-"""Bodies of tetrahedra on CPU threads by implicit Euler: Newton's method, each step by preconditioned conjugate gradients.
+"""Bodies of tetrahedra on CPU threads by implicit Euler: Newton's method, with preconditioned conjugate gradients.
 
-The matrix is assembled, as 3 x 3 blocks in compressed rows: its product takes a quarter of the time of one taken tetrahedron
-by tetrahedron (25 600, float32, one thread), and each particle sums up its own row. Passes: newton_steps.py.
+The matrix is assembled, as 3 x 3 blocks in compressed rows: its product takes a quarter of the time of a product
+tetrahedron by tetrahedron (25 600, float32, one thread), and each particle sums its own row. newton_steps.py has the
+passes.
 """
 
 from __future__ import annotations
@@ -30,12 +31,12 @@ from model.tetrahedra.newton import (
 from model.tetrahedra.springs import rounding_of, springs
 from model.tetrahedra.tables import surface_lists
 
-VECTORS = 8  # see newton_rows.py; of order 2 one more, and where dampers are three
+VECTORS = 8  # see newton_rows.py; one more for order 2, three with dampers
 
 
 class TetrahedraNewton(QuadsSimulation):
-    """See model/core/simulation.py for the contract. `threads`: `1x`, `2x`, `4x` or a number. `done` (DONE,): what has been
-    done so far."""
+    """Implicit tetrahedra; model/core/simulation.py defines the contract. `threads`: `1x`, `2x`, `4x` or a number.
+    `done` (DONE,): counters."""
 
     def __init__(self, scene: Scene, options: Options, threads: str | int = "1x"):
         super().__init__(scene, options, threads)

@@ -1,8 +1,9 @@
-"""The coarse level of Newton's method on tetrahedra, on CPU threads: groups sum up their rows, one thread factors and solves.
+"""The coarse level of Newton's method on tetrahedra, on CPU threads: groups sum their rows, one thread factors and
+solves.
 
-`coarse`: (centres of the groups and their scales (groups, 4), the band of the matrix, then of its factor U'U, from the
-diagonal on (6 groups, width), what is solved for (1, 6 groups), scratch as large); `groups`: model/tetrahedra/aggregates.py's
-arrays.
+`coarse`: (centres of the groups and their scales (groups, 4); the band of the matrix, then of its factor U'U, from the
+diagonal on (6 groups, width); right-hand side, then solution (1, 6 groups); scratch as large). `groups`: arrays of
+model/tetrahedra/aggregates.py.
 """
 
 from __future__ import annotations
@@ -18,9 +19,9 @@ from model.tetrahedra.aggregates import MODES
 
 
 def make_coarse(compiler: Compiler, real: Any) -> SimpleNamespace:
-    """`centre(first, last, position, groups, coarse)`, `gather(first, last, position, rows, blocks, groups, coarse)`,
-    `restrict(first, last, position, residual, groups, coarse)`: of groups; `corrected(k, position, groups, coarse)`: three
-    numbers to be added at particle k."""
+    """Make `centre(first, last, position, groups, coarse)`, `gather(first, last, position, rows, blocks, groups,
+    coarse)` and `restrict(first, last, position, residual, groups, coarse)`, for groups; `corrected(k, position,
+    groups, coarse)`: three numbers to add at particle k."""
     compiled, formulas = compiler.compiled, formulas_of.make(real, compiler.compiled)
     scale_of, arm, moment, motion = formulas.scale_of, formulas.arm, formulas.moment, formulas.motion
     columns = formulas.columns
@@ -63,7 +64,7 @@ def make_coarse(compiler: Compiler, real: Any) -> SimpleNamespace:
                 d = arm_of(k, group, position, centres)
                 for b in range(row_starts[k], row_starts[k + 1]):
                     other = group_of[row_columns[b]]
-                    if other < group or MODES * other > groups[3][MODES * group]:  # another body's
+                    if other < group or MODES * other > groups[3][MODES * group]:  # a group of another body
                         continue
                     e = arm_of(row_columns[b], other, position, centres)
                     m = (
@@ -106,12 +107,13 @@ def make_coarse(compiler: Compiler, real: Any) -> SimpleNamespace:
 
 
 def make_band(compiler: Compiler, real: Any) -> SimpleNamespace:
-    """`factor(coarse, groups)`: whether the coarse matrix is not positive; `solve(coarse, groups)`. For one thread."""
+    """Make `factor(coarse, groups)`, which returns true if the coarse matrix is not positive, and `solve(coarse,
+    groups)`, both for one thread."""
     compiled, pivot = compiler.compiled, formulas_of.make(real, compiler.compiled).pivot
 
     @compiled
     def subtract(band, i, k, many, share):
-        """Row i less `share` times the part of row k from column i on, `many` entries."""
+        """Subtract `share` times row k, from column i on, from row i, `many` entries."""
         for j in range(many):
             band[i, j] = band[i, j] - share * band[k, i - k + j]
 
@@ -126,7 +128,7 @@ def make_band(compiler: Compiler, real: Any) -> SimpleNamespace:
             inverse, negative = pivot(band[k, 0], entries[0, k])
             bad = bad or negative
             last = np.int64(reach[k])
-            band[k, 0] = inverse  # one over U's diagonal
+            band[k, 0] = inverse  # inverse of U's diagonal
             for j in range(1, last - k + 1):
                 band[k, j] = inverse * band[k, j]
             for i in range(k + 1, last + 1):
@@ -144,7 +146,7 @@ def make_band(compiler: Compiler, real: Any) -> SimpleNamespace:
         for m in range(size):
             k = size - 1 - m
             total = found[0, k]
-            for j in range(np.int64(reach[k]) - k, 0, -1):  # known first comes first: a GPU need not wait
+            for j in range(np.int64(reach[k]) - k, 0, -1):  # the entry known first comes first: a GPU need not wait
                 total = total - band[k, j] * found[0, k + j]
             found[0, k] = band[k, 0] * total
 

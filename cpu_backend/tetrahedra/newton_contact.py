@@ -1,6 +1,7 @@
-"""Colliders in the energy that a step makes least, on CPU threads: a particle within one is pushed out by a spring meanwhile.
+"""Colliders in the energy that a step minimises, on CPU threads: a spring pushes a particle inside a collider out.
 
-What is left of its way in is taken away after the step, as in all solvers, and would strain a stiff body without the spring.
+The remaining penetration is removed after the step, as in all solvers; without the spring this would strain a stiff
+body.
 """
 
 from __future__ import annotations
@@ -15,10 +16,13 @@ from model.scene.cloth import COLLIDER_KINDS
 
 
 def make_contact(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
-    """`has_bodies`; `within(k, number, position, before, holds, met)`: how far particle k is within the colliders (three
-    numbers, the way in), and how hard they are to it [N/m]; `nearly_within`: where it is not, of where it is a little later;
-    `pressed(first, last, ...)`: of some, at a substep's end, velocities with what colliders have pushed, so that friction
-    is told how hard. `holds` (particles, 1): what holds each [N/m]; `met`: (parameters, bodies, kinds)."""
+    """Make `within`, `nearly_within` and `pressed`. `has_bodies`: true if there are colliders.
+
+    `within(k, number, position, before, holds, met)`: penetration of particle k (a vector) and contact stiffness [N/m];
+    `nearly_within`: if there is none, that of its position a little later. `pressed(first, last, ...)`: at a substep's
+    end, velocities including the push of colliders, so that friction knows the normal impulse. `holds` (particles, 1):
+    stiffness that holds each [N/m]; `met`: (parameters, bodies, kinds).
+    """
     compiled, formulas = compiler.compiled, newton.make(real, compiler.compiled)
     inertia_of, moved = formulas.inertia_of, formulas.moved
     has_bodies, zero = bool(parts & set(COLLIDER_KINDS)), real(0)

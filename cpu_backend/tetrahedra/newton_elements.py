@@ -1,4 +1,4 @@
-"""What Newton's method asks of a tetrahedron, on CPU threads: its energy, forces at its corners, blocks of its tangent."""
+"""Terms of a tetrahedron in Newton's method, on CPU threads: energy, forces at its corners, blocks of its tangent."""
 
 from __future__ import annotations
 
@@ -13,10 +13,13 @@ from model.tetrahedra.newton import AT_ALPHA, AT_DAMPING, AT_LAME, AT_MU, AT_VOL
 
 
 def make_elements(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
-    """`look(first, last, points, since, elements, forces, sums)`: energies, and forces on the four corners, of the tetrahedra
-    of the groups `first` to before `last` of SUMMED; `blocks(first, last, points, since, elements, safe, found)`: their
-    tangents, in rows of BLOCKS blocks; both with what dampers add. `elements`: (corners, materials, values); `since`: see
-    `make_damper`."""
+    """Make `look` and `blocks`, both with the terms of dampers.
+
+    `look(first, last, points, since, elements, forces, sums)`: energies, and forces on the four corners, of the
+    tetrahedra of the groups `first` to before `last` of SUMMED. `blocks(first, last, points, since, elements, safe,
+    found)`: their tangents, in rows of BLOCKS blocks. `elements`: (corners, materials, values); `since`: see
+    `make_damper`.
+    """
     compiled = compiler.compiled
     elastic, shape = deformation.make_gradient(real, compiled), tangent.make(real, compiled)
     gradient, at_corners, rotation = elastic.gradient, elastic.corners, deformation.make_rotation(real, compiled)
@@ -73,7 +76,7 @@ def make_elements(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simpl
 
     @compiled
     def complete(first, found):
-        """The blocks of the first corner: with the others of a row they add up to nothing."""
+        """Compute the blocks of the first corner: with the others of a row they sum to zero."""
         for i in range(3):
             for j in range(3):
                 m, t = 3 * i + j, 3 * j + i
@@ -115,7 +118,7 @@ def make_elements(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simpl
 
 
 def make_row(compiler: Compiler) -> Any:
-    """row(points, k): a point, three numbers."""
+    """Make row(points, k): a point, three numbers."""
 
     @compiler.compiled
     def row(points, k):
@@ -125,9 +128,12 @@ def make_row(compiler: Compiler) -> Any:
 
 
 def make_damper(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
-    """viscous(n, points, f, rest, since, corners, mu, lame): (D, N) of tetrahedron n (model/formulas/elastic/damper.py).
-    `since`: (1 / h, where particles were as the stage began, where they were at the first stage's start and end, whether this
-    is the second one)."""
+    """Make viscous(n, points, f, rest, since, corners, mu, lame): (D, N) of tetrahedron n
+    (model/formulas/elastic/damper.py).
+
+    `since`: (1 / h, positions at the start of the stage, positions at the first stage's start and end, true in the
+    second stage).
+    """
     compiled, formulas = compiler.compiled, damper.make(real, compiler.compiled)
     gradient, row = deformation.make_gradient(real, compiled).gradient, make_row(compiler)
     increment, beyond, resisted, staged = formulas.increment, formulas.beyond, formulas.resisted, STAGED in parts
@@ -139,8 +145,8 @@ def make_damper(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
 
     @compiled
     def change(n, points, other, corners, rest):
-        """F of `points` less that of `other` ones: by differences, since where a body flies as a whole float32 would make
-        strains that are none."""
+        """Return F of `points` minus that of `other` points, from differences: in float32 the motion of the whole body
+        would otherwise cause spurious strains."""
         a, b, c, d = corners[n, 0], corners[n, 1], corners[n, 2], corners[n, 3]
         return gradient(
             difference(points, other, a),

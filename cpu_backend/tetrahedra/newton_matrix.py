@@ -1,6 +1,5 @@
-"""The matrix of Newton's method on CPU threads, group of rows by group: gathered from tetrahedra, and its products with a
-vector. `rows`, `matrix`: see newton_rows.py.
-"""
+"""The matrix of Newton's method on CPU threads, by groups of rows: assembly from tetrahedra, and products with a
+vector. newton_rows.py describes `rows` and `matrix`."""
 
 from __future__ import annotations
 
@@ -15,7 +14,7 @@ AXES = 3
 
 
 def make_matrix_rows(compiler: Compiler, real: Any, parts: frozenset[str], contact: SimpleNamespace) -> SimpleNamespace:
-    """`apply(k, rows, blocks, vector)`: a row's product, three numbers; `assemble(...)` of groups."""
+    """Make `apply(k, rows, blocks, vector)`, a row's product (three numbers), and `assemble(...)`, for groups."""
     compiled, formulas = compiler.compiled, newton.make(real, compiler.compiled)
     inertia_of, inverse, outer = formulas.inertia_of, formulas.inverse, formulas.outer
     has_bodies, nearly_within, gather = contact.has_bodies, contact.nearly_within, make_gather(compiler)
@@ -23,7 +22,8 @@ def make_matrix_rows(compiler: Compiler, real: Any, parts: frozenset[str], conta
 
     @compiled
     def assemble(first, last, number, position, target, before, rows, matrix, given, sums):
-        """The rows of the matrix and the inverse of their diagonals; sums[0]: how many of these are not positive."""
+        """Assemble the rows of the matrix and the inverses of their diagonal blocks; sums[0]: how many of these are not
+        positive."""
         starts, diagonal = rows[0], rows[2]
         blocks, inverses = matrix[1], matrix[2]
         parameters = given[0]
@@ -59,7 +59,7 @@ def make_matrix_rows(compiler: Compiler, real: Any, parts: frozenset[str], conta
 
 
 def make_product(compiler: Compiler, real: Any) -> Any:
-    """apply(k, rows, blocks, vector): of one row of the matrix, its product with a vector."""
+    """Make apply(k, rows, blocks, vector): the product of one row of the matrix with a vector."""
     compiled, zero = compiler.compiled, real(0)
 
     @compiled
@@ -78,7 +78,7 @@ def make_product(compiler: Compiler, real: Any) -> Any:
 
 
 def make_gather(compiler: Compiler) -> Any:
-    """gather(n, rows, found, into): block `n` of the rows, of all tetrahedra that have a part in it, and of springs."""
+    """Make gather(n, rows, found, into): block `n` of the rows, summed over its tetrahedra and springs."""
 
     @compiler.compiled
     def gather(n, rows, found, into):

@@ -1,10 +1,10 @@
-"""What Newton's method does with particles, group by group, on CPU threads: each sums up its own row, in one order.
+"""Operations of Newton's method on particles, by groups, on CPU threads: each particle sums its own row, in one order.
 
-`vectors`: (target, current, gradient of the potential, that at a trial, solution, residual, direction, product of the matrix
-or what is preconditioned; at order 2 also velocities at its first stage's start, and where dampers are, positions at its
-start and end), each (particles, 3); `rows`: model/tetrahedra/block_rows.py's arrays, then those of springs; `matrix`: (blocks
-of tetrahedra and of springs, of rows, inverse of the diagonal as six numbers, forces at corners, what holds each particle
-[N/m]).
+`vectors`: (target, current, gradient of the potential, gradient at a trial, solution, residual, direction, product of
+the matrix or preconditioned residual; for order 2 also velocities at its first stage's start, and with dampers
+positions at its start and end), each (particles, 3). `rows`: arrays of model/tetrahedra/block_rows.py, then those of
+springs. `matrix`: (blocks of tetrahedra and of springs, of rows, inverse of the diagonal as six numbers, forces at
+corners, stiffness that holds each particle [N/m]).
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ TARGET, CURRENT, GRADIENT, TRIAL, SOLUTION, RESIDUAL, DIRECTION, PRODUCT = range
 
 
 def make_solving(compiler: Compiler, real: Any, apply: Any, corrected: Any) -> SimpleNamespace:
-    """The passes of conjugate gradients, each over groups: `start`, `product`, `update`, `correct`, `direct`."""
+    """Make the passes of conjugate gradients, each over groups: `start`, `product`, `update`, `correct`, `direct`."""
     compiled, zero = compiler.compiled, real(0)
 
     @compiled
@@ -69,7 +69,7 @@ def make_solving(compiler: Compiler, real: Any, apply: Any, corrected: Any) -> S
 
     @compiled
     def correct(first, last, position, before, vectors, matrix, groups, coarse, sums):
-        """Both levels' answer to the residual."""
+        """Precondition the residual with both levels."""
         residual, into = vectors[5], vectors[7]
         for group in range(first, last):
             total = zero
@@ -94,7 +94,8 @@ def make_solving(compiler: Compiler, real: Any, apply: Any, corrected: Any) -> S
 def make_moving(
     compiler: Compiler, real: Any, parts: frozenset[str], dot: Any, contact: SimpleNamespace
 ) -> SimpleNamespace:
-    """`weigh`: the potential's gradient at the positions, the rest of its energy; `move`, `accept`, `put`, over groups."""
+    """Make `weigh`, the potential's gradient at the positions and the rest of its energy, and `move`, `accept`, `put`,
+    over groups."""
     compiled, formulas = compiler.compiled, newton.make(real, compiler.compiled)
     inertia_of, kept, moved = formulas.inertia_of, formulas.kept, formulas.moved
     has_bodies, within = contact.has_bodies, contact.within
@@ -152,7 +153,7 @@ def make_moving(
 
     @compiled
     def put(first, last, position, before, source):
-        """The places in `source` are the positions, but of pins."""
+        """Set the positions to `source`, except for pins."""
         for k in range(first * SUMMED, min(last * SUMMED, len(position))):
             for axis in range(AXES):
                 if before[k, 3] > zero:

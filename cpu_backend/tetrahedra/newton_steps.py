@@ -1,7 +1,7 @@
-"""Implicit Euler of tetrahedra on CPU threads: one pass after the other over tetrahedra or particles, by bands of groups.
+"""Implicit Euler of tetrahedra on CPU threads: passes over tetrahedra or particles, by bands of groups.
 
-What follows a pass is decided from sums that are taken group by group, then over the groups in their order
-(model/formulas/elastic/newton.py): in `exact` math the bits do not depend on how many threads there are.
+The next pass is chosen from sums by groups, then over the groups in their order (model/formulas/elastic/newton.py): in
+`exact` math the bits do not depend on the number of threads.
 """
 
 from __future__ import annotations
@@ -28,14 +28,14 @@ from model.tetrahedra.newton import DAMPED, STAGED, SUMMED
 
 SUMS = 2
 START, ORIGIN = 8, 9  # of the vectors: see newton_rows.py
-DONE = ("solves", "looks", "matrices", "products", "steps")  # that a simulation has done
+DONE = ("solves", "looks", "matrices", "products", "steps")  # counters of a simulation
 
 
 def make_substep_ends(
     compiler: Compiler, real: Any, parts: frozenset[str], put: Any, contact: SimpleNamespace
 ) -> SimpleNamespace:
-    """`begin_groups`: where inertia leads, or a motion; `finish_groups`: velocities, and what particles meet. Of groups,
-    and of the pins among them."""
+    """Make `begin_groups`, the inertial or driven positions, and `finish_groups`, velocities and colliders; for groups
+    and the pins among them."""
     begin, ends = make_begin(compiler, real, parts), make_end(compiler, real, parts)
     update_velocity, collide = ends.update, ends.collide
     has_bodies, pressed = contact.has_bodies, contact.pressed
@@ -44,8 +44,8 @@ def make_substep_ends(
 
     @compiler.compiled
     def begin_stage(low, high, number, state, given, vectors):
-        """The first stage of a substep keeps its velocities, and for dampers its positions, at its start and end; the second
-        one begins ahead of the first one's end."""
+        """Start a stage of a substep. The first one saves its velocities, and for dampers its positions, at its start
+        and end; the second one starts from an extrapolation of the first one's end."""
         position, velocity, before = state
         start = vectors[START]
         h = given[0].dt
@@ -62,7 +62,7 @@ def make_substep_ends(
 
     @compiler.compiled
     def drive_between(low, high, number, state, given):
-        """The pins among the particles `low` to before `high`."""
+        """Move the pins among the particles `low` to before `high`."""
         position, velocity, _ = state
         parameters, bodies, driven = given[0], given[3], given[5]
         for n in range(driven.size):
@@ -104,10 +104,12 @@ def make_substep_ends(
 
 
 def make_pass(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
-    """one_pass(kind, band, bands, frame, number, safe, alpha, beta, share, state, given, solver): a pass on a band.
+    """Make one_pass(kind, band, bands, frame, number, safe, alpha, beta, share, state, given, solver): a pass on a
+    band.
 
     `state`: (position, velocity, before); `given`: (parameters, integers, wind lists, bodies, kinds, driven); `solver`:
-    (elements, rows, vectors, matrix, sums, groups, coarse), see newton_elements.py, newton_rows.py and newton_coarse.py.
+    (elements, rows, vectors, matrix, sums, groups, coarse), see newton_elements.py, newton_rows.py and
+    newton_coarse.py.
     """
     contact = make_contact(compiler, real, parts)
     elements, of_rows = make_elements(compiler, real, parts), make_matrix_rows(compiler, real, parts, contact)
@@ -147,7 +149,7 @@ def make_pass(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
 
     @compiler.compiled
     def items_of(kind, tetrahedra, particles, groups):
-        """Of how many things a band gets its part: groups, or SUMMED tetrahedra or particles each."""
+        """Return the number of items that bands divide: groups, or SUMMED tetrahedra or particles each."""
         if kind in (passes.CENTRES, passes.COARSE, passes.RESTRICT):
             return np.int64(groups)
         of_elements = kind in (passes.LOOK, passes.BLOCKS)
@@ -155,7 +157,7 @@ def make_pass(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
 
     @compiler.compiled
     def since_of(number, before, given, vectors):
-        """See make_damper in newton_elements.py."""
+        """Return `since` of make_damper in newton_elements.py."""
         rate = given[0].newton_rate
         if two_stages:
             return rate, before, vectors[ORIGIN], vectors[ORIGIN + 1], number % 2 == 1
@@ -193,9 +195,11 @@ def make_pass(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
 
 @cache
 def make_newton_advance(real: Any, math: str, parts: frozenset[str]) -> Any:
-    """advance(bands, steps, step, solves, iterations, floor, state, given, solver, control, values, done): many steps in
-    one call. `control` (2 + COUNTS,): what the next pass is, solves done, counts; `values` (VALUES,); `done` (DONE,) is
-    added to."""
+    """Compile advance(bands, steps, step, solves, iterations, floor, state, given, solver, control, values, done): many
+    steps in one call.
+
+    `control` (2 + COUNTS,): the next pass, solves done, counters; `values` (VALUES,); `done` (DONE,) is incremented.
+    """
     compiler = Compiler(cloth_variant("newton", real, math, parts), math)
     one_pass = make_pass(compiler, real, parts)
     after, zero = passes.make_control(real, compiler.compiled).after, real(0)
@@ -212,7 +216,7 @@ def make_newton_advance(real: Any, math: str, parts: frozenset[str]) -> Any:
 
     @compiler.compiled
     def alone(kind, solver, first):
-        """What one thread does between two passes; the sum, or 1 where the coarse matrix is not positive."""
+        """Do the work of one thread between two passes. Returns the sum, or 1 if the coarse matrix is not positive."""
         if kind == passes.COARSE:
             return one if factor(solver[6], solver[5]) else zero
         if kind == passes.RESTRICT:
@@ -221,7 +225,7 @@ def make_newton_advance(real: Any, math: str, parts: frozenset[str]) -> Any:
 
     @compiler.compiled
     def go_on(control, values, iterations, floor, particles, solver, done):
-        """What follows the pass that was done, from the sums that it left."""
+        """Choose the next pass from the sums of the last one."""
         kind, sums = control[0], solver[4]
         groups = ((len(solver[0][0]) if kind == passes.LOOK else particles) + SUMMED - 1) // SUMMED
         first = alone(kind, solver, total(sums, 0, groups))
@@ -249,7 +253,7 @@ def make_newton_advance(real: Any, math: str, parts: frozenset[str]) -> Any:
         team, member, bands, steps, step, solves, iterations, floor, state, given, solver, control, values, done
     ):  # fmt: skip
         particles = len(state[0])
-        while control[1] < steps * solves:  # it only grows: who comes late sees that all is done
+        while control[1] < steps * solves:  # it only grows: a late member sees that all is done
             for band in shares(team, member, bands):
                 number = control[1]
                 one_pass(

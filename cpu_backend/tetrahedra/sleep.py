@@ -1,4 +1,5 @@
-"""Vertices that keep their places while they and their neighbours are slow, on CPU threads (formulas/elastic/sleep.py)."""
+"""Sleeping vertices, which keep their positions while they and their neighbours are slow, on CPU threads
+(formulas/elastic/sleep.py)."""
 
 from __future__ import annotations
 
@@ -14,9 +15,11 @@ from model.formulas.elastic import sleep
 
 @cache
 def make_sleep_stages(real: Any, math: str) -> SimpleNamespace:
-    """`look(bands, velocity, earlier, slow, speed, parameters)`: who is slow; `keep(bands, before, position, velocity,
-    earlier, slow, offsets, neighbours)`: places and velocities of vertices. `slow` (particles,) int32; `earlier`: velocities
-    as a substep ended, (particles, 3)."""
+    """Compile `look(bands, velocity, earlier, slow, speed, parameters)`, which marks slow vertices, and `keep(bands,
+    before, position, velocity, earlier, slow, offsets, neighbours)`, which resets positions and velocities.
+
+    `slow` (particles,) int32; `earlier`: velocities at the end of the last substep, (particles, 3).
+    """
     compiler = Compiler(f"sleep_{np.dtype(real).name}_{math}", math)
     is_slow, zero = sleep.make(real, compiler.compiled).is_slow, real(0)
 

@@ -1,8 +1,8 @@
-"""Bodies of tetrahedra on CPU threads, position-based: two constraints a tetrahedron, sorted by colour.
+"""Bodies of tetrahedra on CPU threads, position-based: two constraints per tetrahedron, sorted by colour.
 
-M. Macklin et al., "XPBD", MIG 2016, algorithm 1; M. Macklin et al., "Small Steps in Physics Simulation", SCA 2019. The loops
-are a mesh's (xpbd/mesh.py), what a tetrahedron does is model/formulas/constraints/tetrahedron.py. Where surfaces meet, a step
-is a call for each of its passes: contacts are found and projected between them.
+M. Macklin et al., "XPBD", MIG 2016, algorithm 1; M. Macklin et al., "Small Steps in Physics Simulation", SCA 2019. The
+loops are a mesh's (xpbd/mesh.py); model/formulas/constraints/tetrahedron.py has the formulas. With surface contacts a
+step is one call per pass: contacts are searched and projected between them.
 """
 
 from __future__ import annotations
@@ -25,7 +25,8 @@ from model.tetrahedra.topology import neighbours
 
 
 class Tetrahedra(MeshPositionBased):
-    """See model/core/simulation.py for the contract. `threads`: `1x`, `2x`, `4x` or a number."""
+    """Position-based tetrahedra; model/core/simulation.py defines the contract. `threads`: `1x`, `2x`, `4x` or a
+    number."""
 
     what = "tetrahedral bodies"
 
@@ -40,14 +41,14 @@ class Tetrahedra(MeshPositionBased):
 
     @cached_property
     def contacts(self) -> SurfaceContacts | None:
-        """Those between bodies, where the scene has them."""
+        """Contacts between bodies, or None."""
         if self.scene.contact is None:
             return None
         return SurfaceContacts(self.scene, self.real, self.options.math, self._bands, self._position[:, 3])
 
     def _parameters_changed(self) -> None:
         super()._parameters_changed()
-        if contacts := self.__dict__.get("contacts"):  # where they are made already
+        if contacts := self.__dict__.get("contacts"):  # only if they exist already
             contacts.change(self.scene)
 
     def _stages(self) -> dict[str, StageRun]:
@@ -61,7 +62,7 @@ class Tetrahedra(MeshPositionBased):
         return found
 
     def _sleep(self) -> StageRun:
-        """What keeps slow vertices where they are."""
+        """Return the stage that keeps slow vertices in place."""
         stage, found, bands = (
             make_sleep_stages(self.real, self.options.math), self.scene.tetrahedra_set, self._bands
         )  # fmt: skip
@@ -78,22 +79,22 @@ class Tetrahedra(MeshPositionBased):
 
     @cached_property
     def _staged(self) -> Executor:
-        """A step stage by stage."""
+        """Return the executor of a step stage by stage."""
         return Executor(self.plan, self._stages())
 
     @cached_property
     def _earlier(self) -> np.ndarray:
-        """(particles, 3) [m/s]: velocities as the last substep ended."""
+        """(particles, 3) [m/s]: velocities at the end of the last substep."""
         return np.zeros((self.scene.tetrahedra_set.particle_count, 3), self.real)
 
     def _upload(self, position: np.ndarray, velocity: np.ndarray) -> None:
-        """With these velocities as the last ones."""
+        """Upload the state; its velocities become the earlier ones."""
         super()._upload(position, velocity)
         if SLEEPING in self.plan.parts:
             self._earlier[...] = self._velocity[:, :3]
 
     def take_particles(self, places: np.ndarray, state: np.ndarray) -> None:
-        """With these velocities as the last ones: a substep has just ended."""
+        """Replace particles; their velocities become the earlier ones, as a substep has just ended."""
         super().take_particles(places, state)
         if SLEEPING in self.plan.parts:
             self._earlier[places] = state[1]

@@ -1,4 +1,4 @@
-"""Attachments as springs (model/tetrahedra/springs.py) on CPU threads: what those of one particle add to a sum."""
+"""Attachments as springs (model/tetrahedra/springs.py) on CPU threads: the contribution of one particle's springs."""
 
 from __future__ import annotations
 
@@ -10,8 +10,11 @@ from model.formulas.elastic import spring
 
 
 def make_springs(compiler: Compiler, real: Any) -> SimpleNamespace:
-    """`pulled(k, position, springs)`: (the derivative, three numbers, what stands on the diagonal of the block, the energy
-    that particle k counts), of all springs at it in their order. `springs`: (meets, entries, corners, values)."""
+    """Make `pulled(k, position, springs)`: the sum over all springs of particle k, in their order.
+
+    It returns the derivative (three numbers), the diagonal of the block, and the energy that particle k counts.
+    `springs`: (meets, entries, corners, values).
+    """
     compiled = compiler.compiled
     pull, zero = spring.make(real, compiled).pull, real(0)
 

@@ -1,4 +1,5 @@
-"""Particles of several members in one row, on CPU threads: copies of those that meet, and the ways from and to members."""
+"""Particles of several members in one array, on CPU threads: copies of those in contact, and transfers to and from
+members."""
 
 from __future__ import annotations
 
@@ -18,9 +19,12 @@ AXES = 3
 
 @cache
 def make_ways(real: Any) -> SimpleNamespace:
-    """`take(bands, flat, slots, stride, first, rows)`: coordinate `axis` of the row first + k is flat[slots[k] + axis *
-    stride]; `give(bands, rows, weights, slots, stride, first, flat)`: likewise back, of those that weigh anything;
-    `carry(..., flat, inertial)`: before that, how far they move is added to `inertial`."""
+    """Compile `take`, `give` and `carry`.
+
+    `take(bands, flat, slots, stride, first, rows)`: coordinate `axis` of row first + k is flat[slots[k] + axis *
+    stride]. `give(bands, rows, weights, slots, stride, first, flat)`: the reverse, for particles with a weight.
+    `carry(..., flat, inertial)`: as `give`, and adds their displacements to `inertial` before.
+    """
     compiler, zero = Compiler(f"joined_{np.dtype(real).name}", "exact"), real(0)
     carried = make_carried(real, compiler.compiled).carried
 
@@ -49,8 +53,11 @@ def make_ways(real: Any) -> SimpleNamespace:
 
 
 class Joined:
-    """Of the `particles` (n,) of a world, ascending, whose members' particles lie in `slices`: `before`, `position` (n, 3)
-    [m], where a substep begins and where they are now; `weights` (n,): inverse masses of one unit for all."""
+    """The `particles` (n,) of a world, ascending, whose members' particles are in `slices`.
+
+    `before`, `position` (n, 3) [m]: at the start of a substep, and now; `weights` (n,): inverse masses of one unit for
+    all.
+    """
 
     def __init__(
         self, particles: np.ndarray, members: Mapping[str, ParticlesSimulation], slices: Mapping[str, slice],
@@ -72,14 +79,14 @@ class Joined:
                 self._inertial.append(member.inertial)
 
     def take(self, fresh: bool) -> None:
-        """Where members' particles are; `fresh`: and where the substep began."""
+        """Read the members' positions; with `fresh` also those at the start of the substep."""
         for position, before, slots, stride, first in self._members:
             self._ways.take(self._bands, position, slots, stride, first, self.position)
             if fresh:
                 self._ways.take(self._bands, before, slots, stride, first, self.before)
 
     def give(self) -> None:
-        """Members' particles are where these are."""
+        """Write the positions back to the members."""
         for (position, _, slots, stride, first), inertial in zip(self._members, self._inertial, strict=True):
             there = self._bands, self.position, self.weights, slots, stride, first, position
             if inertial is not None:

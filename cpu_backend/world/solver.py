@@ -23,7 +23,7 @@ from model.world.solids import solids_of
 
 
 class World(WorldSimulation):
-    """See model/world/simulation.py. `threads`: `1x`, `2x`, `4x` or a number."""
+    """A world on CPU threads (model/world/simulation.py). `threads`: `1x`, `2x`, `4x` or a number."""
 
     backend = "cpu"
     contacts: SurfaceContacts | None = None
@@ -45,12 +45,12 @@ class World(WorldSimulation):
             raise
 
     def _open(self, scene: Scene, options: Options) -> Simulation:
-        if scene.fluids:  # the last of all
+        if scene.fluids:  # a fluid is opened last
             return self._open_fluid(scene, options)
         return named(family_of(scene).solvers[self.backend])(scene, options, self.threads)
 
     def _open_fluid(self, scene: Scene, options: Options) -> Simulation:
-        """Among the solids of the members that are open, whose particles it fetches and takes back itself."""
+        """Open the fluid among the solids of the other members, whose particles it reads and writes back."""
         solids, weights = solids_of(self.scene), self.body.inverse_mass * self.scene.grid.mass
         members: dict[str, ParticlesSimulation] = self.members  # type: ignore[assignment]
         bands = max(member._bands for member in members.values())

@@ -1,4 +1,4 @@
-"""A cloth that drinks, on CPU threads: model/world/plan.py, `soak`."""
+"""Absorption of a fluid by a cloth, on CPU threads (model/world/plan.py, `soak`)."""
 
 from __future__ import annotations
 
@@ -20,8 +20,11 @@ from model.world.wetting import drinkers_of, rates_of
 
 @cache
 def make_soak(real: Any, math: str) -> SimpleNamespace:
-    """`soak(bands, wetness, first, offsets, samples, slots, neighbours, rates)`; `weigh(bands, wetness, first, vertices,
-    weight, dry, rates, position, lightness)`; `share(bands, corners, shares, lightness, own)`: of every sample."""
+    """Compile `soak`, `weigh` and `share`.
+
+    `soak(bands, wetness, first, offsets, samples, slots, neighbours, rates)`; `weigh(bands, wetness, first, vertices,
+    weight, dry, rates, position, lightness)`; `share(bands, corners, shares, lightness, own)`: for every sample.
+    """
     compiler = Compiler(f"wetting_{np.dtype(real).name}_{math}", math)
     f = wetting.make(real, compiler.compiled)
     soaked, lighter, given_way = f.soaked, f.lighter, f.given_way
@@ -50,7 +53,7 @@ def make_soak(real: Any, math: str) -> SimpleNamespace:
 
 
 class Wetting:
-    """Of a world's `cloth` in its `fluid`. `wetness` (n,): of the cloth's `vertices` that carry samples."""
+    """Wetting of a world's `cloth` in its `fluid`. `wetness` (n,): of the cloth's `vertices` that carry samples."""
 
     def __init__(self, scene: Scene, cloth: QuadsSimulation, fluid: FluidAmongSolids, math: str):
         found, real = drinkers_of(scene), cloth.real
@@ -66,35 +69,35 @@ class Wetting:
         self.change(scene)
 
     def change(self, scene: Scene) -> None:
-        """Rates of a scene whose numbers have changed."""
+        """Apply the rates of a scene whose numbers have changed."""
         self._rates[:] = rates_of(scene)
 
     def soak(self) -> None:
-        """At a substep's end."""
+        """Update the wetness at a substep's end."""
         given = self._offsets, self._samples, self._slots, self._neighbours, self._rates
         self._kernels.soak(self._bands, self.wetness, self._first, *given)
         self.weigh()
 
     def weigh(self) -> None:
-        """Weights and lightness of what is as wet as it is."""
+        """Update weights and lightness from the wetness."""
         given = self.vertices, self._weight, self._dry, self._rates, self._cloth._position, self._lightness
         self._kernels.weigh(self._bands, self.wetness, self._first, *given)
         self._kernels.share(self._bands, *self._points, self._lightness, self._own)
 
     def keep(self) -> None:
-        """Put the wetness aside."""
+        """Save the wetness."""
         self._kept[:] = self.wetness
 
     def restore(self) -> None:
-        """As it was put aside."""
+        """Restore the saved wetness."""
         self.wetness[:] = self._kept
         self.weigh()
 
     def tell(self) -> np.ndarray:
-        """(n,)"""
+        """Return the wetness (n,)."""
         return self.wetness.copy()
 
     def take(self, wetness: np.ndarray) -> None:
-        """Go on from (n,) others."""
+        """Replace the wetness by another (n,)."""
         self.wetness[:] = wetness
         self.weigh()

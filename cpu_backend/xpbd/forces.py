@@ -1,7 +1,6 @@
-"""The accelerations of a substep that are not alike for all masses: wind, and what acts on one by itself; into planes of
-their own.
+"""Accelerations of a substep that differ between masses, in separate planes: wind, and forces on single masses.
 
-Wind is the mass-spring cloth's (mass_spring/cloth/wind.py), whose walk goes along rows that are not combed: the sheet is
+Wind is the mass-spring cloth's (mass_spring/cloth/wind.py), whose walk needs rows that are not combed: the sheet is
 copied for it.
 """
 
@@ -34,7 +33,7 @@ from model.formulas import distance
 
 
 def has_forces(parts: frozenset[str]) -> bool:
-    """Whether masses differ in what accelerates them, so that it needs planes of its own."""
+    """Return True if accelerations differ between masses, which then need planes."""
     return "wind" in parts or bool(own_forces(parts))
 
 
@@ -42,7 +41,7 @@ WIND_PARTS = frozenset({"wind", "gust"})
 
 
 def make_comb(compiler: Compiler, real: Any, classes: int) -> SimpleNamespace:
-    """`smooth(spacing, blocks, row, out)`: a combed row with its columns in order; `comb`: the other way."""
+    """Make `smooth(spacing, blocks, row, out)`, a combed row with its columns in order, and `comb`, the reverse."""
     block = block_of(real)
 
     @compiler.row
@@ -61,8 +60,11 @@ def make_comb(compiler: Compiler, real: Any, classes: int) -> SimpleNamespace:
 
 
 def make_forces(compiler: Compiler, real: Any, axes: int, parts: frozenset[str], classes: int) -> Any:
-    """add_forces(i, step, memory, places, parameters, integers, weights): the accelerations of row `i`, into its planes.
-    Where there is wind it lies there already, with gravity. `weights`: where those of the row begin."""
+    """Make add_forces(i, step, memory, places, parameters, integers, weights): the accelerations of row `i`, in its
+    planes.
+
+    With wind, the planes already have wind and gravity. `weights`: offset of those of the row.
+    """
     compiled, block, own = compiler.compiled, block_of(real), make_own_force(compiler, real, axes, parts)
     has_gravity, has_wind, has_own = "gravity" in parts, "wind" in parts, bool(own_forces(parts))
     zero = real(0)
@@ -93,12 +95,12 @@ def make_forces(compiler: Compiler, real: Any, axes: int, parts: frozenset[str],
 
 
 def make_wind(compiler: Compiler, real: Any, parts: frozenset[str], classes: int) -> SimpleNamespace:
-    """Of a band's rows, from `first` to before `last`:
+    """Make functions for a band's rows, from `first` to before `last`.
 
     `copy_band(first, last, position, velocity, memory, places, natural)`: the rows, not combed, of planes that begin at
-    `position` and `velocity`; `natural`: the integers of that sheet's layout. `wind_band(first, last, band, substep, memory,
-    places, natural, parameters, integers, row_places)`: gravity and wind into the planes of accelerations; `substep`: counted
-    from time 0.
+    `position` and `velocity`; `natural`: the integers of that sheet's layout. `wind_band(first, last, band, substep,
+    memory, places, natural, parameters, integers, row_places)`: gravity and wind into the planes of accelerations;
+    `substep`: counted from time 0.
     """
     compiled, block = compiler.compiled, block_of(real)
     combs, scratches, at = (

@@ -1,9 +1,9 @@
-"""The kernel `fused` in the Jacobi orderings: an iteration is one way down a band of rows, from one place to another.
+"""The kernel `fused` in the Jacobi orderings: an iteration is one walk down a band of rows, from one buffer to another.
 
-For each row the constraints that lead from it to the right and down are computed once, their displacements kept in rows of
-scratch (as in mass_spring/cloth/rows.py); a mass adds up those of the constraints that it is the first end of, with the
-other sign, and of those it is the second end of. At a band's first row the constraints that lead down to it are computed
-once more.
+For each row the constraints that lead from it to the right and down are computed once, and their displacements stored
+in rows of scratch (as in mass_spring/cloth/rows.py). A mass adds those of the constraints that it is the first end of,
+with the opposite sign, and of those it is the second end of. At a band's first row the constraints that lead down to it
+are computed once more.
 """
 
 from __future__ import annotations
@@ -33,8 +33,8 @@ from model.xpbd.plan import FAMILIES, Family, families
 
 
 def displacement_triples(parts: frozenset[str]) -> dict[str, int]:
-    """Which rows of scratch a band needs: a family's name -> number of its first triple (a row for each axis), `idle`: one
-    for multipliers that nobody reads, and `count`. Rows that a later one still reads take turns."""
+    """Return the rows of scratch of a band: a family's name -> number of its first triple (one row per axis), `idle`:
+    one for multipliers that are not read, and `count`. Rows that a later one still reads are used in turn."""
     places, count = {}, 0
     for family in families(parts):
         places[family.name] = count
@@ -43,13 +43,14 @@ def displacement_triples(parts: frozenset[str]) -> dict[str, int]:
 
 
 def reach_of(parts: frozenset[str]) -> int:
-    """Rows that a constraint leads down at most."""
+    """Return the largest number of rows that a constraint leads down."""
     return max([family.rows for family in families(parts)], default=0)
 
 
 def make_displace_row(compiler: Compiler, real: Any, axes: int, soft: bool, damped: bool, alternates: bool) -> Any:
-    """displace(blocks, first, second, first_before, second_before, multipliers, later, new_multipliers, reciprocals, rest,
-    compliance, odd_compliance, damping, out): displacements of the second ends. `first` and so on: x, y, z rows."""
+    """Make displace(blocks, first, second, first_before, second_before, multipliers, later, new_multipliers,
+    reciprocals, rest, compliance, odd_compliance, damping, out): displacements of the second ends. `first` and so on:
+    x, y, z rows."""
     change_of = make_change(compiler, real, axes, soft, damped)
     scaled, block, zero = distance.make(real, compiler.compiled).scaled, block_of(real), real(0)
 
@@ -84,9 +85,12 @@ def make_displace_row(compiler: Compiler, real: Any, axes: int, soft: bool, damp
 def make_lead(
     compiler: Compiler, real: Any, axes: int, parts: frozenset[str], family: Family, several: bool, edge: Any
 ) -> Any:
-    """lead(i, keep, source, turn, later, scratch, sheet): the constraints of a family that lead from row `i`, at the
-    positions from `source` on. `keep`: whether their multipliers are this walk's to write; `turn` 0 or 1: which of the two
-    places of multipliers are those so far; `later`: whether there are any."""
+    """Make lead(i, keep, source, turn, later, scratch, sheet): the constraints of a family that lead from row `i`, at
+    the positions from `source` on.
+
+    `keep`: true if this walk writes their multipliers; `turn` 0 or 1: which of the two buffers has the current
+    multipliers; `later`: true if there are any.
+    """
     number, down, right = FAMILIES.index(family), family.rows, family.columns
     soft, damped = several and f"{family.kind}-compliance" in parts, f"{family.kind}-damping" in parts
     stiff = family.kind == "structural" and "alternating" in parts
@@ -101,7 +105,7 @@ def make_lead(
     def lead(i, keep, source, turn, later, scratch, sheet):
         memory, places, parameters, _, _, _, row_places, _, _ = sheet
         stride, plane, width = places[P_STRIDE], places[P_PLANE], places[P_SCRATCH_WIDTH]
-        row = min(i + down, places[P_ROWS] - 1)  # below the last one there is none: reciprocals are 0
+        row = min(i + down, places[P_ROWS] - 1)  # below the last row there is none: reciprocals are 0
         first, second = source + i * stride + near_lane, source + row * stride + far_lane
         old = places[P_BEFORE] - source if damped else np.int64(0)
         triple = first_triple + i % (down + 1)
@@ -126,8 +130,8 @@ def make_lead(
 
 
 def make_gather_row(compiler: Compiler, real: Any, parts: frozenset[str], uneven: bool) -> Any:
-    """gather(blocks, position, weights, valences, displacements of ten rows, out): one axis of a row. A row of displacements
-    begins REACH columns before the sheet's first one."""
+    """Make gather(blocks, position, weights, valences, displacements of ten rows, out): one axis of a row. A row of
+    displacements begins REACH columns before the sheet's first one."""
     formulas, block = distance.make(real, compiler.compiled), block_of(real)
     gathered, averaged = formulas.gathered, formulas.averaged
     has_structural, has_shear, has_bending = (kind in parts for kind in ("structural", "shear", "bending"))
@@ -160,14 +164,15 @@ def make_gather_row(compiler: Compiler, real: Any, parts: frozenset[str], uneven
 
 
 def make_iterate(compiler: Compiler, real: Any, axes: int, parts: frozenset[str], several: bool) -> SimpleNamespace:
-    """`open_walk(first, source, turn, later, scratch, sheet)` before a band's first row, then `iterate_row(i, source, target,
-    turn, later, scratch, sheet)` row by row: from the positions at `source` to those at `target`. See make_lead."""
+    """Make `open_walk(first, source, turn, later, scratch, sheet)`, called before a band's first row, and
+    `iterate_row(i, source, target, turn, later, scratch, sheet)`, row by row: from the positions at `source` to those
+    at `target`. See make_lead."""
     scratches, at = make_scratch(compiler, real), displacement_triples(parts)
     edge, clear, triples, compiled = scratches.edge, scratches.clear, at["count"], compiler.compiled
 
     @compiled
     def nothing(i, keep, source, turn, later, scratch, sheet):
-        """A family that the scene lacks."""
+        """Do nothing, for a family that the scene lacks."""
 
     leads = [
         make_lead(compiler, real, axes, parts, family, several, edge) if family.kind in parts else nothing

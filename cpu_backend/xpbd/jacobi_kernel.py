@@ -1,7 +1,9 @@
-"""The parallel part of the Jacobi orderings: bands of rows, and what they wait for. The rows' part is xpbd/jacobi.py.
+"""The parallel part of the Jacobi orderings: bands of rows and their synchronisation; xpbd/jacobi.py has the rows'
+part.
 
 All bands predict their border rows first, which neighbours read, and the others just ahead of the iteration's walk.
-Positions go from one place to the other and back, one an iteration: it begins when all have done the one before.
+Positions alternate between two buffers, one iteration each; an iteration begins when all bands have done the previous
+one.
 """
 
 from __future__ import annotations
@@ -22,8 +24,8 @@ from cpu_backend.xpbd.walk import keeps_velocity, make_walk
 
 
 def make_parts_of_substep(compiler: Compiler, real: Any, axes: int, parts: frozenset[str], several: bool) -> Any:
-    """(open_band, iterate_band): the prediction of a band's border rows, and an iteration, a substep's first one with the
-    prediction of the other rows, its last one with their velocities."""
+    """Make (open_band, iterate_band): the prediction of a band's border rows, and an iteration. A substep's first
+    iteration also predicts the other rows, its last one computes their velocities."""
     walk, iterate = make_walk(compiler, real, axes, parts, 1), make_iterate(compiler, real, axes, parts, several)
     begin_row, end_iteration, end_row = walk.begin_row, walk.end_iteration, walk.end_row
     open_walk, iterate_row, reach = iterate.open_walk, iterate.iterate_row, reach_of(parts)
@@ -55,8 +57,8 @@ def make_parts_of_substep(compiler: Compiler, real: Any, axes: int, parts: froze
 
 @cache
 def make_jacobi_advance(real: Any, math: str, axes: int, parts: frozenset[str], several: bool) -> Any:
-    """advance(bands, count, step, substeps, iterations, bounds, natural, memory, places, parameters, integers, bodies, kinds,
-    row_places, row_uneven, anchors): as that of xpbd/seidel.py, bands of the rows that `bounds` tell."""
+    """Compile advance(bands, count, step, substeps, iterations, bounds, natural, memory, places, parameters, integers,
+    bodies, kinds, row_places, row_uneven, anchors): as that of xpbd/seidel.py, with bands of rows given by `bounds`."""
     words = parts | ({"several"} if several else set())
     compiler = Compiler(cloth_variant(f"xpbd_{axes}d", real, math, words), math)
     compiled, has_wind, apart = compiler.compiled, "wind" in parts, keeps_velocity(parts)
@@ -81,12 +83,12 @@ def make_jacobi_advance(real: Any, math: str, axes: int, parts: frozenset[str], 
 
     @compiled
     def place_of(passes, places):
-        """Where positions are after so many iterations."""
+        """Return the offset of the positions after `passes` iterations."""
         return places[P_OTHER] if passes % 2 else np.int64(0)
 
     @compiled
     def bring_back(band, bounds, sheet):
-        """Positions from the other place to where a state has them, and where there are colliders velocities."""
+        """Copy positions, and with colliders velocities, from the other buffer to that of the state."""
         memory, places = sheet[0], sheet[1]
         for plane in range(2 * axes if apart else axes):
             start = plane * places[P_PLANE]
@@ -119,4 +121,4 @@ def make_jacobi_advance(real: Any, math: str, axes: int, parts: frozenset[str], 
 
 
 def _nothing(*arguments):
-    """Wind in a scene without. (Compiled by the kernel.)"""
+    """Do nothing, for a scene without wind; the kernel compiles it."""

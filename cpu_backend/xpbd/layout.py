@@ -1,11 +1,11 @@
-"""Where the numbers of a position-based solver lie: combed rows, so that a colour of constraints is a loop over vectors.
+"""Memory layout of a position-based solver: combed rows, so that a colour of constraints is a loop over vectors.
 
-Gauss-Seidel projects every second constraint along a row, those between columns 2 k and 2 k + 1, say. In a row of `classes`
-= 2 all even columns lie side by side, and after them all odd ones: then these constraints lead from one run of numbers to
-another. Springs two columns long need classes = 4; Jacobi, which has no colours, 1. Between classes there is a gap of a
-block, since the constraints that lead to the class's next column end one further than the loop.
+Gauss-Seidel projects every second constraint along a row, for example those between columns 2 k and 2 k + 1. In a row
+of `classes` = 2 all even columns come first, and then all odd ones: then these constraints lead from one run of numbers
+to another. Springs two columns long need classes = 4; Jacobi, which has no colours, 1. Between classes there is a gap
+of a block, since the constraints that lead to the class's next column end one further than the loop.
 
-All numbers of a simulation lie in one array, its parts at PLACES: so a kernel's functions need few arguments.
+All numbers of a simulation are in one array, its parts at PLACES, so a kernel's functions need few arguments.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ import numpy as np
 
 from cpu_backend.core.layout import PAGE, SHIFT, Layout, block_of
 
-CLASSES = {"structural": 2, "shear": 1, "bending": 4}  # of a row, by what Gauss-Seidel projects along it
+CLASSES = {"structural": 2, "shear": 1, "bending": 4}  # of a row, by its constraints in Gauss-Seidel
 
-# What kernels get: the first four as in core/layout.py, then the classes, and where parts of the memory begin.
+# Arguments of kernels: the first four as in core/layout.py, then the classes, and the offsets of the parts of memory.
 PLACES = (
     "rows",
     "columns",
@@ -27,22 +27,22 @@ PLACES = (
     "plane",
     "class_stride",  # from class to class
     "blocks",  # of a class
-    "before",  # planes: positions at the substep's beginning
+    "before",  # planes: positions at the start of the substep
     "acceleration",  # planes
-    "other",  # planes: the other positions of Jacobi, and where there are colliders the other velocities
-    "multipliers",  # planes: a family's, and the other ones of Jacobi
+    "other",  # planes: the other positions of Jacobi, and with colliders the other velocities
+    "multipliers",  # planes: one per family, and the other ones of Jacobi
     "weights",  # rows
     "reciprocals",  # rows
     "valences",  # rows
     "reach",  # planes: of attachments
-    "pins",  # rows: where the pinned masses are, an axis each
+    "pins",  # rows: positions of the pinned masses, one per axis
     "pin_count",
-    "anchors",  # how many of a mass
+    "anchors",  # number per mass
     "natural",  # planes of a sheet that is not combed, for wind
-    "scratch",  # rows of a band
-    "scratch_size",  # of a band
-    "scratch_width",  # of a row
-    "wind_scratch",  # rows of a band, as large
+    "scratch",  # rows per band
+    "scratch_size",  # per band
+    "scratch_width",  # per row
+    "wind_scratch",  # rows per band, as large
 )
 (
     P_ROWS,
@@ -72,7 +72,7 @@ PLACES = (
 
 @dataclass(frozen=True)
 class Combed(Layout):
-    """A sheet with rows of `classes`, each `class_stride` numbers long, the gap included."""
+    """A sheet with rows of `classes`, each `class_stride` numbers long, including the gap."""
 
     classes: int = 1
     class_stride: int = 0
@@ -82,7 +82,7 @@ class Combed(Layout):
         assert self.stride >= self.classes * self.class_stride
 
     def by_class(self, state: np.ndarray) -> list[np.ndarray]:
-        """(planes, rows, columns of the class) of each class, a view of a flat state."""
+        """Return (planes, rows, columns of the class) of each class, a view of a flat state."""
         planes = state.reshape(self.planes, self.plane)[:, : self.rows * self.stride]
         rows = planes.reshape(self.planes, self.rows, self.stride)
         return [
@@ -91,7 +91,7 @@ class Combed(Layout):
         ]
 
     def view(self, state: np.ndarray, columns: int | None = None) -> np.ndarray:
-        """(planes, rows, columns), columns in their order: a copy if they are combed."""
+        """Return (planes, rows, columns), columns in their order: a copy if they are combed."""
         assert columns is None, "a combed row has no ghosts"
         if self.classes == 1:
             return self.by_class(state)[0]
@@ -101,24 +101,24 @@ class Combed(Layout):
         return whole
 
     def rows_of(self, state: np.ndarray, held: slice) -> np.ndarray:
-        """See Layout; a copy."""
+        """Return (planes, rows, columns) of the rows `held`, as Layout.rows_of; a copy."""
         found = np.empty((self.planes, len(range(self.rows)[held]), self.columns), state.dtype)
         for k, part in enumerate(self.by_class(state)):
             found[:, :, k :: self.classes] = part[:, held]
         return found
 
     def put_rows(self, state: np.ndarray, held: slice, rows: np.ndarray) -> None:
-        """See Layout."""
+        """Write `rows` into the rows `held`, as Layout.put_rows."""
         for k, part in enumerate(self.by_class(state)):
             part[:, held] = rows[:, :, k :: self.classes]
 
     def put(self, state: np.ndarray, first: int, values: np.ndarray) -> None:
-        """Take `values` (planes, rows, columns) as the planes from number `first` on of a flat state."""
+        """Write `values` (planes, rows, columns) into the planes from number `first` on of a flat state."""
         for k, part in enumerate(self.by_class(state)):
             part[first : first + len(values)] = values[:, :, k :: self.classes]
 
     def combed_rows(self, rows: np.ndarray, spare: float = 0.0) -> np.ndarray:
-        """Rows (n, columns) in the order of this layout: (n, stride), `spare` where there is no column."""
+        """Return rows (n, columns) in the order of this layout, (n, stride), with `spare` where there is no column."""
         out = np.full((len(rows), self.stride), spare, rows.dtype)
         for k in range(self.classes):
             part = rows[:, k :: self.classes]
@@ -127,7 +127,7 @@ class Combed(Layout):
 
 
 def combed(rows: int, columns: int, classes: int, real: Any, planes: int) -> Combed:
-    """The layout of a sheet's state."""
+    """Return the layout of a sheet's state."""
     block, item = block_of(real), np.dtype(real).itemsize
     longest = -(-columns // classes)
     blocks = -(-longest // block)
@@ -141,7 +141,7 @@ def combed(rows: int, columns: int, classes: int, real: Any, planes: int) -> Com
 
 
 def classes_of(parts: frozenset[str]) -> int:
-    """Of a row: as many as the constraints of the scene along rows need."""
+    """Return the number of classes of a row that the scene's constraints along rows need."""
     if "gauss-seidel" not in parts:
         return 1
     return max([classes for kind, classes in CLASSES.items() if kind in parts], default=1)

@@ -1,8 +1,8 @@
 """Position-based dynamics (XPBD, PBD) of a triangle mesh on CPU threads, constraints in index arrays sorted by colour.
 
-M. Macklin et al., "XPBD", MIG 2016, algorithm 1, in substeps. Kernels: `fused`, many steps in one call with a parallel loop
-for each colour, and `stages`, each of those loops by itself. In `exact` math both give the same bits, for any number of
-threads.
+M. Macklin et al., "XPBD", MIG 2016, algorithm 1, in substeps. Kernels: `fused`, many steps in one call with one
+parallel loop per colour, and `stages`, each of those loops separately. In `exact` math both give the same bits, for any
+number of threads.
 """
 
 from __future__ import annotations
@@ -25,15 +25,14 @@ from model.xpbd.mesh_plan import stage_name, xpbd_mesh_plan
 
 
 def choose_kernel(wanted: str | None, what: str = "a mesh") -> str:
-    """The kernel `wanted`, or `fused`. Raises SceneError for any other."""
+    """Return the kernel `wanted`, or `fused`. Raises SceneError for any other."""
     return chosen_kernel(wanted, what)
 
 
 class MeshPositionBased(QuadsSimulation):
-    """See model/core/simulation.py for the contract. `threads`: `1x`, `2x`, `4x` or a number.
+    """A position-based mesh; model/core/simulation.py defines the contract. `threads`: `1x`, `2x`, `4x` or a number.
 
-    Other particles that constraints hold say which those are, and what their surface is: `_plan_of`, `_constraints`,
-    `_wind_lists`.
+    Subclasses with other constrained particles override `_plan_of`, `_constraints` and `_wind_lists`.
     """
 
     what = "a mesh"
@@ -55,14 +54,14 @@ class MeshPositionBased(QuadsSimulation):
         return xpbd_mesh_plan(scene, live)
 
     def _constraints(self) -> tuple[list[ConstraintSet], tuple[Projection, ...]]:
-        """The sets in the order in which they are projected, and how each of them is."""
+        """Return the sets in the order in which they are projected, and the projection of each."""
         sets = list(constraint_sets(self.scene))
         if "attachments" in self.plan.parts:
             sets.append(attachment_set(self.scene, self.body))
         return sets, projections_of(self.plan.parts)
 
     def _wind_lists(self, wanted: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """See `wind_lists`."""
+        """Return `wind_lists` of the mesh."""
         assert self.scene.mesh is not None
         return wind_lists(mesh_of(self.scene.mesh), wanted)
 
@@ -78,7 +77,7 @@ class MeshPositionBased(QuadsSimulation):
         )  # fmt: skip
 
     def _stages(self) -> dict[str, StageRun]:
-        """What runs each stage of the plan by itself."""
+        """Return the function of each stage of the plan."""
         stage, bands = make_mesh_stages(*self._variant()), self._bands
         position, velocity, before = self._position, self._velocity, self._before
 

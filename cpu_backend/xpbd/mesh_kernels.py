@@ -1,7 +1,7 @@
-"""One vertex of a mesh at a time, and the loops over many, and over constraints (core/constraints.py): for CPU threads.
+"""Operations on one vertex of a mesh, and loops over vertices and constraints (core/constraints.py), for CPU threads.
 
-A mass is a row of four numbers: x, y, z and its weight in the positions. Of a colour no two constraints share a mass, so that
-threads take any part of it: the state's bits depend on neither their number nor their order.
+A mass is a row of four numbers: x, y, z and, in the positions, its weight. No two constraints of a colour share a mass,
+so threads may process any part of it: the state's bits depend neither on their number nor on their order.
 """
 
 from __future__ import annotations
@@ -23,15 +23,18 @@ from model.formulas import distance
 from model.scene.cloth import COLLIDER_KINDS
 from model.xpbd.mesh_plan import BODY_DAMPING
 
-AXES = 3  # a velocity's fourth number is its particle's own rate of damping, 1/s
+AXES = 3  # a velocity's fourth number is its particle's own damping rate, 1/s
 
 
-ALWAYS = {"gauss-seidel", "load", "pins"}  # parts that change no code: every mass has its weight, 0 where it is pinned
+ALWAYS = {"gauss-seidel", "load", "pins"}  # parts that change no code: every mass has its weight, 0 if pinned
 
 
 def make_begin(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
-    """begin(first, last, step, substep, before, velocity, position, parameters, integers, wind_lists): predicted positions of
-    the masses `first` to before `last`; `wind_lists`: (offsets, triangles at each vertex, corners of triangles)."""
+    """Make begin(first, last, step, substep, before, velocity, position, parameters, integers, wind_lists).
+
+    It predicts the positions of the masses `first` to before `last`; `wind_lists`: (offsets, triangles at each vertex,
+    corners of triangles).
+    """
     compiled = compiler.compiled
     formulas = distance.make(real, compiled)
     kicked, kept, predicted, added = formulas.kicked, formulas.kept, formulas.predicted, formulas.added
@@ -47,7 +50,7 @@ def make_begin(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
 
     @compiled
     def wind_of(k, air, before, velocity, parameters, wind_lists):
-        """Over the sheet's mass, of the triangles at the vertex in their order."""
+        """Return the wind force over the sheet's mass, summed over the triangles at the vertex in their order."""
         offsets, at_vertex, corners = wind_lists
         x, y, z = zero, zero, zero
         for n in range(offsets[k], offsets[k + 1]):
@@ -86,8 +89,8 @@ def make_begin(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
 
 
 def make_end(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
-    """`update(first, last, before, position, velocity, parameters)`: velocities of the substep;
-    `collide(first, last, substep, before, position, velocity, parameters, bodies, kinds)`: what masses meet."""
+    """Make `update(first, last, before, position, velocity, parameters)`, velocities of the substep, and
+    `collide(first, last, substep, before, position, velocity, parameters, bodies, kinds)`, collisions."""
     rate = distance.make(real, compiler.compiled).rate
     touch = make_collide_mass(compiler, real, parts)
     zero = real(0)
@@ -119,10 +122,13 @@ def make_end(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleName
 
 
 def make_substep(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
-    """What all threads of a team do before and after a substep's constraints: `opening(team, member, bands, frame, number,
-    position, velocity, before, predicted, parameters, integers, wind_lists, bodies, driven)`: where vertices are is kept in
-    `before`, where they would be is put into `predicted`, and pins where their motion has them; `closing(team, member,
-    bands, number, position, velocity, before, parameters, bodies, kinds, driven)`: velocities, colliders, pins."""
+    """Make `opening` and `closing`, run by all threads of a team before and after a substep's constraints.
+
+    `opening(team, member, bands, frame, number, position, velocity, before, predicted, parameters, integers,
+    wind_lists, bodies, driven)`: positions are saved in `before`, predictions written into `predicted`, and pins moved;
+    `closing(team, member, bands, number, position, velocity, before, parameters, bodies, kinds, driven)`: velocities,
+    colliders, pins.
+    """
     begin, ends, drive = make_begin(compiler, real, parts), make_end(compiler, real, parts), make_drive(compiler, real)
     update, collide = ends.update, ends.collide
     has_bodies, has_motion = bool(parts & set(COLLIDER_KINDS)), "motion" in parts
@@ -162,8 +168,8 @@ def make_substep(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simple
 
 @cache
 def make_mesh_stages(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
-    """The stages, a parallel loop each: `predict`; `update`, `collide` and `pins` as in the functions that they call, with
-    the number of `bands` that a loop falls into instead of its bounds. Those of constraints: core/constraints.py."""
+    """Compile the stages, one parallel loop each: `predict`; `update`, `collide` and `pins` as the functions that they
+    call, with the number of `bands` instead of a range. core/constraints.py has those of constraints."""
     compiler = Compiler(cloth_variant("mesh_stages", real, math, parts), math)
     begin, ends = make_begin(compiler, real, parts), make_end(compiler, real, parts)
     update_some, collide_some, drive = ends.update, ends.collide, make_drive(compiler, real)
@@ -197,9 +203,11 @@ def make_mesh_stages(real: Any, math: str, parts: frozenset[str]) -> SimpleNames
 
 @cache
 def make_mesh_advance(real: Any, math: str, parts: frozenset[str], projections: tuple[Projection, ...]) -> Any:
-    """advance(bands, steps, step, substeps, iterations, position, velocity, before, parameters, integers, wind_lists, sets,
-    bodies, kinds, driven): many steps in one call; `sets`: (corners, values, multipliers, starts) of each set of constraints,
-    in the order of `projections`."""
+    """Compile advance(bands, steps, step, substeps, iterations, position, velocity, before, parameters, integers,
+    wind_lists, sets, bodies, kinds, driven): many steps in one call.
+
+    `sets`: (corners, values, multipliers, starts) of each set of constraints, in the order of `projections`.
+    """
     compiler = Compiler(cloth_variant("mesh", real, math, parts), math)
     substep, rows = make_substep(compiler, real, parts), make_rows(compiler)
     opening, closing = substep.opening, substep.closing

@@ -1,7 +1,7 @@
-"""Loops along a row of a combed sheet (xpbd/layout.py): prediction, projection, velocity. Each is whole vectors.
+"""Loops along a row of a combed sheet (xpbd/layout.py): prediction, projection, velocity. Each processes whole vectors.
 
-A loop runs over a class of a row. Of those that know weights there is a second version without, for the rows whose masses
-are all free and weigh as the sheet's: the same bits in less time.
+A loop runs over a class of a row. Loops that use weights have a second version without, for rows whose masses are all
+free and weigh as the sheet's: the same bits in less time.
 """
 
 from __future__ import annotations
@@ -31,10 +31,12 @@ from model.xpbd.plan import FAMILIES, Family
 def make_motion_rows(
     compiler: Compiler, real: Any, parts: frozenset[str], apart: bool, has_forces: bool
 ) -> SimpleNamespace:
-    """`predict` and `finish`: one axis of a row, from the position at a substep's beginning to the predicted one, and from
-    the iterated one to the velocity. `predict_uneven` knows weights. `hold`, `keep_of`: see there.
+    """Make `predict` and `finish`, one axis of a row, `predict_uneven`, with weights, and `hold`, `keep_of` (see
+    below).
 
-    The position at the substep's beginning lies where the velocity was, which nobody needs meanwhile; or `apart`.
+    `predict` computes the predicted positions from those at the start of a substep, `finish` the velocity from the
+    iterated positions. The position at the substep's start is stored in place of the velocity, which is not needed
+    meanwhile; or `apart`.
     """
     formulas, block = distance.make(real, compiler.compiled), block_of(real)
     kicked, kept, predicted, rate = formulas.kicked, formulas.kept, formulas.predicted, formulas.rate
@@ -44,7 +46,8 @@ def make_motion_rows(
 
     def make_predict(uneven: bool) -> Any:
         def predict(blocks, position, velocity, before, acceleration, gravity, weights, keep, drag, h):
-            """`acceleration`: of each mass, read where there are forces; else `gravity` is that of all."""
+            """Predict one axis; `acceleration`: of each mass, read if there are forces; else `gravity` is that of
+            all."""
             for j in range(blocks * block):
                 p, v, a = position[j], velocity[j], gravity
                 if has_forces:
@@ -68,14 +71,14 @@ def make_motion_rows(
 
     @compiler.row
     def finish(blocks, position, velocity, before, inverse_h):
-        """Pinned masses have not moved, so their velocity comes out as 0."""
+        """Compute velocities. Pinned masses have not moved, so their velocity is 0."""
         for j in range(blocks * block):
             begin = before[j] if apart else velocity[j]
             velocity[j] = rate(position[j], begin, inverse_h)
 
     @compiler.row
     def hold(blocks, position, velocity, before, weights):
-        """Pinned masses are where they were, whatever collided with them."""
+        """Reset pinned masses, whatever collided with them."""
         for j in range(blocks * block):
             free = weights[j] > zero
             position[j] = position[j] if free else before[j]
@@ -83,7 +86,7 @@ def make_motion_rows(
 
     @compiler.compiled
     def keep_of(keep, drag):
-        """What the masses' damper leaves of the velocity of a mass of weight 1."""
+        """Return the damping factor of the velocity of a mass of weight 1."""
         if not has_damping:
             return one
         return kept(drag, one) if has_load else keep
@@ -94,9 +97,10 @@ def make_motion_rows(
 
 
 def make_project_row(compiler: Compiler, real: Any, axes: int, soft: bool, damped: bool, uneven: bool) -> Any:
-    """project(blocks, first, second, first_before, second_before, weights, weights, multipliers, later,
-    reciprocals, rest, compliance, damping): constraints that lead from one run of numbers to another. `first` and so on:
-    x, y, z rows; `later`: whether multipliers are known, else they are 0.
+    """Make project(blocks, first, second, first_before, second_before, weights, weights, multipliers, later,
+    reciprocals, rest, compliance, damping): constraints that lead from one run of numbers to another.
+
+    `first` and so on: x, y, z rows; `later`: true if multipliers are known, else they are 0.
     """
     change_of = make_change(compiler, real, axes, soft, damped)
     moved, block, zero, one = distance.make(real, compiler.compiled).moved, block_of(real), real(0), real(1)
@@ -136,8 +140,8 @@ def make_project_row(compiler: Compiler, real: Any, axes: int, soft: bool, dampe
 def make_rows_of_kinds(
     compiler: Compiler, real: Any, axes: int, parts: frozenset[str], several: bool
 ) -> dict[str, Any]:
-    """(even row, uneven row where there is any) by the kind of constraints; in a single iteration multipliers are 0 and none
-    is kept."""
+    """Make (even row, uneven row if any) by the kind of constraints. In a single iteration multipliers are 0 and not
+    stored."""
     made: dict[tuple[bool, bool], Any] = {}
     kinds = {}
     has_weights = bool(parts & {"pins", "load"})
@@ -153,9 +157,8 @@ def make_rows_of_kinds(
 def make_link(
     compiler: Compiler, real: Any, axes: int, parts: frozenset[str], family: Family, rows: Any, classes: int
 ) -> Any:
-    """link(i, later, sheet): the constraints of a family that lead down from row `i`, or both colours of those along it, one
-    after the other. `sheet`: see xpbd/walk.py.
-    """
+    """Make link(i, later, sheet): the constraints of a family that lead down from row `i`, or both colours of those
+    along it, one after the other. `sheet`: see xpbd/walk.py."""
     number, down = FAMILIES.index(family), family.rows
     right = family.columns if down else max(1, family.columns)
     stiff = family.kind == "structural" and "alternating" in parts
@@ -163,8 +166,8 @@ def make_link(
     constants_of_odd = reader(CONSTANTS, compiler.compiled, "constraint_stiff_") if stiff else constants_of_even
     has_weights, damped = bool(parts & {"pins", "load"}), f"{family.kind}-damping" in parts
     even_row, uneven_row = rows if has_weights else (rows[0], rows[0])
-    # a class's constraints lead from its columns to those of the next class, or the other way; behind the last class comes
-    # the first one, a place further
+    # a class's constraints lead from its columns to those of the next class, or the reverse; behind the last class
+    # comes the first one, shifted by one
     near_class, far_class = (0, right) if right >= 0 else (1, 0)
     of_a_colour = max(1, classes // 2)
 

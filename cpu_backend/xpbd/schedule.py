@@ -1,12 +1,13 @@
-"""In which order Gauss-Seidel goes down the rows: what a thread does in an iteration, one row at a time.
+"""Order in which Gauss-Seidel goes down the rows: the steps of a thread in an iteration, one row at a time.
 
-The colours come in an order in which rows meet two at a time: as soon as the constraints between a row and its neighbours
-above and below are projected, those along it may be, then those to the second next rows, and the row is done. So a row is
-predicted, projected and given its velocity while the cache holds it, and every number goes through memory once an iteration.
+Colours are ordered so that rows are linked two at a time: as soon as the constraints between a row and its neighbours
+above and below are projected, those along it can be, then those to the second next rows, and the row is done. So a row
+is predicted, projected and given its velocity while it is in the cache, and every number passes through memory once per
+iteration.
 
-Each thread has a band of rows that begins where no first colour leads across. What leads across, the lower band does, in a
-phase after that in which the upper one does its last rows first; later phases finish them. In a phase no two bands touch the
-same row.
+Each thread has a band of rows that begins where no first colour leads across. Constraints across the border belong to
+the lower band, in a phase after that in which the upper one does its last rows first; later phases finish them. In a
+phase no two bands touch the same row.
 """
 
 from __future__ import annotations
@@ -15,19 +16,19 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-# what is done to row i, or between it and one of the next two
+# operations on row i, or between it and one of the next two
 BEGIN, DOWN, ALONG, FAR_DOWN, FAR_ALONG, END = range(6)
-PHASES = 5  # parts of a band's iteration that wait for nobody, if all bands have done those before
+PHASES = 5  # parts of a band's iteration that can run at once when all bands have done the previous ones
 
 
 def group_of(has_bending: bool) -> int:
-    """Rows between which first colours lead: bands begin at a multiple of it."""
+    """Return the number of rows between which first colours lead: bands begin at a multiple of it."""
     return 4 if has_bending else 2
 
 
 @dataclass
 class _Band:
-    """One band's way down, from row `begin` to before `end` of `rows`."""
+    """The steps of one band, from row `begin` to before `end` of `rows`."""
 
     begin: int
     end: int
@@ -48,13 +49,13 @@ class _Band:
         self.steps += [(what, row, self.phase) for row in rows]
 
     def open_pair(self, i: int) -> None:
-        """Rows `i` and i + 1, between which the first colours lead."""
+        """Open rows `i` and i + 1, between which the first colours lead."""
         self.do(BEGIN, *range(i, min(i + 2, self.end)))
         if i + 1 < self.end:
             self.do(DOWN, i)
 
     def met(self, i: int) -> None:
-        """Row `i` has met the rows beside it; rows come here in their order."""
+        """Continue with row `i` after its neighbouring rows; called in the order of rows."""
         self.do(ALONG, i)
         if not self.has_bending:
             self.do(END, i)
@@ -62,7 +63,8 @@ class _Band:
             self.close_group(i // 4 * 4, i)
 
     def close_group(self, first: int, last: int) -> None:
-        """Rows `first` to `last`, between which bending's first colour leads, have met the rows beside them."""
+        """Continue with rows `first` to `last`, between which bending's first colour leads, after their neighbouring
+        rows."""
         self.far_down(first)
         if first > self.begin:
             self.far_down(first - 2)
@@ -76,14 +78,14 @@ class _Band:
         self.do(FAR_DOWN, *(k for k in (first, first + 1) if k + 2 < self.rows))
 
     def leave(self, first: int, last: int | None = None) -> None:
-        """Both rows from `first` on (to `last` at most) have met those two below and above."""
+        """Finish both rows from `first` on (to `last` at most), after those two below and above."""
         for k in range(first, first + 2):
             if last is None or k <= last:
                 self.do(FAR_ALONG, k)
                 self.do(END, k)
 
     def run(self) -> list[tuple[int, int, int]]:
-        """All steps of an iteration."""
+        """Return all steps of an iteration."""
         if self.has_lower:
             self.open_pair(self.end - 2)
         self.phase = 1
@@ -107,7 +109,7 @@ class _Band:
         return self.steps
 
     def bend_across(self) -> None:
-        """Bending between bands, and what then is left of their rows."""
+        """Do bending between bands, and the rest of their rows."""
         self.phase = 3
         if self.has_upper:
             self.far_down(self.begin - 2)
@@ -118,9 +120,11 @@ class _Band:
 
 
 def schedule(rows: int, bands: int, has_bending: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """(steps (n, 2) [what, row], starts (bands, PHASES + 1), bounds (bands + 1,)): of band b the steps from
-    starts[b, 0] to before starts[b, PHASES] are an iteration, those from starts[b, p] on its phase p; it has the rows from
-    bounds[b] on."""
+    """Return (steps (n, 2) [operation, row], starts (bands, PHASES + 1), bounds (bands + 1,)).
+
+    The steps of band b from starts[b, 0] to before starts[b, PHASES] are an iteration, those from starts[b, p] on its
+    phase p; its rows begin at bounds[b].
+    """
     group = group_of(has_bending)
     groups = -(-rows // group)
     bounds = [min(groups * k // bands * group, rows) for k in range(bands + 1)]
@@ -135,5 +139,5 @@ def schedule(rows: int, bands: int, has_bending: bool) -> tuple[np.ndarray, np.n
 
 
 def most_bands(rows: int, has_bending: bool) -> int:
-    """Bands that a sheet can be cut into."""
+    """Return the largest number of bands of a sheet."""
     return -(-rows // group_of(has_bending))

@@ -1,8 +1,8 @@
 """The kernel `fused` in the coloured Gauss-Seidel ordering: every thread follows the steps of its band's schedule.
 
-xpbd/schedule.py says in which order rows are predicted, projected and given their velocity, and what neighbouring bands wait
-for; this file does it. An iteration falls into phases, in each of which no band waits for another: a team goes through them
-(core/progress.py).
+xpbd/schedule.py defines the order in which rows are predicted, projected and given their velocity, and the
+synchronisation of neighbouring bands; this file executes it. An iteration has phases in which no band waits for
+another: a team runs them (core/progress.py).
 """
 
 from __future__ import annotations
@@ -34,12 +34,12 @@ from model.xpbd.plan import FAMILIES
 def make_links(
     compiler: Compiler, real: Any, axes: int, parts: frozenset[str], classes: int, several: bool
 ) -> list[Any]:
-    """Of each of FAMILIES f(i, later, sheet): its constraints that lead down from row i, or those along it."""
+    """Make, for each of FAMILIES, f(i, later, sheet): its constraints that lead down from row i, or those along it."""
     rows = make_rows_of_kinds(compiler, real, axes, parts, several)
 
     @compiler.compiled
     def nothing(i, later, sheet):
-        """A family that the scene lacks."""
+        """Do nothing, for a family that the scene lacks."""
 
     return [
         make_link(compiler, real, axes, parts, family, rows[family.kind], classes) if family.kind in parts else nothing
@@ -48,8 +48,8 @@ def make_links(
 
 
 def make_follow(compiler: Compiler, real: Any, axes: int, parts: frozenset[str], several: bool) -> Any:
-    """follow(begin, end, is_first, is_last, step, substep, steps, sheet): the steps from `begin` to before `end` of a
-    schedule, in an iteration that is a substep's first or last."""
+    """Make follow(begin, end, is_first, is_last, step, substep, steps, sheet): the steps from `begin` to before `end`
+    of a schedule, in an iteration that is a substep's first or last."""
     classes = classes_of(parts)
     walk = make_walk(compiler, real, axes, parts, classes)
     begin_row, end_iteration, end_row = walk.begin_row, walk.end_iteration, walk.end_row
@@ -86,11 +86,12 @@ def make_follow(compiler: Compiler, real: Any, axes: int, parts: frozenset[str],
 
 @cache
 def make_seidel_advance(real: Any, math: str, axes: int, parts: frozenset[str], several: bool) -> Any:
-    """advance(bands, count, step, substeps, iterations, steps, starts, bounds, natural, memory, places, parameters, integers,
-    bodies, kinds, row_places, row_uneven, anchors): `count` steps in place, the first of them number `step`.
+    """Compile advance(bands, count, step, substeps, iterations, steps, starts, bounds, natural, memory, places,
+    parameters, integers, bodies, kinds, row_places, row_uneven, anchors): `count` steps in place, from number `step`
+    on.
 
-    `several`: whether there is more than one iteration. `steps`, `starts`, `bounds`: the schedule; `natural`: of the sheet
-    that wind sees; the rest: see xpbd/walk.py.
+    `several`: true for more than one iteration. `steps`, `starts`, `bounds`: the schedule; `natural`: of the sheet for
+    wind; the rest: see xpbd/walk.py.
     """
     words = parts | ({"several"} if several else set())
     compiler = Compiler(cloth_variant(f"xpbd_{axes}d", real, math, words), math)
@@ -144,4 +145,4 @@ def make_seidel_advance(real: Any, math: str, axes: int, parts: frozenset[str], 
 
 
 def _nothing(*arguments):
-    """Wind in a scene without. (Compiled by the kernel.)"""
+    """Do nothing, for a scene without wind; the kernel compiles it."""

@@ -1,7 +1,8 @@
 """Position-based dynamics on CPU threads: XPBD and PBD, for grids and cloths.
 
-Two kernels: `stages` (stage by stage over the whole sheet, the teaching version) and `fused`, which goes down the rows once
-an iteration (xpbd/seidel.py, xpbd/jacobi_kernel.py). In `exact` math both give the same bits, for any number of threads.
+Two kernels: `stages` (stage by stage over the whole sheet, the teaching version) and `fused`, which goes down the rows
+once per iteration (xpbd/seidel.py, xpbd/jacobi_kernel.py). In `exact` math both give the same bits, for any number of
+threads.
 """
 
 from __future__ import annotations
@@ -34,18 +35,20 @@ from model.scene.scene import Scene
 from model.xpbd.plan import FAMILIES, JACOBI, xpbd_plan
 
 NOT_YET = ("motion",)
-ROWS_OF_BAND = 2  # at least, in the Jacobi orderings: as far as a constraint leads
-UNREACHED = 1e18  # m: the reach of an attachment of a mass that is not there
+ROWS_OF_BAND = 2  # minimum in the Jacobi orderings: the rows that a constraint spans
+UNREACHED = 1e18  # m: maximum distance for a missing attachment
 
 
 def choose_kernel(wanted: str | None) -> str:
-    """The kernel `wanted`, or `fused`. Raises SceneError for any other."""
+    """Return the kernel `wanted`, or `fused`. Raises SceneError for any other."""
     return chosen_kernel(wanted, "a position-based solver")
 
 
 def contact_kernel(scene: Scene, wanted: str | None) -> str | None:
-    """The kernel of a cloth that meets itself, None for other scenes: contacts reach across the sheet, and are found and
-    projected between the ways down its rows. Raises SceneError for `fused`."""
+    """Return the kernel of a cloth with self-contact, None for other scenes. Raises SceneError for `fused`.
+
+    Contacts span the whole sheet; they are searched and projected between walks down its rows.
+    """
     if scene.self_collision is None:
         return None
     if wanted == "fused":
@@ -54,7 +57,7 @@ def contact_kernel(scene: Scene, wanted: str | None) -> str | None:
 
 
 class PositionBased(RowsSimulation):
-    """See model/core/simulation.py for the contract. `threads`: `1x`, `2x`, `4x` or a number."""
+    """Position-based sheets; model/core/simulation.py defines the contract. `threads`: `1x`, `2x`, `4x` or a number."""
 
     def __init__(self, scene: Scene, options: Options, threads: str | int = "1x"):
         for name, kind in scene.kinds.items():
@@ -76,8 +79,8 @@ class PositionBased(RowsSimulation):
         self.reset()
 
     def _attachments(self) -> tuple[np.ndarray, np.ndarray]:
-        """(anchors, reaches [m]), (anchors of a mass, rows, columns) each: particles, and how far from them it may go. A mass
-        with fewer repeats its nearest one."""
+        """Return (anchors, maximum distances [m]), each (anchors per mass, rows, columns): particles, and how far the
+        mass may be from them. A mass with fewer anchors repeats its nearest one."""
         part, body = self.scene.attachments, self.body
         if part is None or "attachments" not in self.plan.parts:
             nothing = np.zeros((0, body.rows, body.columns))
@@ -88,7 +91,7 @@ class PositionBased(RowsSimulation):
         shape = (part.anchors, body.rows, body.columns)
         return np.ascontiguousarray(anchor.T, np.int32).reshape(shape), np.ascontiguousarray(reach.T).reshape(shape)
 
-    # ------------------------------------------------------------------ the kernels
+    # ------------------------------------------------------------------ kernels
 
     def _staged(self) -> Executor:
         rows, columns, axes = self.body.rows, self.body.columns, self.scene.dimensions
@@ -101,7 +104,7 @@ class PositionBased(RowsSimulation):
         return Executor(self.plan, bind_position_stages(self))
 
     def _fused(self) -> Executor:
-        """Memory, its tables, and the bands' bounds."""
+        """Make the memory, its tables, and the bounds of bands."""
         parts, rows, axes = self.plan.parts, self.body.rows, self.scene.dimensions
         layout = combed(rows, self.body.columns, classes_of(parts), self.real, 2 * axes)
         self._layout = layout
@@ -118,7 +121,7 @@ class PositionBased(RowsSimulation):
         return Executor(self.plan, {}, self._advance)
 
     def _reserve(self, layout: Combed) -> None:
-        """Lay the parts of memory one after the other, see PLACES."""
+        """Lay out the parts of memory one after the other (PLACES)."""
         parts, axes, plane = self.plan.parts, self.scene.dimensions, layout.plane
         block, method = block_of(self.real), self.scene.method
         triples = triples_of(parts & WIND_PARTS)["count"]
@@ -145,7 +148,7 @@ class PositionBased(RowsSimulation):
             "natural": natural.size if has_wind else 0,
             "scratch": self._bands * scratch if parts & JACOBI else 0,
             "wind_scratch": self._bands * scratch if has_wind else 0,
-            "room": 8 * plane,  # rows that are never read may be pointed at behind the end
+            "room": 8 * plane,  # pointers to rows that are never read may lie behind the end
         }
         sizes = {name: -(-size // block) * block for name, size in sizes.items()}
         self._at = dict(zip(sizes, accumulate([0, *sizes.values()]), strict=False))
@@ -164,7 +167,7 @@ class PositionBased(RowsSimulation):
         return len(self.tables.reciprocals(self.record)[0])
 
     def _part(self, name: str, rows: np.ndarray) -> int:
-        """Put rows (n, stride) where a part of memory begins."""
+        """Write rows (n, stride) to the start of a part of memory."""
         start = self._at[name]
         self._memory[start : start + rows.size] = rows.reshape(-1)
         return start
@@ -194,12 +197,12 @@ class PositionBased(RowsSimulation):
         self._row_places[2:] = self._part("reciprocals", layout.combed_rows(rows)) + number * layout.stride
 
     def _variant(self) -> tuple[Any, ...]:
-        """What tells apart the kernels that make_seidel_advance and make_jacobi_advance make."""
+        """Return the variant of the kernels of make_seidel_advance and make_jacobi_advance."""
         several = self.scene.method.iterations > 1
         return self.real, self.options.math, self.scene.dimensions, self.plan.parts, several
 
     def _arguments(self, step: int, steps: int) -> tuple[Any, ...]:
-        """What such a kernel gets for `steps` steps from number `step` on."""
+        """Return the arguments of such a kernel for `steps` steps from number `step` on."""
         method, bounds = self.scene.method, (self._bounds,)
         order = bounds if self.plan.parts & JACOBI else (self._steps, self._starts, *bounds)
         return (

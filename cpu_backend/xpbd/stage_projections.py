@@ -1,7 +1,7 @@
-"""The projections of the teaching version: a colour of a family of constraints at a time, or all of them at once (Jacobi).
+"""Projections of the teaching version: a colour of a family of constraints at a time, or all of them at once (Jacobi).
 
-Constraints are counted as in model/xpbd/plan.py: the one with the index (i, j) of a family leads `down` rows down and
-`right` columns to the right; of right = -1 from column j + 1 to column j.
+Constraints are numbered as in model/xpbd/plan.py: the one with the index (i, j) of a family leads `down` rows down and
+`right` columns to the right; for right = -1 from column j + 1 to column j.
 """
 
 from __future__ import annotations
@@ -22,12 +22,14 @@ from model.xpbd.parameters import (
 )
 from model.xpbd.plan import FAMILIES, colour_order, families
 
-ROOM = 2  # rows and columns of displacements around the sheet, where there are no constraints
+ROOM = 2  # rows and columns of displacements around the sheet, without constraints
 
 
 def make_change(compiler: Compiler, real: Any, axes: int, soft: bool, damped: bool) -> Any:
-    """change(d, e, rest, compliance, damping, multiplier, reciprocal) -> (change, scale) of one constraint: `d`, `e` the way
-    between its ends, and what that changed by in the substep, three numbers each."""
+    """Make change(d, e, rest, compliance, damping, multiplier, reciprocal) -> (change, scale) of one constraint.
+
+    `d`, `e`: the vector between its ends, and its change in the substep, three numbers each.
+    """
     formulas = distance.make(real, compiler.compiled)
     rigid_change, soft_change, damped_change = formulas.rigid_change, formulas.soft_change, formulas.damped_change
     squared_length_2d, squared_length_3d = formulas.squared_length_2d, formulas.squared_length_3d
@@ -53,7 +55,7 @@ def make_change(compiler: Compiler, real: Any, axes: int, soft: bool, damped: bo
 def make_kind(
     compiler: Compiler, real: Any, axes: int, parts: frozenset[str], soft: bool, damped: bool
 ) -> SimpleNamespace:
-    """`project` (in place, a colour) and `displace` (what Jacobi sums up) of a kind of constraints."""
+    """Make `project` (in place, a colour) and `displace` (the terms of a Jacobi sum) of a kind of constraints."""
     compiled, kernel = compiler.compiled, compiler.kernel
     formulas = distance.make(real, compiled)
     moved, reciprocal_of, scaled, share = formulas.moved, formulas.reciprocal, formulas.scaled, formulas.share
@@ -106,8 +108,8 @@ def make_kind(
 
     @kernel
     def displace(position, before, multipliers, weights, valences, even, odd, down, right, out):
-        """`out` (axes, rows + 2 ROOM, columns + 2 ROOM): displacements of the second ends, the first ones' but for the sign.
-        `odd`: the constants of constraints between odd columns and the next, or odd rows."""
+        """Write displacements of the second ends, the opposite of the first ones', to `out` (axes, rows + 2 ROOM,
+        columns + 2 ROOM). `odd`: the constants of constraints between odd columns and the next, or odd rows."""
         rows, columns = weights.shape
         for k in prange(rows - down):
             i = np.int64(k)
@@ -128,7 +130,7 @@ def make_kind(
 
 
 def make_gather(compiler: Compiler, real: Any, axes: int, parts: frozenset[str]) -> Any:
-    """gather(position, displacements, weights, valences): every mass moves by the sum of its constraints' displacements."""
+    """Make gather(position, displacements, weights, valences): it moves every mass by the sum of its displacements."""
     formulas = distance.make(real, compiler.compiled)
     gathered, averaged = formulas.gathered, formulas.averaged
     has_structural, has_shear, has_bending = (kind in parts for kind in ("structural", "shear", "bending"))
@@ -167,8 +169,8 @@ def make_gather(compiler: Compiler, real: Any, axes: int, parts: frozenset[str])
 
 
 def make_attach(compiler: Compiler, real: Any, axes: int) -> Any:
-    """attach(position, weights, anchor, reach): masses farther from their anchors than they reach are pulled back. `anchor`
-    (count, rows, columns): the particle; `reach` [m], the same shape."""
+    """Make attach(position, weights, anchor, reach): it pulls masses back to the maximum distance of their anchors.
+    `anchor` (count, rows, columns): the particle; `reach` [m], the same shape."""
     formulas = distance.make(real, compiler.compiled)
     tether, tethered = formulas.tether, formulas.tethered
     squared_length_2d, squared_length_3d = formulas.squared_length_2d, formulas.squared_length_3d
@@ -194,7 +196,7 @@ def make_attach(compiler: Compiler, real: Any, axes: int) -> Any:
 
 
 def make_projections(real: Any, math: str, axes: int, parts: frozenset[str]) -> SimpleNamespace:
-    """`kinds`: of each kind of constraints its `project` and `displace`; `gather`, `attach`."""
+    """Compile `kinds`, `project` and `displace` of each kind of constraints; `gather`, `attach`."""
     matter = parts & {"load", "jacobi", "averaged-jacobi"}
     kinds = {}
     for kind in {family.kind for family in families(parts)}:
@@ -216,7 +218,7 @@ def bind_projections(
     multipliers: np.ndarray,
     weights: np.ndarray,
 ) -> dict[str, StageRun]:
-    """What runs the stages of an iteration of `sim`, a cpu_backend.xpbd.solver.PositionBased."""
+    """Return the functions of the stages of an iteration of `sim`, a cpu_backend.xpbd.solver.PositionBased."""
     parts = sim.plan.parts
 
     def project(family: Any, colour: int) -> StageRun:

@@ -1,7 +1,7 @@
 """The stages of a position-based plan, one kernel each, run over the whole sheet: the teaching version.
 
-Constraints are projected in xpbd/stage_projections.py; wind and colliders are the cloth's. Each stage reads and writes
-memory of its own, and every mass has its weight there.
+xpbd/stage_projections.py projects constraints; wind and colliders are the cloth's. Each stage has separate input and
+output arrays, with a weight for every mass.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from model.xpbd.plan import FAMILIES
 
 
 def make_point_stages(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
-    """The stages that look at no neighbour. Arrays are (axes, rows, columns), `weights` (rows, columns)."""
+    """Make the stages without neighbours. Arrays are (axes, rows, columns), `weights` (rows, columns)."""
     compiled, kernel = compiler.compiled, compiler.kernel
     formulas = distance.make(real, compiled)
     kicked, kept, predicted, rate, added = (
@@ -46,7 +46,7 @@ def make_point_stages(compiler: Compiler, real: Any, parts: frozenset[str]) -> S
 
     @kernel
     def predict(position, velocity, before, acceleration, weights, record):
-        """Pinned masses stay."""
+        """Predict positions; pinned masses stay."""
         axes, rows, columns = position.shape
         for i in prange(rows):
             for j in range(columns):
@@ -76,7 +76,7 @@ def make_point_stages(compiler: Compiler, real: Any, parts: frozenset[str]) -> S
 
 @cache
 def make_position_stages(real: Any, math: str, axes: int, parts: frozenset[str]) -> SimpleNamespace:
-    """The stage kernels of a variant; each is compiled when it first runs, and knows the parts that matter to it."""
+    """Make the stage kernels of a variant; each is compiled when it first runs, for the parts that affect it."""
 
     def made(make: Any, *words: str) -> Any:
         matter = frozenset(part for part in parts if part.split("-")[0] in words)
@@ -90,7 +90,7 @@ def make_position_stages(real: Any, math: str, axes: int, parts: frozenset[str])
 
 
 def bind_position_stages(sim: Any) -> dict[str, StageRun]:
-    """What runs each named stage of `sim`, a cpu_backend.xpbd.solver.PositionBased."""
+    """Return the function of each named stage of `sim`, a cpu_backend.xpbd.solver.PositionBased."""
     axes, parts = sim.scene.dimensions, sim.plan.parts
     make = make_position_stages(sim.real, sim.options.math, axes, parts)
     tables, shape = sim.tables, (axes, sim.body.rows, sim.body.columns)

@@ -1,7 +1,7 @@
-"""The masses' weights and the constraints' reciprocals, in rows. Rows of a sheet that weigh alike share one.
+"""Weights of masses and reciprocals of constraints, in rows. Equal rows of a sheet are stored once.
 
-So a constraint costs one load from a short row that stays in the first cache, whatever the pins, the edges, and what may
-change while running: a reciprocal is 0 where there is no constraint, and kernels need no case for it.
+So a constraint costs one load from a short row in the first-level cache, whatever the pins, the edges, and the live
+parameters: a reciprocal is 0 where there is no constraint, and kernels need no case for it.
 """
 
 from __future__ import annotations
@@ -20,26 +20,26 @@ from model.xpbd.plan import FAMILIES, Family, families
 
 
 def mass_weights(scene: Scene, body: Body, real: Any) -> np.ndarray:
-    """(rows, columns): 1, 0 where pinned, and what a load's inverse mass is to the sheet's."""
+    """Return (rows, columns): 1, 0 if pinned, and a load's inverse mass relative to the sheet's."""
     mass = scene.grid.mass
     weights = np.where(body.inverse_mass == 1 / mass, 1.0, body.inverse_mass * mass)
     return weights.astype(real).reshape(body.rows, body.columns)
 
 
 def kind_of(family: Family, colour: int, parts: frozenset[str]) -> str:
-    """Whose constants a colour of a family has in the record."""
+    """Return the kind whose constants in the record apply to a colour of a family."""
     stiff = family.kind == "structural" and colour == 1 and "alternating" in parts
     return "stiff" if stiff else family.kind
 
 
 def index_columns(family: Family, columns: int) -> tuple[slice, slice]:
-    """Columns of the first and of the second ends of a row's constraints, in the order of their index."""
+    """Return the columns of the first and of the second ends of a row's constraints, in the order of their index."""
     count, right = max(0, columns - abs(family.columns)), family.columns
     return slice(max(0, -right), max(0, -right) + count), slice(max(0, right), max(0, right) + count)
 
 
 def valence(family: Family, i: int, columns: int, rows: int) -> np.ndarray:
-    """(columns,): how many constraints of a family the masses of row `i` have."""
+    """Return (columns,): the number of constraints of a family at the masses of row `i`."""
     first, second = index_columns(family, columns)
     count = np.zeros(columns, np.int64)
     if i + family.rows < rows:
@@ -51,7 +51,7 @@ def valence(family: Family, i: int, columns: int, rows: int) -> np.ndarray:
 
 @dataclass
 class _Rows:
-    """Different rows (n, columns), and which of them a sheet's rows are."""
+    """Different rows (n, columns), and the numbers of a sheet's rows among them."""
 
     known: dict[Any, int]
     rows: list[np.ndarray]
@@ -64,10 +64,10 @@ class _Rows:
 
 
 class Tables:
-    """Of a scene's sheet in the arithmetic `real`.
+    """Tables of a scene's sheet in the arithmetic `real`.
 
-    `weights` (n, columns) and `weight_row` (rows,), the number of a row's weights; `uneven` (rows,): whether a row has a
-    weight other than 1. `reciprocals` and `valences` come from functions, since the record may change.
+    `weights` (n, columns) and `weight_row` (rows,), the number of a row's weights; `uneven` (rows,): true if a row has
+    a weight other than 1. `reciprocals` and `valences` come from functions, since the record may change.
     """
 
     def __init__(self, scene: Scene, body: Body, real: Any, parts: frozenset[str]):
@@ -81,7 +81,7 @@ class Tables:
 
     @cached_property
     def _valence_rows(self) -> list[np.ndarray]:
-        """Of every row; those inside are one array."""
+        """Valences of every row; inner rows are one array."""
         made: dict[tuple[int, int], np.ndarray] = {}
         rows = []
         for i in range(self.rows):
@@ -95,14 +95,14 @@ class Tables:
         return rows
 
     def valences(self) -> tuple[np.ndarray, np.ndarray]:
-        """((n, columns) as `real`, (rows,) the number of a row's)."""
+        """Return ((n, columns) as `real`, (rows,) the number of a row's)."""
         found = _Rows({}, [])
         number = [found.number(id(row), lambda row=row: row) for row in self._valence_rows]
         return np.array(found.rows), np.array(number, np.int64)
 
     def reciprocals(self, record: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """((n, columns), (len(FAMILIES), rows) the number of a row's) of the constraints by their index (i, j), 0 where there
-        is none."""
+        """Return ((n, columns), (len(FAMILIES), rows) the number of a row's) of the constraints by their index (i, j),
+        0 where there is none."""
         found = _Rows({}, [])
         nothing = found.number(None, lambda: np.zeros(self.columns, self.real))
         number = np.full((len(FAMILIES), self.rows), nothing, np.int64)
@@ -126,7 +126,7 @@ class Tables:
             w_second = self._formulas.share(self._valence_rows[i + family.rows][second], w_second)
         total = w_first + w_second
         for colour in (0, 1):
-            # along a row the colours that differ, if any do, are every second constraint
+            # along a row, only every second constraint can differ in colour
             mine = slice(None) if family.rows else slice(colour, None, 2)
             own = constants_of(record, kind_of(family, i % 2 if family.rows else colour, self.parts))
             out[: len(total)][mine] = self._values(total[mine], own)

@@ -1,10 +1,10 @@
-"""What the kernels of both orderings do to a row before and after its constraints: prediction, attachments, velocity,
+"""Operations of both orderings' kernels on a row before and after its constraints: prediction, attachments, velocity,
 colliders.
 
-`sheet`, which they all pass on: (memory, places, parameters, integers, bodies, kinds, row_places, row_uneven, anchors).
-Memory and places: xpbd/layout.py; `bodies`, `kinds`: the colliders; `row_places` (2 + families, rows): where a row's weights
-begin, its valences, and the reciprocals of each family; `row_uneven` (rows,): whether a weight is other than 1; `anchors`:
-flat, of each mass, by their place among the pins.
+All functions pass on `sheet`: (memory, places, parameters, integers, bodies, kinds, row_places, row_uneven, anchors).
+Memory and places: xpbd/layout.py; `bodies`, `kinds`: the colliders; `row_places` (2 + families, rows): offsets of a
+row's weights, its valences, and the reciprocals of each family; `row_uneven` (rows,): true if a weight is not 1;
+`anchors`: flat, of each mass, by their index among the pins.
 """
 
 from __future__ import annotations
@@ -34,15 +34,17 @@ from model.scene.cloth import COLLIDER_KINDS
 
 
 def keeps_velocity(parts: frozenset[str]) -> bool:
-    """Whether the position at the substep's beginning needs a place of its own: colliders change velocities, and by Jacobi a
-    band computes the constraints that lead down to it when the band above may have made velocities of its rows already,
-    which dampers along them must not take for positions."""
+    """Return True if the position at the start of the substep needs its own planes.
+
+    Colliders change velocities. In the Jacobi orderings a band computes the constraints that lead down to it when the
+    band above may already have written velocities of its rows, which dampers along them must not read as positions.
+    """
     dampers = any(part.endswith("-damping") for part in parts)
     return not parts.isdisjoint(COLLIDER_KINDS) or ("gauss-seidel" not in parts and dampers)
 
 
 def make_attach_row(compiler: Compiler, real: Any, axes: int, parts: frozenset[str]) -> Any:
-    """attach_row(i, position, sheet): the masses of row `i` that are farther from their anchors than these reach."""
+    """Make attach_row(i, position, sheet): the attachments of row `i`."""
     formulas, block = distance.make(real, compiler.compiled), block_of(real)
     tether, tethered = formulas.tether, formulas.tethered
     squared_length_2d, squared_length_3d = formulas.squared_length_2d, formulas.squared_length_3d
@@ -82,9 +84,13 @@ def make_attach_row(compiler: Compiler, real: Any, axes: int, parts: frozenset[s
 
 
 def make_walk(compiler: Compiler, real: Any, axes: int, parts: frozenset[str], classes: int) -> SimpleNamespace:
-    """`begin_row(i, step, position, sheet)`: the row's prediction, in place; `position`: where the planes of positions begin,
-    after which come those of velocities where there are colliders. Else velocities have one place, whichever positions are.
-    `end_iteration(i, position, sheet)`: attachments. `end_row(i, substep, position, sheet)`: velocity and colliders."""
+    """Make `begin_row`, `end_iteration` and `end_row`.
+
+    `begin_row(i, step, position, sheet)`: the row's prediction, in place; `position`: offset of the planes of
+    positions, which with colliders are followed by those of velocities; otherwise velocities have one place for both
+    buffers of positions. `end_iteration(i, position, sheet)`: attachments. `end_row(i, substep, position, sheet)`:
+    velocity and colliders.
+    """
     apart = keeps_velocity(parts)
     forces_differ, has_attachments = has_forces(parts), "attachments" in parts
     rows = make_motion_rows(compiler, real, parts, apart, forces_differ)
@@ -97,7 +103,7 @@ def make_walk(compiler: Compiler, real: Any, axes: int, parts: frozenset[str], c
 
     @compiler.compiled
     def rows_of(i, axis, c, position, places):
-        """Where a class of row `i` begins: its positions, velocities, and positions before."""
+        """Return the offsets of a class of row `i`: its positions, velocities, and positions before."""
         plane = places[P_PLANE]
         row = i * places[P_STRIDE] + c * places[P_CLASS] + axis * plane
         velocity = position + axes * plane if apart else axes * plane

@@ -1,6 +1,6 @@
-"""A fluid that meets solids, on CUDA, by launches or stage by stage: model/fluid/plan.py, Solids, says what it does.
+"""A fluid coupled to solids on CUDA, by launches or stage by stage (model/fluid/plan.py, Solids).
 
-The solids are someone else's, who brings their particles and takes them back (`SolidPlaces`).
+The solids belong to another simulation, which reads and writes their particles through `SolidPlaces`.
 """
 
 from __future__ import annotations
@@ -20,31 +20,31 @@ from model.fluid.plan import SHAPES, SMOOTHING
 from model.fluid.samples import Samples
 from model.scene.scene import Scene
 
-COUNTED = 128  # threads a block, over samples and over particles of solids
+COUNTED = 128  # threads per block, over samples and over particles of solids
 
 
 class SolidPlaces(Protocol):
-    """Where the solids' particles are: `before` as a substep began, `position` now, flat device arrays of quads."""
+    """Positions of the solids' particles: `before` the substep, and `position` now, flat device arrays of quads."""
 
     before: Any
     position: Any
 
     @property
     def launches(self) -> int:
-        """How many launches `give` is."""
+        """Number of launches of `give`."""
 
     def take(self, fresh: bool) -> None:
-        """Bring `position` up to date, with `fresh` also `before`."""
+        """Bring `position` up to date, and `before` too if `fresh`."""
 
     def give(self) -> None:
-        """The solids are at `position` from now on."""
+        """Write `position` back to the solids."""
 
 
 class FluidAmongSolids(Fluid):
-    """Fluids and `samples` of solids, whose particles lie at `places`; of a world, which steps it. The rest is the contract
-    of Fluid."""
+    """Fluids and `samples` of solids, whose particles are at `places`; part of a world, which steps it. The rest is the
+    contract of Fluid."""
 
-    _whole: Any = None  # positions of all, to read from
+    _whole: Any = None  # positions of all particles, for reading
 
     def __init__(self, scene: Scene, options: Options, samples: Samples, places: SolidPlaces, stream: Any = None):
         self.samples, self.places = samples, places
@@ -59,13 +59,13 @@ class FluidAmongSolids(Fluid):
         self._slots, self._shift = new(np.zeros(samples.count, np.int32)), new(np.zeros(3 * samples.count, real))
         self._points = new(samples.corners), new(samples.shares.astype(real))
         self._carriers = new(samples.lightness.astype(real)), new(offsets), new(carried), new(shares.astype(real))
-        self._met = self.new_array()  # velocities before neighbours have a say
+        self._met = self.new_array()  # velocities before smoothing
         self._over_samples = self._over(samples.count, COUNTED)
         self._over_solids = self._over(len(samples.lightness), COUNTED)
 
     @property
     def _own(self) -> int:
-        """How many particles the fluid has."""
+        """Number of the fluid's particles."""
         return len(self.body.position)
 
     @property
@@ -74,7 +74,7 @@ class FluidAmongSolids(Fluid):
         return np.append(self.scene.fluid_set.fluid, sampled)
 
     def _build(self) -> None:
-        """Kernels are compiled as they are first run: by the world's first step."""
+        """Make the kernels. They are compiled when they first run, in the world's first step."""
         self._make_kernels()
         variant = self.real, self.options.math
         self.sampling, self.solving = make_sampling(*variant), make_solid_kernels(*variant, self.plan.parts)
@@ -83,14 +83,14 @@ class FluidAmongSolids(Fluid):
         else:
             self._executor = Executor(self.plan, {}, self._advance_steps)
 
-    # ------------------------------------------------------------------ what knows of solids
+    # ------------------------------------------------------------------ coupling to solids
 
     def known(self, particle: Any) -> tuple[Any, ...]:
-        """What kernels are given of particles, whose numbers are `particle`."""
+        """Return the arguments of kernels about particles, whose numbers are `particle`."""
         return self.record, *self.lists, particle, np.int32(self._own), self._kinds
 
     def sample(self, given: tuple[Any, ...]) -> None:
-        """Samples where solids are predicted, among what was `given` by the prediction."""
+        """Write the predicted positions of samples into the predicted arrays `given`."""
         predicted, before, meant, number = given
         self.places.take(fresh=True)
         points = *self._points, self.places.before, self.places.position
@@ -98,26 +98,26 @@ class FluidAmongSolids(Fluid):
         self.cells.bound(predicted)
 
     def meet(self, position: Any, particle: Any, world: tuple[Any, ...]) -> None:
-        """Where samples lie, and the factors of particles among them."""
+        """Store the slots of samples, and compute the factors of particles among them."""
         self.sampling.gather[self._flat](particle, np.int32(self._own), self._slots)
         self.solving.factors[self._flat](position, *self.known(particle), *self.relaxed, self.fluids, *world)
 
     def follow_solids(self, position: Any) -> None:
-        """Samples where solids are now."""
+        """Write the current positions of samples."""
         self.places.take(fresh=False)
         self.sampling.follow[self._over_samples](self._slots, *self._points, self.places.position, position)
 
     def constrain(self, position: Any, particle: Any, world: tuple[Any, ...]) -> None:
-        """The changes of multipliers."""
+        """Compute the changes of multipliers."""
         self.solving.density[self._flat](position, *self.known(particle), *self.relaxed, *world)
 
     def correct(self, position: Any, particle: Any, world: tuple[Any, ...], into: Any) -> None:
-        """Particles from `position` moved, `into` other quads; and what samples are pushed by."""
+        """Correct the positions `position` and store them in `into`; store the shifts of samples."""
         given = self.before, position, *self.known(particle), self.gradients, self.fluids, *world
         self.solving.correct[self._flat](*given, self._shift, into)
 
     def push(self) -> None:
-        """The solids, by what their samples are pushed by."""
+        """Move the solids' particles by the shifts of their samples."""
         self.sampling.push[self._over_solids](*self._carriers, self._shift, self.places.position)
         self.places.give()
 
@@ -130,7 +130,7 @@ class FluidAmongSolids(Fluid):
         self.end_substep(place, substep)
 
     def begin_substep(self, place: int, substep: int) -> None:
-        """See SubstepSimulation."""
+        """Launch the stages before the iterations (SubstepSimulation)."""
         time = self._counter, np.int64(place), np.int64(self.scene.method.substeps), np.int64(substep)
         given = self.predict(self._current, time)
         self._current = now = 1 - self._current
@@ -141,7 +141,7 @@ class FluidAmongSolids(Fluid):
         self.meet(self._here, self.particle[now], self._moment)
 
     def iterate(self, iteration: int) -> None:
-        """See SubstepSimulation."""
+        """Launch an iteration (SubstepSimulation)."""
         particle = self.particle[self._current]
         self.follow_solids(self._here)
         self.constrain(self._here, particle, self._moment)
@@ -150,7 +150,7 @@ class FluidAmongSolids(Fluid):
         self._here, self._there = self._there, self._here
 
     def end_substep(self, place: int, substep: int) -> None:
-        """See SubstepSimulation."""
+        """Launch the stages after the iterations (SubstepSimulation)."""
         position, velocity = self.position[self._current], self.velocity[self._current]
         arguments = self.before, self.meant, self._here, self.record, self.multipliers, self.fluids, *self._moment
         if not self.smoothing:
@@ -162,9 +162,9 @@ class FluidAmongSolids(Fluid):
 
     @property
     def _launches(self) -> int:
-        """Of a step."""
+        """Number of launches of a step."""
         method, ends = self.scene.method, bool(self.plan.parts & SMOOTHING) + bool(self.plan.parts & SHAPES)
-        ways = 2 + self.places.launches * (method.iterations * 2 + 2)  # fetching solids, and taking them back
+        ways = 2 + self.places.launches * (method.iterations * 2 + 2)  # reading solids, and writing them back
         return method.substeps * (6 + self.cells.launches + 4 * method.iterations + ways + ends)
 
     # ------------------------------------------------------------------ the contract, of the fluid's own particles
@@ -196,7 +196,7 @@ class FluidAmongSolids(Fluid):
 
 
 def bind_solid_stages(sim: FluidAmongSolids) -> dict[str, StageRun]:
-    """What runs each stage of the plan of `sim`."""
+    """Return the function that runs each stage of the plan of `sim`."""
     found = bind_fluid_stages(sim)
     now, start, particle = found.now, sim.on_device(np.zeros(1, np.int64)), sim.particle[1]
 

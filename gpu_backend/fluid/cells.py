@@ -1,18 +1,18 @@
-"""A fluid's particles in the order of their cells, and who is near to whom among them, on CUDA: launches alone, of sizes
-fixed at the start, so that a graph can hold them.
+"""Cell sort and neighbour search of a fluid's particles on CUDA, by launches of fixed sizes, which a graph can contain.
 
-What a launch of a substep moves, bytes a particle in float32 (c: cells a particle, about 1/6 in the fluid's inside; n:
-neighbours, about 28 in space; the candidates of a search, 27 cells' particles or about 160, come from the caches):
+Bytes per particle of each launch of a substep in float32 (c: cells per particle, about 1/6 inside the fluid; n:
+neighbours, about 28 in space; the candidates of a search, the particles of 27 cells or about 160, come from the
+caches):
 
 | launch | reads | writes | bound by |
 |---|---|---|---|
-| bound (none where the prediction does it) | 16 | | memory |
-| span | the blocks' boxes | the grid | its start |
+| bound (not launched if the prediction does it) | 16 | | memory |
+| span | the blocks' boxes | the grid | launch overhead |
 | hash_particles | 16 | 8, one atomic | memory |
 | chunks, totals | 4 c | 4 c | memory |
 | fill | 12 + 4 c | 4 + 8 c | memory |
 | arrange | 60 | 56 | memory |
-| find | 20 | 4 n + 4 | the caches, 16 bytes a candidate; 9 flop each |
+| find | 20 | 4 n + 4 | the caches, 16 bytes per candidate; 9 flop each |
 """
 
 from __future__ import annotations
@@ -26,30 +26,30 @@ from numba import cuda
 from gpu_backend.core.device import simulated
 from gpu_backend.fluid.sort_kernels import BOX, CHUNK, NUMBERS, REALS, THREADS, make_cell_sort
 
-MOST_BOXES = 3 if simulated() else 1024  # blocks that look for the particles' box
+MOST_BOXES = 3 if simulated() else 1024  # blocks that compute the particles' bounding box
 
 
 def cell_bytes(particles: int, cells: int, neighbours: int, item: int) -> int:
-    """Device memory for so many particles, cells and neighbours of a particle, `item` bytes a scalar."""
+    """Return the device memory [bytes] for so many particles, cells and neighbours of a particle; `item`: bytes per
+    scalar."""
     return 4 * (5 * particles + 3 * cells + neighbours * particles) + item * BOX * MOST_BOXES
 
 
 class Cells:
-    """The grid of a fluid's particles.
+    """The grid of a fluid's particles, and their neighbour lists.
 
-    `found` (particles,) int32: how many neighbours each particle has; `table` (neighbours * particles,): the s-th of particle
-    i in place s * particles + i, so that a warp's loads lie side by side.
-
-    `most`: cells at most. `repeats`: axes whose sides do. `flow`: of gpu_backend/fluid/flow.py, where particles come and go;
-    then `found` and numbers have one more at their end, how many are there.
+    `found` (particles,) int32: number of neighbours of each particle; `table` (neighbours * particles,): neighbour s of
+    particle i at index s * particles + i, so that a warp's loads are contiguous. `most`: maximum number of cells.
+    `repeats`: axes that are periodic. `flow`: of gpu_backend/fluid/flow.py, with emitters or sinks; then `found` and
+    the numbers have one more entry at the end, the number of active particles.
     """
 
-    launches = 7  # of a sort and a search, if something else looks for the box
+    launches = 7  # of a sort and a search, without `bound`
 
     def __init__(self, real: Any, particles: int, neighbours: int, most: int, repeats: frozenset[str], stream: Any,
                  flow: Any = None):  # fmt: skip
         self._real, self._stream, self._most = real, stream, np.int32(most)
-        self.limit = real(np.finfo(real).max)  # what is beyond, or no number, widens no grid
+        self.limit = real(np.finfo(real).max)  # particles beyond, and NaN, do not extend the grid
         self.blocks = min(MOST_BOXES, (particles + THREADS - 1) // THREADS)
         self.boxes = self._new(np.zeros(BOX * self.blocks, real))
         self.reals, self.numbers = self._new(np.zeros(REALS, real)), self._new(np.zeros(NUMBERS, np.int32))
@@ -59,7 +59,7 @@ class Cells:
         self._counts, self._starts, self.begins = (self._integers(most + extra) for extra in (0, 0, 1))
         self._totals = self._integers(self._chunks)
         self.table = cuda.device_array(neighbours * particles, np.int32, stream=stream)
-        self.counts = self._new(np.zeros(2, np.int64))  # neighbours without room, velocities slowed
+        self.counts = self._new(np.zeros(2, np.int64))  # neighbours that did not fit, velocities slowed
         self._flat = (particles + THREADS - 1) // THREADS, THREADS, stream
         self._sort = make_cell_sort(real, repeats, flow is not None)
 
@@ -70,11 +70,12 @@ class Cells:
         return self._new(np.zeros(count, np.int32))
 
     def bound(self, position: Any) -> None:
-        """The boxes of quads, where no other launch has left them."""
+        """Compute the bounding boxes of quads, if no other launch has done it."""
         self._sort.bound[self.blocks, THREADS, self._stream](position, self.limit, self.boxes)
 
     def sort(self, record: Any, given: Sequence[Any], into: Sequence[Any]) -> None:
-        """(position, before, velocity: quads; number: int32) of particles whose boxes are known, in the order of cells."""
+        """Sort particles (position, before, velocity: quads; number: int32), whose boxes are known, into the order of
+        cells."""
         kernels, flat, stream = self._sort, self._flat, self._stream
         kernels.span[1, THREADS, stream](self.boxes, record, self._most, self.reals, self.numbers)
         hashed = self._keys, self._slots, self._counts
@@ -93,12 +94,12 @@ class Cells:
 
     @property
     def lost(self) -> int:
-        """How many neighbours were beyond those that a particle keeps, over all searches so far."""
+        """Number of neighbours that did not fit into the lists, over all searches so far."""
         return self._count(0)
 
     @property
     def slowed(self) -> int:
-        """How often the speed limit slowed a particle so far."""
+        """Number of times that the speed limit slowed a particle so far."""
         return self._count(1)
 
     def _count(self, which: int) -> int:
@@ -107,5 +108,5 @@ class Cells:
         return int(host[which])
 
     def forget(self) -> None:
-        """Nothing was lost or slowed so far."""
+        """Set both counters to 0."""
         self.counts.copy_to_device(np.zeros(2, np.int64), stream=self._stream)

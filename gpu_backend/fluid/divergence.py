@@ -1,10 +1,10 @@
-"""CUDA kernels of a fluid's substep by the scheme `divergence-free`, a thread a particle; model/fluid/divergence_plan.py says
-what they do. A position's fourth number is the particle's fluid until the first `relax`, then the change of its multiplier.
+"""CUDA kernels of the scheme `divergence-free`, one thread per particle (model/fluid/divergence_plan.py). The fourth
+number of a position is the particle's fluid until the first `relax`, then the change of its multiplier.
 
-Bytes a particle in float32, n neighbours (28 in space), whose quads come from the caches; flop from the plan's numbers:
-`survey` reads 4 n + 44 and writes 20, 40 n flop; `relax` reads 4 n + 60 and writes 12, 27 n; `push` reads 4 n + 56 and writes
-16, 24 n; `foresee` reads 4 n + 40 and writes 4, 27 n; the others 60 to 100 and no sum. An iteration of a solve is `relax` and
-`push`: at n = 28 370 bytes and 1430 flop.
+Bytes per particle in float32, with n neighbours (28 in space), whose quads come from the caches; flop from the plan's
+numbers: `survey` reads 4 n + 44 and writes 20, 40 n flop; `relax` reads 4 n + 60 and writes 12, 27 n; `push` reads 4 n
++ 56 and writes 16, 24 n; `foresee` reads 4 n + 40 and writes 4, 27 n; the others 60 to 100 and no sum. An iteration of
+a solve is `relax` and `push`: at n = 28, 370 bytes and 1430 flop.
 """
 
 from __future__ import annotations
@@ -30,8 +30,11 @@ from model.formulas.fluid import density, divergence
 
 @cache
 def make_approach(real: Any, math: str, parts: frozenset[str], repeats: frozenset[str]) -> Any:
-    """approach(k, p, own, position, vectors, near_by, wall, parameters): what a vector of each particle (quads; `own`: that
-    of particle k at p) adds to C of particle k; `wall`: numbers, the last three of its gradient."""
+    """Make approach(k, p, own, position, vectors, near_by, wall, parameters).
+
+    It returns what a vector of each particle (quads; `own`: that of particle k at p) contributes to C of particle k;
+    `wall`: numbers, the last three of its gradient.
+    """
     g, f = device_formulas(divergence.make, real, math), device_formulas(density.make, real, math)
     added, of_wall, slope, pair = (
         g.approach_added,
@@ -60,9 +63,12 @@ def make_approach(real: Any, math: str, parts: frozenset[str], repeats: frozense
 
 @cache
 def make_targets(real: Any, math: str, parts: frozenset[str], repeats: frozenset[str]) -> SimpleNamespace:
-    """`survey(position, velocity, record, table, found, constraints, gradients, targets, *world)`: constraints, gradients of
-    walls, the first solve's targets; `foresee(position, velocity, record, table, found, constraints, gradients, targets)`:
-    the second one's. `world`: bodies, integers, counter, place, substeps, substep."""
+    """Compile `survey` and `foresee`.
+
+    `survey(position, velocity, record, table, found, constraints, gradients, targets, *world)`: constraints, gradients
+    of walls, and the targets of the first solve. `foresee(position, velocity, record, table, found, constraints,
+    gradients, targets)`: the targets of the second solve. `world`: bodies, integers, counter, place, substeps, substep.
+    """
     g, f = device_formulas(divergence.make, real, math), device_formulas(density.make, real, math)
     compressed, foreseen, constraint = g.compressed, g.foreseen, f.constraint
     approach, sum_density = make_approach(real, math, parts, repeats), make_sums(real, math, parts, repeats).sum_density
@@ -106,7 +112,7 @@ def make_targets(real: Any, math: str, parts: frozenset[str], repeats: frozenset
 
 @cache
 def make_wall_at(real: Any, math: str, parts: frozenset[str]) -> Any:
-    """wall_at(k, gradients) -> four numbers, the last three of particle k's walls' gradient."""
+    """Make wall_at(k, gradients): four numbers, the last three of which are the wall gradient of particle k."""
     has_walls, zero, axes = "walls" in parts, real(0), np.int32(WALL)
 
     @inlined(math)
@@ -121,9 +127,12 @@ def make_wall_at(real: Any, math: str, parts: frozenset[str]) -> Any:
 
 @cache
 def make_solve(real: Any, math: str, parts: frozenset[str], repeats: frozenset[str]) -> SimpleNamespace:
-    """`relax(position, shifts, record, table, found, gradients, targets, factors, aheads, iterates, turn, iterations)`: the
-    changes of multipliers, into positions' fourth numbers; `push(position, shifts, record, table, found, gradients, before,
-    fluids, turn)`: shifts. `before`: quads whose fourth number is the particle's fluid."""
+    """Compile `relax` and `push`.
+
+    `relax(position, shifts, record, table, found, gradients, targets, factors, aheads, iterates, turn, iterations)`:
+    the changes of multipliers, into the fourth numbers of positions. `push(position, shifts, record, table, found,
+    gradients, before, fluids, turn)`: shifts. `before`: quads whose fourth number is the particle's fluid.
+    """
     g, formulas = device_formulas(divergence.make, real, math), device_formulas(density.make, real, math)
     pressed, lead, led, moved = g.pressed, g.lead, g.led, formulas.moved
     approach, sum_correction = (
@@ -146,7 +155,7 @@ def make_solve(real: Any, math: str, parts: frozenset[str], repeats: frozenset[s
             now = pressed(before, factors[k], c)
             ahead = led(now, last, lead(turn, iterations))
             aheads[k], iterates[k] = ahead, now
-            position[SIZE * np.int64(k) + last_number] = ahead - before  # which no thread of this launch looks at
+            position[SIZE * np.int64(k) + last_number] = ahead - before  # not read by any thread of this launch
 
     def push(position, shifts, record, table, found, gradients, before, fluids, turn):
         k, particles = np.int32(cuda.grid(1)), np.int32(found.size)

@@ -1,4 +1,4 @@
-"""The scheme `divergence-free` of a fluid on CUDA: what is launched in a substep (model/fluid/divergence_plan.py)."""
+"""The launches of a substep of the scheme `divergence-free` of a fluid on CUDA (model/fluid/divergence_plan.py)."""
 
 from __future__ import annotations
 
@@ -13,14 +13,16 @@ from model.core.plan import Moment, StageRun
 from model.fluid.divergence_plan import SECOND
 from model.fluid.plan import SHAPES, SMOOTHING
 
-SCALARS = 3  # numbers of a particle that other schemes lack: iterates, multipliers of the second solve, targets
-QUADS = 1  # and shifts
+SCALARS = 3  # numbers of a particle for this scheme only: iterates, multipliers of the second solve, targets
+QUADS = 1  # shifts
 
 
 class DivergenceFree:
-    """Of `sim`, a gpu_backend.fluid.solver.Fluid, whose arrays it shares: `sorted` are places, whose fourth number becomes
-    the change of a multiplier, `before` the same with the fluid, `meant` velocities until the forces, `corrected` after
-    them."""
+    """The scheme of `sim`, a gpu_backend.fluid.solver.Fluid, whose arrays it shares.
+
+    `sorted`: positions, whose fourth number becomes the change of a multiplier; `before`: positions with the fluid;
+    `meant`: velocities up to the forces; `corrected`: velocities after them.
+    """
 
     def __init__(self, sim: Any):
         self.sim, count, parts = sim, sim.particle_count, sim.plan.parts
@@ -33,12 +35,12 @@ class DivergenceFree:
 
     @property
     def launches(self) -> int:
-        """Of a substep, beside those of a sort and a search."""
+        """Number of launches of a substep, besides those of a sort and a search."""
         parts = self.sim.plan.parts
         return 7 + 4 * self.sim.scene.method.iterations + bool(parts & SMOOTHING) + bool(parts & SHAPES)
 
     def gather(self, current: int) -> tuple[Any, ...]:
-        """The state `current` within its box, in no order yet: see Cells.sort."""
+        """Copy the state `current` into its periodic box, unsorted (see Cells.sort)."""
         sim, position = self.sim, self.sim.position[current]
         if sim.repeats:
             position = sim.position[1 - current]
@@ -47,25 +49,25 @@ class DivergenceFree:
         return position, position, sim.velocity[current], sim.particle[current]
 
     def sort(self, given: tuple[Any, ...], particle: Any) -> None:
-        """Into `sorted`, `before`, `meant` and `particle`."""
+        """Sort into `sorted`, `before`, `meant` and `particle`."""
         sim = self.sim
         sim.cells.sort(sim.record, given, (sim.sorted, sim.before, sim.meant, particle))
 
     def search(self, world: tuple[Any, ...]) -> None:
-        """Lists of neighbours and factors. `world`: bodies, integers, counter, place, substeps, substep."""
+        """Build neighbour lists and factors. `world`: bodies, integers, counter, place, substeps, substep."""
         sim, (find, factors) = self.sim, self.find
         find[sim._flat](sim.sorted, sim.record, *sim.near, sim.cells.counts)
         factors[sim._flat](sim.sorted, sim.record, *sim.lists, *sim.relaxed, sim.fluids, *world)
 
     def survey(self, world: tuple[Any, ...]) -> None:
-        """Constraints, and the first solve's targets."""
+        """Compute the constraints, and the targets of the first solve."""
         sim = self.sim
         self.aims.survey[sim._flat](
             sim.sorted, sim.meant, sim.record, *sim.lists, sim.constraints, sim.gradients, self.targets, *world
         )
 
     def relax(self, turn: int, second: bool) -> None:
-        """Changes of multipliers."""
+        """Compute the changes of multipliers."""
         sim, iterations = self.sim, self.sim.scene.method.iterations
         aheads = self.seconds if second else sim.multipliers
         self.solving.relax[sim._flat](
@@ -74,25 +76,26 @@ class DivergenceFree:
         )  # fmt: skip
 
     def push(self, turn: int) -> None:
-        """Shifts."""
+        """Compute the shifts."""
         sim = self.sim
         self.solving.push[sim._flat](
             sim.sorted, self.shifts, sim.record, *sim.lists, sim.gradients, sim.before, sim.fluids, np.int32(turn)
         )
 
     def take_up(self) -> None:
-        """Velocities after the first solve."""
+        """Update the velocities after the first solve."""
         sim = self.sim
         self.motion.take_up[sim._flat](sim.before, sim.meant, self.shifts, sim.record, sim.fluids)
 
     def shape(self, scratch: tuple[Any, Any]) -> None:
-        """Normals and vorticities, into `scratch`."""
+        """Compute normals and vorticities, into `scratch`."""
         sim = self.sim
         assert self.smoothing is not None
         self.smoothing.shape[sim._flat](sim.before, sim.meant, sim.record, *sim.lists, *scratch)
 
     def accelerate(self, scratch: tuple[Any, Any], particle: Any, time: tuple[Any, ...]) -> None:
-        """Velocities after neighbours, drag and forces, into `corrected`. `time`: counter, place, substeps, substep."""
+        """Apply neighbours, drag and forces to the velocities, into `corrected`. `time`: counter, place, substeps,
+        substep."""
         sim, velocity = self.sim, self.sim.meant
         if self.smoothing is not None:
             self.smoothing.smooth[sim._flat](
@@ -113,14 +116,14 @@ class DivergenceFree:
         )
 
     def foresee(self) -> None:
-        """The second solve's targets."""
+        """Compute the targets of the second solve."""
         sim = self.sim
         self.aims.foresee[sim._flat](
             sim.sorted, sim.corrected, sim.record, *sim.lists, sim.constraints, sim.gradients, self.targets
         )
 
     def move(self, position: Any, velocity: Any, world: tuple[Any, ...]) -> None:
-        """The new state."""
+        """Write the new state."""
         sim = self.sim
         self.motion.move[sim._flat](
             sim.before, sim.corrected, self.shifts, sim.multipliers, self.seconds, sim.record, sim.fluids, *world,
@@ -128,7 +131,7 @@ class DivergenceFree:
         )  # fmt: skip
 
     def substep(self, now: int, time: tuple[Any, ...]) -> None:
-        """Launch one, from the buffers 1 - `now` into the buffers `now`."""
+        """Launch a substep, from the buffers 1 - `now` into the buffers `now`."""
         sim, particle = self.sim, self.sim.particle[now]
         position, velocity = sim.position[now], sim.velocity[now]
         world = sim.bodies, sim.integers, *time
@@ -150,7 +153,7 @@ class DivergenceFree:
             self.push(turn)
 
     def stages(self) -> dict[str, StageRun]:
-        """What runs each stage of the plan; the state keeps its buffer."""
+        """Return the function that runs each stage of the plan; the state stays in its buffer."""
         sim, start = self.sim, self.sim.on_device(np.zeros(1, np.int64))
         scratch, given = (sim.position[1], sim.velocity[1]), {"now": ()}
 

@@ -1,5 +1,5 @@
-"""CUDA kernels of a fluid's velocities and places by the scheme `divergence-free`, around its solves, a thread a particle;
-see model/fluid/divergence_plan.py, 1, 6, 8 and 11."""
+"""CUDA kernels of a fluid's velocities and positions by the scheme `divergence-free`, around its solves, one thread per
+particle (model/fluid/divergence_plan.py, 1, 6, 8 and 11)."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from model.formulas.fluid import divergence, motion
 
 @cache
 def _make_given(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
-    """`given(v, e, most, parameters)`: a velocity after a solve; `limited(vx, vy, vz, most)`: no faster than that."""
+    """Make `given(v, e, most, parameters)`, a velocity after a solve, and `limited(vx, vy, vz, most)`."""
     m, gained = device_formulas(motion.make, real, math), device_formulas(divergence.make, real, math).gained
     speed_of, held_back, slowed, is_held = m.speed_of, m.held_back, m.slowed, "held-back" in parts
 
@@ -50,11 +50,14 @@ def _make_given(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
 
 @cache
 def make_free_motion(real: Any, math: str, parts: frozenset[str], repeats: frozenset[str]) -> SimpleNamespace:
-    """`gather(position, record, into)`: places within the box that repeats; `take_up(before, velocity, shifts, record,
-    fluids)`; `accelerate(before, velocity, particle, constraints, record, fluids, integers, counter, place, substeps,
-    substep, into, counts)`; `move(before, velocity, shifts, multipliers, seconds, record, fluids, *world, new_position,
-    new_velocity)`. `before`: where particles are, and of which fluid; `world`: bodies, integers, counter, place, substeps,
-    substep."""
+    """Compile `gather`, `take_up`, `accelerate` and `move`.
+
+    `gather(position, record, into)`: positions wrapped into the periodic box; `take_up(before, velocity, shifts,
+    record, fluids)`; `accelerate(before, velocity, particle, constraints, record, fluids, integers, counter, place,
+    substeps, substep, into, counts)`; `move(before, velocity, shifts, multipliers, seconds, record, fluids, *world,
+    new_position, new_velocity)`. `before`: positions and fluids of particles; `world`: bodies, integers, counter,
+    place, substeps, substep.
+    """
     m, ends, row = device_formulas(motion.make, real, math), _make_given(real, math, parts), make_row(parts)
     turned_round, drifted, given, limited = m.turned_round, m.drifted, ends.given, ends.limited
     accelerated, settled = _make_accelerated(real, math, parts), make_settled(real, math, parts)
@@ -125,8 +128,10 @@ def make_free_motion(real: Any, math: str, parts: frozenset[str], repeats: froze
 
 @cache
 def _make_accelerated(real: Any, math: str, parts: frozenset[str]) -> Any:
-    """accelerated(k, v, at, particle, constraints, parameters, fluids, integers, step): a velocity after drag and what acts
-    on a particle by itself; `at`: its fluid's row."""
+    """Make accelerated(k, v, at, particle, constraints, parameters, fluids, integers, step).
+
+    It returns the velocity after drag and the particle's own forces; `at`: the row of its fluid.
+    """
     m, axes = device_formulas(motion.make, real, math), 2 if "flat" in parts else 3
     accelerate, buoyant, braked = m.accelerated, m.buoyant, m.braked
     own, has_gravity, is_dragged = make_own_force(real, math, axes, parts), "gravity" in parts, "drag" in parts

@@ -1,5 +1,5 @@
-"""How many particles of a fluid are there, on CUDA: where they come and go, arrays of whole numbers have one more at their
-end, which says so; it travels with the particles' numbers."""
+"""Number of active particles of a fluid on CUDA. With emitters or sinks, integer arrays have one more entry at the end,
+which is that number; it is copied along with the particles' numbers."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ FLOWS = frozenset({"emitter", "sink"})
 
 @cache
 def make_extent(parts: frozenset[str]) -> Any:
-    """extent(array) -> (particles, how many of them are there): of an array of a whole number a particle."""
+    """Make extent(array) -> (particles, active particles), of an array with one integer per particle."""
     flows, one = bool(parts & FLOWS), np.int32(1)
 
     def extent(array):

@@ -12,7 +12,7 @@ from model.fluid.flow import emitter_rows, fluid_starts, nozzle_points, sink_row
 
 
 class Flow:
-    """Of a gpu_backend.fluid.solver.Fluid whose scene has any. `there` (particles,) int32: who does not wait, by number."""
+    """Emitters and sinks of a gpu_backend.fluid.solver.Fluid. `there` (particles,) int32: 1 if active, by number."""
 
     launches = 6  # of a substep
 
@@ -29,7 +29,7 @@ class Flow:
         self._points = new(np.append(nozzle_points(scene, real).reshape(-1), real(0)))
         self.sinks, self._starts = new(self._sink_rows()), new(fluid_starts(scene).astype(np.int32))
         self._due, self._layers = new(np.zeros(DUE_FIELDS * (emitters + 1), np.int32)), new(np.zeros(emitters, real))
-        self._blocks = (count + THREADS) // THREADS  # a number more than there are particles
+        self._blocks = (count + THREADS) // THREADS  # one more than there are particles
         self._ranks, self._sums = new(np.zeros(count + 1, np.int32)), new(np.zeros(self._blocks, np.int32))
         self._missed = new(np.zeros(1, np.int64))
 
@@ -38,17 +38,18 @@ class Flow:
         return emitter_rows(simulation.scene, simulation._taps, simulation.real).reshape(-1)
 
     def _sink_rows(self) -> np.ndarray:
-        """Of a scene without one a half space in which nobody is, since an array has a number at least."""
+        """Return the rows of sinks; without any one zero, as an array needs a number: a half space without
+        particles."""
         rows = sink_rows(self._simulation.scene, self._simulation.real)
         return rows.reshape(-1) if len(rows) else np.zeros(1, self._simulation.real)
 
     def changed(self) -> None:
-        """The emitters' speeds."""
+        """Update the emitters' speeds."""
         if self._emits:
             self._emitters.copy_to_device(self._rows(), stream=self._stream)
 
     def emit(self, position: Any, velocity: Any, particle: Any, time: tuple[Any, ...]) -> None:
-        """What leaves nozzles in a substep, into the state; `time`: counter, place, substeps, substep."""
+        """Emit the particles of a substep into the state; `time`: counter, place, substeps, substep."""
         if not self._emits:
             return
         kernels, flat = self.kernels, (self._blocks, THREADS, self._stream)
@@ -61,24 +62,24 @@ class Flow:
         kernels.arrive[1, 1, self._stream](particle, *who, *what, self._missed)
 
     def upload(self, there: np.ndarray) -> None:
-        """(particles,) bool: who is there."""
+        """Upload which particles are active, (particles,) bool."""
         self.there.copy_to_device(there.astype(np.int32), stream=self._stream)
 
     def keep(self) -> None:
-        """Put aside who is there."""
+        """Save which particles are active."""
         self.kept_there.copy_to_device(self.there, stream=self._stream)
 
     def restore(self) -> None:
-        """As it was put aside."""
+        """Restore which particles are active."""
         self.there.copy_to_device(self.kept_there, stream=self._stream)
 
     @property
     def missed(self) -> int:
-        """Particles that were due at a nozzle while none waited."""
+        """Number of particles that a nozzle could not emit as none was inactive."""
         host = self._missed.copy_to_host(stream=self._stream)
         cuda.synchronize()
         return int(host[0])
 
     def forget(self) -> None:
-        """Nothing was due so far."""
+        """Set the counter to 0."""
         self._missed.copy_to_device(np.zeros(1, np.int64), stream=self._stream)

@@ -1,9 +1,9 @@
-"""What comes by emitters and ends in sinks, on CUDA (model/fluid/plan.py, 0 and 2): launches of fixed sizes, whose threads
-end at once in substeps in which nothing is due.
+"""Emitters and sinks on CUDA (model/fluid/plan.py, 0 and 2): launches of fixed sizes, whose threads return at once in
+substeps without anything due.
 
-`due` (one thread) counts what leaves each nozzle; `rank` and `totals` sum up who waits, by number, in whole numbers, so that
-`emit`, a thread a number, knows which of them it is to be; `arrive` (one thread) counts them in. A sink's particles get no
-cell in `take`, which does the work of `hash_particles`, and `rest` tells how many are left.
+`due` (one thread) counts what leaves each nozzle. `rank` and `totals` sum up the inactive particles, by number, as
+integers, so that `emit`, one thread per number, knows which of them it becomes. `arrive` (one thread) counts them as
+active. Particles in a sink get no cell in `take`, which replaces `hash_particles`, and `rest` stores how many are left.
 """
 
 from __future__ import annotations
@@ -55,14 +55,16 @@ from model.formulas.fluid import flow
 
 THREADS = 32 if simulated() else 256  # of a block that sums
 BOX, SPHERE, _ = range(len(SINK_SHAPES))
-# of what is due at a nozzle: first layer, particles, those of its fluid due before it
+# what is due at a nozzle: first layer, particles, those of its fluid due before it
 D_LAYER, D_NEEDED, D_BEFORE = range(3)
 DUE_FIELDS = 3
 
 
 def _make_due(real: Any, math: str, parts: frozenset[str]) -> tuple[Any, ...]:
-    """`due`, `rank`, `totals`: see the file's head. `due_now` (emitters + 1, DUE_FIELDS), flat, int32: what is due; the last
-    row's D_NEEDED: in all."""
+    """Make `due`, `rank`, `totals` (see the module docstring).
+
+    `due_now` (emitters + 1, DUE_FIELDS), flat, int32: what is due; D_NEEDED of the last row: the sum.
+    """
     f, clock = device_formulas(flow.make, real, math), make_clock(math, parts)
     instant, passed, begun = device_formulas(cloth.make, real, math).instant, f.passed, f.begun
     before, strips, threads, next_one = make_before(THREADS), make_strips(THREADS), np.int32(THREADS), np.int64(1)
@@ -89,8 +91,8 @@ def _make_due(real: Any, math: str, parts: frozenset[str]) -> tuple[Any, ...]:
             due_now[count * fields + D_NEEDED] = total
 
     def rank(there, due_now, ranks, sums):
-        """ranks[n]: how many of the block's numbers before n wait; sums: of all of its numbers. One thread a number, and one
-        more."""
+        """Write ranks[n], the number of inactive particles of the block before n, and sums, that of the block. One
+        thread per number, and one more."""
         if due_now[due_now.size - fields + D_NEEDED] > zero:
             n = np.int32(cuda.grid(1))
             own = zero
@@ -103,7 +105,7 @@ def _make_due(real: Any, math: str, parts: frozenset[str]) -> tuple[Any, ...]:
                 sums[cuda.blockIdx.x] = np.int32(start + own)
 
     def totals(due_now, sums):
-        """The sums of all blocks before each, in place: one block."""
+        """Replace the sum of each block by the sum of all blocks before it: one block."""
         if due_now[due_now.size - fields + D_NEEDED] > zero:
             strips(sums, np.int32(sums.size))
 
@@ -111,18 +113,18 @@ def _make_due(real: Any, math: str, parts: frozenset[str]) -> tuple[Any, ...]:
 
 
 def _make_emission(real: Any, math: str) -> tuple[Any, ...]:
-    """`emit`, `arrive`."""
+    """Make `emit` and `arrive`."""
     emitted, threads, axes = device_formulas(flow.make, real, math).emitted, np.int32(THREADS), np.int32(3)
     one, zero, fields, row_size = np.int32(1), np.int32(0), np.int32(DUE_FIELDS), np.int32(EMITTER_FIELDS)
 
     @inlined("exact")
     def waiting_before(n, ranks, sums):
-        """How many with a lower number wait."""
+        """Return the number of inactive particles with a lower number."""
         return np.int32(ranks[n] + sums[n // threads])
 
     @inlined("exact")
     def coming(e, emitters, due_now, starts, ranks, sums):
-        """How many really leave nozzle e: of its fluid no more than wait."""
+        """Return the number of particles that leave nozzle e: at most the inactive ones of its fluid."""
         own = np.int32(emitters[e * row_size + E_FLUID])
         waiting = np.int32(waiting_before(starts[own + one], ranks, sums) - waiting_before(starts[own], ranks, sums))
         left = np.int32(waiting - due_now[e * fields + D_BEFORE])
@@ -130,7 +132,7 @@ def _make_emission(real: Any, math: str) -> tuple[Any, ...]:
 
     @inlined("exact")
     def write(slot, n, e, item, position, velocity, particle, emitters, points, due_now, layers):
-        """Particle n as the nozzle's number `item`, into a place of the state."""
+        """Write particle n, item number `item` of the nozzle, into slot `slot` of the state."""
         row = np.int32(e * row_size)
         count = np.int32(emitters[row + E_COUNT])
         k = np.int32(due_now[e * fields + D_LAYER] + item // count)
@@ -190,7 +192,8 @@ def _make_sinks(real: Any) -> tuple[Any, ...]:
         return behind(dx, dy, dz, sinks[at + S_U], sinks[at + S_V], sinks[at + S_W])
 
     def take(position, number, reals, numbers, sinks, there, keys, slots, counts):
-        """As `hash_particles` of gpu_backend/fluid/sort_kernels.py; -1 is the key of who ended, or was not there."""
+        """Compute keys as `hash_particles` of gpu_backend/fluid/sort_kernels.py; -1 for removed and inactive
+        particles."""
         k = np.int32(cuda.grid(1))
         if k < keys.size:
             keys[k] = gone
@@ -208,7 +211,7 @@ def _make_sinks(real: Any) -> tuple[Any, ...]:
                     keys[k], slots[k] = key, cuda.atomic.add(counts, key, one)
 
     def rest(numbers, sorted_number, found):
-        """How many are left, where kernels look for it."""
+        """Store the number of remaining particles where kernels read it."""
         if cuda.grid(1) == 0:
             sorted_number[sorted_number.size - 1], found[found.size - 1] = numbers[KEPT], numbers[KEPT]
 
@@ -217,7 +220,7 @@ def _make_sinks(real: Any) -> tuple[Any, ...]:
 
 @cache
 def make_flow_kernels(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
-    """All of them."""
+    """Compile all kernels of emitters and sinks."""
     emission = make_kernels(
         (*_make_due(real, math, parts), *_make_emission(real, math)),
         f"fluid_{variant_name(real, math, parts)}",

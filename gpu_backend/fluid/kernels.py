@@ -1,13 +1,14 @@
-"""CUDA kernels of a fluid's constraint: lists, factors, densities and corrections, a thread a particle.
+"""CUDA kernels of a fluid's constraint: lists, factors, densities and corrections, one thread per particle.
 
-`stages` runs `find`, `factors`, `density` and `correct` of model/fluid/plan.py each by itself. The others fuse what needs no
-neighbour's result: `prepare` is the first three, all at the predicted positions, and `settle` (gpu_backend/fluid/motion.py) a
-substep's last correction and what follows of it. In `exact` math both give the same bits.
+`stages` runs `find`, `factors`, `density` and `correct` of model/fluid/plan.py one by one. The other kernels fuse what
+needs no neighbour's result: `prepare` is the first three, all at the predicted positions, and `settle`
+(gpu_backend/fluid/motion.py) a substep's last correction and what follows. In `exact` math both give the same bits.
 
-Bytes a particle in float32, n neighbours (28 in space), whose quads come from the caches; flop from model/fluid/plan.py's
-numbers: `prepare` reads 36 and writes 4 n + 32, 9 flop a candidate (160) and 39 n; `density` reads 4 n + 32, writes 8, 13 n;
-`correct` reads 4 n + 36, writes 16, 24 n. At n = 28 that is for an iteration 316 bytes and 1040 flop: on an H200 (4.0 TB/s
-measured, 31 TFLOP/s at half of peak) memory allows 12.6 G particle-iterations a second, arithmetic 30.
+Bytes per particle in float32, with n neighbours (28 in space), whose quads come from the caches; flop from
+model/fluid/plan.py: `prepare` reads 36 and writes 4 n + 32, 9 flop per candidate (160) and 39 n; `density` reads 4 n +
+32, writes 8, 13 n; `correct` reads 4 n + 36, writes 16, 24 n. At n = 28 an iteration takes 316 bytes and 1040 flop: on
+an H200 (4.0 TB/s measured, 31 TFLOP/s at half of peak) memory limits it to 12.6e9 particle-iterations/s, arithmetic to
+30e9.
 """
 
 from __future__ import annotations
@@ -36,15 +37,21 @@ WALL = 3  # numbers of a wall's gradient
 
 
 def walk_options(real: Any, math: str) -> dict[str, Any]:
-    """Of kernels that walk along lists, in blocks of LANES threads at most: room for the registers that four neighbours on
-    their way take, of which the compiler would rather use fewer, and wait for one after the other."""
+    """Return the compile options of kernels that traverse lists, in blocks of LANES threads at most.
+
+    They leave registers for the loads of four neighbours in flight. By default the compiler uses fewer registers and
+    waits for one load after the other.
+    """
     return kernel_options(math) | {"launch_bounds": (LANES, 6 if real is np.float32 else 3)}
 
 
 @cache
 def make_relax(real: Any, math: str, parts: frozenset[str]) -> Any:
-    """relax(k, total, wall, factor, multipliers, constraints, parameters, first) -> the change of particle k's multiplier;
-    `first`: it was 0."""
+    """Make relax(k, total, wall, factor, multipliers, constraints, parameters, first) -> change of particle k's
+    multiplier.
+
+    `first`: the multiplier was 0.
+    """
     formulas = device_formulas(density.make, real, math)
     constraint, change, change_alone = formulas.constraint, formulas.change, formulas.change_alone
     alone, keeps, zero = "averaged" in parts, "drag" in parts, real(0)
@@ -64,8 +71,11 @@ def make_relax(real: Any, math: str, parts: frozenset[str]) -> Any:
 
 @cache
 def make_move(real: Any, math: str, parts: frozenset[str], repeats: frozenset[str]) -> Any:
-    """move(k, p, b, position, near_by, gradients, fluids, world, number) -> (x, y, z): particle k at p, which began the
-    substep at b, after a correction and the colliders. `gradients`: of walls, three numbers a particle."""
+    """Make move(k, p, b, position, near_by, gradients, fluids, world, number) -> (x, y, z).
+
+    It returns the position of particle k, now at p and at b before the substep, after a correction and the colliders.
+    `gradients`: of walls, three numbers per particle.
+    """
     sums, collide = make_sums(real, math, parts, repeats), make_collide(real, math, parts)
     formulas, sum_correction, row = device_formulas(density.make, real, math), sums.sum_correction, make_row(parts)
     moved, weight_field = formulas.moved, np.int32(F_WEIGHT)
@@ -97,13 +107,13 @@ def _make_nothing_added() -> Any:
 
 @cache
 def make_meet_walls(real: Any, math: str, parts: frozenset[str]) -> Any:
-    """meet_walls(k, p, gradients, world, number) -> (density, gx, gy, gz): the walls' share at p, where particle k is; their
-    gradient is kept."""
+    """Make meet_walls(k, p, gradients, world, number) -> (density, gx, gy, gz), the contribution of walls at p, the
+    position of particle k; their gradient is stored."""
     walls, has_walls, numbers_each, zero = make_walls(real, math, parts), "walls" in parts, np.int32(WALL), real(0)
 
     @inlined(math)
     def meet_walls(k, p, gradients, world, number):
-        """Their share at p; their gradient is kept."""
+        """Return the contribution of walls at p, and store its gradient."""
         wall = zero, zero, zero, zero
         if has_walls:
             wall = walls(p, world, number)
@@ -118,13 +128,15 @@ def make_meet_walls(real: Any, math: str, parts: frozenset[str]) -> Any:
 def make_density_kernels(
     real: Any, math: str, parts: frozenset[str], repeats: frozenset[str], neighbours: int
 ) -> SimpleNamespace:
-    """`find(position, record, *grid, *list, beyond)`; `prepare(position, record, *grid, *list, beyond, *relaxed, fluids,
-    *world, into)`; `factors(position, record, *list, *relaxed, fluids, *world)`; `density(position, record, *list, *relaxed,
-    *world)`, which writes into the fourth numbers of positions; `correct(before, position, record, *list, gradients, fluids,
-    *world, into)`. In blocks of LANES threads at most. `grid`: keys, numbers, begins, of gpu_backend/fluid/cells.py; `list`:
-    table, found.
+    """Compile the kernels of the density constraint, for blocks of LANES threads at most.
 
-    `relaxed`: factors, multipliers, constraints, gradients; `world`: bodies, integers, counter, place, substeps, substep."""
+    `find(position, record, *grid, *list, beyond)`; `prepare(position, record, *grid, *list, beyond, *relaxed, fluids,
+    *world, into)`; `factors(position, record, *list, *relaxed, fluids, *world)`; `density(position, record, *list,
+    *relaxed, *world)`, which writes into the fourth numbers of positions; `correct(before, position, record, *list,
+    gradients, fluids, *world, into)`. `grid`: keys, numbers, begins, of gpu_backend/fluid/cells.py; `list`: table,
+    found; `relaxed`: factors, multipliers, constraints, gradients; `world`: bodies, integers, counter, place, substeps,
+    substep.
+    """
     searching = _make_searching(real, math, parts, repeats, neighbours)
     return SimpleNamespace(**vars(searching), **vars(_make_walking(real, math, parts, repeats)))
 
@@ -132,7 +144,7 @@ def make_density_kernels(
 def _make_searching(
     real: Any, math: str, parts: frozenset[str], repeats: frozenset[str], neighbours: int
 ) -> SimpleNamespace:
-    """`find`, `prepare`."""
+    """Compile `find` and `prepare`."""
     variant, axes, extent = (real, math, parts), 2 if "flat" in parts else 3, make_extent(parts)
     sums, relax = make_sums(*variant, repeats), make_relax(*variant)
     factor_of, weights_of, zero = sums.factor_of, sums.weights_of, real(0)
@@ -171,7 +183,7 @@ def _make_searching(
 
 
 def _make_walking(real: Any, math: str, parts: frozenset[str], repeats: frozenset[str]) -> SimpleNamespace:
-    """`factors`, `density`, `correct`."""
+    """Compile `factors`, `density` and `correct`."""
     variant, extent, zero = (real, math, parts), make_extent(parts), real(0)
     sums, clock = make_sums(*variant, repeats), make_clock(math, parts)
     relax, move, meet_walls = make_relax(*variant), make_move(*variant, repeats), make_meet_walls(*variant)
@@ -203,7 +215,7 @@ def _make_walking(real: Any, math: str, parts: frozenset[str], repeats: frozense
             wall = meet_walls(k, p, gradients, World(parameters, bodies, integers), number)
             total = sum_density(k, p, position, List(table, found[k], particles), parameters)
             delta = relax(k, total, wall[0], factors[k], multipliers, constraints, parameters, False)
-            position[SIZE * np.int64(k) + 3] = delta  # which no thread of this launch looks at
+            position[SIZE * np.int64(k) + 3] = delta  # not read by any thread of this launch
 
     def correct(
         before, position, record, table, found, gradients, fluids, bodies, integers, counter, place, substeps, substep, into,

@@ -1,11 +1,12 @@
-"""Who is within a fluid's support of whom, on CUDA: a thread a particle walks the nine runs of three cells around its own (in
-a plane three), in the order of places, and visits whom it finds.
+"""Neighbour search of a fluid on CUDA: one thread per particle traverses the nine runs of three cells around its own
+(three in a plane), in the order of places, and visits its neighbours.
 
-First it looks, and keeps a bit for each candidate, WORD of them in a word: no branch, no store, four loads on their way at a
-time. Then it visits the bits that are set: at the s-th of its neighbours every thread of a warp is at its s-th, so that their
-lists are written side by side, and what is summed up over neighbours is summed up in the same walk.
+It first stores one bit per candidate, WORD of them in a word: no branch, no store, four loads in flight at a time. Then
+it visits the set bits. All threads of a warp visit their neighbour number s together, so their lists are written
+contiguously, and sums over neighbours are computed in the same pass.
 
-A particle's cell is the key under which it was sorted, not asked again: so this may be part of a kernel in fast math.
+A particle's cell is the key under which it was sorted; it is not computed again, so this may be part of a kernel in
+fast math.
 """
 
 from __future__ import annotations
@@ -24,14 +25,14 @@ from gpu_backend.core.quads import load_quad
 from gpu_backend.fluid.sort_kernels import DEPTH, HEIGHT, WIDTH, WRAPS
 from model.formulas.fluid import density
 
-WORD = 32  # candidates of a word of bits
-TOGETHER = 4  # candidates whose loads are on their way at a time
-SLOTS = 2 if simulated() else 9  # words that a thread puts aside before it visits them: one for each run in space
-LANES = 128  # threads of a block at most: each has a column of slots
+WORD = 32  # candidates per word of bits
+TOGETHER = 4  # candidates whose loads are in flight at a time
+SLOTS = 2 if simulated() else 9  # words that a thread stores before it visits them: one for each run in space
+LANES = 128  # threads per block at most: each has a column of slots
 
 
 class Scales(NamedTuple):
-    """What a visit asks of the constants, in registers: a store to a list would have them loaded anew."""
+    """Constants of a visit, in registers: after a store to a list they would be loaded again."""
 
     support: Any
     inverse_support: Any
@@ -59,7 +60,7 @@ def _make_scales_of() -> Any:
 
 @cache
 def make_ways(real: Any, math: str, repeats: frozenset[str]) -> Any:
-    """way(p, q, parameters) -> (dx, dy, dz): from q to p (quads) [m], the shortest along axes that repeat."""
+    """Make way(p, q, parameters) -> (dx, dy, dz): vector from q to p (quads) [m], the shortest along periodic axes."""
     wrapped, inline = device_formulas(density.make, real, math).wrapped, inlined(math)
     along_x, along_y, along_z = "x" in repeats, "y" in repeats, "z" in repeats
 
@@ -79,12 +80,12 @@ def make_ways(real: Any, math: str, repeats: frozenset[str]) -> Any:
 
 @cache
 def _make_steps() -> SimpleNamespace:
-    """From a cell's place along an axis of `count` to those beside it: `beside`, and pieces of a row of cells."""
+    """Make functions of the cells along an axis of `count`: `beside`, a neighbour, and pieces of a row of cells."""
     inline = inlined("exact")
 
     @inline
     def beside(place, way, count, wraps):
-        """The place `way` (-1, 0, 1) cells on, or -1 where there is none."""
+        """Return the index `way` (-1, 0, 1) cells on, or -1 if there is none."""
         found = np.int32(place + way)
         if found < 0:
             return np.int32(count - 1) if wraps else np.int32(-1)
@@ -94,7 +95,7 @@ def _make_steps() -> SimpleNamespace:
 
     @inline
     def first_piece(place, count, wraps):
-        """(first cell, how many) of those around `place` along a row, up to where the row ends and begins anew."""
+        """Return (first cell, count) of the cells around `place` along a row, up to the end of the row."""
         if place == 0:
             if wraps:
                 return np.int32(count - 1), np.int32(1)
@@ -103,7 +104,7 @@ def _make_steps() -> SimpleNamespace:
 
     @inline
     def second_piece(place, count, wraps):
-        """(first cell, how many) of those behind the row's end; none where the row does not wrap, or goes on."""
+        """Return (first cell, count) of those beyond the end of a periodic row; a count of 0 otherwise."""
         if wraps and place == 0:
             return np.int32(0), np.int32(2)
         return np.int32(0), np.int32(wraps and place == count - 1)
@@ -113,8 +114,11 @@ def _make_steps() -> SimpleNamespace:
 
 @cache
 def _make_look(real: Any, math: str, repeats: frozenset[str], solids: bool) -> Any:
-    """look(k, p, e, end, position, parameters) -> (bits, first): which of the particles from e to before `end`, WORD at most,
-    are neighbours of particle k at p, a bit each from particle `first` on; with `solids`, two samples of solids are none."""
+    """Make look(k, p, e, end, position, parameters) -> (bits, first).
+
+    The bits mark which particles from e to before `end`, WORD at most, are neighbours of particle k at p, one bit each
+    from particle `first` on. With `solids`, two samples of solids are no neighbours.
+    """
     formulas, way = device_formulas(density.make, real, math), make_ways(real, math, repeats)
     squared, within, inline = formulas.squared, formulas.within, inlined(math)
     word, all_bits, together = np.int32(WORD), np.uint32(0xFFFFFFFF), np.int32(TOGETHER)
@@ -129,7 +133,7 @@ def _make_look(real: Any, math: str, repeats: frozenset[str], solids: bool) -> A
 
     @inline
     def look(k, p, e, end, position, parameters):
-        # the last TOGETHER before `end` are looked at as they are, so that loads lie at fixed places behind one another
+        # the last TOGETHER before `end` are loaded unshifted, so that loads are at fixed offsets from each other
         last = np.int32(max(end - together, 0))
         first, bits = np.int32(min(e, last)), none
         begin = first
@@ -143,7 +147,7 @@ def _make_look(real: Any, math: str, repeats: frozenset[str], solids: bool) -> A
             )  # fmt: skip
             bits = np.uint32(bits | found << np.uint32(g - first))
             begin = np.int32(begin + together)
-        # what lies before e or behind the run, where that is shorter than TOGETHER, is another run's
+        # bits before e or behind the run, if it is shorter than TOGETHER, belong to another run
         bits = np.uint32(bits & (all_bits << np.uint32(e - first)))
         bits = np.uint32(bits & (all_bits >> np.uint32(max(word - (end - first), 0))))
         if first <= k and k < end:
@@ -164,10 +168,12 @@ def make_search(
     begun: Any,
     solids: bool = False,
 ) -> Any:
-    """search(k, p, position, parameters, key, numbers, begins, table, particles, lost, fluids) -> (how many neighbours
-    particle k at p has in its list now, `neighbours` at most; sums over them); the others are counted in `lost`. `begun`:
-    sums of none; visit(sums, k, p, j, position, fluids, parameters) -> the sums with neighbour j. In exact math lists are
-    the CPU's. In blocks of LANES threads at most."""
+    """Make search(k, p, position, parameters, key, numbers, begins, table, particles, lost, fluids).
+
+    It returns (number of neighbours in the list of particle k at p, at most `neighbours`; sums over them); the others
+    are counted in `lost`. `begun`: initial sums; visit(sums, k, p, j, position, fluids, parameters) returns the sums
+    with neighbour j. In exact math the lists equal the CPU's. For blocks of LANES threads at most.
+    """
     whole, look, scales_of = _make_steps(), _make_look(real, math, repeats, solids), _make_scales_of()
     beside, first_piece, second_piece = whole.beside, whole.first_piece, whole.second_piece
     most, one, rows, solid, goes_round = np.int32(neighbours), np.int32(1), 3 ** (axes - 1), axes == 3, "x" in repeats
@@ -176,7 +182,7 @@ def make_search(
 
     @inlined("exact")
     def run(piece, x, y, z, numbers, begins):
-        """(first, end) of the particles of a piece of the rows of cells around (x, y, z)."""
+        """Return (first, end) of the particles of a piece of the rows of cells around (x, y, z)."""
         width, height = numbers[WIDTH], numbers[HEIGHT]
         row = np.int32(piece >> 1) if goes_round else np.int32(piece)
         cz, cy = z, beside(y, np.int32(row % 3 - 1), height, numbers[WRAPS + 1] > 0)
@@ -192,7 +198,7 @@ def make_search(
 
     @inlined("exact")
     def search(k, p, position, parameters, key, numbers, begins, table, particles, lost, fluids):
-        words = cuda.shared.array(room, np.uint32)  # a line each: the simulator tells them apart by it
+        words = cuda.shared.array(room, np.uint32)  # a line each: the simulator identifies arrays by it
         firsts = cuda.shared.array(room, np.int32)
         own, line = np.uint32(cuda.threadIdx.x), np.int32(key // numbers[WIDTH])
         x, z = np.int32(key - line * numbers[WIDTH]), np.int32(line // numbers[HEIGHT])

@@ -1,9 +1,9 @@
-"""CUDA kernels of a fluid's motion: where particles are told to go, and velocities by themselves, a thread a particle; see
-model/fluid/plan.py. A position's fourth number is the particle's fluid, before and after a substep.
+"""CUDA kernels of a fluid's motion, prediction and velocities, one thread per particle (model/fluid/plan.py). The
+fourth number of a position is the particle's fluid, before and after a substep.
 
-Bytes a particle in float32, n neighbours: `begin` reads 36 and writes 32; `settle` reads 4 n + 68 and writes 32; `shape`
-reads 4 n + 32 and writes 32; `smooth` reads 4 n + 64 and writes 16. All are bound by memory but for the neighbours, 24 to
-45 flop each.
+Bytes per particle in float32, with n neighbours: `begin` reads 36 and writes 32; `settle` reads 4 n + 68 and writes 32;
+`shape` reads 4 n + 32 and writes 32; `smooth` reads 4 n + 64 and writes 16. All are bound by memory except for the
+neighbours, 24 to 45 flop each.
 """
 
 from __future__ import annotations
@@ -39,14 +39,17 @@ from model.fluid.parameters import (
 from model.fluid.plan import SMOOTHING
 from model.formulas.fluid import impact, motion
 
-SLOWED = 1  # place of `counts`
+SLOWED = 1  # index in `counts`
 
 
 @cache
 def make_ends(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
-    """`answered(b, u, x, y, z, multiplier, fluids, at, world, number)` -> (x, y, z, vx, vy, vz): a particle that
-    came from b, meant to go at u, to (x, y, z), after the colliders; its fluid's row begins at `at`. `limited(vx, vy, vz, c,
-    fluids, at, parameters)`."""
+    """Make `answered` and `limited`.
+
+    `answered(b, u, x, y, z, multiplier, fluids, at, world, number)` -> (x, y, z, vx, vy, vz): a particle that moved
+    from b, with predicted velocity u, to (x, y, z), after the colliders; the row of its fluid begins at `at`.
+    `limited(vx, vy, vz, c, fluids, at, parameters)`: the velocity after drag and the speed limit.
+    """
     formulas, inline, collide = device_formulas(motion.make, real, math), inlined(math), make_collide(real, math, parts)
     impacts = device_formulas(impact.make, real, math)
     velocity_of, held_back, speed_of = formulas.velocity_of, formulas.held_back, formulas.speed_of
@@ -90,10 +93,13 @@ def make_ends(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
 
 @cache
 def make_begin(real: Any, math: str, parts: frozenset[str], repeats: frozenset[str]) -> Any:
-    """begin(position, velocity, particle, limit, record, fluids, bodies, integers, counter, place, substeps, substep,
-    predicted, before, meant, boxes, counts): what is told to go where, out of the colliders, and the box of each block's; in
-    blocks of sort_kernels.THREADS. `before` is written where sides repeat. `particle`: the particles' numbers; `limit` [m]:
-    see `bound`. `counts[SLOWED]`: how many the speed limit slowed."""
+    """Compile begin(position, velocity, particle, limit, record, fluids, bodies, integers, counter, place, substeps,
+    substep, predicted, before, meant, boxes, counts).
+
+    It predicts positions, out of the colliders, and writes the box of each block's particles; in blocks of
+    sort_kernels.THREADS. `before` is written if axes are periodic. `particle`: the particles' numbers; `limit` [m]: see
+    `bound`. `counts[SLOWED]`: how many particles the speed limit slowed.
+    """
     axes = 2 if "flat" in parts else 3
     formulas, keep_box, clock = device_formulas(motion.make, real, math), make_box(real), make_clock(math, parts)
     accelerated, buoyant, drifted = formulas.accelerated, formulas.buoyant, formulas.drifted
@@ -155,10 +161,13 @@ def make_begin(real: Any, math: str, parts: frozenset[str], repeats: frozenset[s
 
 @cache
 def make_settle(real: Any, math: str, parts: frozenset[str], repeats: frozenset[str]) -> SimpleNamespace:
-    """`settle(before, meant, position, record, table, found, multipliers, constraints, gradients, fluids, *world,
-    new_position, new_velocity)`: the last correction, then velocities, limited unless neighbours have a say;
-    `update(before, meant, position, record, multipliers, fluids, *world, new_position, new_velocity)`: velocities
-    alone; `limit(position, velocity, constraints, record, fluids)`."""
+    """Compile `settle`, `update` and `limit`.
+
+    `settle(before, meant, position, record, table, found, multipliers, constraints, gradients, fluids, *world,
+    new_position, new_velocity)`: the last correction, then velocities, limited unless smoothing follows;
+    `update(before, meant, position, record, multipliers, fluids, *world, new_position, new_velocity)`: velocities only;
+    `limit(position, velocity, constraints, record, fluids)`.
+    """
     ends, move, row = make_ends(real, math, parts), make_move(real, math, parts, repeats), make_row(parts)
     answered, limited, clock = ends.answered, ends.limited, make_clock(math, parts)
     ended, is_dragged, zero, extent = not parts & SMOOTHING, "drag" in parts, real(0), make_extent(parts)

@@ -1,4 +1,4 @@
-"""CUDA kernels of what a fluid's neighbours do to each other's velocities, a thread a particle; see model/fluid/plan.py."""
+"""CUDA kernels of the effects of neighbours on a fluid's velocities, one thread per particle (model/fluid/plan.py)."""
 
 from __future__ import annotations
 
@@ -23,9 +23,12 @@ from model.formulas.fluid import density, motion
 def make_smoothing(
     real: Any, math: str, parts: frozenset[str], repeats: frozenset[str], ends_there: bool
 ) -> SimpleNamespace:
-    """`shape(position, velocity, record, table, found, normals, curls)`: normals [1/m], and vorticities [1/s] and their
-    lengths; `smooth(position, velocity, record, table, found, constraints, fluids, normals, curls, into)`: velocities
-    after all that neighbours do to them; where `ends_there`, limited too."""
+    """Compile `shape` and `smooth`.
+
+    `shape(position, velocity, record, table, found, normals, curls)`: normals [1/m], and vorticities [1/s] and their
+    lengths. `smooth(position, velocity, record, table, found, constraints, fluids, normals, curls, into)`: velocities
+    after all effects of neighbours; with `ends_there` also the limit.
+    """
     variant = real, math, parts, repeats
     return SimpleNamespace(shape=_make_shape(*variant), smooth=_make_smooth(*variant, ends_there))
 
@@ -77,7 +80,7 @@ def _make_shape(real: Any, math: str, parts: frozenset[str], repeats: frozenset[
 
 @cache
 def _make_pair_terms(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
-    """`add_forces` and `add_smooth`: what one neighbour adds."""
+    """Make `add_forces` and `add_smooth`: the contribution of one neighbour."""
     formulas, inline = device_formulas(motion.make, real, math), inlined(math)
     near = device_formulas(density.make, real, math).near
     smooth_share, smooth_added = formulas.smooth_share, formulas.smooth_added
@@ -86,7 +89,7 @@ def _make_pair_terms(real: Any, math: str, parts: frozenset[str]) -> SimpleNames
 
     @inline
     def add_forces(f, way, near_row, own_row, n, m, fluids, parameters):
-        """What draws particles together: `n`, `m`: normals of this one and of its neighbour."""
+        """Add cohesion and surface tension: `n`, `m`: normals of this particle and of its neighbour."""
         fx, fy, fz = f
         dx, dy, dz, r = way
         if has_cohesion:
@@ -100,7 +103,7 @@ def _make_pair_terms(real: Any, math: str, parts: frozenset[str]) -> SimpleNames
 
     @inline
     def add_smooth(m, v, w, r, near_row, own_row, fluids, parameters):
-        """XSPH: v, w: velocities of this one and of its neighbour."""
+        """Add XSPH viscosity: v, w: velocities of this particle and of its neighbour."""
         share = smooth_share(
             near(r, parameters.inverse_support), fluids[own_row + F_VISCOSITY], fluids[near_row + F_VISCOSITY],
             fluids[own_row + F_WEIGHT], fluids[near_row + F_WEIGHT],

@@ -1,7 +1,7 @@
-"""CUDA kernels of a fluid that meets solids: samples among its particles, a thread each; model/fluid/plan.py, Solids.
+"""CUDA kernels of a fluid with samples of solids among its particles, one thread each (model/fluid/plan.py, Solids).
 
-`number`: of each particle in the order of cells; `fluids`: how many particles the fluid has, samples are behind them;
-`kinds`: what each counts for, by number (model/fluid/among_solids.py). `before`, `position` of solids: quads.
+`number`: of each particle in the order of cells; `fluids`: number of the fluid's particles, samples are behind them;
+`kinds`: rows of model/fluid/among_solids.py, by number. `before`, `position` of solids: quads.
 """
 
 from __future__ import annotations
@@ -29,8 +29,11 @@ from model.formulas.fluid import density, solids
 
 @cache
 def make_sampling(real: Any, math: str) -> SimpleNamespace:
-    """`sample(number, fluids, corners, shares, began, solid, predicted, before, meant)`; `gather(number, fluids, slots)`;
-    `follow(slots, corners, shares, solid, position)`; `push(lightness, offsets, samples, shares, shift, solid)`."""
+    """Compile `sample`, `gather`, `follow` and `push`.
+
+    `sample(number, fluids, corners, shares, began, solid, predicted, before, meant)`; `gather(number, fluids, slots)`;
+    `follow(slots, corners, shares, solid, position)`; `push(lightness, offsets, samples, shares, shift, solid)`.
+    """
     formulas, inline = device_formulas(solids.make, real, math), inlined(math)
     middle, carried_on, moved = formulas.middle, formulas.carried_on, device_formulas(density.make, real, math).moved
     zero, corners_each, axes = real(0), np.int32(CORNERS), np.int32(3)
@@ -80,7 +83,8 @@ def make_sampling(real: Any, math: str) -> SimpleNamespace:
 
 @cache
 def _make_solid_sums(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
-    """Sums over the list of particle k at p (a quad): `sum_factor`, `sum_density`, `sum_correction`, `sum_friction`."""
+    """Make sums over the list of particle k at p (a quad): `sum_factor`, `sum_density`, `sum_correction`,
+    `sum_friction`."""
     f, s_ = device_formulas(density.make, real, math), device_formulas(solids.make, real, math)
     squared, apart, near, closeness, slope = f.squared, f.apart, f.near, f.closeness, f.slope
     inline = inlined(math)
@@ -166,10 +170,13 @@ def _make_solid_sums(real: Any, math: str, parts: frozenset[str]) -> SimpleNames
 
 @cache
 def make_solid_kernels(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
-    """`factors(position, record, table, found, number, fluids, kinds, *relaxed, rows, *world)`; `density(position, record,
-    table, found, number, fluids, kinds, *relaxed, *world)`; `correct(before, position, record, table, found, number, fluids,
-    kinds, gradients, rows, *world, shift, into)`. `rows`: of fluids; `relaxed`, `world`: as in gpu_backend/fluid/kernels.py;
-    `shift` (samples, 3): what each is pushed by."""
+    """Compile `factors`, `density` and `correct`.
+
+    `factors(position, record, table, found, number, fluids, kinds, *relaxed, rows, *world)`; `density(position, record,
+    table, found, number, fluids, kinds, *relaxed, *world)`; `correct(before, position, record, table, found, number,
+    fluids, kinds, gradients, rows, *world, shift, into)`. `rows`: of fluids; `relaxed`, `world`: as in
+    gpu_backend/fluid/kernels.py; `shift` (samples, 3): shift of each sample.
+    """
     kernels = *_make_solid_densities(real, math, parts), _make_solid_correction(real, math, parts)
     name = f"fluid_solids_{variant_name(real, math, parts)}"
     return make_kernels(kernels, name, **kernel_options(math))
@@ -216,7 +223,7 @@ def _make_solid_densities(real: Any, math: str, parts: frozenset[str]) -> tuple[
                 delta = relax(k, total, wall[0], factors[k], multipliers, constraints, parameters, False)
             elif keeps:
                 constraints[k] = zero
-            position[SIZE * np.int64(k) + 3] = delta  # which no thread of this launch looks at
+            position[SIZE * np.int64(k) + 3] = delta  # not read by any thread of this launch
 
     density_.__name__ = "density"
     return factors, density_

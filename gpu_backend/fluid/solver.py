@@ -1,8 +1,8 @@
-"""Position-based fluids on CUDA: a substep is a dozen launches, all of them in the order of cells.
+"""Position-based fluids on CUDA: a substep is a dozen launches, all in the order of cells.
 
-The method, and every order of summation, is in model/fluid/plan.py. Particles change places in every substep; `particle`
-holds the number of each, and whatever is read comes in the scene's order. Kernels: `launch`, and `graph`, the same
-captured as a CUDA graph; `stages`, stage by stage. In `exact` math all give the same bits, and the CPU's.
+The method, and every order of summation, is in model/fluid/plan.py. Particles are sorted anew in every substep;
+`particle` is the number of each, and results are read in the scene's order. Kernels: `launch`; `graph`, the same
+captured as a CUDA graph; `stages`, stage by stage. In `exact` math all give the same bits as the CPU.
 """
 
 from __future__ import annotations
@@ -38,15 +38,15 @@ from model.fluid.samples import Samples
 from model.mass_spring.cloth_parameters import collider_numbers
 from model.scene.scene import Scene
 
-THREADS = LANES  # a block
-FEWER = {8192: 32, 32768: 64}  # of so many particles at most: so that each multiprocessor has some
-QUADS = 10  # of a particle: the state twice and put aside, and what a substep needs
+THREADS = LANES  # per block
+FEWER = {8192: 32, 32768: 64}  # threads for at most so many particles, so that each multiprocessor has some
+QUADS = 10  # quads per particle: the state twice and its snapshot, and the arrays of a substep
 
 
 class Fluid(SubstepSimulation):
-    """See model/core/simulation.py for the contract. `threads` is the number of threads a block."""
+    """Fluids on CUDA; model/core/simulation.py defines the contract. `threads` is the number of threads per block."""
 
-    samples: Samples | None = None  # of solids, which are particles here, behind all others
+    samples: Samples | None = None  # of solids: further particles behind those of the fluids
 
     def __init__(self, scene: Scene, options: Options, stream: Any = None):
         super().__init__(scene, options, stream)
@@ -75,16 +75,16 @@ class Fluid(SubstepSimulation):
 
     def _allocate(self) -> None:
         scene, real, count = self.scene, self.real, self.particle_count
-        self._weight = self._fluid_of.astype(real)  # told by a position's fourth number
+        self._weight = self._fluid_of.astype(real)  # the fourth number of a position
         self._allocate_quads(collider_numbers(scene, real))
         self._numbers = np.arange(count, dtype=np.int32)
         self.flow = Flow(self) if self._flows else None
         if self.flow:
-            self._numbers = np.append(self._numbers, np.int32(0))  # and how many are there
+            self._numbers = np.append(self._numbers, np.int32(0))  # and the number of active particles
         self.particle = [self.on_device(self._numbers), self.on_device(self._numbers)]
         self.kept_particle = self.on_device(self._numbers)
         self.fluids = self.on_device(self._rows)
-        self.sorted = self.on_device(np.zeros(SIZE * max(count, TOGETHER), real))  # so many at least are looked at
+        self.sorted = self.on_device(np.zeros(SIZE * max(count, TOGETHER), real))  # kernels load so many at least
         self.corrected, self.before, self.meant = (self.new_array() for _ in range(3))
         parts, walls = self.plan.parts, WALL * count
         self.relaxed = tuple(
@@ -101,7 +101,7 @@ class Fluid(SubstepSimulation):
 
     @property
     def _fluid_of(self) -> np.ndarray:
-        """(particles,): the number of each one's fluid."""
+        """(particles,): the number of each particle's fluid."""
         return self.scene.fluid_set.fluid
 
     @property
@@ -126,7 +126,7 @@ class Fluid(SubstepSimulation):
             return
         self._executor = Executor(self.plan, {}, self._advance_steps)
         if not simulated():
-            self._upload(self.body.position, self.body.velocity)  # all in one place would all be neighbours
+            self._upload(self.body.position, self.body.velocity)  # at one position all particles would be neighbours
             self._advance_steps(0, 1)
             self.cells.forget()
             if self.flow:
@@ -138,8 +138,8 @@ class Fluid(SubstepSimulation):
     # ------------------------------------------------------------------ a step
 
     def predict(self, current: int, time: tuple[Any, ...]) -> tuple[Any, ...]:
-        """What of the state `current` is predicted, into the other one's arrays and `corrected`: (predicted, before, meant,
-        numbers), in no order yet. `time`: counter, place, substeps, substep."""
+        """Predict from the state `current`, into the other buffer and `corrected`. Returns (predicted, before, meant,
+        numbers), unsorted. `time`: counter, place, substeps, substep."""
         other = 1 - current
         predicted, meant = self.position[other], self.velocity[other]
         before = self.corrected if self.repeats else self.position[current]
@@ -152,16 +152,16 @@ class Fluid(SubstepSimulation):
 
     @property
     def lists(self) -> tuple[Any, Any]:
-        """The table of neighbours, and how many each particle has."""
+        """The table of neighbours, and the number of neighbours of each particle."""
         return self.cells.table, self.cells.found
 
     @property
     def near(self) -> tuple[Any, ...]:
-        """Where cells and their particles are, and `lists`."""
+        """The cells and their particles, and `lists`."""
         return self.cells.sorted_keys, self.cells.numbers, self.cells.begins, *self.lists
 
     def _substep(self, place: int, substep: int) -> None:
-        """Launch one substep, from the current buffers into the others; `place`: the step's after the counter."""
+        """Launch one substep, from the current buffers into the others; `place`: of the step after the counter."""
         time = self._counter, np.int64(place), np.int64(self.scene.method.substeps), np.int64(substep)
         if self.free:
             self._current = 1 - self._current
@@ -190,7 +190,7 @@ class Fluid(SubstepSimulation):
             self.smooth(position, self.meant, velocity)
 
     def smooth(self, position: Any, velocity: Any, into: Any) -> None:
-        """What neighbours do to velocities; `before` and `sorted` are overwritten."""
+        """Apply the effects of neighbours to velocities; overwrites `before` and `sorted`."""
         assert self.smoothing is not None
         normals, curls = self.before, self.sorted
         if self.plan.parts & SHAPES:
@@ -201,7 +201,7 @@ class Fluid(SubstepSimulation):
 
     @property
     def _launches(self) -> int:
-        """Of a step."""
+        """Number of launches of a step."""
         parts, method = self.plan.parts, self.scene.method
         if self.free:
             return method.substeps * (Cells.launches + self.free.launches)
@@ -213,17 +213,17 @@ class Fluid(SubstepSimulation):
 
     @property
     def contacts_lost(self) -> int:
-        """Of particles' neighbours, those that there was no room for since the start."""
+        """Number of neighbours that did not fit into the lists since the start."""
         return self.cells.lost
 
     @property
     def speed_limited(self) -> int:
-        """How often the speed limit slowed a particle in a substep, since the simulation was opened."""
+        """Number of times that the speed limit slowed a particle in a substep, since the simulation was opened."""
         return self.cells.slowed
 
     def _upload(self, position: np.ndarray, velocity: np.ndarray) -> None:
         numbers = self._numbers
-        if self.flow:  # those that are there come first
+        if self.flow:  # active particles are first
             there = self.scene.fluid_set.there(position)
             order = np.argsort(~there, kind="stable")
             self._weight = self.scene.fluid_set.fluid[order].astype(self.real)
@@ -236,7 +236,7 @@ class Fluid(SubstepSimulation):
         self.synchronize()
 
     def _to_host(self, array: Any) -> np.ndarray:
-        """In the scene's order."""
+        """Return (particles, axes) an array in the scene's order."""
         quads, particle = self._quads(array), self.particle[self._current].copy_to_host(stream=self.stream)
         self.synchronize()
         waiting = PARKED if array is self.position[self._current] else 0.0
@@ -246,16 +246,16 @@ class Fluid(SubstepSimulation):
         return found
 
     def _among(self, particle: np.ndarray) -> np.ndarray:
-        """The numbers of those that are there, of the host's copy of `particle`."""
+        """Return the numbers of the active particles from the host's copy of `particle`."""
         return particle[: particle[-1]] if self.flow else particle
 
     @property
     def not_emitted(self) -> int:
-        """Particles that were due at a nozzle while none waited, since the simulation was opened."""
+        """Number of particles that a nozzle could not emit as none was inactive, since the simulation was opened."""
         return self.flow.missed if self.flow else 0
 
     def _multipliers(self) -> np.ndarray:
-        """(particles,): of the last substep [m^2], in the scene's order, for pressures."""
+        """Return (particles,) the multipliers of the last substep [m^2], in the scene's order, for pressures."""
         found, particle = self.multipliers.copy_to_host(stream=self.stream), self.particle[self._current].copy_to_host()
         self.synchronize()
         ordered, there = np.zeros_like(found), self._among(particle)

@@ -1,13 +1,14 @@
-"""Particles into the order of their cells, on CUDA: a counting sort whose every launch has a size fixed at the start.
+"""Cell sort of particles on CUDA: a counting sort whose launches all have sizes fixed at the start.
 
-`hash_particles` asks a counter of its cell for a place, in whatever order threads come; the counters are summed up, and
-`fill` puts each particle's number into a place of its cell. No order of atomics is left in the end: `arrange` counts for each
-particle the lower numbers in its cell, which are about six, and a twenty-seventh of those that the search looks at anyway. So
-a cell's particles are in the order of their numbers, the whole order hangs on positions alone, and is the same in every run.
-Whole numbers only, but for the box, whose minima and maxima no order changes.
+`hash_particles` takes a slot from a counter of its cell, in the arbitrary order of threads. The counters are summed up,
+and `fill` writes each particle's number into a slot of its cell. The order of atomics does not matter in the end:
+`arrange` counts, for each particle, the lower numbers in its cell, which are about six, and 1/27 of those that the
+search tests anyway. So the particles of a cell are in the order of their numbers, and the whole order depends on
+positions alone and is the same in every run. All operations are on integers, except for the box, whose minima and
+maxima do not depend on the order.
 
-How many cells there are is known on the device alone (`numbers[CELLS]`): a launch covers all that there may be, and blocks
-beyond end at once.
+The number of cells is known on the device only (`numbers[CELLS]`): a launch covers the maximum, and blocks beyond the
+end return at once.
 """
 
 from __future__ import annotations
@@ -26,23 +27,23 @@ from gpu_backend.core.quads import SIZE, load_quad, store_quad
 from gpu_backend.core.scan import make_before, make_strips
 from model.formulas.fluid import cells as grid
 
-THREADS = 32 if simulated() else 256  # of a block that reduces; the simulator runs each as one of Python's
-EACH = 4 if simulated() else 8  # cells of a thread that scans
-CHUNK = THREADS * EACH  # cells of a block that scans
+THREADS = 32 if simulated() else 256  # of a block that reduces; the simulator runs each one as a Python thread
+EACH = 4 if simulated() else 8  # cells per thread of a scan
+CHUNK = THREADS * EACH  # cells per block of a scan
 AXES = 3
 BOX = 2 * AXES  # numbers of a box: the lowest coordinate along each axis, then the highest
-# the grid's whole numbers: cells along x, y, z; whether that axis wraps; all cells
+# integers of the grid: cells along x, y, z; 1 for each axis that is periodic; all cells
 WIDTH, HEIGHT, DEPTH, WRAPS, CELLS = 0, 1, 2, 3, 6
-KEPT = 7  # and where particles go, how many have a cell
+KEPT = 7  # with sinks, how many particles have a cell
 NUMBERS = 8
-LOW, INVERSE = 0, AXES  # the grid's reals, a number an axis: the corner [m], cells a metre
+LOW, INVERSE = 0, AXES  # reals of the grid, one per axis: the corner [m], cells per metre
 REALS = 2 * AXES
 
 
 @cache
 def make_box(real: Any) -> Any:
-    """keep_box(lx, ly, lz, hx, hy, hz, boxes): the box of what the block's threads have, as a row of `boxes`; every thread
-    of the block must call it."""
+    """Make keep_box(lx, ly, lz, hx, hy, hz, boxes): it writes the bounding box of a block's threads as a row of
+    `boxes`; every thread of the block must call it."""
     room, threads, box = BOX * THREADS, np.int32(THREADS), np.int32(BOX)
 
     @inlined("exact")
@@ -69,7 +70,7 @@ def make_box(real: Any) -> Any:
 
 
 def _make_grid(real: Any, repeats: frozenset[str]) -> tuple[Any, ...]:
-    """The kernels that make a grid of a box."""
+    """Make the kernels that compute the grid from a box."""
     keep_box, cells = make_box(real), device_formulas(grid.make, real, "exact")
     cells_along, halved, fits = cells.cells_along, cells.halved, grid.make_fits(inlined("exact"))
     along_x, along_y, along_z = "x" in repeats, "y" in repeats, "z" in repeats
@@ -77,7 +78,7 @@ def _make_grid(real: Any, repeats: frozenset[str]) -> tuple[Any, ...]:
 
     @inlined("exact")
     def begun(axis, boxes, inverse, reals, numbers):
-        """A grid's axis that does not repeat."""
+        """Set the grid along an axis that is not periodic."""
         low, high = boxes[axis], boxes[AXES + axis]
         if not low <= high:
             low, high = zero, zero
@@ -86,12 +87,12 @@ def _make_grid(real: Any, repeats: frozenset[str]) -> tuple[Any, ...]:
 
     @inlined("exact")
     def begun_again(axis, low, inverse, count, reals, numbers):
-        """One that does."""
+        """Set the grid along a periodic axis."""
         reals[LOW + axis], reals[INVERSE + axis] = low, inverse
         numbers[axis], numbers[WRAPS + axis] = np.int32(count), 1
 
     def bound(position, limit, boxes):
-        """A row of `boxes` for each block: the box of the quads it looked at that are within `limit` of the origin."""
+        """Write, for each block, the bounding box of its quads within `limit` of the origin, as a row of `boxes`."""
         lx, ly, lz, hx, hy, hz = none, none, none, -none, -none, -none
         for k in range(np.int32(cuda.grid(1)), position.size // SIZE, np.int32(cuda.gridsize(1))):
             p = load_quad(position, k)
@@ -101,7 +102,7 @@ def _make_grid(real: Any, repeats: frozenset[str]) -> tuple[Any, ...]:
         keep_box(lx, ly, lz, hx, hy, hz, boxes)
 
     def span(boxes, record, most, reals, numbers):
-        """The grid of at most `most` cells over all boxes: one block."""
+        """Compute the grid of at most `most` cells over all boxes: one block."""
         t = np.int32(cuda.threadIdx.x)
         lx, ly, lz, hx, hy, hz = none, none, none, -none, -none, -none
         for row in range(t, boxes.size // BOX, threads):
@@ -137,7 +138,7 @@ def _make_grid(real: Any, repeats: frozenset[str]) -> tuple[Any, ...]:
 
 
 def _make_sort(real: Any, flows: bool) -> tuple[Any, ...]:
-    """The kernels that count, sum up, and fill."""
+    """Make the kernels that count, sum up, and fill."""
     cell_of = device_formulas(grid.make, real, "exact").cell_of
     before, strips = make_before(THREADS), make_strips(THREADS)
     zero, one = np.int32(0), np.int32(1)
@@ -154,7 +155,7 @@ def _make_sort(real: Any, flows: bool) -> tuple[Any, ...]:
             keys[k], slots[k] = key, cuda.atomic.add(counts, key, one)
 
     def chunks(counts, numbers, starts, totals):
-        """starts[k]: the sum of the chunk's counts before k; totals[b]: of a whole chunk. One block a chunk."""
+        """Write starts[k], the chunk's sum of counts before k, and totals[b], that of a chunk. One block per chunk."""
         cells = numbers[CELLS]
         if np.int32(cuda.blockIdx.x) * chunk < cells:
             first = np.int32(cuda.grid(1) * each)
@@ -170,14 +171,16 @@ def _make_sort(real: Any, flows: bool) -> tuple[Any, ...]:
                 totals[cuda.blockIdx.x] = start
 
     def totals(numbers, sums):
-        """The same in place, over all chunks: one block."""
+        """Replace the total of each chunk by the sum of those before it: one block."""
         kept = strips(sums, np.int32((numbers[CELLS] + chunk - one) // chunk))
         if flows and cuda.threadIdx.x == threads - one:
             numbers[KEPT] = kept
 
     def fill(keys, slots, number, starts, sums, numbers, counts, begins, filled):
-        """filled[...]: the numbers of a cell's particles in any order; begins[k]: where those of cell k begin, one number
-        more than there are cells; and counts are 0 again."""
+        """Write filled[...], the numbers of each cell's particles in any order, and begins[k], the start of cell k.
+
+        `begins` has one more number than there are cells. The counts are set to 0.
+        """
         cells, stride = numbers[CELLS], np.int32(cuda.gridsize(1))
         for k in range(np.int32(cuda.grid(1)), keys.size, stride):
             key = keys[k]
@@ -193,7 +196,7 @@ def _make_sort(real: Any, flows: bool) -> tuple[Any, ...]:
         keys, begins, filled, position, before_, velocity, number, sorted_position, sorted_before, sorted_velocity,
         sorted_number, sorted_keys,
     ):  # fmt: skip
-        """Particles in the order of their cells, and of one cell in that of their numbers."""
+        """Write particles in the order of their cells, and of their numbers within a cell."""
         k = np.int32(cuda.grid(1))
         if k < keys.size and (not flows or keys[k] >= zero):
             key, own = keys[k], number[k]
@@ -212,8 +215,10 @@ def _make_sort(real: Any, flows: bool) -> tuple[Any, ...]:
 
 @cache
 def make_cell_sort(real: Any, repeats: frozenset[str], flows: bool = False) -> SimpleNamespace:
-    """`bound`, `span`, `hash_particles`, `chunks`, `totals`, `fill` and `arrange`, as told above, for launches of blocks of
-    THREADS. `repeats`: axes whose sides do; `flows`: who has the key -1 is left out."""
+    """Compile `bound`, `span`, `hash_particles`, `chunks`, `totals`, `fill` and `arrange`, for blocks of THREADS.
+
+    `repeats`: axes that are periodic; `flows`: particles with the key -1 are left out.
+    """
     kernels = (*_make_grid(real, repeats), *_make_sort(real, flows))
     variant = variant_name(real, repeats | {"flow"} if flows else repeats)
     return make_kernels(kernels, f"fluid_cells_{variant}", **kernel_options("exact"))

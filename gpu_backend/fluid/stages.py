@@ -1,4 +1,4 @@
-"""The stages of a fluid's plan on CUDA, each by itself: slow, easy to time and to test against whole substeps."""
+"""The stages of a fluid's plan on CUDA, one by one: slow, easy to time and to test against whole substeps."""
 
 from __future__ import annotations
 
@@ -10,15 +10,17 @@ from model.core.plan import Moment, StageRun
 
 
 class Bound(NamedTuple):
-    """`stages`: what runs each stage of a plan; `now`: what is predicted ("given") and where particles are ("position",
-    "other"), as the last stage left it."""
+    """The function of each stage of a plan, `stages`, and the arrays `now`, as the last stage left them.
+
+    `now`: the prediction ("given") and the positions ("position", "other").
+    """
 
     stages: dict[str, StageRun]
     now: dict[str, Any]
 
 
 def bind_fluid_stages(sim: Any) -> Bound:
-    """What runs each stage of the plan of `sim`, a gpu_backend.fluid.solver.Fluid. The state keeps its buffer."""
+    """Return the function of each stage of `sim`, a gpu_backend.fluid.solver.Fluid. The state stays in its buffer."""
     flat, cells, relaxing, settling = sim._flat, sim.cells, sim.relaxing, sim.settling
     state, velocity, start = sim.position[0], sim.velocity[0], sim.on_device(np.zeros(1, np.int64))
     now: dict[str, Any] = {"given": (), "position": sim.sorted, "other": sim.corrected}

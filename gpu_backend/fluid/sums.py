@@ -1,7 +1,8 @@
-"""What a fluid's particle sums up over its list, on CUDA, as device functions: one thread a particle, in the list's order.
+"""Sums of a fluid's particle over its neighbour list, on CUDA, as device functions: one thread per particle, in the
+list's order.
 
-A position is a quad whose fourth number is the particle's fluid, or, from a substep's first `density` on, the change of its
-multiplier, so that `correct` finds all it wants to know of a neighbour in one load.
+A position is a quad whose fourth number is the particle's fluid, or, from the first `density` of a substep on, the
+change of its multiplier, so that `correct` reads all about a neighbour in one load.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from model.formulas.fluid import density
 
 
 class List(NamedTuple):
-    """Of one particle: the s-th of its `count` neighbours lies in place k + s * particles of `table`."""
+    """The list of one particle: neighbour s of `count` is at index k + s * particles of `table`."""
 
     table: Any
     count: Any
@@ -29,7 +30,7 @@ class List(NamedTuple):
 
 
 class Weights(NamedTuple):
-    """Rows of fluids, and the weight of the first one, which is that of all where they are alike."""
+    """Rows of fluids, and the weight of the first one, which applies to all if they are alike."""
 
     rows: Any
     weight: Any
@@ -37,7 +38,7 @@ class Weights(NamedTuple):
 
 @cache
 def make_row(parts: frozenset[str]) -> Any:
-    """row(fluid) -> where the row of a fluid, a quad's fourth number, begins; 0 where all are alike."""
+    """Make row(fluid): the offset of the row of a fluid, a quad's fourth number; 0 if all are alike."""
     several, fields = "fluids" in parts, np.int32(FLUID_FIELDS)
 
     def row(fluid):
@@ -49,14 +50,17 @@ def make_row(parts: frozenset[str]) -> Any:
 
 
 def make_over_list(math: str, added: Any, begun: Any) -> Any:
-    """over_list(k, p, position, near_by, fluids, parameters) -> `begun` with what each neighbour of particle k at p adds, by
-    added(sums, k, p, j, q, fluids, parameters) of neighbour j at q. Four at a time, so that four loads are on their way
-    before the first is waited for, and the next four places; `added` in turn, in the list's order."""
+    """Make over_list(k, p, position, near_by, fluids, parameters): it adds each neighbour of particle k at p to
+    `begun`.
+
+    added(sums, k, p, j, q, fluids, parameters) adds neighbour j at q. Four neighbours at a time: their four loads, and
+    the next four indices, are in flight before the first is needed; `added` is called in the list's order.
+    """
     one, two, three, four = np.int32(1), np.int32(2), np.int32(3), np.int32(4)
 
     @inlined("exact")
     def entry(table, k, row, last, particles):
-        """Of row `row` of the list, or of its last one."""
+        """Return an entry of row `row` of the list, or of its last one."""
         return table[np.uint64(k) + np.uint64(np.uint32(min(row, last))) * np.uint64(particles)]
 
     @inlined(math)
@@ -93,7 +97,7 @@ def make_over_list(math: str, added: Any, begun: Any) -> Any:
 
 @cache
 def make_pair(real: Any, math: str, repeats: frozenset[str]) -> Any:
-    """pair(k, p, j, q, parameters) -> (dx, dy, dz, squared) of two that must not lie in one place."""
+    """Make pair(k, p, j, q, parameters) -> (dx, dy, dz, squared) of two particles, separated if they coincide."""
     formulas, inline, way = device_formulas(density.make, real, math), inlined(math), make_ways(real, math, repeats)
     squared, apart = formulas.squared, formulas.apart
 
@@ -107,7 +111,7 @@ def make_pair(real: Any, math: str, repeats: frozenset[str]) -> Any:
 
 
 def _make_added(real: Any, math: str, parts: frozenset[str], repeats: frozenset[str]) -> SimpleNamespace:
-    """What neighbour j at q adds to sums of particle k at p, as `make_over_list` wants it."""
+    """Make functions that add neighbour j at q to sums of particle k at p, for `make_over_list`."""
     f, inline, way, row = (
         device_formulas(density.make, real, math),
         inlined(math),
@@ -149,11 +153,13 @@ def _make_added(real: Any, math: str, parts: frozenset[str], repeats: frozenset[
 
 @cache
 def make_sums(real: Any, math: str, parts: frozenset[str], repeats: frozenset[str]) -> SimpleNamespace:
-    """Of particle k at p: `sum_factor(k, p, position, list, wall, fluids, parameters)`; `sum_density(k, p, position, list,
-    parameters)`; `sum_correction(k, p, position, list, wall, parameters)` -> (x, y, z). `wall`: (density, gx, gy, gz) of
-    `make_walls`. And what a search sums up, `both_added` with
-    `weights_of(fluids)`, of which the last is the density's sum, and `factor_of(p, sums, wall, fluids, parameters)` of the
-    rest."""
+    """Make the sums of particle k at p over its list.
+
+    `sum_factor(k, p, position, list, wall, fluids, parameters)`; `sum_density(k, p, position, list, parameters)`;
+    `sum_correction(k, p, position, list, wall, parameters)` -> (x, y, z). `wall`: (density, gx, gy, gz) of
+    `make_walls`. For a search: `both_added` with `weights_of(fluids)`, whose last sum is the density's, and
+    `factor_of(p, sums, wall, fluids, parameters)` of the other sums.
+    """
     formulas, inline, added = (
         device_formulas(density.make, real, math),
         inlined(math),
@@ -165,7 +171,7 @@ def make_sums(real: Any, math: str, parts: frozenset[str], repeats: frozenset[st
 
     @inline
     def both_added(sums, k, p, j, position, fluids, parameters):
-        """Of `factor_added` and `total_added`, as a search visits a neighbour."""
+        """Add a neighbour by `factor_added` and `total_added`, as visited by a search."""
         gx, gy, gz, own, total = sums
         q = load_quad(position, j)
         gx, gy, gz, own = factor_added((gx, gy, gz, own), k, p, j, q, fluids, parameters)

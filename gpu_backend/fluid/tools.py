@@ -1,4 +1,4 @@
-"""Small kernels around a fluid's substeps: count steps, look for bad particles, write positions in the scene's order."""
+"""Small kernels around a fluid's substeps: count steps, find bad particles, write positions in the scene's order."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from model.fluid.fluid_set import PARKED
 
 @cache
 def make_fluid_tools(real: Any, axes: int, parts: frozenset[str]) -> SimpleNamespace:
-    """`count(counter, steps)`; `first_diverged(position, velocity, particle, bound, x, y, z, result)`;
-    `write_position(position, particle, out)`, and where particles come and go `park(there, out)` before it. `particle`:
-    the particles' numbers."""
+    """Compile `count(counter, steps)`, `first_diverged(position, velocity, particle, bound, x, y, z, result)`,
+    `write_position(position, particle, out)` and, for emitters and sinks, `park(there, out)`, which must run before it.
+    `particle`: the particles' numbers."""
     solid, extent, parked, zero = axes == 3, make_extent(parts), np.float32(PARKED), np.int32(0)
 
     def count(counter, steps):
@@ -27,8 +27,8 @@ def make_fluid_tools(real: Any, axes: int, parts: frozenset[str]) -> SimpleNames
             counter[0] += steps
 
     def first_diverged(position, velocity, particle, bound, x, y, z, result):
-        """The lowest number of a particle that is not finite, or farther than `bound` from (x, y, z) along an axis, by an
-        atomic minimum of integers."""
+        """Find the lowest number of a particle that is not finite, or farther than `bound` from (x, y, z) along an
+        axis, by an atomic minimum of integers."""
         k = np.int32(cuda.grid(1))
         if k < extent(particle)[1]:
             p, v = load_quad(position, k), load_quad(velocity, k)

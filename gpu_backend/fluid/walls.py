@@ -1,5 +1,5 @@
-"""What colliders do to a fluid, on CUDA: the share of density of their half spaces and its gradient, and velocities that no
-wall throws back."""
+"""Effects of colliders on a fluid on CUDA: their contribution to density and its gradient, and velocities without the
+rebound from walls."""
 
 from __future__ import annotations
 
@@ -36,8 +36,11 @@ from model.formulas.fluid import density, impact, surfaces
 
 @cache
 def make_walls(real: Any, math: str, parts: frozenset[str]) -> Any:
-    """walls(p, world, step) -> (density, gx, gy, gz): what all colliders that are walls add to the constraint of a
-    particle at p (a quad), as they are at the end of substep `step`; see model/fluid/plan.py."""
+    """Make walls(p, world, step) -> (density, gx, gy, gz).
+
+    It returns what all colliders that are walls contribute to the constraint of a particle at p (a quad), at the end of
+    substep `step` (model/fluid/plan.py).
+    """
     sums, zero = device_formulas(density.make, real, math), real(0)
     wall_density, wall_slope, wall_near, beyond = sums.wall_density, sums.wall_slope, sums.wall_near, sums.beyond
     joined_density, joined_gradient, inline = sums.joined_density, sums.joined_gradient, inlined(math)
@@ -62,9 +65,12 @@ def make_walls(real: Any, math: str, parts: frozenset[str]) -> Any:
 
 
 def _make_each_wall(real: Any, math: str, parts: frozenset[str], visit: Any) -> Any:
-    """each(so_far, p, world, step, given): what visit(so_far, surface, bodies, at, end, parameters, turns, given) makes of
-    four numbers, collider by collider. `surface`: (distance, nx, ny, nz) of a particle at p (a quad) from the collider whose
-    row begins at `at`, at the end of substep `step`, the time `end`; `turns`: whether such colliders may turn."""
+    """Make each(so_far, p, world, step, given): it applies visit(so_far, surface, bodies, at, end, parameters, turns,
+    given) to four numbers, collider by collider.
+
+    `surface`: (distance, nx, ny, nz) of a particle at p (a quad) from the collider whose row begins at `at`, at the end
+    of substep `step`, the time `end`; `turns`: true if such colliders may turn.
+    """
     distances, inline = device_formulas(colliders.make, real, math), inlined(math)
     plane, sphere, capsule, box = distances.plane, distances.sphere, distances.capsule, distances.box
     instant, next_one = device_formulas(cloth.make, real, math).instant, np.int64(1)
@@ -74,7 +80,7 @@ def _make_each_wall(real: Any, math: str, parts: frozenset[str], visit: Any) -> 
 
     @inline
     def way(p, bodies, at, time):
-        """From the collider's point at `time` to the particle."""
+        """Return the vector from the collider's point at `time` to the particle."""
         x, y, z = place_of(bodies, at, time)
         return p[0] - x, p[1] - y, p[2] - z
 
@@ -118,8 +124,11 @@ def _make_each_wall(real: Any, math: str, parts: frozenset[str], visit: Any) -> 
 
 @cache
 def make_settled(real: Any, math: str, parts: frozenset[str]) -> Any:
-    """settled(q, v, u, multiplier, weight, world, step) -> v without the rebound from walls; q, v, u: three numbers each, the
-    place where walls pushed, the velocity, and that before corrections. See model/formulas/fluid/impact.py."""
+    """Make settled(q, v, u, multiplier, weight, world, step): v without the rebound from walls.
+
+    q, v, u: three numbers each, the position after the walls, the velocity, and that before corrections
+    (model/formulas/fluid/impact.py).
+    """
     f, g = device_formulas(density.make, real, math), device_formulas(impact.make, real, math)
     beyond, wall_near, wall_density, wall_slope = f.beyond, f.wall_near, f.wall_density, f.wall_slope
     joined_density, rate, wall_push = f.joined_density, f.rate, g.wall_push
@@ -157,8 +166,8 @@ def make_settled(real: Any, math: str, parts: frozenset[str]) -> Any:
 
 
 def surfaces_of(real: Any, math: str) -> tuple[Any, Any]:
-    """(mesh, field)(p, bodies, at, time, parameters) -> (distance, nx, ny, nz) of a particle at p (a quad) from a collider
-    made from a mesh, whose row begins at `at`."""
+    """Make (mesh, field)(p, bodies, at, time, parameters) -> (distance, nx, ny, nz) of a particle at p (a quad) from a
+    collider made from a mesh, whose row begins at `at`."""
     found, inline = device_formulas(surfaces.make, real, math), inlined(math)
 
     def of(away: Any) -> Any:

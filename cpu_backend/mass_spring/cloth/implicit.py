@@ -1,7 +1,7 @@
 """Implicit Euler on the cloth: passes over the sheet, each by bands of rows, until the residual is small enough.
 
-No matrix is assembled: its product with a vector is taken spring by spring, as forces are. What follows a pass is decided
-from sums over all masses that are taken in one order for any number of threads (mass_spring/cloth/sums.py).
+No matrix is assembled: its product with a vector is computed spring by spring, as forces are. The next pass is chosen
+from sums over all masses that have one order for any number of threads (mass_spring/cloth/sums.py).
 """
 
 from __future__ import annotations
@@ -30,20 +30,20 @@ from model.mass_spring.implicit_parameters import (
     without_dampers,
 )
 
-N_KIND, N_STEPS, N_COUNTS = 0, 1, 2  # of `control`: what the next pass is, steps done, what the formulas count (three)
-VALUES = 7  # numbers that the formulas keep from pass to pass
-COUNTS = ("steps", "matrices", "iterations", "halvings")  # that a simulation has done
+N_KIND, N_STEPS, N_COUNTS = 0, 1, 2  # indices in `control`: kind of the next pass, steps done, three counters
+VALUES = 7  # numbers that the formulas store from pass to pass
+COUNTS = ("steps", "matrices", "iterations", "halvings")  # counters of a simulation
 
 
 def factors_of(kind: int) -> int:
-    """How many products of two vectors a pass sums up."""
+    """Return the number of dot products that a pass sums up."""
     if kind == RESIDUAL:
         return 3
     return 2 if kind == PRODUCT else 0
 
 
 def factors(kind: int, n: int) -> tuple[int, int]:
-    """(first plane of one vector, of the other) of the n-th of them, in the order that the formulas ask for."""
+    """Return (first plane of one vector, of the other) of the n-th dot product, in the formulas' order."""
     if kind == PRODUCT:
         return R, (R if n == 0 else AR)
     if n == 0:
@@ -52,7 +52,8 @@ def factors(kind: int, n: int) -> tuple[int, int]:
 
 
 def make_pass_band(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
-    """pass_band(band, kind, first_iteration, step, alpha, beta, source, work, target, ...): one pass on a band's rows."""
+    """Make pass_band(band, kind, first_iteration, step, alpha, beta, source, work, target, ...): one pass on a band's
+    rows."""
     rows_of = make_row_passes(compiler, real, parts)
     elsewhere, clear, pull_end, pull_matrix = rows_of.elsewhere, rows_of.clear, rows_of.pull_end, rows_of.pull_matrix
     walk_else, sum_else, air_now = elsewhere.begin_walk, elsewhere.sum_forces, elsewhere.air_now
@@ -87,7 +88,7 @@ def make_pass_band(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
         if springs and first < REACH:
             clear(scratch, width)
         for i in range(max(first - REACH, 0) if springs else first, last):
-            if kind == RESIDUAL:  # the springs that lead down from the two rows above the first one, too
+            if kind == RESIDUAL:  # also the springs that lead down from the two rows above the first one
                 pull_end(i, i >= first, blocks, layout, work, parameters, scratch, width)
             elif kind == PRODUCT:
                 pull_matrix(i, i >= first, blocks, layout, row_at(work, X * plane), system, scratch, width)
@@ -120,14 +121,13 @@ def make_pass_band(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
 
 @cache
 def make_cloth_implicit(real: Any, math: str, linear: bool, parts: frozenset[str]) -> Any:
-    """advance(bands, steps, step, states, current, work, layout, parameters, system, integers, bodies, kinds, pin_start,
-    pin_column, scratches, lanes, sums, tree, done, control, values): `steps` steps, ping-pong between the two states of
-    `states` (see core/layout.py).
+    """Compile advance(bands, steps, step, states, current, work, layout, parameters, system, integers, bodies, kinds,
+    pin_start, pin_column, scratches, lanes, sums, tree, done, control, values).
 
-    `work`: WORK_PLANES planes; `system`: model/mass_spring/implicit_parameters.py; `lanes` (bands, LANES), `sums` and
-    `tree`: scratch;
-    `done` (len(COUNTS),) is added to; `control` (N_COUNTS + 3,), `values` (VALUES,): what the next pass is, 0 at first. With
-    `linear` a step ends after its first matrix.
+    It does `steps` steps, alternating between the two states of `states` (core/layout.py). `work`: WORK_PLANES planes;
+    `system`: model/mass_spring/implicit_parameters.py; `lanes` (bands, LANES), `sums` and `tree`: scratch; `done`
+    (len(COUNTS),) is incremented; `control` (N_COUNTS + 3,), `values` (VALUES,): state of the iteration, 0 at first.
+    With `linear` a step ends after its first matrix.
     """
     compiler = Compiler(cloth_variant(f"implicit_{'once' if linear else 'newton'}", real, math, parts), math)
     pass_band, total = make_pass_band(compiler, real, parts), make_sums_over_masses(compiler, real).total
@@ -137,7 +137,7 @@ def make_cloth_implicit(real: Any, math: str, linear: bool, parts: frozenset[str
 
     @compiler.compiled
     def go_on(control, values, count, system, sums, tree, done):
-        """What follows the pass that was done, from the sums that it left."""
+        """Choose the next pass from the sums of the last one."""
         kind = control[N_KIND]
         counts = control[N_COUNTS], control[N_COUNTS + 1], control[N_COUNTS + 2]
         old = values[0], values[1], values[2], values[3], values[4], values[5], values[6]
@@ -173,7 +173,7 @@ def make_cloth_implicit(real: Any, math: str, linear: bool, parts: frozenset[str
     ):  # fmt: skip
         size = PLANES * layout[L_PLANE]
         count = layout[L_ROWS] * ((layout[L_COLUMNS] + SEGMENT - 1) // SEGMENT)
-        while control[N_STEPS] < steps:  # it only grows: who comes late sees that all is done
+        while control[N_STEPS] < steps:  # it only grows: a late member sees that all is done
             for band in shares(team, member, bands):
                 now = (current + control[N_STEPS]) % 2
                 source, target = row_at(states, now * size), row_at(states, (1 - now) * size)
@@ -189,7 +189,7 @@ def make_cloth_implicit(real: Any, math: str, linear: bool, parts: frozenset[str
 
 
 class ImplicitSteps:
-    """The steps of one simulation, a cpu_backend.mass_spring.cloth.solver.ClothMassSpring, and what they need besides its
+    """The steps of one simulation, a cpu_backend.mass_spring.cloth.solver.ClothMassSpring, and their arrays besides its
     state.
 
     `done`: (steps, matrices, iterations of conjugate gradients, halved Newton steps) so far.
@@ -211,7 +211,7 @@ class ImplicitSteps:
         self.renew()
 
     def renew(self) -> None:
-        """Take the scene's fields as they are now."""
+        """Update the system from the scene's current fields."""
         self._system = system_record(self.simulation.scene, self.simulation.real)[0]
 
     def advance(self, step: int, steps: int) -> None:

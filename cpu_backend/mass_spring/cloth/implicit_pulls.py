@@ -1,6 +1,6 @@
-"""What the springs of a row of a cloth do in implicit Euler's system: pull at the step's end, or multiply a vector.
+"""Spring terms of implicit Euler's system for a row of a cloth: forces at the step's end, or the product with a vector.
 
-Both look at a vector at each place, and at one that belongs to it, six planes farther on.
+Both read a vector at each position, and a second vector that belongs to it, six planes behind.
 """
 
 from __future__ import annotations
@@ -17,7 +17,8 @@ BESIDE = 2 * AXES  # planes from a vector to the one that belongs to it
 
 
 def _make(compiler: Compiler, real: Any, kind: str, place: Any, formula: Any, name: str) -> Any:
-    """As rows.make_accelerations, by `formula(d, w, stiffness, rest, damping, dt)`: d and w differences of both vectors."""
+    """Make a function like rows.make_accelerations with `formula(d, w, stiffness, rest, damping, dt)`; d and w are
+    differences of the two vectors."""
     block = block_of(real)
     k_stiffness, k_rest, k_damping = spring_constants(kind)
 
@@ -53,12 +54,12 @@ def _make(compiler: Compiler, real: Any, kind: str, place: Any, formula: Any, na
 
 
 def make_end_pulls(compiler: Compiler, real: Any, parts: frozenset[str], kind: str, place: Any) -> Any:
-    """Pulls at the step's end. First vector: position without the velocity at the step's end; the other: that velocity."""
+    """Make forces at the step's end. First vector: position without the end velocity; second: that velocity."""
     return _make(compiler, real, kind, place, implicit.make(real, compiler.compiled).end_pull_3d, "end")
 
 
 def make_products(compiler: Compiler, real: Any, parts: frozenset[str], kind: str, place: Any) -> Any:
-    """Products. First vector: position at the step's end; the other: what is multiplied."""
+    """Make products. First vector: position at the step's end; second: the vector to multiply."""
     product_3d = implicit.make(real, compiler.compiled).product_3d
 
     @compiler.compiled

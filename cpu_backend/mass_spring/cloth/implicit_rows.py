@@ -1,7 +1,7 @@
-"""What implicit Euler does with a row of a cloth in each pass over the sheet (model/formulas/implicit.py names them).
+"""Operations of implicit Euler on a row of a cloth, for each pass over the sheet (model/formulas/implicit.py names
+them).
 
-The working memory is planes like those of a state, three to a vector, in the order that mass_spring/cloth/implicit_pulls.py
-asks for.
+The working memory is planes as of a state, three for a vector, in the order for mass_spring/cloth/implicit_pulls.py.
 """
 
 from __future__ import annotations
@@ -21,19 +21,20 @@ from cpu_backend.mass_spring.cloth.sums import make_sums_over_masses
 from model.formulas import implicit
 from model.scene.cloth import SPRING_KINDS
 
-# First planes of the vectors: position without the velocity at the step's end, position and velocity there as far as they
-# are known, residual, solution of the Newton step, direction and A direction, A residual, velocity without springs.
+# First planes of the vectors: position without the velocity at the step's end, current estimates of position and
+# velocity there, residual, solution of the Newton step, direction and A direction, A residual, velocity without
+# springs.
 BASE, X, U, R, S, Q, AQ, AR, BEGIN = range(0, 9 * AXES, AXES)
 WORK_PLANES = 9 * AXES
 
 
 def spring_parts(parts: frozenset[str]) -> frozenset[str]:
-    """The springs and the dampers along them: what is evaluated at the step's end."""
+    """Return the springs and their dampers: the forces that are evaluated at the step's end."""
     return frozenset(part for part in parts if part.split("-")[0] in SPRING_KINDS)
 
 
 def make_loops(compiler: Compiler, real: Any) -> SimpleNamespace:
-    """Loops along one axis of a row; arrays that a loop writes are its last."""
+    """Make the loops along one axis of a row; the arrays that a loop writes are its last arguments."""
     row, block = compiler.row, block_of(real)
     formulas = implicit.make(real, compiler.compiled)
     residual, applied, added = formulas.residual, formulas.applied, formulas.added
@@ -103,9 +104,11 @@ def make_loops(compiler: Compiler, real: Any) -> SimpleNamespace:
 
 
 def make_system_rows(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
-    """What the passes over the linear system do with row `i`: `residual_row`, `product_row`, `update_row` and `add_up`, sums
-    over masses. `pull_end`, `pull_matrix`: walks over springs, of velocities and of a product; `clear(scratch, width)` before
-    one begins in the sheet's first rows."""
+    """Make the operations of the passes over the linear system on row `i`.
+
+    `residual_row`, `product_row`, `update_row`; `add_up`: sums over masses; `pull_end`, `pull_matrix`: spring terms at
+    the step's end and of a product; `clear(scratch, width)`: before a walk begins in the sheet's first rows.
+    """
     compiled, zero, loops = compiler.compiled, real(0), make_loops(compiler, real)
     missing, apply, first_update, next_update = loops.missing, loops.apply, loops.first_update, loops.next_update
     springs, has_pins, scratches = spring_parts(parts), "pins" in parts, make_scratch(compiler, real)
@@ -117,7 +120,7 @@ def make_system_rows(compiler: Compiler, real: Any, parts: frozenset[str]) -> Si
 
     @compiled
     def hold(i, layout, work, vector, pin_start, pin_column):
-        """Pinned masses have no entry in a vector of the system."""
+        """Zero the entries of pinned masses in a vector of the system."""
         if has_pins:
             here, plane = i * layout[L_STRIDE], layout[L_PLANE]
             for k in range(pin_start[i], pin_start[i + 1]):
@@ -126,7 +129,7 @@ def make_system_rows(compiler: Compiler, real: Any, parts: frozenset[str]) -> Si
 
     @compiled
     def add_up(i, layout, work, one, other, lanes, out):
-        """The segments' sums of one vector times another on row `i`."""
+        """Write the segments' sums of the dot products of two vectors on row `i`."""
         columns, plane, here = layout[L_COLUMNS], layout[L_PLANE], i * layout[L_STRIDE]
         a, b = here + one * plane, here + other * plane
         segment_sums(
@@ -181,8 +184,10 @@ def make_system_rows(compiler: Compiler, real: Any, parts: frozenset[str]) -> Si
 
 
 def make_row_passes(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
-    """What each pass does with row `i`, by name: those of `make_system_rows`, and those that move masses. `elsewhere`: the
-    walk that adds up all forces but the springs', at the step's start (mass_spring/cloth/rows.py)."""
+    """Make the operations of each pass on row `i`: those of `make_system_rows`, and those that move masses.
+
+    `elsewhere`: sums of all forces except the springs', at the step's start (mass_spring/cloth/rows.py).
+    """
     compiled, loops, settled = compiler.compiled, make_loops(compiler, real), make_settle(compiler, real, parts)
     begin, leave, copy, move, retreat = loops.begin, loops.leave, loops.copy, loops.move, loops.retreat
     settle, collide_row, has_colliders = settled.settle, settled.collide_row, settled.has_colliders
@@ -201,7 +206,7 @@ def make_row_passes(compiler: Compiler, real: Any, parts: frozenset[str]) -> Sim
 
     @compiled
     def leave_row(i, blocks, layout, work, parameters):
-        """Where masses are without the velocity that they end the step with: where they were, but for pins that move."""
+        """Write the positions without the end velocity: the old positions, except for pins that move."""
         plane, here = layout[L_PLANE], i * layout[L_STRIDE]
         for axis in range(AXES):
             x, u = row_at(work, here + (X + axis) * plane), row_at(work, here + (U + axis) * plane)

@@ -1,8 +1,8 @@
-"""The kernel `fused` of the cloth: one pass over the sheet a step, one thread a band of rows, as in
+"""The kernel `fused` of the cloth: one pass over the sheet per step, one thread per band of rows, as in
 mass_spring/grid/kernels.py.
 
-For each row the forces (mass_spring/cloth/rows.py), the integrator's formula, the colliders, the pins.
-mass_spring/cloth/rk4.py holds the Runge-Kutta method, which has stages.
+For each row: forces (mass_spring/cloth/rows.py), the integrator's formula, colliders, pins. mass_spring/cloth/rk4.py
+has the Runge-Kutta method, which has stages.
 """
 
 from __future__ import annotations
@@ -30,14 +30,16 @@ from model.mass_spring.cloth_plan import kicks_meet
 from model.scene.cloth import COLLIDER_KINDS
 
 PLANES = 2 * AXES  # x, y, z, vx, vy, vz
-PIN_ROWS = 3  # place in the integers: where the rows of pins begin among those of the colliders and motions
+PIN_ROWS = 3  # index in the integers: where the rows of pins begin among those of colliders and motions
 
 
 def make_settle(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
-    """What ends a row's pass, once it is written: `collide_row` (contact/colliders.py; only where `has_colliders`), and
-    `settle(i, blocks, layout, source, target, pin_start, pin_column, time, bodies, integers)`: pinned masses are where
-    `source` has them, at rest, or where their motion has them at `time` [s]; the spare columns follow the row's last mass,
-    at rest, so that they stay finite."""
+    """Make the functions that complete a written row: `collide_row` (contact/colliders.py; only if `has_colliders`) and
+    `settle(i, blocks, layout, source, target, pin_start, pin_column, time, bodies, integers)`.
+
+    `settle` puts pinned masses where `source` has them, at rest, or where their motion has them at `time` [s]; the
+    padding columns copy the row's last mass, at rest, so that they stay finite.
+    """
     block, zero, has_pins, has_motion = block_of(real), real(0), "pins" in parts, "motion" in parts
     follow = make_follow(compiler, real)
 
@@ -75,8 +77,8 @@ def make_settle(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleN
 
 
 def make_finish_rows(compiler: Compiler, real: Any, integrator: str, parts: frozenset[str]) -> Any:
-    """finish(kind, blocks, position, velocity, closing, opening, parameters, new_position, new_velocity): one axis of a row
-    from its sums of accelerations to its new state."""
+    """Make finish(kind, blocks, position, velocity, closing, opening, parameters, new_position, new_velocity): it
+    integrates one axis of a row from its sums of accelerations."""
     _, damped = springs.make(real, compiler.compiled)
     finishes = make_finishes(compiler, real, integrator, "damping" in parts, damped)
     return make_finish_axis(compiler, real, finishes)
@@ -84,13 +86,13 @@ def make_finish_rows(compiler: Compiler, real: Any, integrator: str, parts: froz
 
 @cache
 def make_cloth_advance(real: Any, math: str, integrator: str, parts: frozenset[str]) -> Any:
-    """The kernel of a variant, for one-force integrators and velocity Verlet:
+    """Compile the kernel for one-force integrators and velocity Verlet.
 
     advance(bands, passes, first_kind, last_kind, step, states, current, layout, parameters, integers, bodies, kinds,
-    pin_start, pin_column, scratches) does `passes` passes over the sheet, ping-pong between the two states that the flat
-    array `states` holds one after the other (see core/layout.py), the first reading from number `current`. Where velocity
-    Verlet's kicks cannot meet (model/cloth_plan.kicks_meet) passes open and close steps in turn. `bodies`, `kinds`: the
-    colliders; `scratches`: a flat row a band.
+    pin_start, pin_column, scratches) does `passes` passes over the sheet, alternating between the two states in the
+    flat array `states` (core/layout.py); the first reads number `current`. If velocity Verlet's kicks cannot be
+    combined (model/cloth_plan.kicks_meet), passes open and close steps in turn. `bodies`, `kinds`: the colliders;
+    `scratches`: a flat row per band.
     """
     compiler = Compiler(cloth_variant(f"fused_{integrator}", real, math, parts), math)
     forces = make_cloth_forces(compiler, real, integrator, parts)

@@ -1,4 +1,4 @@
-"""Unit vertex normals of a cloth on CPU threads: one mass gathers its up to six triangles, rows run in parallel."""
+"""Unit vertex normals of a cloth on CPU threads: one mass sums its up to six triangles, rows run in parallel."""
 
 from __future__ import annotations
 
@@ -14,16 +14,18 @@ from model.formulas import cloth
 
 @cache
 def make_normals(real: Any) -> Any:
-    """normals(state, out): `state` (6, rows, columns), positions first; `out` (particles, 3). See
-    model/geometry/normals.py, which says what they are; in `exact` math, whatever the solver's, so that drawing does not
-    depend on it."""
+    """Compile normals(state, out): `state` (6, rows, columns), positions first; `out` (particles, 3).
+
+    model/geometry/normals.py defines them. Always in `exact` math, so that drawing does not depend on the solver's.
+    """
     compiler = Compiler(f"cloth_{np.dtype(real).name}", "exact")
     formulas, zero = cloth.make(real, compiler.compiled), real(0)
     cross, unit = formulas.cross, formulas.unit
 
     @compiler.compiled
     def cell(state, i, j, upper):
-        """The normal of a triangle of cell (i, j), (A, D, B) or (A, C, D), twice its area long; 0 outside the sheet."""
+        """Return the normal of a triangle of cell (i, j), (A, D, B) or (A, C, D), of twice its area; 0 outside the
+        sheet."""
         rows, columns = state.shape[1], state.shape[2]
         if i < 0 or i >= rows - 1 or j < 0 or j >= columns - 1:
             return zero, zero, zero

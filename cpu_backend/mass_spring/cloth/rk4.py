@@ -1,4 +1,4 @@
-"""The classical Runge-Kutta method on the cloth: four passes a step, each as in mass_spring/cloth/kernels.py."""
+"""The classical Runge-Kutta method on the cloth: four passes per step, each as in mass_spring/cloth/kernels.py."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ from model.formulas import cloth, motion, springs
 
 
 def make_times(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
-    """times(stage, step, parameters) -> (where in the step the stage's forces are, in steps; the time [s] that it leads to, 0
-    where no pin moves)."""
+    """Make times(stage, step, parameters) -> (time of the stage's forces within the step, in steps; end time of the
+    stage [s], 0 if no pin moves)."""
     instant, middle = cloth.make(real, compiler.compiled).instant, motion.make(real, compiler.compiled).middle
     has_motion, zero, half, one = "motion" in parts, real(0), real(0.5), real(1)
 
@@ -30,7 +30,7 @@ def make_times(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
             offset = half
         elif stage == 3:
             offset = one
-        end = zero  # what the stage leads to: half of the step, half of it, all of it, all of it
+        end = zero  # end of the stage: half of the step, half of it, all of it, all of it
         if has_motion:
             clock = parameters.dt, parameters.first_step, parameters.first_time
             end = middle(step, *clock) if stage < 2 else instant(step + 1, *clock)
@@ -40,9 +40,12 @@ def make_times(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
 
 
 def make_stage_band(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
-    """stage_band(band, stage, step, ...): a stage of a step, of the rows of a band; the rest as of the kernel. The fourth
-    pass writes a row to a stage that nothing reads any more, since colliders need to know where the mass was, and then
-    moves it to the state."""
+    """Make stage_band(band, stage, step, ...): a stage of a step on the rows of a band; other arguments as the
+    kernel's.
+
+    The fourth pass writes a row to a stage that is no longer read, since colliders need the old positions, and then
+    copies it to the state.
+    """
     compiled, row = compiler.compiled, compiler.row
     forces = make_cloth_forces(compiler, real, "rk4", parts)
     begin_walk, sum_forces, air_now, place = forces.begin_walk, forces.sum_forces, forces.air_now, forces.place
@@ -111,9 +114,10 @@ def make_stage_band(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any
 
 @cache
 def make_cloth_rk4(real: Any, math: str, parts: frozenset[str]) -> Any:
-    """advance(bands, steps, step, states, layout, parameters, integers, bodies, kinds, pin_start, pin_column, scratches).
+    """Compile advance(bands, steps, step, states, layout, parameters, integers, bodies, kinds, pin_start, pin_column,
+    scratches).
 
-    `states` holds what that of mass_spring/grid/rk4.py holds; the rest is as in mass_spring/cloth/kernels.py.
+    `states` as in mass_spring/grid/rk4.py, the rest as in mass_spring/cloth/kernels.py.
     """
     compiler = Compiler(cloth_variant("fused_rk4", real, math, parts), math)
     stage_band = make_stage_band(compiler, real, parts)

@@ -1,10 +1,10 @@
-"""The accelerations of a row of a cloth, for the kernel `fused`: each spring and each triangle once, along the row.
+"""Accelerations of a row of a cloth, for the kernel `fused`: each spring and each triangle once, along the row.
 
 A walk goes down the rows. The springs that lead from a row to the right and down, and the triangles between it and the
-next row, are computed into rows of scratch of their own; a mass adds its own entry and those of the masses on the springs'
-other ends (of this row and of one or two above), with the other sign. Springs that would lead out of the sheet leave a 0
-there, so that the loops have no case for the edges; what they compute for the spare columns behind a row is never read.
-Sums are taken in one fixed order, see make_sums; flags are closure constants: an absent part leaves no code.
+next row, are computed into separate rows of scratch. A mass adds its own entry and, with the opposite sign, those of
+the masses at the other ends of its springs (of this row and of one or two above). Springs that would lead out of the
+sheet leave a 0 there, so that the loops have no case for the edges; their results for the padding columns are never
+read. Sums have one fixed order (make_sums). Flags are closure constants: an absent part leaves no code.
 """
 
 from __future__ import annotations
@@ -28,8 +28,8 @@ from model.scene.cloth import SPRING_KINDS
 
 
 def make_accelerations(compiler: Compiler, real: Any, parts: frozenset[str], kind: str, place: Any) -> Any:
-    """pulls(blocks, source, plane, here, there, parameters, scratch, triple, width): on the masses from `here` on, by springs
-    of a kind that lead to those from `there` on."""
+    """Make pulls(blocks, source, plane, here, there, parameters, scratch, triple, width): the accelerations of the
+    masses from `here` on by springs of a kind to those from `there` on."""
     block, has_damper = block_of(real), f"{kind}-damping" in parts
     formulas = springs.make_3d(real, compiler.compiled)
     spring_acceleration_3d, damped_pull_3d = formulas.spring_acceleration_3d, formulas.damped_pull_3d
@@ -86,8 +86,9 @@ def make_accelerations(compiler: Compiler, real: Any, parts: frozenset[str], kin
 def make_reach(
     compiler: Compiler, real: Any, parts: frozenset[str], scratches: SimpleNamespace, make: Any = make_accelerations
 ) -> Any:
-    """reach(i, across, blocks, layout, source, parameters, scratch, width): the pulls of the springs that lead from row `i`
-    down and, if `across`, to the right. Those that would lead out of the sheet are 0. `make`: of what pulls."""
+    """Make reach(i, across, blocks, layout, source, parameters, scratch, width): the accelerations by the springs that
+    lead from row `i` down and, if `across`, to the right; 0 for those that would lead out of the sheet. `make`: of the
+    springs."""
     at = triples_of(parts)
     forget, place = scratches.forget, scratches.place
     structural, shear, bending = (make(compiler, real, parts, kind, place) for kind in SPRING_KINDS)
@@ -128,7 +129,7 @@ def make_reach(
 
 
 def make_sums(compiler: Compiler, real: Any, parts: frozenset[str], scratches: SimpleNamespace) -> Any:
-    """sum_accelerations(i, blocks, parameters, scratch, width): the springs' pulls and gravity on row `i` into `close`.
+    """Make sum_accelerations(i, blocks, parameters, scratch, width): springs and gravity on row `i`, into `close`.
 
     A kind's four springs in pairs, then (structural + shear) + bending, then gravity.
     """
@@ -184,8 +185,11 @@ def make_sums(compiler: Compiler, real: Any, parts: frozenset[str], scratches: S
 
 
 def make_own_forces(compiler: Compiler, real: Any, two_sums: bool, parts: frozenset[str], place: Any) -> Any:
-    """add(i, closing, opening, layout, parameters, integers, scratch, width): what acts on a mass by itself, onto row `i`'s
-    sums. `closing`: the number of the step whose forces the sum `close` gets; `opening`: that of `open`, if `two_sums`."""
+    """Make add(i, closing, opening, layout, parameters, integers, scratch, width): it adds forces on single masses to
+    row `i`'s sums.
+
+    `closing`: the number of the step whose forces the sum `close` gets; `opening`: that of `open`, if `two_sums`.
+    """
     own = make_own_row(compiler, real, AXES, parts)
     a_close, a_open = (triples_of(parts)[name] for name in ("close", "open"))
 
@@ -209,9 +213,11 @@ def make_own_forces(compiler: Compiler, real: Any, two_sums: bool, parts: frozen
 
 
 def make_cloth_forces(compiler: Compiler, real: Any, integrator: str, parts: frozenset[str]) -> SimpleNamespace:
-    """`begin_walk(first, step, offset, ...)` before a band's first row, then `sum_forces(i, ...)` row by row: the
-    accelerations of row `i`, but for the damper, into `close` (and `open`, if `two_sums`). `air_now`: see
-    mass_spring/cloth/wind.py.
+    """Make `begin_walk(first, step, offset, ...)`, called before a band's first row, and `sum_forces(i, ...)`, row by
+    row.
+
+    `sum_forces` writes the accelerations of row `i`, without the damper, into `close` (and `open`, if `two_sums`).
+    `air_now`: see mass_spring/cloth/wind.py.
     """
     scratches, at = make_scratch(compiler, real), triples_of(parts)
     reach, sum_accelerations = (make(compiler, real, parts, scratches) for make in (make_reach, make_sums))
@@ -224,7 +230,7 @@ def make_cloth_forces(compiler: Compiler, real: Any, integrator: str, parts: fro
 
     @compiler.compiled
     def begin_walk(first, blocks, layout, source, parameters, air, scratch, width):
-        """The springs and triangles that lead down from the two rows above `first`, where there are any."""
+        """Compute the springs and triangles that lead down from the two rows above `first`, if there are any."""
         if first < REACH:
             for triple in range(count):
                 clear(scratch, np.int64(triple), width)

@@ -1,4 +1,4 @@
-"""The rows of scratch that a walk down a cloth's rows keeps: which there are, and where."""
+"""The rows of scratch of a walk down a cloth's rows, and their layout."""
 
 from __future__ import annotations
 
@@ -15,17 +15,18 @@ REACH = 2  # columns that a spring spans at most
 
 
 def cloth_variant(kernel: str, real: Any, math: str, parts: frozenset[str]) -> str:
-    """A name that tells every variant of a kernel apart. A cloth has many parts and a file's name an end, so that of a part
-    only the first two letters of each word are told: `st_stda` for structural springs with dampers."""
+    """Return a unique name of a kernel's variant. A cloth has many parts and file names are limited, so a part is
+    shortened to the first two letters of each word: `st_stda` for structural springs with dampers."""
     codes = ["".join(word[:2] for word in part.split("-")) for part in sorted(parts)]
     return "_".join([kernel.replace("-", "_"), np.dtype(real).name, math, *codes])
 
 
 def triples_of(parts: frozenset[str]) -> dict[str, int]:
-    """Which rows of scratch a band needs: name -> number of its first triple (a row for each axis), and `count`.
+    """Return the rows of scratch of a band: name -> number of its first triple (one row per axis), and `count`.
 
-    Of what a later row still reads there are two or, two rows apart, three triples, which take turns. `close` and `open`
-    are sums of accelerations: of the step, and where random forces make it differ (velocity Verlet) of the one before.
+    Rows that a later row still reads have two, or for springs over two rows three, triples, used in turn. `close` and
+    `open` are sums of accelerations: of the step, and, where random forces make it differ (velocity Verlet), of the one
+    before.
     """
     wanted = {"close": 1, "open": 1}
     if "structural" in parts:
@@ -44,14 +45,18 @@ def triples_of(parts: frozenset[str]) -> dict[str, int]:
 
 
 def scratch_width(columns: int, real: Any) -> int:
-    """Numbers of a row of scratch: whole blocks, and one more block on either side for the springs' reach."""
+    """Return the numbers in a row of scratch: whole blocks, and one more block on either side for the springs'
+    reach."""
     block = block_of(real)
     return -(-columns // block) * block + 2 * block
 
 
 def make_scratch(compiler: Compiler, real: Any) -> SimpleNamespace:
-    """Places in a band's flat scratch: `place(triple, axis, width)`, where a row's column 0 is; `edge`, its column -REACH.
-    `forget(scratch, triple, column, width)` puts zeros into a column, `clear(scratch, triple, width)` everywhere."""
+    """Make functions of a band's flat scratch.
+
+    `place(triple, axis, width)`: index of a row's column 0; `edge`: that of its column -REACH. `forget(scratch, triple,
+    column, width)` zeroes a column, `clear(scratch, triple, width)` the whole triple.
+    """
     block, zero = block_of(real), real(0)
 
     @compiler.compiled

@@ -1,5 +1,5 @@
-"""The mass-spring cloth on CPU threads: `stages` (stage by stage over the whole sheet, the teaching version) and `fused`
-(one pass over the sheet for each force). In `exact` math both give the same bits, for any number of threads."""
+"""The mass-spring cloth on CPU threads: `stages` (stage by stage over the whole sheet, the teaching version) and
+`fused` (one pass over the sheet for each force). In `exact` math both give the same bits, for any number of threads."""
 
 from __future__ import annotations
 
@@ -27,15 +27,15 @@ from model.scene.scene import Scene
 
 
 def choose_kernel(wanted: str | None, integrator: str = "") -> str:
-    """The kernel `wanted`, or `fused`. Raises SceneError for any other."""
+    """Return the kernel `wanted`, or `fused`. Raises SceneError for any other."""
     if wanted == "stages" and integrator in IMPLICIT:
         raise SceneError("--kernel", wanted, f"must be fused for {integrator}, whose stages repeat until they are done")
     return chosen_kernel(wanted, "a cloth")
 
 
 class ClothMassSpring(RowsSimulation):
-    """See model/core/simulation.py for the contract. `threads`: `1x`, `2x`, `4x` or a number. `implicit`: what implicit Euler
-    needs besides, else None."""
+    """The cloth on CPU threads; model/core/simulation.py defines the contract. `threads`: `1x`, `2x`, `4x` or a number.
+    `implicit`: further arrays of implicit Euler, else None."""
 
     implicit: ImplicitSteps | None = None
 
@@ -59,7 +59,7 @@ class ClothMassSpring(RowsSimulation):
         self.reset()
 
     def _make_executor(self) -> Executor:
-        """The kernel, compiled or from the cache, with the scratch memory that it needs."""
+        """Make the kernel, compiled or from the cache, and its scratch memory."""
         if self.kernel == "stages":
             return Executor(self.plan, bind_cloth_stages(self))
         scratch = AXES * triples_of(self.plan.parts)["count"] * scratch_width(self.body.columns, self.real)
@@ -75,14 +75,15 @@ class ClothMassSpring(RowsSimulation):
         return Executor(self.plan, {}, self._advance_fused)
 
     def _given(self) -> tuple[Any, ...]:
-        """What both kernels get last."""
+        """Return the last arguments of both kernels."""
         return (
             self._integers_of_layout, self.parameters, self.integers, self.bodies, self.kinds, self._pin_start,
             self._pin_column, self._scratch,
         )  # fmt: skip
 
     def _passes(self, step: int, steps: int) -> tuple[Any, ...]:
-        """The arguments of the kernel `fused`: a pass a step, and of velocity Verlet one more, or twice as many."""
+        """Return the arguments of the kernel `fused`: one pass per step; for velocity Verlet one more, or twice as
+        many."""
         verlet = self.scene.method.integrator == "velocity-verlet"
         first, last = (OPENING, CLOSING) if verlet else (MIDDLE, MIDDLE)
         passes = 2 * steps if verlet and not kicks_meet(self.plan.parts) else steps + verlet

@@ -1,7 +1,7 @@
-"""The forces of a cloth that look at neighbours, mass by mass: the stages `spring forces` and `wind`.
+"""Forces of a cloth that depend on neighbours, mass by mass: the stages `spring forces` and `wind`.
 
-A neighbour beyond the edge is the mass itself: coincident masses do not pull, and a triangle with all corners in one
-place has no area that wind could press on.
+A neighbour beyond the edge is the mass itself: coincident masses do not pull, and a triangle with all corners at one
+position has no area for the wind.
 """
 
 from __future__ import annotations
@@ -19,7 +19,8 @@ from model.scene.cloth import SPRING_KINDS
 
 
 def make_pull(compiler: Compiler, real: Any, kind: str, has_damper: bool) -> Any:
-    """pull(state, i, j, row, column, parameters): on mass (i, j), by its spring of a kind to (row, column)."""
+    """Make pull(state, i, j, row, column, parameters): the acceleration of mass (i, j) by its spring to (row,
+    column)."""
     formulas = springs.make_3d(real, compiler.compiled)
     spring_acceleration_3d, damped_pull_3d = formulas.spring_acceleration_3d, formulas.damped_pull_3d
     k_stiffness, k_rest, k_damping = spring_constants(kind)
@@ -39,8 +40,11 @@ def make_pull(compiler: Compiler, real: Any, kind: str, has_damper: bool) -> Any
 
 
 def make_spring_stage(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
-    """spring_forces(state, parameters, acceleration): `state` (x, y, z, vx, vy, vz), `acceleration` (ax, ay, az), each an
-    array (rows, columns). A kind's four springs in pairs, then (structural + shear) + bending."""
+    """Compile spring_forces(state, parameters, acceleration).
+
+    `state` (x, y, z, vx, vy, vz), `acceleration` (ax, ay, az), each an array (rows, columns). A kind's four springs in
+    pairs, then (structural + shear) + bending.
+    """
     structural, shear, bending = (make_pull(compiler, real, k, f"{k}-damping" in parts) for k in SPRING_KINDS)
     has_structural, has_shear, has_bending = (kind in parts for kind in SPRING_KINDS)
     compiled, zero = compiler.compiled, real(0)
@@ -60,7 +64,7 @@ def make_spring_stage(compiler: Compiler, real: Any, parts: frozenset[str]) -> A
 
     @compiled
     def beside(i, j, down, right, rows, columns):
-        """(row, column) of a neighbour; beyond the edge the mass itself."""
+        """Return (row, column) of a neighbour; beyond the edge the mass itself."""
         row, column = i + down, j + right
         if row < 0 or row >= rows or column < 0 or column >= columns:
             return i, j
@@ -111,13 +115,13 @@ def make_spring_stage(compiler: Compiler, real: Any, parts: frozenset[str]) -> A
 
 
 def make_wind_stage(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
-    """wind(state, parameters, integers, step, offset, acceleration): the six triangles of each mass."""
+    """Compile wind(state, parameters, integers, step, offset, acceleration): the six triangles of each mass."""
     triangle, air_now = make_triangle(compiler, real), make_air(compiler, real, parts)
     compiled = compiler.compiled
 
     @compiled
     def corner(state, i, j, rows, columns, own_row, own_column):
-        """(place, velocity) of mass (i, j); beyond the edge of the mass that asks."""
+        """Return (position, velocity) of mass (i, j), or beyond the edge of the mass (own_row, own_column)."""
         x, y, z, vx, vy, vz = state
         if i < 0 or i >= rows or j < 0 or j >= columns:
             i, j = own_row, own_column
@@ -125,7 +129,8 @@ def make_wind_stage(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any
 
     @compiled
     def cell(state, i, j, upper, rows, columns, own_row, own_column, air, parameters):
-        """The wind on each corner of a triangle of cell (i, j): the upper one (A, D, B) or the lower one (A, C, D)."""
+        """Return the wind on each corner of a triangle of cell (i, j): the upper one (A, D, B) or the lower one (A, C,
+        D)."""
         if i < 0 or i >= rows - 1 or j < 0 or j >= columns - 1:
             a, va = corner(state, own_row, own_column, rows, columns, own_row, own_column)
             return triangle(a, a, a, va, va, va, air, parameters.drag, parameters.lift)

@@ -1,8 +1,7 @@
 """The stages of the cloth's plan, one kernel each, run over the whole sheet: the teaching version.
 
-One mass at a time gathers the pulls of its up to twelve neighbours and the wind on its up to six triangles
-(mass_spring/cloth/stage_forces.py), as mass_spring/grid/stages.py does for the grid; each stage reads and writes memory of
-its own.
+One mass at a time sums the forces of its up to twelve neighbours and the wind on its up to six triangles
+(mass_spring/cloth/stage_forces.py), as in mass_spring/grid/stages.py. Each stage has separate input and output arrays.
 """
 
 from __future__ import annotations
@@ -32,7 +31,8 @@ from model.scene.cloth import COLLIDER_KINDS, SPRING_KINDS
 
 
 def make_collide_stage(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
-    """collide(bodies, kinds, step, parameters, before, state): the masses at the step's end, `before` where they began it."""
+    """Compile collide(bodies, kinds, step, parameters, before, state): masses at the step's end; `before`: at its
+    start."""
     collide_mass = make_collide_mass(compiler, real, parts)
 
     def collide(bodies, kinds, step, record, before, state):
@@ -50,8 +50,11 @@ def make_collide_stage(compiler: Compiler, real: Any, parts: frozenset[str]) -> 
 
 
 def make_pin_stage(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
-    """pins(bodies, first, rows, columns, step, half_way, parameters, state): those that follow a motion, at the step's end or
-    half-way through it. `first`: where the rows of pins begin in `bodies`; `rows`, `columns`: of the pinned masses."""
+    """Compile pins(bodies, first, rows, columns, step, half_way, parameters, state): it moves the pinned masses that
+    follow a motion, to the step's end or half-way through it.
+
+    `first`: where the rows of pins begin in `bodies`; `rows`, `columns`: of the pinned masses.
+    """
     follow = make_follow(compiler, real)
     instant, middle = cloth.make(real, compiler.compiled).instant, motion.make(real, compiler.compiled).middle
     zero = real(0)
@@ -71,7 +74,7 @@ def make_pin_stage(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
 
 @cache
 def make_cloth_stages(real: Any, math: str, integrator: str, parts: frozenset[str]) -> SimpleNamespace:
-    """The stage kernels of a variant; each is compiled when it first runs, and knows the parts that matter to it."""
+    """Make the stage kernels of a variant; each is compiled when it first runs, for the parts that affect it."""
 
     def made(make: Any, *words: str) -> Any:
         matter = frozenset(part for part in parts if part.split("-")[0] in words)
@@ -88,14 +91,14 @@ def make_cloth_stages(real: Any, math: str, integrator: str, parts: frozenset[st
 
 
 def bind_cloth_stages(sim: Any) -> dict[str, StageRun]:
-    """What runs each named stage of `sim`, a cpu_backend.mass_spring.cloth.solver.ClothMassSpring."""
+    """Return the function of each named stage of `sim`, a cpu_backend.mass_spring.cloth.solver.ClothMassSpring."""
     integrator = sim.scene.method.integrator
     make = make_cloth_stages(sim.real, sim.options.math, integrator, sim.plan.parts)
     sums = np.zeros((3, sim.body.rows, sim.body.columns), sim.real)
     acceleration = tuple(sums)
     state = tuple(sim.current)
     before = tuple(sim.current[:3].copy()) if len(sim.kinds) else ()
-    at = {"state": state}  # where the forces are evaluated: the state, or a stage of RK4
+    at = {"state": state}  # state at which forces are evaluated: the state, or a stage of RK4
     pin_rows, pin_columns = np.divmod(sim.body.pinned, sim.body.columns)
     whole_step = 1 if integrator == "velocity-verlet" else 0  # a step's end is the next one's start, to the last bit
 

@@ -1,7 +1,7 @@
-"""Sums over all masses of a sheet in one fixed order, whatever number of threads works on it; the GPU takes the same one.
+"""Sums over all masses of a sheet in one fixed order, for any number of threads; the GPU uses the same order.
 
-A row is cut into segments. In a segment LANES running sums take every LANES-th mass, then the lanes are added up in halves;
-of all segments' sums, row by row, TREE running sums take every TREE-th, which are added up in halves.
+A row is divided into segments. In a segment LANES running sums add every LANES-th mass, then the lanes are added up in
+halves. Of all segments' sums, row by row, TREE running sums add every TREE-th; these are added up in halves.
 """
 
 from __future__ import annotations
@@ -15,8 +15,9 @@ from model.mass_spring.implicit_parameters import LANES, SEGMENT, TREE
 
 
 def make_sums_over_masses(compiler: Compiler, real: Any) -> SimpleNamespace:
-    """`segment_sums(columns, ax, ay, az, bx, by, bz, lanes, out)`: a . b of a row's vectors, segment by segment;
-    `total(parts, count, tree)`: of the first `count` of `parts`. `lanes` (LANES,) and `tree` (TREE,) are scratch."""
+    """Make `segment_sums(columns, ax, ay, az, bx, by, bz, lanes, out)`, a . b of a row's vectors, segment by segment,
+    and `total(parts, count, tree)`, the sum of the first `count` of `parts`. `lanes` (LANES,) and `tree` (TREE,) are
+    scratch."""
     dot, zero = implicit.make(real, compiler.compiled).dot, real(0)
 
     @compiler.row

@@ -1,7 +1,8 @@
-"""Wind on a cloth's triangles, for the CPU's kernels: each triangle once, its corners add it up.
+"""Wind on a cloth's triangles, for the CPU's kernels: each triangle once; its corners add it up.
 
 A cell (i, j) has the corners A (i, j), B (i, j + 1), C (i + 1, j), D (i + 1, j + 1) and two triangles, (A, C, D) and
-(A, D, B). Each corner is pushed alike, so a triangle's force is kept with its cell; those of cells outside the sheet are 0.
+(A, D, B). The force on all corners is equal, so a triangle's force is stored with its cell; 0 for cells outside the
+sheet.
 """
 
 from __future__ import annotations
@@ -18,7 +19,8 @@ from model.formulas import cloth, manufactured, random, wind
 
 
 def make_air(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
-    """air_now(parameters, integers, step, offset): the air's velocity [m/s] as (x, y, z), `offset` steps into the step."""
+    """Make air_now(parameters, integers, step, offset): the air's velocity (x, y, z) [m/s], `offset` steps into the
+    step."""
     compiled = compiler.compiled
     formulas, gusty = wind.make(real, compiled), cloth.make(real, compiled).gusty
     gust_interval, gust = formulas.gust_interval, formulas.gust
@@ -42,8 +44,8 @@ def make_air(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
 
 
 def make_triangle(compiler: Compiler, real: Any) -> Any:
-    """triangle(a, b, c, velocities of a, b and c, air, parameters): the wind over mass [m/s^2] on each corner; all three
-    numbers each, one after the other."""
+    """Make triangle(a, b, c, velocities of a, b and c, air, parameters): the wind acceleration [m/s^2] of each corner,
+    three numbers each, one after the other."""
     triangle_wind = wind.make(real, compiler.compiled).triangle_wind
     mean = cloth.make(real, compiler.compiled).mean
 
@@ -68,8 +70,11 @@ def make_winds(
     clear: Any,
     at: dict[str, int],
 ) -> SimpleNamespace:
-    """`air_now`; `wind_cells(i, ...)`: the forces of the triangles between rows `i` and i + 1 into scratch;
-    `add_wind(i, blocks, scratch, width)`: the six of each mass of row `i` onto `close`."""
+    """Make `air_now`, `wind_cells` and `add_wind`.
+
+    `wind_cells(i, ...)`: the forces of the triangles between rows `i` and i + 1, into scratch; `add_wind(i, blocks,
+    scratch, width)`: the six forces on each mass of row `i`, added to `close`.
+    """
     block, compiled = block_of(real), compiler.compiled
     triangle = make_triangle(compiler, real)
     a_first, a_second, a_close = at.get("first", 0), at.get("second", 0), at["close"]

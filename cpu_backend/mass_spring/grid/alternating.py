@@ -1,8 +1,8 @@
-"""The springs of a row where every second one is stiffer (the part `alternating`): what mass_spring/grid/rows.py has for
-equal springs.
+"""Springs of a row with every second one stiffer (the part `alternating`), as mass_spring/grid/rows.py for equal
+springs.
 
-A spring's stiffness follows from its lower end: odd columns along a row, odd rows down a column. Parts of a row begin at
-whole blocks of columns, an even number, so that a column is as odd as its place in the part.
+The stiffness of a spring follows from its lower end: odd columns along a row, odd rows down a column. Parts of a row
+begin at whole blocks of columns, an even number, so a column has the parity of its index in the part.
 """
 
 from __future__ import annotations
@@ -17,20 +17,20 @@ from cpu_backend.core.layout import block_of
 def make_alternating_rows(
     compiler: Compiler, real: Any, spring_acceleration_2d: Any, sum_accelerations: Any, with_gravity: Any
 ) -> SimpleNamespace:
-    """`spring_constants`, `pull_from_below`, `sum_row`: see their docstrings; the functions given are those of
-    mass_spring/grid/rows.py."""
+    """Make `spring_constants`, `pull_from_below`, `sum_row` from the functions of mass_spring/grid/rows.py."""
     block = block_of(real)
 
     @compiler.compiled
     def spring_constants(lower, parameters):
-        """(stiffness, stiffness * rest length), both over mass, of a spring from row or column `lower` to the next."""
+        """Return (stiffness, stiffness * rest length), both over mass, of a spring from row or column `lower` to the
+        next."""
         if lower & 1:
             return parameters.stiff, parameters.stiff_rest
         return parameters.stiffness, parameters.stiffness_rest
 
     @compiler.row
     def pull_from_below(i, blocks, x, y, x_below, y_below, parameters, out_x, out_y):
-        """Pulls on the masses of row `i` from those below; also what the row below is pulled up by, with the other sign."""
+        """Write the accelerations of row `i` by the row below; with the opposite sign those of the row below."""
         stiffness, rest = spring_constants(i, parameters)
         for j in range(blocks * block):
             pull_x, pull_y = spring_acceleration_2d(x_below[j] - x[j], y_below[j] - y[j], stiffness, rest)
@@ -39,7 +39,7 @@ def make_alternating_rows(
 
     @compiler.row
     def sum_row(i, blocks, x, y, x_below, y_below, left_x, left_y, above_x, above_y, parameters, close_x, close_y):
-        """Springs and gravity of row `i` into `close`; otherwise as rows.sum_row."""
+        """Sum springs and gravity of row `i` into `close`; otherwise as rows.sum_row."""
         soft, soft_rest = spring_constants(0, parameters)
         stiff, stiff_rest = spring_constants(1, parameters)
         down, down_rest = spring_constants(i, parameters)

@@ -1,7 +1,8 @@
-"""Which kernel a simulation gets when it asks for none, and the sizes that kernels are run with.
+"""Choice of the default kernel of a simulation, and the sizes that kernels run with.
 
-The states do not depend on any of it. Measured on 2 cores of an AMD EPYC (Zen 4, 1 MiB second cache a core, 32 MiB third),
-libgomp, lab-grid in `fast` math; the time of a step over that of `fused`, interleaved, median of 9, machine not idle:
+The states do not depend on either. Measured on 2 cores of an AMD EPYC (Zen 4, 1 MiB second-level cache per core, 32 MiB
+third-level), libgomp, lab-grid in `fast` math; time of a step relative to `fused`, interleaved, median of 9, machine
+not idle:
 
   grid       bytes of both states    threads 1          2              4              8
                                   team  tiled    team  tiled    team  tiled    team  tiled
@@ -15,7 +16,7 @@ libgomp, lab-grid in `fast` math; the time of a step over that of `fused`, inter
   2048^2     269 MB   float64                    0.73   0.58
 
 On 100 000 x 3 masses `tiled` took 1.4, on 100 000 x 16 0.6. On the layer `workqueue`, where `team` cannot run, it took
-0.09, 0.22 and 0.48 at 32^2, 256^2 and 512^2: it has a region for every LEVELS steps.
+0.09, 0.22 and 0.48 at 32^2, 256^2 and 512^2: it has one region for LEVELS steps.
 """
 
 from __future__ import annotations
@@ -34,15 +35,16 @@ from model.core.options import unknown_kernel
 from model.scene.scene import Scene
 
 KERNELS = ("fused", "team", "tiled", "stages")
-TEAM_LAYER = "omp"  # gives each band a thread of its own; tbb does not, workqueue has regions of 0.1 ms
-TILED_BYTES = 24e6  # both states: from here on they come from memory, not from a cache, every step
+TEAM_LAYER = "omp"  # gives each band its own thread; tbb does not, workqueue has regions of 0.1 ms
+TILED_BYTES = 24e6  # both states: from this size on, every step reads them from memory, not from a cache
 LEVELS = 12  # passes in flight in `tiled`: 8 took 1.1 times as long, 4 1.3 times, 16 the same
-TILE_BYTES = 4032  # of a row of a tile: 2 KiB took 1.2 times as long, 8 KiB the same with twice the cache
+TILE_BYTES = 4032  # of a tile's row: 2 KiB took 1.2 times as long, 8 KiB the same with twice the cache
 
 
 @dataclass(frozen=True)
 class Tiling:
-    """`levels` passes in flight, `tile` columns and `halo` more on each side; `width`, `scratch`: see tile_buffer."""
+    """Sizes: `levels` passes in flight, `tile` columns and `halo` more on each side; `width`, `scratch`: see
+    tile_buffer."""
 
     levels: int
     tile: int
@@ -52,7 +54,7 @@ class Tiling:
 
 
 def tiling(real: Any, columns: int, levels: int = LEVELS, tile_bytes: int = TILE_BYTES) -> Tiling:
-    """The sizes of the kernel `tiled` for rows of `columns` masses."""
+    """Return the sizes of the kernel `tiled` for rows of `columns` masses."""
     block = block_of(real)
     tile = min(tile_bytes // np.dtype(real).itemsize // block, -(-columns // block)) * block
     width, scratch = tile_buffer(levels, tile, real)
@@ -60,7 +62,7 @@ def tiling(real: Any, columns: int, levels: int = LEVELS, tile_bytes: int = TILE
 
 
 def choose_kernel(scene: Scene, real: Any, wanted: str | None) -> str:
-    """The kernel `wanted`, or the quickest for the scene. Raises SceneError where the one wanted cannot run."""
+    """Return the kernel `wanted`, or the fastest for the scene. Raises SceneError if the one wanted cannot run."""
     if wanted is not None and wanted not in KERNELS:
         raise unknown_kernel(wanted, KERNELS, "on the cpu")
     if scene.method.integrator == "rk4":
@@ -77,7 +79,7 @@ def choose_kernel(scene: Scene, real: Any, wanted: str | None) -> str:
 
 
 def default_kernel(scene: Scene, real: Any) -> tuple[str, str]:
-    """(kernel, why in a few words) of a scene that asks for none."""
+    """Return (kernel, reason) for a scene without a choice."""
     if scene.method.integrator == "rk4":
         return "fused", "the others run one force a step, rk4 has four"
     rows, columns = scene.grid.rows, scene.grid.columns

@@ -1,9 +1,9 @@
-"""The kernel `fused` of the mass-spring grid: a team of one thread a band of rows (core/progress.py).
+"""The kernel `fused` of the mass-spring grid: a team with one thread per band of rows (core/progress.py).
 
-A band walks down its rows; mass_spring/grid/row_step.py does one of them. No mass is written by two threads, none is read
-from the state being written, so there is nothing to lock: the end of the parallel loop is the only synchronisation, and the
-result does not depend on the number of bands. mass_spring/grid/persistent.py saves the regions, mass_spring/grid/tiled.py
-the ways to memory; mass_spring/grid/rk4.py holds the Runge-Kutta method, which has stages.
+A band walks down its rows by mass_spring/grid/row_step.py. No mass is written by two threads, and none is read from the
+state being written, so no locks are needed: the end of the parallel loop is the only synchronisation, and the result
+does not depend on the number of bands. mass_spring/grid/persistent.py avoids the regions, mass_spring/grid/tiled.py
+memory traffic; mass_spring/grid/rk4.py has the Runge-Kutta method, which has stages.
 """
 
 from __future__ import annotations
@@ -19,17 +19,17 @@ from cpu_backend.core.progress import shares
 from cpu_backend.mass_spring.grid.row_step import make_row_step, pass_kind
 from cpu_backend.mass_spring.grid.rows import SUM_ROWS, variant_name
 
-ABOVE_ROWS = 2  # of a walk: carried pulls along x and y
+ABOVE_ROWS = 2  # of a walk: pulls along x and y, passed to the next row
 SCRATCH_ROWS = ABOVE_ROWS + SUM_ROWS
 
 
 @cache
 def make_advance(real: Any, math: str, integrator: str, parts: frozenset[str]) -> Any:
-    """The kernel of a variant, for one-force integrators and velocity Verlet:
+    """Compile the kernel for one-force integrators and velocity Verlet.
 
-    advance(bands, passes, first_kind, last_kind, step, states, current, layout, parameters, integers, pin_start, pin_column,
-    scratches) does `passes` passes over the grid, ping-pong between the two states that the flat array `states` holds one
-    after the other (see core/layout.py), the first reading from number `current`. `scratches`: SCRATCH_ROWS rows a band.
+    advance(bands, passes, first_kind, last_kind, step, states, current, layout, parameters, integers, pin_start,
+    pin_column, scratches) does `passes` passes over the grid, alternating between the two states in the flat array
+    `states` (core/layout.py); the first reads number `current`. `scratches`: SCRATCH_ROWS rows per band.
     """
     compiler = Compiler(variant_name("fused", real, math, integrator, parts), math)
     begin_walk, step_row = make_row_step(compiler, real, integrator, parts)

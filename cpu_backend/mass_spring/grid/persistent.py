@@ -1,12 +1,13 @@
-"""The kernel `team`: one parallel region for all the passes of a call, and bands that wait for their neighbours alone.
+"""The kernel `team`: one parallel region for all passes of a call; bands wait for their neighbours only.
 
-Each thread keeps its band of rows from the first pass to the last. Before a pass it waits for its two neighbours alone,
-and for no more than their rows at its border: a band does its border rows first, says so, and then its inner rows, while
-what it said travels. The flag BORDER at k means: the border rows of state k are there, and those of state k - 1, which pass
-k overwrites, are no longer read. DONE at k: so are all its rows. The band's first flag counts the passes that were begun.
+Each thread has its band of rows from the first pass to the last. Before a pass it waits for its two neighbours only,
+and for their border rows only: a band does its border rows first, sets a flag, and then does its inner rows while the
+flag travels. The flag BORDER at k means: the border rows of state k are complete, and those of state k - 1, which pass
+k overwrites, are no longer read. DONE at k: so are all its rows. The band's first flag counts the passes that were
+begun.
 
-A thread that has waited for a while does a pass of any band that could begin and was not begun, so that none holds up the
-others for being kept from the processor, and nothing is lost where a threading layer runs one after the other.
+A thread that has waited for a while does a pass of any band that can begin and was not begun, so that a descheduled
+thread does not stall the others, and nothing is lost if a threading layer runs threads in sequence.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ TEAM_SCRATCH_ROWS = SCRATCH_ROWS + ABOVE_ROWS  # one more walk: that of the lowe
 
 
 def make_band_pass(compiler: Compiler, real: Any, integrator: str, parts: frozenset[str]) -> Any:
-    """pass_band(band, bands, k, ...): pass k of a band, told to its neighbours; the rest as of the kernel."""
+    """Make pass_band(band, bands, k, ...): pass k of a band, with its flags; other arguments as the kernel's."""
     begin_walk, step_row = make_row_step(compiler, real, integrator, parts)
     kind_of, block = compiler.compiled(pass_kind), block_of(real)
 
@@ -36,7 +37,7 @@ def make_band_pass(compiler: Compiler, real: Any, integrator: str, parts: frozen
     def walk(
         start, end, kind, step, states, current, layout, parameters, integers, pin_start, pin_column, above, sums, width
     ):
-        """Rows from `start` to before `end`, their walk begun."""
+        """Do the rows from `start` to before `end`, whose walk was begun."""
         rows, columns, stride, plane = layout[L_ROWS], layout[L_COLUMNS], layout[L_STRIDE], layout[L_PLANE]
         source, target = row_at(states, current * PLANES * plane), row_at(states, (1 - current) * PLANES * plane)
         blocks = (columns + block - 1) // block
@@ -94,15 +95,17 @@ def make_band_pass(compiler: Compiler, real: Any, integrator: str, parts: frozen
 
 @cache
 def make_team_advance(real: Any, math: str, integrator: str, parts: frozenset[str]) -> Any:
-    """advance(bands, passes, first_kind, last_kind, step, states, current, layout, parameters, integers, pin_start,
-    pin_column, scratches, progress): as the kernel `fused` (mass_spring/grid/kernels.py). `progress`: TEAM_FLAGS flags a
-    band, all 0; `scratches`: TEAM_SCRATCH_ROWS rows a band."""
+    """Compile advance(bands, passes, first_kind, last_kind, step, states, current, layout, parameters, integers,
+    pin_start, pin_column, scratches, progress), as the kernel `fused` (mass_spring/grid/kernels.py).
+
+    `progress`: TEAM_FLAGS flags per band, all 0; `scratches`: TEAM_SCRATCH_ROWS rows per band.
+    """
     compiler = Compiler(variant_name("team", real, math, integrator, parts), math)
     pass_band = make_band_pass(compiler, real, integrator, parts)
 
     @compiler.compiled
     def taken(band, bands, k, progress):
-        """Whether the band's pass k may begin, nobody has begun it, and now the caller has."""
+        """Take the band's pass k if it can begin and was not begun. Returns True if the caller now has it."""
         border = BORDER * bands + band
         if load_acquire(progress, band) != k or (band > 0 and load_acquire(progress, border - 1) < k):
             return False

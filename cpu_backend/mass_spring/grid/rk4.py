@@ -1,4 +1,4 @@
-"""The classical Runge-Kutta method on the grid: four passes a step, each as in mass_spring/grid/kernels.py."""
+"""The classical Runge-Kutta method on the grid: four passes per step, each as in mass_spring/grid/kernels.py."""
 
 from __future__ import annotations
 
@@ -14,14 +14,17 @@ from cpu_backend.mass_spring.grid.kernels import ABOVE_ROWS, SCRATCH_ROWS
 from cpu_backend.mass_spring.grid.rows import CLOSE_X, CLOSE_Y, make_row_forces, variant_name
 from model.formulas import integrators
 
-BASE, STAGE_1, STAGE_2, TOTAL = 0, 1, 2, 3  # the states; each stage reads neighbours in one and writes another
+BASE, STAGE_1, STAGE_2, TOTAL = 0, 1, 2, 3  # the states; each stage reads one and writes another
 SOURCE = (BASE, STAGE_1, STAGE_2, STAGE_1)
 TARGET = (STAGE_1, STAGE_2, STAGE_1, BASE)
 
 
 def make_rk4_rows(compiler: Compiler, real: Any) -> Any:
-    """update(stage, blocks, base, rate, parameters, total, out): one unknown of a row of masses, from the sum of stages so
-    far and the derivative `rate` to the next stage's value and the new sum; of the fourth stage, to the new state."""
+    """Make update(stage, blocks, base, rate, parameters, total, out): one unknown of a row of masses.
+
+    From the sum of stages so far and the derivative `rate` it computes the next stage's value and the new sum; in the
+    fourth stage the new state.
+    """
     compiled, row = compiler.compiled, compiler.row
     rk4_stage = integrators.make(real, compiled).rk4_stage
     block, zero = block_of(real), real(0)
@@ -62,11 +65,11 @@ def make_rk4_rows(compiler: Compiler, real: Any) -> Any:
 
 @cache
 def make_advance_rk4(real: Any, math: str, parts: frozenset[str]) -> Any:
-    """advance(bands, steps, step, states, layout, parameters, integers, pin_start, pin_column, scratches).
+    """Compile advance(bands, steps, step, states, layout, parameters, integers, pin_start, pin_column, scratches).
 
-    The flat array `states` holds, one after the other (see core/layout.py): the state, two stages in turn, the running sum.
-    Each step is four passes over the grid; the last writes the state, which nothing reads any more. `scratches`:
-    SCRATCH_ROWS rows a band.
+    The flat array `states` has, in this order (core/layout.py): the state, two stages used in turn, the running sum.
+    Each step is four passes over the grid; the last writes the state, which is no longer read. `scratches`:
+    SCRATCH_ROWS rows per band.
     """
     compiler = Compiler(variant_name("fused", real, math, "rk4", parts), math)
     compiled, row = compiler.compiled, compiler.row
@@ -127,7 +130,7 @@ def make_advance_rk4(real: Any, math: str, parts: frozenset[str]) -> Any:
                 update(
                     stage, blocks, row_at(base, velocity), rate, parameters, row_at(total, velocity), row_at(target, velocity)
                 )  # fmt: skip
-            if has_pins:  # a pinned mass stands still, so any stage holds its place
+            if has_pins:  # a pinned mass does not move, so any stage has its position
                 hold_pins(i, np.int64(0), blocks, source, here, plane, target, here, plane, pin_start, pin_column)
             place_ghosts(np.int64(0), blocks, layout, target, here, plane)
 

@@ -1,8 +1,8 @@
-"""One time step of one row: what the kernels `fused`, `team` and `tiled` share, so that they cannot differ.
+"""One time step of one row, common to the kernels `fused`, `team` and `tiled`, so that they cannot differ.
 
-Where a scene has equal springs, gravity and damping alone, forces and integration are one loop that reads every number
-once and writes every number once. With other parts (random, manufactured, poke) and with alternating springs
-accelerations go through rows of sums.
+If a scene has only equal springs, gravity and damping, forces and integration are one loop that reads and writes every
+number once. With other parts (random, manufactured, poke) and with alternating springs, accelerations are first summed
+in rows of scratch.
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ from cpu_backend.core.layout import block_of, row_at
 from cpu_backend.mass_spring.grid.rows import CLOSE_X, CLOSE_Y, OPEN_X, OPEN_Y, make_row_forces
 from model.formulas import integrators
 
-OPENING, MIDDLE, CLOSING = 0, 1, 2  # passes of velocity Verlet; one-force integrators know MIDDLE alone
+OPENING, MIDDLE, CLOSING = 0, 1, 2  # passes of velocity Verlet; one-force integrators use MIDDLE only
 
 
 def pass_kind(k, passes, first_kind, last_kind):
-    """The kind of pass `k` of `passes`. (Compiled by the kernels.)"""
+    """Return the kind of pass `k` of `passes`; kernels compile it."""
     kind = MIDDLE
     if k == passes - 1:
         kind = last_kind
@@ -29,7 +29,7 @@ def pass_kind(k, passes, first_kind, last_kind):
 
 
 def make_finishes(compiler: Compiler, real: Any, integrator: str, has_damping: bool, damped: Any) -> dict[str, Any]:
-    """How an axis of a mass ends a pass, by the pass's name: finish(p, v, closing, opening, parameters) -> (p', v')."""
+    """Make, by a pass's name, finish(p, v, closing, opening, parameters) -> (p', v') of one axis of a mass."""
     compiled = compiler.compiled
     formulas = integrators.make(real, compiled, has_damping)
     if integrator != "velocity-verlet":
@@ -62,14 +62,14 @@ def make_finishes(compiler: Compiler, real: Any, integrator: str, has_damping: b
 
 
 def make_row_step(compiler: Compiler, real: Any, integrator: str, parts: frozenset[str]) -> tuple[Any, Any]:
-    """(begin_walk, step_row) of a variant; begin_walk: see mass_spring/grid/rows.py.
+    """Make (begin_walk, step_row) of a variant; begin_walk: see mass_spring/grid/rows.py.
 
     step_row(kind, step, i, column, blocks, source, here, below, source_plane, target, there, target_plane, above, sums,
-    width, given) takes row `i` of the grid, `blocks` blocks from `column` on, one pass further. `here` and `below`:
-    where that part of the row, and of the row below it, begins in the flat array `source`, its planes `source_plane`
-    apart; it is written to `target` from `there` on. For the grid's last row `below` is `here`. `above`: the walk's
-    carried pulls, two rows of `width`. `sums`: scratch of SUM_ROWS such rows. `given`: (layout, parameters, integers,
-    pin_start, pin_column).
+    width, given) advances row `i` of the grid, `blocks` blocks from `column` on, by one pass. `here` and `below`:
+    offsets of that part of the row, and of the row below it, in the flat array `source`, whose planes are
+    `source_plane` apart; it is written to `target` from `there` on. For the grid's last row `below` is `here`. `above`:
+    the pulls passed down the walk, two rows of `width`. `sums`: scratch of SUM_ROWS such rows. `given`: (layout,
+    parameters, integers, pin_start, pin_column).
     """
     forces = make_row_forces(compiler, real, integrator, parts)
     finishes = make_finishes(compiler, real, integrator, "damping" in parts, forces.damped)
@@ -185,8 +185,8 @@ def _make_row_in_one_loop(compiler: Compiler, forces: SimpleNamespace, real: Any
 
 
 def make_finish_axis(compiler: Compiler, real: Any, finishes: dict[str, Any]) -> Any:
-    """finish_axis(kind, blocks, position, velocity, closing, opening, parameters, new_position, new_velocity): one axis of a
-    row from its sums of accelerations to its new state, as `finishes` (of `make_finishes`) say."""
+    """Make finish_axis(kind, blocks, position, velocity, closing, opening, parameters, new_position, new_velocity): it
+    integrates one axis of a row from its sums of accelerations by `finishes` (of `make_finishes`)."""
     block, verlet = block_of(real), len(finishes) > 1
 
     def make_loop(name: str) -> Any:

@@ -1,9 +1,9 @@
-"""The accelerations of a row of masses, for all kernels but `stages`: each spring once, vectorised along the row.
+"""Accelerations of a row of masses, for all kernels but `stages`: each spring once, vectorised along the row.
 
-Storage is that of core/layout.py. A walk goes down the rows: the pull along a row is carried from mass to mass, the pull of
-the row below is carried to the next row, where it is minus the pull up. Sums are taken in one fixed order,
-(right + left) + (below + above), then gravity, external, manufactured, poke, damping. Flags are closure constants: a
-part that a scene lacks leaves no code.
+core/layout.py defines the storage. A walk goes down the rows: the pull along a row is passed from mass to mass, the
+pull of the row below is passed to the next row, where it is minus the pull up. Sums have one fixed order, (right +
+left) + (below + above), then gravity, external, manufactured, poke, damping. Flags are closure constants: a part that a
+scene lacks leaves no code.
 """
 
 from __future__ import annotations
@@ -20,20 +20,20 @@ from cpu_backend.mass_spring.grid.alternating import make_alternating_rows
 from model.core.own_forces import own_changes, own_forces
 from model.formulas import manufactured, springs
 
-# rows of accelerations of a band: two sums that belong to the step, and two to the step before (velocity Verlet)
+# rows of accelerations of a band: two sums for the step, and two for the step before (velocity Verlet)
 CLOSE_X, CLOSE_Y, OPEN_X, OPEN_Y = range(4)
 SUM_ROWS = 4
 
 
 def variant_name(kernel: str, real: Any, math: str, integrator: str, parts: frozenset[str]) -> str:
-    """A name, fit for a symbol, that tells every variant of a kernel apart."""
+    """Return a unique name of a kernel's variant, valid as a symbol."""
     words = [kernel, np.dtype(real).name, math, integrator.replace("-", "_"), *sorted(parts)]
     return "_".join(words)
 
 
 def make_row_springs(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
-    """Springs and gravity of a row: `pull_from_left`, `sum_row` and `begin_walk`, see the inner functions, and what they are
-    made of; `sum_uneven_row`: likewise, of alternating springs."""
+    """Make springs and gravity of a row: `pull_from_left`, `sum_row` and `begin_walk` (see the inner functions), and
+    their components; `sum_uneven_row`: `sum_row` for alternating springs."""
     compiled, block, zero = compiler.compiled, block_of(real), real(0)
     spring_acceleration_2d, damped = springs.make(real, compiled)
     has_springs, has_gravity, alternating = "springs" in parts, "gravity" in parts, "alternating" in parts
@@ -53,7 +53,8 @@ def make_row_springs(compiler: Compiler, real: Any, parts: frozenset[str]) -> Si
 
     @compiler.row
     def pull_from_below(blocks, x, y, x_below, y_below, parameters, out_x, out_y):
-        """Pulls on the masses of a row from those below; also what the row below is pulled up by, with the other sign."""
+        """Write the pulls on a row's masses from those below; with the opposite sign these are the pulls on the row
+        below."""
         stiffness, stiffness_rest = parameters.stiffness, parameters.stiffness_rest
         for j in range(blocks * block):
             pull_x, pull_y = spring_acceleration_2d(x_below[j] - x[j], y_below[j] - y[j], stiffness, stiffness_rest)
@@ -62,7 +63,8 @@ def make_row_springs(compiler: Compiler, real: Any, parts: frozenset[str]) -> Si
 
     @compiled
     def pull_from_left(source, here, plane, column, parameters):
-        """The pull between the first mass of a part of a row and the one left of it: (0, 0) at the grid's edge."""
+        """Return the pull between the first mass of a part of a row and the one left of it: (0, 0) at the grid's
+        edge."""
         if alternating and column > 0:
             stiffness, rest = spring_constants(column - 1, parameters)
             return spring_acceleration_2d(
@@ -77,8 +79,11 @@ def make_row_springs(compiler: Compiler, real: Any, parts: frozenset[str]) -> Si
 
     @compiler.row
     def sum_row(blocks, x, y, x_below, y_below, left_x, left_y, above_x, above_y, parameters, close_x, close_y):
-        """Springs and gravity of a row into `close`. `above` comes in as the pulls between this row and the one above,
-        and leaves as those between it and the one below; the last row is its own row below, which does not pull."""
+        """Sum springs and gravity of a row into `close`.
+
+        At entry `above` has the pulls between this row and the one above, at exit those between it and the one below.
+        The last row is its own row below, which does not pull.
+        """
         stiffness, stiffness_rest = parameters.stiffness, parameters.stiffness_rest
         for j in range(blocks * block):
             ax, ay = zero, zero
@@ -97,7 +102,7 @@ def make_row_springs(compiler: Compiler, real: Any, parts: frozenset[str]) -> Si
 
     @compiled
     def begin_walk(i, blocks, source, here, stride, plane, parameters, above, width):
-        """The pulls between row `i`, where a walk begins, and the row above it; `here`: where row i begins."""
+        """Compute the pulls between row `i`, where a walk begins, and the row above it; `here`: offset of row i."""
         if has_springs:
             above_x, above_y = row_at(above, 0), row_at(above, width)
             if i > 0:
@@ -122,9 +127,12 @@ def make_row_springs(compiler: Compiler, real: Any, parts: frozenset[str]) -> Si
 
 
 def make_later_parts(compiler: Compiler, real: Any, integrator: str, parts: frozenset[str]) -> SimpleNamespace:
-    """`add_later_parts`: see the inner function; `later_parts`: whether there are any, which are added after the springs and
-    gravity, row by row. `two_sums`: whether velocity Verlet's two kicks need accelerations of their own, since their random
-    forces belong to different steps."""
+    """Make `add_later_parts` (see the inner function), for the parts that are added after springs and gravity, row by
+    row.
+
+    `later_parts`: true if there are any. `two_sums`: true if velocity Verlet's two kicks need separate accelerations,
+    since their random forces belong to different steps.
+    """
     compiled, block = compiler.compiled, block_of(real)
     manufactured_acceleration, stage_time = manufactured.make(real, compiled)
     has_manufactured, has_own = "manufactured" in parts, bool(own_forces(parts))
@@ -133,7 +141,7 @@ def make_later_parts(compiler: Compiler, real: Any, integrator: str, parts: froz
 
     @compiled
     def add_later_parts(i, column, blocks, layout, parameters, integers, step, offset, sums, width):
-        """What acts on a mass by itself, and the manufactured force, onto the sums of row `i` from `column` on."""
+        """Add own forces and the manufactured force to the sums of row `i` from `column` on."""
         rows, columns = layout[L_ROWS], layout[L_COLUMNS]
         count = min(blocks * block, columns - column)
         close_x, close_y = row_at(sums, CLOSE_X * width), row_at(sums, CLOSE_Y * width)
@@ -163,12 +171,12 @@ def make_later_parts(compiler: Compiler, real: Any, integrator: str, parts: froz
 
 
 def make_row_edges(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
-    """What is put in place when a row was written: `hold_pins`, `place_ghosts`, see the inner functions."""
+    """Make `hold_pins` and `place_ghosts`, which complete a written row (see the inner functions)."""
     compiled, block, zero, has_springs = compiler.compiled, block_of(real), real(0), "springs" in parts
 
     @compiled
     def hold_pins(i, column, blocks, source, here, source_plane, target, there, target_plane, pin_start, pin_column):
-        """Pinned masses of row `i` stay where `source` has them, at rest."""
+        """Put pinned masses of row `i` where `source` has them, at rest."""
         for k in range(pin_start[i], pin_start[i + 1]):
             j = pin_column[k] - column
             if j >= 0 and j < blocks * block:
@@ -178,14 +186,14 @@ def make_row_edges(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simp
 
     @compiler.row
     def ghosts_of(x, y, last_x, last_y, spare):
-        """The last `spare` columns of a block take the place of the mass before them."""
+        """Set the last `spare` columns of a block to the position of the mass before them."""
         for j in range(block):
             x[j] = last_x if j >= block - spare else x[j]
             y[j] = last_y if j >= block - spare else y[j]
 
     @compiled
     def place_ghosts(column, blocks, layout, target, there, target_plane):
-        """Where a row that was written reaches the grid's edge, its ghosts follow its last mass."""
+        """Set the ghosts to the row's last mass, if the written part ends at the grid's edge."""
         first = layout[L_COLUMNS] - column
         if has_springs and first <= blocks * block:
             spare = block - first % block
@@ -197,7 +205,7 @@ def make_row_edges(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simp
 
 
 def make_row_forces(compiler: Compiler, real: Any, integrator: str, parts: frozenset[str]) -> SimpleNamespace:
-    """What the kernels of a variant build their rows from: the functions of the makers above, and which parts there are."""
+    """Make the functions of the makers above for a variant's kernels, and flags of its parts."""
     return SimpleNamespace(
         block=block_of(real), has_pins="pins" in parts, has_damping="damping" in parts,
         **vars(make_row_springs(compiler, real, parts)), **vars(make_later_parts(compiler, real, integrator, parts)),

@@ -1,8 +1,8 @@
 """The mass-spring grid on CPU threads.
 
-Four kernels, the rungs of a ladder: `stages` (stage by stage over the whole grid, the teaching version), `fused` (one
-pass over the grid a step), `team` (no parallel region a step) and `tiled` (several steps a pass), each in a file of its
-own; mass_spring/grid/choice.py says which is taken when. In `exact` math all give the same bits, for any number of threads.
+Four kernels of increasing speed: `stages` (stage by stage over the whole grid, the teaching version), `fused` (one pass
+over the grid per step), `team` (no parallel region per step) and `tiled` (several steps per pass), each in its own
+file; mass_spring/grid/choice.py chooses one. In `exact` math all give the same bits, for any number of threads.
 """
 
 from __future__ import annotations
@@ -29,7 +29,8 @@ from model.scene.scene import Scene
 
 
 class MassSpring(RowsSimulation):
-    """See model/core/simulation.py for the contract. `threads`: `1x`, `2x`, `4x` or a number."""
+    """The grid on CPU threads; model/core/simulation.py defines the contract. `threads`: `1x`, `2x`, `4x` or a
+    number."""
 
     def __init__(self, scene: Scene, options: Options, threads: str | int = "1x"):
         super().__init__(scene, options, threads)
@@ -48,7 +49,7 @@ class MassSpring(RowsSimulation):
         self.reset()
 
     def _make_executor(self) -> Executor:
-        """The kernel, compiled or from the cache, with the scratch memory that it needs."""
+        """Make the kernel, compiled or from the cache, and its scratch memory."""
         if self.kernel == "stages":
             return Executor(self.plan, bind_stages(self))
         bands, width = self._bands, self._layout.stride
@@ -69,7 +70,7 @@ class MassSpring(RowsSimulation):
         return Executor(self.plan, {}, run)
 
     def _passes(self, step: int, steps: int) -> tuple[Any, ...]:
-        """What every kernel of one-force integrators and velocity Verlet gets first."""
+        """Return the first arguments of every kernel of one-force integrators and velocity Verlet."""
         verlet = self.scene.method.integrator == "velocity-verlet"
         first, last = (OPENING, CLOSING) if verlet else (MIDDLE, MIDDLE)
         return (
@@ -91,7 +92,7 @@ class MassSpring(RowsSimulation):
     def _advance_tiled(self, step: int, steps: int) -> None:
         arguments, tiles = self._passes(step, steps), self._tiling
         self._kernel(self._bands, *arguments, tiles.levels, tiles.tile, tiles.halo, tiles.width)
-        self._current = (self._current - -arguments[0] // tiles.levels) % 2  # the states changed places once a way
+        self._current = (self._current - -arguments[0] // tiles.levels) % 2  # states are swapped once per levels
 
     def _advance_rk4(self, step: int, steps: int) -> None:
         self._kernel(
@@ -104,7 +105,7 @@ class MassSpring(RowsSimulation):
         self._place_ghosts(slice(None))
 
     def _place_ghosts(self, rows: slice) -> None:
-        """Of rows that were written; see core/layout.py."""
+        """Set the ghosts of rows that were written (core/layout.py)."""
         columns, stride = self._layout.columns, self._layout.stride
         spare = self._layout.view(self._flat, stride)[:, rows, columns:]
         spare[:2] = self.current[:2, rows, columns - 1 :]

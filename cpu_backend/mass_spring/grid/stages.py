@@ -1,7 +1,7 @@
 """The stages of the mass-spring plan, one kernel each, run over the whole grid: the teaching version.
 
-One mass at a time gathers the pulls of its up to four neighbours; every row is an iteration of a parallel loop. Each
-stage reads and writes memory of its own, which is what makes it slow, and easy to read, to time and to test against.
+One mass at a time sums the pulls of its up to four neighbours; every row is an iteration of a parallel loop. Each stage
+has separate input and output arrays, which makes it slow, but easy to read, to time and to test against.
 """
 
 from __future__ import annotations
@@ -22,7 +22,8 @@ from model.formulas import manufactured, springs
 
 @cache
 def make_stages(real: Any, math: str, integrator: str, alternating: bool = False) -> SimpleNamespace:
-    """The stage kernels of an arithmetic and integrator, for equal or for alternating springs. Arrays are (rows, columns)."""
+    """Make the stage kernels of an arithmetic and integrator, for equal or alternating springs. Arrays are (rows,
+    columns)."""
     compiler = Compiler("_".join(["stage", np.dtype(real).name, math, integrator.replace("-", "_")]), math)
     compiled, kernel = compiler.compiled, compiler.kernel
     spring_acceleration_2d, _ = springs.make(real, compiled)
@@ -52,7 +53,7 @@ def make_stages(real: Any, math: str, integrator: str, alternating: bool = False
 
     @compiled
     def pull(x, y, i, j, row, column, lower, parameters):
-        """The pull on mass (i, j) from (row, column), by a spring from row or column `lower` to the next."""
+        """Return the pull on mass (i, j) from (row, column), by a spring from row or column `lower` to the next."""
         odd = lower & 1
         stiffness = parameters.stiff if odd else parameters.stiffness
         rest = parameters.stiff_rest if odd else parameters.stiffness_rest
@@ -93,11 +94,11 @@ def make_stages(real: Any, math: str, integrator: str, alternating: bool = False
 
 
 def bind_stages(sim: Any) -> dict[str, StageRun]:
-    """What runs each named stage of `sim`, a cpu_backend.mass_spring.grid.solver.MassSpring."""
+    """Return the function of each named stage of `sim`, a cpu_backend.mass_spring.grid.solver.MassSpring."""
     alternating = "alternating" in sim.plan.parts
     make = make_stages(sim.real, sim.options.math, sim.scene.method.integrator, alternating)
     acceleration = np.zeros((2, sim.body.rows, sim.body.columns), sim.real)
-    at = {"state": sim.current}  # where the forces are evaluated: the state, or a stage of RK4
+    at = {"state": sim.current}  # state at which forces are evaluated: the state, or a stage of RK4
     pin_rows, pin_columns = np.divmod(sim.body.pinned, sim.body.columns)
 
     def spring_forces(moment: Moment) -> None:

@@ -1,10 +1,11 @@
-"""The kernel `tiled`: several passes for one way through memory, for grids that no cache holds.
+"""The kernel `tiled`: several passes for one transfer through memory, for grids that fit into no cache.
 
-A band of rows is taken in tiles of columns. A tile's walk goes down the rows with `levels` passes in flight: level k is
-one row behind level k - 1, whose last two rows it reads from a small ring; level 1 reads the state, the last level writes
-the other state. So a row is read once and written once for all the levels, and what lies between stays in the second
-cache. Nothing is exchanged: what a band or tile needs of its neighbours it computes as well. In rows exactly that much;
-in columns a halo of whole blocks on both sides, whose outer columns go bad by one column a level and are never used.
+A band of rows is divided into tiles of columns. A tile's walk goes down the rows with `levels` passes in flight: level
+k is one row behind level k - 1, whose last two rows it reads from a small ring; level 1 reads the state, the last level
+writes the other state. So a row is read once and written once for all levels, and intermediate rows stay in the
+second-level cache. Nothing is exchanged: a band or tile also computes what it needs of its neighbours. In rows this is
+exact; in columns it is a halo of whole blocks on both sides, whose outer columns become invalid by one column per level
+and are never used.
 """
 
 from __future__ import annotations
@@ -26,13 +27,14 @@ LEVEL_ROWS = RING + ABOVE_ROWS
 
 
 def halo(levels: int, real: Any) -> int:
-    """Columns on each side of a tile that are computed besides: whole blocks, at least one a level but the last."""
+    """Return the extra columns on each side of a tile: whole blocks, at least one column for each level but the
+    last."""
     block = block_of(real)
     return -(-max(levels - 1, 1) // block) * block
 
 
 def tile_buffer(levels: int, tile: int, real: Any) -> tuple[int, int]:
-    """(width, size): scalars of a row of a tile's buffer, and of the whole buffer, a band's scratch.
+    """Return (width, size): scalars of a row of a tile's buffer, and of the whole buffer, a band's scratch.
 
     A block before the rows and one after them is never computed, but may be read.
     """
@@ -42,9 +44,11 @@ def tile_buffer(levels: int, tile: int, real: Any) -> tuple[int, int]:
 
 @cache
 def make_tiled_advance(real: Any, math: str, integrator: str, parts: frozenset[str]) -> Any:
-    """advance(bands, passes, first_kind, last_kind, step, states, current, layout, parameters, integers, pin_start,
-    pin_column, scratches, levels, tile, halo, width): as the kernel `fused` (mass_spring/grid/kernels.py), but the states
-    change places only once for `levels` passes. `tile`, `halo`: columns, whole blocks. `scratches`, `width`: see tile_buffer.
+    """Compile advance(bands, passes, first_kind, last_kind, step, states, current, layout, parameters, integers,
+    pin_start, pin_column, scratches, levels, tile, halo, width).
+
+    As the kernel `fused` (mass_spring/grid/kernels.py), but the states are swapped only once per `levels` passes.
+    `tile`, `halo`: columns, whole blocks. `scratches`, `width`: see tile_buffer.
     """
     compiler = Compiler(variant_name("tiled", real, math, integrator, parts), math)
     begin_walk, step_row = make_row_step(compiler, real, integrator, parts)
@@ -56,7 +60,7 @@ def make_tiled_advance(real: Any, math: str, integrator: str, parts: frozenset[s
         first, last, start, tile, halo, width, buffer, first_pass, levels, passes, first_kind, last_kind, step, source,
         target, layout, parameters, integers, pin_start, pin_column,
     ):  # fmt: skip
-        """`levels` passes of rows `first` to before `last`, columns `start` to before `start + tile`."""
+        """Do `levels` passes of rows `first` to before `last`, columns `start` to before `start + tile`."""
         rows, columns, stride, plane = layout[L_ROWS], layout[L_COLUMNS], layout[L_STRIDE], layout[L_PLANE]
         given = (layout, parameters, integers, pin_start, pin_column)
         left = max(start - halo, 0)
@@ -81,7 +85,7 @@ def make_tiled_advance(real: Any, math: str, integrator: str, parts: frozenset[s
                     level_source, source_plane = buffer, width
                     here = ring + (i % 2) * PLANES * width + column - left
                     below = ring + ((i + 1) % 2) * PLANES * width + column - left
-                if i < top:  # all that is wanted of this row is how it pulls the next
+                if i < top:  # only the pull of this row on the next is needed
                     begin_walk(i + 1, blocks, level_source, below, below - here, source_plane, parameters, above, width)
                     continue
                 if i == 0:
