@@ -1,5 +1,4 @@
-"""The bar of a sweep on many machines: how far all is, and below it a line of each worker: who has done how much, and what it
-is at."""
+"""Progress bars of a sweep on many machines: the whole, and a line per worker with its progress and activity."""
 
 from __future__ import annotations
 
@@ -11,12 +10,12 @@ from bench.measure.progress import progress_bar
 
 
 def groups(count: int) -> str:
-    """`1 group`, `2 groups`."""
+    """Return e.g. `1 group` or `2 groups`."""
     return f"{count} group{'s' * (count != 1)}"
 
 
 class WorkerBars:
-    """A context manager; shows nothing unless `show`."""
+    """Context manager of the progress bars; shows nothing unless `show`."""
 
     def __init__(self, show: bool):
         self.bars = progress_bar(show)
@@ -33,8 +32,10 @@ class WorkerBars:
     def show(
         self, plan: Mapping[str, float], done: Collection[str], statuses: Iterable[Status], here: Collection[str]
     ) -> None:
-        """`plan`: all groups and what each is worth; `statuses` of all workers that there were; `here`: names of those that
-        there are now."""
+        """Update the bars.
+
+        `plan`: all groups and their weights; `statuses`: of all workers so far; `here`: names of the current ones.
+        """
         total = sum(plan.values()) or None
         behind = sum(plan.get(claim, 0.0) for claim in done)
         if plan:

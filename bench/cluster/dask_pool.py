@@ -12,7 +12,7 @@ from typing import Any
 from bench.cluster.pools import EXTRA, Job, Where, command, exit_words
 from model.core.errors import BackendUnavailable
 
-DASK_SECONDS = 5.0  # in which a scheduler has to answer, and to start again what died
+DASK_SECONDS = 5.0  # time in which a scheduler must answer, and in which it restarts what died
 
 
 @dataclass
@@ -29,12 +29,12 @@ class DaskJob:
         return None if self.address in self.pool.addresses() else f"the Dask worker {self.address} is gone"
 
     def kill(self) -> None:
-        with suppress(Exception):  # a scheduler that is gone
+        with suppress(Exception):  # the scheduler may be gone
             self.future.cancel()
 
 
 class DaskPool:
-    """Workers of a Dask cluster: one a host where something is timed, else all."""
+    """Workers of a Dask cluster: one per host if something is timed, else all."""
 
     queues = False
 
@@ -60,7 +60,7 @@ class DaskPool:
         self.slots = min(where.workers or len(addresses), len(hosts) if timed else len(addresses))
 
     def addresses(self) -> list[str]:
-        """Of the workers that are there now. Raises BackendUnavailable when the scheduler is gone."""
+        """Return the addresses of the current workers. Raises BackendUnavailable if the scheduler is gone."""
         try:
             return sorted(self.client.nthreads())
         except (OSError, ValueError, RuntimeError) as error:
@@ -72,7 +72,7 @@ class DaskPool:
     def start(self, slot: int, folder: Path, name: str) -> Job:
         others = {job.address for other, job in self.jobs.items() if other != slot and job.ended() is None}
         hosts = {address.rpartition(":")[0] for address in others}
-        give_up = time.monotonic() + DASK_SECONDS  # in which Dask starts again what died
+        give_up = time.monotonic() + DASK_SECONDS  # Dask restarts within this time what died
         while not (free := [address for address in self.addresses() if address not in others]):
             if time.monotonic() > give_up:
                 raise BackendUnavailable(f"{self.where} has no worker left", "start some, and the same command resumes")

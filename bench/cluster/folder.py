@@ -1,15 +1,15 @@
-"""The folder beside a store through which a sweep and its workers speak, on a file system that all of them see.
+"""Folder beside a store through which a sweep and its workers communicate, on a file system that all of them see.
 
-    order.pickle             what is to be measured (written once)
-    seed.sqlite              what the store held when the sweep began
-    status/NAME.json         what a worker says of itself, anew every second or so
-    claims/MACHINE.GROUP     who has that group; made by a link, which one worker alone can make
-    plans/MACHINE.PART.json  the groups that such a machine has to measure, and what each is worth
-    stores/NAME.sqlite       a worker's own store; its finished groups go out as out/NAME.NUMBER.sqlite
-    lost/NAME                made when the store of a worker that is gone has been taken over: others may go on from it
-    alive, stop              the sweep still counts; the sweep tells its workers to end
+ order.pickle             the experiment to run (written once)
+ seed.sqlite              contents of the store at the beginning of the sweep
+ status/NAME.json         status of a worker, rewritten every second or so
+ claims/MACHINE.GROUP     owner of that group; made by a link, which only one worker can make
+ plans/MACHINE.PART.json  groups to measure on such a machine, and their weights
+ stores/NAME.sqlite       a worker's own store; its finished groups are exported as out/NAME.NUMBER.sqlite
+ lost/NAME                made when the store of a lost worker has been merged: others may continue from it
+ alive, stop              the sweep is alive; the sweep tells its workers to end
 
-Nobody but its worker opens a store before the worker is gone: a database that two hosts open is safe on few file systems.
+Only its worker opens a store before the worker is gone: a database that two hosts open is safe on few file systems.
 """
 
 from __future__ import annotations
@@ -27,16 +27,18 @@ from model.core.errors import InputError
 from model.core.files import why
 
 ROOMS = ("status", "claims", "plans", "stores", "out", "lost", "logs")
-GIVEN_UP = "given up"  # who has a group that nobody shall take any more
-DONE, STOPPED, REFUSED, BROKEN = "done", "stopped", "refused", "broken"  # how a worker says that it ended
+GIVEN_UP = "given up"  # owner of a group that must not be taken any more
+DONE, STOPPED, REFUSED, BROKEN = "done", "stopped", "refused", "broken"  # how a worker reports its end
 
 
 @dataclass(frozen=True)
 class Order:
-    """What every worker does: `run(store, command=..., progress=False, **how)`, in which bench/measure/experiment.py's
-    `resume` asks for groups. `backends`: what is timed with the machine to itself (empty: nothing is; None: all that the
-    worker's machine has). `version`: digests of the sources that are to be measured. `beat`: seconds between signs of life;
-    a sweep that gave none for `patience` of them is gone."""
+    """Work of every worker: `run(store, command=..., progress=False, **how)`.
+
+    In it `resume` of bench/measure/experiment.py requests groups. `backends`: what is timed with the machine reserved
+    (empty: nothing; None: all that the worker's machine has). `version`: digests of the sources to be measured. `beat`:
+    seconds between signs of life; a sweep without any for `patience` of them is gone.
+    """
 
     run: Any
     how: dict[str, Any]
@@ -49,8 +51,11 @@ class Order:
 
 @dataclass
 class Status:
-    """What a worker says of itself: `host` (a hash), `machine` (key and `label` of the store), `doing` in words, the claims
-    that it is `holding` and has `done`, `ended` and why; and what it did, as an experiment's summary tells it."""
+    """Status of a worker.
+
+    `host` (a hash), `machine` (key and `label` of the store), `doing` in words, the claims that it is `holding` and has
+    `done`, `ended` and the reason; and its results, as in an experiment's summary.
+    """
 
     name: str
     pid: int
@@ -70,7 +75,7 @@ class Status:
 
 
 class Folder:
-    """One sweep's folder. `make`: make it. Raises InputError where it cannot be made or written."""
+    """Folder of one sweep; `make`: create it. Raises InputError if it cannot be created or written."""
 
     def __init__(self, path: Path, make: bool = False):
         self.path = path
@@ -88,7 +93,7 @@ class Folder:
             raise InputError(f"{path}: not seen by this worker; the store must lie where all hosts see it")
 
     def _write(self, name: str, text: str) -> None:
-        """At once: a reader finds the old text or the new one."""
+        """Write a file atomically: a reader finds the old text or the new one."""
         file = self.path / name
         part = file.with_name(f".{file.name}.{os.getpid()}")
         part.write_text(text, encoding="utf-8")
@@ -97,7 +102,7 @@ class Folder:
     def _names(self, room: str) -> list[str]:
         return sorted(entry.name for entry in (self.path / room).iterdir() if not entry.name.startswith("."))
 
-    # ------------------------------------------------------------------ the order, and that it holds
+    # ------------------------------------------------------------------ the order, and signs of life
 
     def write_order(self, order: Order) -> None:
         part = self.path / ".order"
@@ -118,11 +123,11 @@ class Folder:
         return (self.path / "stop").exists()
 
     def live(self, count: int) -> None:
-        """The sweep's sign of life."""
+        """Write the sweep's sign of life."""
         self._write("alive", str(count))
 
     def alive(self) -> str:
-        """What changes while the sweep lives."""
+        """Return a text that changes while the sweep lives."""
         try:
             return (self.path / "alive").read_text(encoding="utf-8")
         except OSError:
@@ -139,7 +144,7 @@ class Folder:
         return None
 
     def workers(self) -> list[str]:
-        """All that ever said something."""
+        """Return the names of all workers that ever wrote a status."""
         return [name.removesuffix(".json") for name in self._names("status")]
 
     def store_of(self, name: str) -> Path:
@@ -152,7 +157,7 @@ class Folder:
         return self.path / "out" / f"{name}.{number:06d}.sqlite"
 
     def outs(self) -> list[Path]:
-        """What is to be taken over, oldest of each worker first."""
+        """Return the files to be merged, oldest of each worker first."""
         return [self.path / "out" / name for name in self._names("out") if name.endswith(".sqlite")]
 
     def lose(self, name: str) -> None:
@@ -164,7 +169,10 @@ class Folder:
     # ------------------------------------------------------------------ groups
 
     def claim(self, claim: str, name: str) -> bool:
-        """Whether the group is this worker's now. At once, and with its name in it: a file of another name, linked."""
+        """Claim a group for this worker; return False if another one has it.
+
+        Atomic, and with the worker's name in it: a file of another name is linked.
+        """
         target = self.path / "claims" / claim
         part = self.path / "claims" / f".{name}"
         part.write_text(name, encoding="utf-8")
@@ -181,11 +189,11 @@ class Folder:
         return True
 
     def claimed(self, claim: str) -> bool:
-        """Whether anybody has it."""
+        """Return True if any worker has the claim."""
         return (self.path / "claims" / claim).exists()
 
     def claims(self) -> dict[str, str]:
-        """Who has which group."""
+        """Return claim -> owner."""
         found = {}
         for claim in self._names("claims"):
             with suppress(OSError):
@@ -199,7 +207,9 @@ class Folder:
         self._write(f"claims/{claim}", GIVEN_UP)
 
     def write_plan(self, machine: str, part: int, groups: Mapping[str, tuple[float, str]]) -> None:
-        """What is to be measured on such a machine, unless another worker of its kind said so: claim -> worth, words."""
+        """Write the groups to measure on such a machine, unless another worker of its kind did: claim -> (weight,
+        words).
+        """
         if not (self.path / "plans" / f"{machine}.{part}.json").exists():
             self._write(f"plans/{machine}.{part}.json", json.dumps(dict(groups)))
 
@@ -211,9 +221,9 @@ class Folder:
         return found
 
     def plan(self) -> dict[str, float]:
-        """All claims that there can be, and what each is worth."""
+        """Return all possible claims and their weights."""
         return {claim: worth for claim, (worth, _) in self._plans().items()}
 
     def words(self) -> dict[str, str]:
-        """What each claim is, for a reader."""
+        """Return a description of each claim."""
         return {claim: words for claim, (_, words) in self._plans().items()}

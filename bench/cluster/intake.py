@@ -1,4 +1,4 @@
-"""Workers' results on their way into the sweep's store."""
+"""Merging of workers' results into the sweep's store."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from model.core.errors import InputError
 
 
 class Intake:
-    """Merges what workers hand out or leave in a folder. `kept`: why a file could not be merged, which then stays."""
+    """Merges what workers export or leave in a folder; `kept`: reasons of files that could not be merged, which stay."""
 
     def __init__(self, store: Store, folder: Folder):
         self.store, self.folder = store, folder
         self.kept: list[str] = []
 
     def take(self, file: Path) -> bool:
-        """Whether a worker's results are in the store now; doing it twice adds nothing."""
+        """Merge a worker's results and return True if they are in the store now; merging twice adds nothing."""
         if not file.exists():
             return True
         try:
@@ -31,13 +31,13 @@ class Intake:
         return True
 
     def take_outs(self) -> None:
-        """The groups that were finished since the last time."""
+        """Merge the groups that were finished since the last call."""
         for file in self.folder.outs():
             if self.take(file):
                 file.unlink(missing_ok=True)
 
     def take_all(self) -> bool:
-        """Whether everything that any worker measured is in the store now."""
+        """Merge everything that any worker measured; return False if something could not be merged."""
         self.take_outs()
         taken = [self.take(file) for file in self.folder.stores()]
         return all(taken) and not self.folder.outs()

@@ -1,6 +1,6 @@
-"""Where workers run: processes of this host or Slurm jobs, both by submitit, or the workers of a Dask cluster.
+"""Places where workers run: processes of this host or Slurm jobs, both by submitit, or workers of a Dask cluster.
 
-A pool starts a worker's command in one of its slots and tells whether it still runs; all else goes through the folder.
+A pool starts a worker's command in one of its slots and reports whether it still runs; everything else uses the folder.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from model.core.digest import ROOT
 from model.core.errors import BackendUnavailable, SceneError, shortened
 
 WEEK_MINUTES = 7 * 24 * 60
-SLURM_WORKERS, SLURM_MINUTES = 4, 8 * 60  # unless told
+SLURM_WORKERS, SLURM_MINUTES = 4, 8 * 60  # defaults
 CODE = (
     "import sys; sys.path.insert(0, sys.argv[1]); from bench.cluster.worker import main; sys.exit(main(*sys.argv[2:]))"
 )
@@ -31,8 +31,11 @@ EXTRA = 'pip install -e ".[cluster]"'
 
 @dataclass(frozen=True)
 class Where:
-    """What `--cluster` asks for. `kind`: local, slurm or dask; `address` of Dask's scheduler; `workers`: how many, None: as
-    the pool likes; `sbatch`: options of Slurm jobs."""
+    """Request of `--cluster`.
+
+    `kind`: local, slurm or dask; `address`: of Dask's scheduler; `workers`: their number, None: the pool's default;
+    `sbatch`: options of Slurm jobs.
+    """
 
     kind: str
     address: str = ""
@@ -41,7 +44,7 @@ class Where:
 
 
 def where_of(cluster: str, workers: int | None, sbatch: Sequence[str] | None) -> Where:
-    """What was typed. Raises SceneError."""
+    """Return the request from the command line. Raises SceneError."""
     if workers is not None and workers < 1:
         raise SceneError("--workers", workers, "must be at least 1")
     kind, _, address = cluster.partition("://")
@@ -57,10 +60,10 @@ def where_of(cluster: str, workers: int | None, sbatch: Sequence[str] | None) ->
 
 
 class Job(Protocol):
-    """A worker's command that was started."""
+    """Started command of a worker."""
 
     def ended(self) -> str | None:
-        """None while it runs, else how it ended, in words, as far as the pool knows."""
+        """Return None while it runs, else how it ended, in words, as far as the pool knows."""
         ...
 
     def kill(self) -> None:
@@ -69,7 +72,10 @@ class Job(Protocol):
 
 
 class Pool(Protocol):
-    """`slots`: how many workers run at once; `queues`: a worker may have to wait until it can begin."""
+    """Interface of a pool.
+
+    `slots`: number of workers that run at once; `queues`: a worker may have to wait for a place.
+    """
 
     slots: int
     queues: bool
@@ -80,12 +86,12 @@ class Pool(Protocol):
 
 
 def command(folder: Path, name: str) -> list[str]:
-    """What starts a worker, in whatever folder and environment."""
+    """Return the command that starts a worker, in any folder and environment."""
     return [sys.executable, "-c", CODE, str(ROOT), str(folder), name]
 
 
 def exit_words(status: int) -> str:
-    """How a process ended."""
+    """Return how a process ended, in words."""
     return f"killed by signal {-status}" if status < 0 else f"ended with exit status {status}"
 
 
@@ -101,18 +107,18 @@ class SubmititJob:
             return None
         told = f"job {self.job.state}"
         if self.job.paths.result_pickle.exists():
-            with suppress(Exception):  # of a job that could not even begin: what it printed tells
+            with suppress(Exception):  # a job that could not even begin has its reason in its output
                 told = exit_words(self.job.result())
         lines = (self.job.stderr() or "").strip().splitlines()
         return f"{told}: {shortened(lines[-1], 200)}" if lines else told
 
     def kill(self) -> None:
-        with suppress(Exception):  # a queue that answers no more
+        with suppress(Exception):  # the queue may not answer any more
             self.job.cancel()
 
 
 class SubmititPool:
-    """Processes of this host, or Slurm jobs, each with a node to itself where something is timed."""
+    """Processes of this host, or Slurm jobs, each with a node of its own if something is timed."""
 
     def __init__(self, where: Where, logs: Path, backends: Sequence[str] | None):
         try:
@@ -151,17 +157,19 @@ class SubmititPool:
         try:
             with _no_interrupts():
                 return SubmititJob(self.executor.submit(subprocess.call, command(folder, name), env=environment))
-        except Exception as error:  # of submitit, by what the queue said
+        except Exception as error:  # submitit's errors depend on the queue
             raise BackendUnavailable(f"the job was refused ({error})", "see --sbatch NAME=VALUE") from None
 
     def close(self) -> None:
-        """Nothing is kept."""
+        """Release nothing: the pool has no resources."""
 
 
 @contextmanager
 def _no_interrupts() -> Iterator[None]:
-    """What is started within it does not hear Ctrl-C, which a terminal sends to all that was started from it: the sweep stops
-    its workers in its own way."""
+    """Block Ctrl-C for processes that are started inside.
+
+    A terminal sends it to all that were started from it, but the sweep stops its workers in its own way.
+    """
     old = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
@@ -170,7 +178,7 @@ def _no_interrupts() -> Iterator[None]:
 
 
 def _devices(backends: Sequence[str] | None) -> list[str | None]:
-    """Of each slot the GPU that alone it sees, where nothing but GPUs is timed; None: all."""
+    """Return for each slot the only GPU that it sees, if nothing but GPUs is timed; None: all."""
     if list(backends or ()) != ["gpu"]:
         return [None]
     told = os.environ.get("CUDA_VISIBLE_DEVICES")

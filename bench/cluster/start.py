@@ -1,4 +1,4 @@
-"""From what was typed to a sweep on many machines: its folder beside the store, what an earlier one left there, its pool."""
+"""Start of a sweep on many machines: its folder beside the store, remains of an earlier sweep, and its pool."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from bench.store.database import Store
 from model.core.errors import InputError
 from model.core.files import why
 
-FOLDER = ".workers"  # in place of the store's suffix
+FOLDER = ".workers"  # replaces the store's suffix
 
 
 def on_cluster(
@@ -37,13 +37,14 @@ def on_cluster(
     pool: Callable[[Path], Pool] | None = None,
     **how: Any,
 ) -> ClusterSummary:
-    """Measure what the store lacks of an experiment on the workers of `where`, and say what was done. Ctrl-C ends cleanly.
+    """Measure what the store lacks of an experiment on the workers of `where`, and return a summary.
 
-    `run(store, command=..., progress=..., **how)`: an experiment of the frame (bench/measure/experiment.py), which pickles.
-    `timed`: each worker has its machine, or its GPU, to itself while it measures a group; else nothing is timed, and workers
-    may be packed. `beat` [s]: between signs of life. `pool`: makes another one than `where` asks for.
+    `run(store, command=..., progress=..., **how)`: an experiment of bench/measure/experiment.py, which can be pickled.
+    `timed`: each worker has its machine, or its GPU, reserved while it measures a group; otherwise nothing is timed,
+    and several workers may share a machine. `beat` [s]: between signs of life. `pool`: makes another pool than `where`
+    requests. Ctrl-C ends cleanly.
 
-    Raises InputError (the store, its folder), BackendUnavailable (what starts workers), and what the workers refuse.
+    Raises InputError (the store, its folder), BackendUnavailable (the pool), and the errors with which workers refuse.
     """
     with _alone_at(store) as base:
         kept = adopt(store, base, beat)
@@ -67,7 +68,7 @@ def on_cluster(
 
 
 def pool_of(where: Where, folder: Path, backends: Sequence[str] | None) -> Pool:
-    """The pool that was asked for. `backends`: what is timed, as of Order. Raises BackendUnavailable, InputError."""
+    """Return the requested pool. `backends`: what is timed, as in Order. Raises BackendUnavailable, InputError."""
     if where.kind == "dask":
         return DaskPool(where, timed=backends is None or bool(backends))
     return SubmititPool(where, folder / "logs", backends)
@@ -75,7 +76,7 @@ def pool_of(where: Where, folder: Path, backends: Sequence[str] | None) -> Pool:
 
 @contextmanager
 def _alone_at(store: Store) -> Iterator[Path]:
-    """The folder beside the store, which no other sweep uses meanwhile; gone afterwards if nothing is left in it."""
+    """Lock the folder beside the store for this sweep; remove it afterwards if it is empty."""
     if store.path == ":memory:":
         raise InputError("workers need a store on disk, beside which they keep theirs; give --store FILE")
     base = Path(store.path).absolute().with_suffix(FOLDER)
@@ -101,7 +102,7 @@ def _alone_at(store: Store) -> Iterator[Path]:
 
 @contextmanager
 def _shared_references(store: Store, folder: Folder) -> Iterator[None]:
-    """What is kept beside the store is kept beside the workers' stores, where the system has links of folders."""
+    """Link the folder of references beside the store into that of the workers' stores, where links exist."""
     beside = Path(store.path).absolute().parent / "references"
     with suppress(OSError):
         beside.mkdir(exist_ok=True)
@@ -110,11 +111,11 @@ def _shared_references(store: Store, folder: Folder) -> Iterator[None]:
         yield
     finally:
         with suppress(OSError):
-            beside.rmdir()  # if nothing is in it
+            beside.rmdir()  # only if it is empty
 
 
 def adopt(store: Store, base: Path, beat: float) -> list[str]:
-    """Take over what workers of a sweep that was killed left, once they have stopped; what could not be merged, and why."""
+    """Merge what workers of a killed sweep left, once they have stopped; return the reasons of failures."""
     kept: list[str] = []
     for path in sorted(entry for entry in base.iterdir() if (entry / "status").is_dir()):
         folder = Folder(path)
@@ -128,7 +129,7 @@ def adopt(store: Store, base: Path, beat: float) -> list[str]:
 
 
 def _until_still(folder: Folder, beat: float) -> None:
-    """Until each of its workers has said that it ended, or says nothing any more."""
+    """Wait until each worker has reported its end, or gives no sign of life any more."""
     beats: dict[str, int] = {}
     still = 0
     while still <= STILL_BEATS:

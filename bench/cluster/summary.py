@@ -1,4 +1,4 @@
-"""What a sweep on many machines did: counted in the store, told by the workers."""
+"""Summary of a sweep on many machines: counted in the store, and reported by the workers."""
 
 from __future__ import annotations
 
@@ -15,9 +15,12 @@ from bench.store.database import Store
 
 @dataclass
 class ClusterSummary(SweepSummary):
-    """What all workers did. `workers`: a line of each that finished something; `machines`: keys of the store; `losses`: who
-    was lost, at what, and why, their groups taken up again; `given_up`: what was not measured, or who is not started any
-    more, and why; `kept`: what could not be merged, and why."""
+    """Results of all workers.
+
+    `workers`: a line per worker that finished something; `machines`: keys of the store; `losses`: lost workers with
+    their groups, which others took, and reasons; `given_up`: groups that were not measured or slots that are not
+    restarted, with reasons; `kept`: files that could not be merged, with reasons.
+    """
 
     workers: list[str] = field(default_factory=list)
     machines: list[str] = field(default_factory=list)
@@ -27,7 +30,7 @@ class ClusterSummary(SweepSummary):
 
 
 def count(summary: ClusterSummary, store: Store, before: int, statuses: Collection[Status]) -> None:
-    """Fill in what was done, from the store's runs after number `before` and from what the workers said."""
+    """Fill in the results, from the store's runs after number `before` and from the workers' statuses."""
     runs = "SELECT key FROM run WHERE rowid > ?"
     ((summary.samples, suspect),) = store.query(
         f"SELECT count(*), sum(suspect IS NOT NULL) FROM sample WHERE stage <> 'compile' AND run IN ({runs})", (before,)
@@ -39,7 +42,8 @@ def count(summary: ClusterSummary, store: Store, before: int, statuses: Collecti
         f"WHERE {wanted} AND run.rowid > ?)",
         (before,),
     )
-    held: dict[str, int] = {}  # of what the store had when the sweep began, all workers on machines alike say the same
+    # results that the store had at the beginning; all workers on equal machines report the same
+    held: dict[str, int] = {}
     for status in statuses:
         held[status.machine] = max(held.get(status.machine, 0), int(status.counts.get("held", 0)))
         summary.compile_seconds += status.counts.get("compile_seconds", 0.0)
@@ -56,7 +60,7 @@ def count(summary: ClusterSummary, store: Store, before: int, statuses: Collecti
 
 
 def print_workers(console: Console, summary: ClusterSummary) -> None:
-    """Who did how much, who was lost, and what was not measured."""
+    """Print the results of each worker, lost workers, and groups that were not measured."""
     lines = [*summary.workers, *(f"lost: {told}" for told in summary.losses)]
     lines += [f"given up: {told}" for told in summary.given_up] + [f"not merged: {told}" for told in summary.kept]
     if len(summary.machines) > 1:

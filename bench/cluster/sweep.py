@@ -1,8 +1,9 @@
-"""An experiment on many machines: workers are started, watched and started again; what they finish is merged as it comes.
+"""An experiment on many machines: start, watch and restart workers, and merge their results as they arrive.
 
-The sweep's own process measures nothing. A worker that is gone leaves a store: it is merged, the groups that the worker had
-are free again, and whoever takes one goes on from what is in that store, so that nothing is lost and nothing done twice. A
-group whose workers died `DEATHS` times is given up, and so is a slot whose workers died so often without having a group.
+The sweep's own process measures nothing. A lost worker leaves a store: it is merged, the worker's groups become free
+again, and the worker that takes one continues from what is in that store, so that nothing is lost or done twice. A
+group whose workers died `DEATHS` times is given up, and so is a slot whose workers died that often without having a
+group.
 """
 
 from __future__ import annotations
@@ -23,16 +24,18 @@ from bench.store.database import Store
 from bench.store.transfer import export, last_run
 from model.core.errors import BackendUnavailable, InputError
 
-DEATHS = 3  # after which a group, or a slot, is given up
-STILL_BEATS = 3  # without a sign of life, after which a worker whose job has ended is gone
-STOP_SECONDS = 30.0  # in which workers that are told to stop have to
+DEATHS = 3  # number of deaths after which a group, or a slot, is given up
+STILL_BEATS = 3  # number of beats without a sign of life after which a worker whose job has ended is lost
+STOP_SECONDS = 30.0  # time for workers to stop when told to
 
 
 @dataclass
 class Slot:
-    """A place for one worker at a time: `name` of the one that is there, its `job` (None: nobody is), when a job that ended
-    left its worker's last sign of life; `deaths` of workers that had no group, or found none; why nobody is started there
-    any more."""
+    """A place for one worker at a time.
+
+    `name`: of the current worker; `job`: its job (None: there is none); `seen`: the last sign of life of a worker whose
+    job ended, and its time; `deaths`: of workers without a group; `given_up`: why no worker is started there any more.
+    """
 
     number: int
     started: int = 0
@@ -44,7 +47,7 @@ class Slot:
 
 
 class Sweep:
-    """One sweep under way, its workers in `pool`, all else in `folder`."""
+    """State of one sweep, with its workers in `pool` and everything else in `folder`."""
 
     def __init__(self, store: Store, folder: Folder, pool: Pool, order: Order, name: str, progress: bool = True):
         self.store, self.folder, self.pool, self.order = store, folder, pool, order
@@ -59,7 +62,7 @@ class Sweep:
         self._beats = 0
 
     def run(self) -> ClusterSummary:
-        """Until nothing is left to measure, or Ctrl-C. Raises SoftlabError where no worker could do anything."""
+        """Run until nothing is left to measure, or Ctrl-C. Raises SoftlabError if no worker could do anything."""
         export(self.store, self.folder.seed)
         self.folder.write_order(self.order)
         try:
@@ -80,7 +83,7 @@ class Sweep:
     # ------------------------------------------------------------------ watching
 
     def _look(self) -> bool:
-        """One look at all workers; whether to go on."""
+        """Check all workers once; return False if none is left."""
         self._beats += 1
         self.folder.live(self._beats)
         self.intake.take_outs()
@@ -96,23 +99,23 @@ class Sweep:
         return any(slot.job is not None for slot in self.slots)
 
     def _left(self) -> set[str]:
-        """What is to be measured, and is neither done nor anybody's nor given up."""
+        """Return the groups that are neither done nor claimed nor given up."""
         return set(self.folder.plan()) - self.done - set(self.folder.claims())
 
     def _nothing_left(self) -> bool:
-        """Whether all that anybody planned is done, or given up."""
+        """Return True if all planned groups are done or given up."""
         plan = set(self.folder.plan())
         return bool(plan) and plan <= self.done | {c for c, name in self.folder.claims().items() if name == GIVEN_UP}
 
     def _let_go(self) -> None:
-        """Jobs that still wait for a place need none any more."""
+        """Cancel jobs that still wait for a place."""
         for slot in self.slots:
             if slot.job is not None and self.folder.status(slot.name) is None:
                 slot.job.kill()
                 slot.job = None
 
     def _orphaned(self) -> set[str]:
-        """What is left for a kind of machine on which nobody is, as far as those who are there have said."""
+        """Return the groups left for a kind of machine without a worker, as far as the current workers reported theirs."""
         running = [self.statuses.get(slot.name) for slot in self.slots if slot.job is not None]
         if not all(status and status.machine for status in running):
             return set()
@@ -121,7 +124,7 @@ class Sweep:
 
     def _look_at(self, slot: Slot) -> None:
         assert slot.job is not None
-        how = slot.job.ended()  # before the status, which its last words may still enter
+        how = slot.job.ended()  # before the status, which may still receive a last entry
         status = self.folder.status(slot.name)
         if status is not None:
             self._hear(slot, status)
@@ -141,8 +144,8 @@ class Sweep:
             slot.deaths = 0
 
     def _ended(self, slot: Slot, status: Status) -> None:
-        """A worker that says itself how it ended."""
-        if status.ended == REFUSED:  # which the next one would do, too
+        """Handle a worker that reported its end."""
+        if status.ended == REFUSED:  # the next worker would refuse too
             self.refused = status
             slot.given_up, slot.job = status.reason, None
             self.summary.given_up.append(f"worker {slot.name} on host {status.host}: {status.reason}")
@@ -150,7 +153,7 @@ class Sweep:
         elif status.ended == DONE:
             self.intake.take(self.folder.store_of(slot.name))
             slot.job = None
-            if self._orphaned() and not status.done:  # else workers that find nothing would be started for ever
+            if self._orphaned() and not status.done:  # otherwise workers that find nothing would be started forever
                 self._count_death(
                     slot, "no worker takes what is left: is there no such machine any more?", "came to nothing"
                 )
@@ -158,7 +161,7 @@ class Sweep:
             self._lost(slot, status.reason, status)
 
     def _lost(self, slot: Slot, why: str, status: Status | None) -> None:
-        """Take over what a worker left, free its groups, and start another in its place."""
+        """Merge the store of a lost worker, free its groups, and start another one in its place."""
         self.intake.take(self.folder.store_of(slot.name))
         mine = [claim for claim, name in self.folder.claims().items() if name == slot.name and claim not in self.done]
         at = f" at {status.doing}" if status and mine else ""
@@ -201,8 +204,8 @@ class Sweep:
     # ------------------------------------------------------------------ the end
 
     def _end(self) -> None:
-        """Stop who still runs, take over what all left, and clear the folder away if that is all in the store."""
-        with suppress(KeyboardInterrupt):  # a second one: by force then
+        """Stop the remaining workers, merge what all left, and remove the folder if everything is in the store."""
+        with suppress(KeyboardInterrupt):  # a second Ctrl-C stops by force
             self._stop_workers()
         if not self.summary.interrupted and (left := self._left()):
             self.summary.given_up.append(f"{len(left)} groups, which no worker took: the same command resumes")
@@ -228,22 +231,22 @@ class Sweep:
             time.sleep(self.order.beat / 4)
 
     def _gone(self, slot: Slot) -> bool:
-        """Whether the worker there has stopped."""
+        """Return True if the slot's worker has stopped."""
         status = self.folder.status(slot.name)
         if status is not None:
             self._hear(slot, status)
             if status.ended:
                 return True
-        with suppress(BackendUnavailable):  # a pool that answers no more says nothing of its workers
+        with suppress(BackendUnavailable):  # a pool that does not answer says nothing about its workers
             return slot.job is None or slot.job.ended() is not None
         return False
 
     def _nobody_worked(self) -> bool:
-        """Whether no worker got as far as saying which machine it is on: what it printed may tell why."""
+        """Return True if no worker got as far as reporting its machine; its output may explain why."""
         return not self.summary.interrupted and not any(status.machine for status in self.statuses.values())
 
     def _refuse(self) -> None:
-        """Nothing came of it. Raises what the workers said, else what became of them."""
+        """Raise the error that the workers reported, else one that says how they ended."""
         if self.refused is not None:
             told = InputError(self.refused.reason)
             told.exit_status = self.refused.exit_status
@@ -255,7 +258,7 @@ class Sweep:
 
 
 def _kill(status: Status | None) -> None:
-    """A worker of this host that does not stop."""
+    """Kill a worker of this host that does not stop."""
     if status is not None and not status.ended and status.host == host_name():
         with suppress(OSError):
             os.kill(status.pid, getattr(signal, "SIGKILL", signal.SIGTERM))

@@ -1,8 +1,8 @@
-"""Turns: while a worker times, it has its machine, or its GPU, to itself among the lab's workers of this user.
+"""Turns: while a worker times, it has its machine or its GPU reserved among the lab's workers of this user.
 
-A turn is a lock of the operating system on a small SQLite file in the user's cache, so that it ends with its process, however
-that ends, and needs nothing that only some systems have. CPU threads are timed with the whole host locked; a GPU alone with
-the GPU locked and the host shared, so that several GPUs of a host are timed at once, but never beside CPU threads.
+A turn is a lock of the operating system on a small SQLite file in the user's cache, so that it ends with its process,
+however that ends, and works on every system. CPU threads are timed with the whole host locked; a GPU alone with the GPU
+locked and the host shared, so that several GPUs of a host are timed at once, but never beside CPU threads.
 """
 
 from __future__ import annotations
@@ -17,16 +17,16 @@ from pathlib import Path
 from model.core.disk_cache import user_cache
 from model.core.errors import InputError
 
-LOOK_SECONDS = 0.5  # after which a wait looks up, for Ctrl-C
+LOOK_SECONDS = 0.5  # interval in which a wait checks for Ctrl-C
 
 
 def host_name() -> str:
-    """6 hexadecimal digits that tell this host from others, and not its name."""
+    """Return 6 hexadecimal digits that identify this host without revealing its name."""
     return hashlib.sha256(platform.node().encode()).hexdigest()[:6]
 
 
 def turns_folder() -> Path:
-    """Where this user's locks lie. Raises InputError where they cannot be made."""
+    """Return the folder of this user's locks. Raises InputError if it cannot be created."""
     folder = user_cache("turns")
     if folder is None:
         raise InputError(
@@ -37,15 +37,17 @@ def turns_folder() -> Path:
 
 
 def try_lock(file: Path, shared: bool = False, seconds: float = 0.0) -> sqlite3.Connection | None:
-    """A lock on a file, held until the connection is closed or the process is gone; None where another process has it still
-    after `seconds`. `shared`: others may have it too, if all of them share it. Raises InputError where nothing can be locked.
+    """Return a lock on a file, valid until the connection is closed or the process ends.
+
+    None if another process still has it after `seconds`. `shared`: others may have it too, if all of them share it.
+    Raises InputError if nothing can be locked.
     """
     connection = None
     try:
         connection = sqlite3.connect(file, timeout=seconds, isolation_level=None)
         if shared:
             connection.execute("BEGIN")
-            connection.execute("SELECT count(*) FROM sqlite_master").fetchone()  # which takes the lock, and keeps it
+            connection.execute("SELECT count(*) FROM sqlite_master").fetchone()  # this takes the lock, and keeps it
         else:
             connection.execute("BEGIN EXCLUSIVE")
     except sqlite3.Error as error:
@@ -59,7 +61,7 @@ def try_lock(file: Path, shared: bool = False, seconds: float = 0.0) -> sqlite3.
 
 @contextmanager
 def locked(file: Path, shared: bool = False, waiting: Callable[[], None] = lambda: None) -> Iterator[None]:
-    """Within it this process has the lock; `waiting` is called again and again until it has."""
+    """Hold the lock inside this context; `waiting` is called repeatedly until it is acquired."""
     while (connection := try_lock(file, shared, LOOK_SECONDS)) is None:
         waiting()
     try:
@@ -69,9 +71,9 @@ def locked(file: Path, shared: bool = False, waiting: Callable[[], None] = lambd
 
 
 class Turn:
-    """A worker's turns on its machine. `backends`: what is timed, none where nothing is; `device`: the GPU's own name.
+    """Turns of a worker on its machine.
 
-    Who has the turn may begin it again inside, which changes nothing.
+    `backends`: what is timed, empty if nothing is; `device`: identifier of the GPU. A nested `begin` has no effect.
     """
 
     def __init__(self, backends: Sequence[str], device: str | None = None, waiting: Callable[[], None] = lambda: None):
@@ -92,7 +94,7 @@ class Turn:
             self.held = stack.pop_all()
 
     def end(self) -> None:
-        """Let others have it."""
+        """Release the turn."""
         if self.held is not None:
             self.held.close()
             self.held = None

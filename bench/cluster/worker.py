@@ -1,8 +1,8 @@
-"""A worker: one process that measures the groups of an experiment that it takes, into its own store.
+"""Worker: one process that measures the groups of an experiment that it claims, into its own store.
 
-It plans the whole experiment, as a process alone would, and before each group asks whether somebody has it (a claim in the
-folder). So what is measured depends on the machine that measures it (cores, GPU), and workers on machines alike share one
-plan. A finished group is handed out as a file, which the sweep merges.
+It plans the whole experiment, as a single process would, and claims each group in the folder before it measures it.
+What is measured depends on the machine (cores, GPU), and workers on equal machines share one plan. A finished group is
+exported as a file, which the sweep merges.
 """
 
 from __future__ import annotations
@@ -26,17 +26,19 @@ from bench.store.transfer import export, last_run, merge
 from bench.store.versions import BACKENDS, digest_of
 from model.core.errors import BackendUnavailable, SoftlabError
 
-COUNTS = ("measured", "held", "samples", "suspect", "compile_seconds")  # of a summary, as far as it has them
+COUNTS = ("measured", "held", "samples", "suspect", "compile_seconds")  # fields of a summary, as far as it has them
 
 
 def code_digests() -> tuple[str, ...]:
-    """What the sources are, of both backends: a sweep and its workers must have the same."""
+    """Return the digests of the sources of both backends, which must be equal for a sweep and its workers."""
     return tuple(digest_of(name) for name in BACKENDS)
 
 
 class Life:
-    """A worker's signs of life, and its ends: told to stop, or left by the process that started it, or by the sweep. The main
-    thread hears of it as a KeyboardInterrupt, once, so that what is being tidied up then is left to."""
+    """Signs of life of a worker, and its ends: told to stop, or abandoned by its parent process or by the sweep.
+
+    The main thread gets a KeyboardInterrupt, once, so that its cleanup is not interrupted.
+    """
 
     def __init__(self, folder: Folder, order: Order, status: Status):
         self.folder, self.order, self.status = folder, order, status
@@ -65,8 +67,8 @@ class Life:
             raise KeyboardInterrupt
 
     def tell(self, doing: str | None = None) -> None:
-        """Write the status, `doing` in it."""
-        with self._writing, suppress(OSError):  # a folder that is gone is noticed by the thread
+        """Write the status with `doing`."""
+        with self._writing, suppress(OSError):  # the thread notices if the folder is gone
             self.status.doing = self.status.doing if doing is None else doing
             self.folder.write_status(self.status)
 
@@ -91,20 +93,22 @@ class Life:
 
 
 class Claims:
-    """A worker's share of an experiment: the groups that it takes. Claims are known by machine, so that workers on machines
-    of another kind have a plan of their own."""
+    """Groups of an experiment that a worker takes.
+
+    Claims contain the machine, so that workers on machines of another kind have a plan of their own.
+    """
 
     def __init__(self, folder: Folder, life: Life, turn: Turn):
         self.folder, self.life, self.status, self.turn = folder, life, life.status, turn
         self._part = 0
-        self._after = 0  # the seed's last run
+        self._after = 0  # number of the last run in the seed
         self._handed = 0
         self._taken_over: set[str] = set()
-        self._words: dict[str, str] = {}  # of each claim, for a reader
+        self._words: dict[str, str] = {}  # description of each claim
         self._store: Store | None = None
 
     def open_store(self) -> Store:
-        """The worker's own store, which begins as what the sweep's held. Raises InputError."""
+        """Return the worker's own store, which begins as a copy of the sweep's. Raises InputError."""
         file = self.folder.store_of(self.status.name)
         part = file.with_suffix(".part")
         shutil.copyfile(self.folder.seed, part)
@@ -131,7 +135,7 @@ class Claims:
         if self.folder.claimed(claim):
             yield False
             return
-        self.turn.begin()  # first: who waits for its machine keeps no group from others
+        self.turn.begin()  # first, so that a worker that waits for its machine does not block a group
         if not self.folder.claim(claim, self.status.name):
             yield False
             return
@@ -147,7 +151,7 @@ class Claims:
             self.turn.end()
 
     def _take_over(self) -> None:
-        """What workers that are gone had measured: nothing of it is measured again."""
+        """Merge what lost workers had measured, so that it is not measured again."""
         assert self._store is not None
         for name in self.folder.lost():
             if name not in self._taken_over:
@@ -155,14 +159,14 @@ class Claims:
                 merge(self._store, self.folder.store_of(name))
 
     def _hand_out(self) -> None:
-        """What this worker has measured since the last time, in a file of its own."""
+        """Export what this worker has measured since the last time, in a file of its own."""
         assert self._store is not None
         self._handed += 1
         export(self._store, self.folder.out_of(self.status.name, self._handed), after=self._after)
 
 
 def _backends(order: Order) -> Sequence[str]:
-    """What is timed here, with the machine to itself."""
+    """Return the backends that are timed here, with the machine reserved."""
     if order.backends is not None and not order.backends:
         return ()
     from bench.measure.experiment import backends_here
@@ -171,7 +175,7 @@ def _backends(order: Order) -> Sequence[str]:
 
 
 def _device(backends: Sequence[str]) -> str | None:
-    """The GPU's own name, where it alone is timed."""
+    """Return the identifier of the GPU, if it is the only thing that is timed."""
     if list(backends) != ["gpu"]:
         return None
     from bench.measure.gpu import gpu_simulated
@@ -184,7 +188,7 @@ def _device(backends: Sequence[str]) -> str | None:
 
 
 def _measure(folder: Folder, order: Order, life: Life) -> None:
-    """Run the experiment as far as its groups are this worker's, and tell in the status what it did."""
+    """Run the experiment with the groups of this worker, and report the results in the status."""
     if code_digests() != order.version:
         raise BackendUnavailable(
             f"host {life.status.host} has other sources of the lab than the sweep",
@@ -206,12 +210,12 @@ def _measure(folder: Folder, order: Order, life: Life) -> None:
 
 
 def _command(order: Order, status: Status) -> str:
-    """What a run says of its command; the comment tells hosts apart that are one machine to the store."""
+    """Return the command of a run; the comment distinguishes hosts that are one machine to the store."""
     return f"{order.command}  # worker {status.name} on host {status.host}"
 
 
 def main(path: str, name: str) -> int:
-    """One worker, from its start to its end; the exit status, 0 wherever its status file tells how it ended."""
+    """Run one worker; return the exit status, 0 whenever its status file says how it ended."""
     folder = Folder(Path(path))
     order, status = folder.order(), Status(name, os.getpid(), host_name())
     with Life(folder, order, status) as life:

@@ -1,10 +1,10 @@
-"""Every method, one body: `softlab bar`. What each method's material really is, and laws that bodies keep.
+"""`softlab bar`: one body by every method, to measure each method's effective material, and laws of bodies.
 
-A strip of the lab's grid under all three solvers (bench/experiments/bar_strip.py) and bars of jelly and of tetrahedra of the
-same material (bench/experiments/bar_body.py): sag, first frequency and what resists shear, each against the spacing, the
-substeps of a frame and the size of the clusters, one of them at a time; beside them the laws of
-bench/experiments/body_laws.py. All of it in float64 and exact math, which hangs on no backend, so that what remains is the
-method. Kept in the store, resumable.
+A strip of the lab's grid under all three solvers (bench/experiments/bar_strip.py) and bars of jelly and of tetrahedra
+of the same material (bench/experiments/bar_body.py): sag, first frequency and resistance to shear, each against the
+spacing, the substeps of a frame and the size of the clusters, one at a time; and the laws of
+bench/experiments/body_laws.py. All in float64 and exact math, whose results do not depend on the backend, so that
+differences are due to the method. Stored, resumable.
 """
 
 from __future__ import annotations
@@ -32,22 +32,23 @@ SOLVERS = {  # name -> solver, iterations
     "xpbd, converged": ("xpbd", 32),
     "shape-matching": ("shape-matching", 1),
 }
-TETRAHEDRA = {"tetrahedra, xpbd": ("xpbd", 1), "tetrahedra, newton": ("newton", 1)}  # the same, of tetrahedra
+TETRAHEDRA = {"tetrahedra, xpbd": ("xpbd", 1), "tetrahedra, newton": ("newton", 1)}  # the same, for tetrahedra
 VOXELS, SOME_VOXELS = (4, 8, 16), 8  # along the bar of tetrahedra
 LINKS = (8, 16, 32, 64)  # along the strip
-SUBSTEPS = (1, 2, 4, 8, 16)  # of a frame
+SUBSTEPS = (1, 2, 4, 8, 16)  # per frame
 REGIONS = (1, 2, 3, 4)
 LAYERS = (8, 16, 24, 32)  # of particles along the jelly bar
 OVERLAPS = (1.0, 1.25, 1.5, 2.0)  # cluster_radius over cluster_spacing
-SOME_LINKS, SOME_LAYERS, SOME_OVERLAP, FINEST = 16, 16, 1.25, SUBSTEPS[-1]  # where the others are varied
-QUICK = {8, 16, 1, 4, 2, 1.25}  # values of what is varied that `quick` keeps, but of REGIONS
+# the fixed values while another one is varied
+SOME_LINKS, SOME_LAYERS, SOME_OVERLAP, FINEST = 16, 16, 1.25, SUBSTEPS[-1]
+QUICK = {8, 16, 1, 4, 2, 1.25}  # values that `quick` uses, except for REGIONS
 QUICK_REGIONS = REGIONS[:2]  # each is machine code of its own
 LAWS = {SPIN: KEPT, FLIGHT: KEPT, DROP: ENERGY}
 LAW_SUBSTEPS = (1, 4, 16)
 
 
 def items(store: Store, backends: Sequence[str], quick: bool) -> list[Experiment]:
-    """All; `quick`: few values of each."""
+    """Return all experiments; `quick`: few values of each parameter."""
     return [one for backend in backends for one in experiments(backend, quick)]
 
 
@@ -55,7 +56,7 @@ run_bar = Items("bar", items, "softlab bar")
 
 
 def experiments(backend: str, quick: bool = False) -> list[Experiment]:
-    """All of a backend: strips, jelly bars, laws."""
+    """Return all experiments of a backend: strips, jelly bars, tetrahedra, laws."""
     own = source_digest(*(Path(str(module.__file__)) for module in (bar_strip, bar_body, body_laws)))
     sources = f"{source_hash(backend)}-{own}-b{VERSION}"
     found = [*_strips(backend, sources, quick), *_bodies(backend, sources, quick)]
@@ -74,7 +75,7 @@ def _kept(values: Sequence[float], quick: bool) -> list[float]:
 
 
 def settings(quick: bool = False) -> Iterator[tuple[str, int, int, int]]:
-    """(name of SOLVERS, links, substeps, region) of every strip, each once."""
+    """Yield (name of SOLVERS, links, substeps, region) of every strip, each once."""
     for name in SOLVERS:
         yield from dict.fromkeys(
             [
@@ -105,7 +106,7 @@ def _strips(backend: str, sources: str, quick: bool) -> list[Experiment]:
 
 
 def bodies(quick: bool = False) -> list[tuple[int, float, int]]:
-    """(layers, overlap, substeps) of every jelly bar, each once."""
+    """Return (layers, overlap, substeps) of every jelly bar, each once."""
     found = [
         *((SOME_LAYERS, overlap, FINEST) for overlap in _kept(OVERLAPS, quick)),
         *((int(layers), SOME_OVERLAP, FINEST) for layers in _kept(LAYERS, quick)),
@@ -126,7 +127,7 @@ def _bodies(backend: str, sources: str, quick: bool) -> list[Experiment]:
 
 
 def of_tetrahedra(quick: bool = False) -> list[tuple[str, int, int]]:
-    """(name of TETRAHEDRA, voxels, substeps) of every bar of tetrahedra, each once."""
+    """Return (name of TETRAHEDRA, voxels, substeps) of every bar of tetrahedra, each once."""
     sizes = [SOME_VOXELS] if quick else VOXELS
     found = [(name, voxels, FINEST) for name in TETRAHEDRA for voxels in sizes]
     found += [(name, SOME_VOXELS, int(substeps)) for name in TETRAHEDRA for substeps in _kept(SUBSTEPS, quick)]
@@ -134,7 +135,10 @@ def of_tetrahedra(quick: bool = False) -> list[tuple[str, int, int]]:
 
 
 def _tetrahedra(backend: str, sources: str, quick: bool) -> list[Experiment]:
-    """All loads; across, where a bar rests is Newton's method's own in any number of substeps, so that one is enough."""
+    """Return the experiments of all loads.
+
+    Across, the rest state of Newton's method does not depend on the number of substeps, so one is enough.
+    """
     found = []
     for name, voxels, substeps in of_tetrahedra(quick):
         solver, iterations = TETRAHEDRA[name]

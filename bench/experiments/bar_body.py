@@ -1,15 +1,14 @@
-"""Bars of bodies: one of jelly, the soft body whose material is that of the strip of bench/experiments/bar_strip.py, and what
-it makes of it.
+"""Bars of bodies with the material of the strip of bench/experiments/bar_strip.py: one of jelly, one of tetrahedra.
 
-A soft body's `cluster_stiffness` w^2 is no material. Drawn out by e, a cluster stores w^2 m x^2 e^2 / 2 for each of its
-shares m at x from its centre, so that the body resists as a rod of E / rho = w^2 <x^2>, with the mean over all shares: the
-larger its clusters, the stiffer. Here w^2 = c^2 / <x^2>, so that bars of every spacing and overlap are one material; what
-they still differ in is the method. The closed forms are a rod's, free at both ends or standing: c / (2 L), and
-g L (L - d) / (2 c^2) from the first to the last layer of particles, d apart.
+A soft body's `cluster_stiffness` w^2 is not a material. Stretched by e, a cluster stores w^2 m x^2 e^2 / 2 for each of
+its shares m at x from its centre, so the body resists like a rod of E / rho = w^2 <x^2>, with the mean over all shares:
+larger clusters make it stiffer. Here w^2 = c^2 / <x^2>, so that bars of every spacing and overlap have the same
+material and only the method differs. Closed forms of a rod, free at both ends or standing: c / (2 L), and g L (L - d) /
+(2 c^2) from the first to the last layer of particles, which are d apart.
 
-And one of tetrahedra, for which the material is what it is told: E = rho c^2, and a Poisson's ratio of 0, so that it does not
-shrink across, as clusters do not, and E = 2 G. It hangs, swings and is loaded across as the strip does and is, WIDTH wide and
-deep, with the closed forms of bench/experiments/bar_strip.py.
+The bar of tetrahedra has the material that its fields state: E = rho c^2, and Poisson's ratio 0, so that it does not
+shrink across, like clusters, and E = 2 G. It hangs, swings and is loaded across like the strip, is WIDTH wide and deep,
+and has the closed forms of bench/experiments/bar_strip.py.
 """
 
 from __future__ import annotations
@@ -52,25 +51,27 @@ from model.core.simulation import State
 from model.geometry.shapes import Shape
 from model.scene.scene import Scene
 
-REACH = "bar_reach"  # m: the root of <x^2>, which times w is the speed of waves
-CLUSTERS = "bar_clusters"  # of a particle, in the mean
-ACROSS_RATE, BENDING_FRAMES = 2.0, 1200  # 1/s, and to rest under it: a beam that bends is no pendulum
-HANGING_FRAMES = 300  # of tetrahedra, to rest: by e^-15
-SPACINGS = 2.0  # of the clusters' centres, in spacings of particles
+REACH = "bar_reach"  # m: the root of <x^2>; times w it is the speed of waves
+CLUSTERS = "bar_clusters"  # mean number of clusters per particle
+ACROSS_RATE, BENDING_FRAMES = 2.0, 1200  # 1/s, and frames until a bending beam is at rest
+HANGING_FRAMES = 300  # frames until tetrahedra are at rest: by e^-15
+SPACINGS = 2.0  # distance of the clusters' centres, in spacings of particles
 
 
 def rod_swing() -> float:
-    """[1/s]: of the first longitudinal swing of a rod that is free at both ends."""
+    """Frequency [1/s] of the first longitudinal vibration of a rod that is free at both ends."""
     return SPEED / (2 * LENGTH)
 
 
 def standing_sag(layers: int) -> float:
-    """[m]: by how much a standing rod is shortened, between its first and its last layer."""
+    """Shortening [m] of a standing rod, between its first and its last layer."""
     return WEIGHT * LENGTH * (LENGTH - LENGTH / layers) / (2 * SPEED**2)
 
 
 def sampled(layers: int, overlap: float) -> dict[str, Any]:
-    """What a soft body of so many layers of particles is told: a lattice, and clusters of a radius of `overlap` spacings."""
+    """Return the sampling fields of a soft body: a lattice of so many layers, clusters with a radius of `overlap`
+    spacings.
+    """
     spacing = LENGTH / layers
     return {
         "particle_spacing": spacing, "volume_sampling": 1.0, "surface_sampling": 0.0,
@@ -80,7 +81,7 @@ def sampled(layers: int, overlap: float) -> dict[str, Any]:
 
 @lru_cache(maxsize=64)
 def reach(layers: int, overlap: float) -> tuple[float, float]:
-    """(REACH, CLUSTERS) of the bar along its length, from its clusters alone."""
+    """Return (REACH, CLUSTERS) of the bar along its length, computed from its clusters."""
     body = SoftBody(**sampled(layers, overlap)).bake(Shape(name="beam").mesh())
     clusters = body.clusters
     square = np.sum(clusters.masses * clusters.rest[:, 0] ** 2) / np.sum(clusters.masses)
@@ -88,11 +89,11 @@ def reach(layers: int, overlap: float) -> tuple[float, float]:
 
 
 def bar(layers: int, overlap: float, substeps: int, stand: bool = False) -> Scene:
-    """The bar, lying along x without weight, or standing on a plane with a damper and WEIGHT for gravity."""
+    """Return the bar: lying along x without weight, or standing on a plane with a damper and WEIGHT for gravity."""
     stiffness = (SPEED / reach(layers, overlap)[0]) ** 2
     spacing = LENGTH / layers
     turned = {"angle": 90.0, "axis": [0.0, 0.0, 1.0], "origin": [0.0, LENGTH / 2, 0.0]} if stand else {}
-    away = 0.0 if stand else -1e3  # the same parts (see SHARED), so that nothing is compiled twice
+    away = 0.0 if stand else -1e3  # the same parts (see SHARED), so that both scenes share compiled kernels
     return Scene(
         {
             "title": "Jelly bar",
@@ -111,7 +112,7 @@ def bar(layers: int, overlap: float, substeps: int, stand: bool = False) -> Scen
 
 @told(SAG)
 def stand(scene: Scene, backend: str) -> Measures:
-    """SAG: by how much the bar at rest is shorter than made, between the means of its first and its last layer."""
+    """Measure SAG: the shortening of the bar at rest, between the means of its first and its last layer."""
     height = scene.body_set.position[:, 1]
     with open_simulation(scene, backend, **OPTIONS) as simulation:
         simulation.advance(REST_FRAMES)
@@ -123,7 +124,10 @@ def stand(scene: Scene, backend: str) -> Measures:
 
 @told(FREQUENCY, DECAY, REACH, CLUSTERS)
 def sway(scene: Scene, backend: str, layers: int, overlap: float) -> Measures:
-    """FREQUENCY and DECAY of the first longitudinal mode, let go at rest, drawn out as a free rod's; REACH and CLUSTERS."""
+    """Measure FREQUENCY and DECAY of the first longitudinal mode, released at rest in the shape of a free rod's mode.
+
+    REACH and CLUSTERS are reported too.
+    """
     at = scene.body_set.position
     shape = np.zeros_like(at)
     shape[:, 0] = np.sin(pi * at[:, 0] / LENGTH)
@@ -141,8 +145,10 @@ def sway(scene: Scene, backend: str, layers: int, overlap: float) -> Measures:
 
 
 def tetrahedra(layers: int, solver: str, iterations: int, substeps: int, load: str) -> Scene:
-    """The bar of tetrahedra with so many voxels along it: hanging with a damper (SAG), without weight or damper (FREQUENCY),
-    or held at its left side (ACROSS)."""
+    """Return the bar of tetrahedra with so many voxels along it.
+
+    It hangs with a damper (SAG), has neither weight nor damper (FREQUENCY), or is fixed at its left side (ACROSS).
+    """
     beside = load == ACROSS
     rates, weights = {SAG: REST_RATE, ACROSS: ACROSS_RATE}, {SAG: GRAVITY, ACROSS: WEIGHT}
     sides = [LENGTH, WIDTH, WIDTH] if beside else [WIDTH, LENGTH, WIDTH]
@@ -164,12 +170,12 @@ def tetrahedra(layers: int, solver: str, iterations: int, substeps: int, load: s
 
 
 def measured_tetrahedra(scene: Scene, backend: str, load: str) -> Measures:
-    """What the bar comes to: SAG, ACROSS, or FREQUENCY with DECAY."""
+    """Return the measures of a load: SAG, ACROSS, or FREQUENCY with DECAY."""
     return {SAG: hang_tetrahedra, ACROSS: bend_tetrahedra, FREQUENCY: swing_tetrahedra}[load](scene, backend)
 
 
 def _end(scene: Scene, backend: str, frames: int, axis: int) -> float:
-    """[m]: how far down the end that is not held has come, which lies furthest from the pins along an `axis`."""
+    """Return the downward displacement [m] of the free end, the particles furthest from the pins along `axis`."""
     rest = scene.tetrahedra_set.position
     away = np.abs(rest[:, axis] - rest[scene.tetrahedra_set.pinned_vertices[0], axis])
     with open_simulation(scene, backend, **OPTIONS) as simulation:
@@ -180,19 +186,19 @@ def _end(scene: Scene, backend: str, frames: int, axis: int) -> float:
 
 @told(SAG)
 def hang_tetrahedra(scene: Scene, backend: str) -> Measures:
-    """SAG: how far its lower end comes to hang under where it was made."""
+    """Measure SAG: the downward displacement of the lower end at rest."""
     return {SAG: (_end(scene, backend, HANGING_FRAMES, 1), "m", f"rod: {rod_sag():.6g}")}
 
 
 @told(ACROSS)
 def bend_tetrahedra(scene: Scene, backend: str) -> Measures:
-    """ACROSS: how far the end comes to hang under its place, of a bar that is held at its left side."""
+    """Measure ACROSS: the downward displacement of the end of a bar that is fixed at its left side."""
     return {ACROSS: (_end(scene, backend, BENDING_FRAMES, 0), "m", f"beam: {beam_tip():.6g}")}
 
 
 @told(FREQUENCY, DECAY)
 def swing_tetrahedra(scene: Scene, backend: str) -> Measures:
-    """FREQUENCY and DECAY of the first longitudinal mode, let go at rest, drawn out as a rod's."""
+    """Measure FREQUENCY and DECAY of the first longitudinal mode, released at rest in the shape of a rod's mode."""
     rest = scene.tetrahedra_set.position
     shape = np.zeros_like(rest)
     shape[:, 1] = -np.sin(pi / 2 * (rest[:, 1].max() - rest[:, 1]) / LENGTH)

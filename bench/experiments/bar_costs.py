@@ -1,6 +1,7 @@
-"""What the answers of `softlab bar` cost: the time of a frame of 1/60 s of the bar that hangs (the jelly one stands), by
-every method and number of substeps that was judged, sampled in turn. In float64 and exact math, as the answers are: the same
-machine code. Mass-spring, which takes its substeps as steps, is left out where its step is refused.
+"""Cost of the results of `softlab bar`: the time of a frame of 1/60 s of the hanging bar (the jelly bar stands).
+
+Every method and number of substeps whose results were measured is timed, sampled in turn, in float64 and exact math
+like the results: the same machine code. Mass-spring uses steps for substeps, and is left out where its step is refused.
 """
 
 from __future__ import annotations
@@ -40,11 +41,11 @@ from model.core.errors import SoftlabError
 from model.scene.scene import Scene
 
 COST = "bar: cost"  # value of `finding`
-CLOSE = 0.1  # of a rod's sag and frequency: near enough to be called the same bar
+CLOSE = 0.1  # relative error of sag and frequency below which a method reproduces the rod
 
 
 def settings(quick: bool = False) -> Iterator[tuple[str, int, Scene]]:
-    """(name of a method, substeps, the bar that hangs or stands) of all that is timed."""
+    """Yield (name of a method, substeps, the bar that hangs or stands) of everything that is timed."""
     for substeps in LAW_SUBSTEPS if quick else SUBSTEPS:
         for name, (solver, iterations) in SOLVERS.items():
             yield name, substeps, strip(SOME_LINKS, method_of(solver, substeps, iterations))
@@ -54,7 +55,7 @@ def settings(quick: bool = False) -> Iterator[tuple[str, int, Scene]]:
 
 
 def groups(store: Store, backends: Sequence[str], quick: bool) -> list[Group]:
-    """All methods in turn, a backend each."""
+    """Return one group per backend, with all methods in turn."""
     found = []
     for backend in backends:
         ways = list(settings(quick))
@@ -80,7 +81,7 @@ def _timed(scenes: Sequence[Scene], told: Sequence[dict[str, Any]], effort: Effo
             try:
                 simulation = stack.enter_context(open_simulation(scene, one["backend"], **OPTIONS))
                 subjects.append((number, prepare(Subject(simulation, one), effort.seconds, effort.most)))
-            except SoftlabError as reason:  # a step that is refused, a solver that a backend lacks, a run that diverged
+            except SoftlabError as reason:  # a refused step, a solver that the backend lacks, a run that diverged
                 found[number] = {name: (None, "", str(reason)) for name in (SECONDS, RATIO)}
         timed = in_turn(record, [subject for _, subject in subjects], effort.repeats) if subjects else []
     for (number, _), numbers in zip(subjects, timed, strict=True):
@@ -88,13 +89,15 @@ def _timed(scenes: Sequence[Scene], told: Sequence[dict[str, Any]], effort: Effo
     return found
 
 
-# ---------------------------------------------------------------------- what the store says
+# ---------------------------------------------------------------------- results from the store
 
 
 @dataclass(frozen=True)
 class Cost:
-    """A method with so many substeps: `frame` [s], `suspect` or not; how far its sag and its first frequency are off a
-    rod's, relative, None where they were not measured."""
+    """A method with so many substeps: the time of a `frame` [s], and whether it is `suspect`.
+
+    `sag`, `frequency`: relative differences from a rod's, None where they were not measured.
+    """
 
     backend: str
     solver: str
@@ -106,12 +109,12 @@ class Cost:
 
     @property
     def close(self) -> bool:
-        """Whether it is CLOSE to the rod in both."""
+        """True if sag and frequency differ from the rod's by at most CLOSE."""
         return None not in (self.sag, self.frequency) and max(abs(self.sag or 0), abs(self.frequency or 0)) <= CLOSE
 
 
 def costs(found: Iterable[Measure]) -> list[Cost]:
-    """What the measures tell, beside the answers that they have: those of either backend, since exact math makes them one."""
+    """Return the costs from the measures, with the errors of either backend, which exact math makes equal."""
     held = list(found)
     answers: dict[tuple[str, int], Bar] = {}
     some = {JELLY: (SOME_LAYERS, SOME_OVERLAP), **dict.fromkeys(TETRAHEDRA, (SOME_VOXELS, 1.0))}
@@ -133,7 +136,7 @@ def costs(found: Iterable[Measure]) -> list[Cost]:
 
 
 def print_bar_costs(console: Console, store: Store, machine: str) -> None:
-    """A table of what was measured on a machine: time beside error."""
+    """Print a table of what was measured on a machine: time and error."""
     lines = []
     for one in costs(measures(store, machine=machine)):
         off = ["-" if part is None else f"{100 * part:+.3g}" for part in (one.sag, one.frequency)]

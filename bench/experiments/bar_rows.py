@@ -1,4 +1,4 @@
-"""The measures of `softlab bar` as rows: strips, bars of jelly and of tetrahedra, laws; none hangs on a machine's speed."""
+"""Rows of `softlab bar` from the store: strips, bars of jelly and of tetrahedra, laws; none depends on speed."""
 
 from __future__ import annotations
 
@@ -19,8 +19,11 @@ from bench.store.tables import columns, print_table
 
 @dataclass(frozen=True)
 class Bar:
-    """One strip, jelly bar (`solver` JELLY) or law. `fine`: links or layers along it; `size`: region, or overlap, of the
-    clusters; `law`: of a law's row, else empty; `values`: measures by name; `refused`: why there are none."""
+    """One strip, jelly bar (`solver` JELLY) or law.
+
+    `fine`: links or layers along it; `size`: region or overlap of the clusters; `law`: name of the law, empty for other
+    rows; `values`: measures by name; `refused`: the reason why there are none.
+    """
 
     backend: str
     precision: str
@@ -33,12 +36,12 @@ class Bar:
     refused: str = ""
 
     def part(self, name: str) -> float | None:
-        """SAG, FREQUENCY or ACROSS over what the material's closed form says; None where it was not measured."""
+        """Return SAG, FREQUENCY or ACROSS over the material's closed form; None where it was not measured."""
         value = self.values.get(name)
         return None if value is None else value / self.exact(name)
 
     def exact(self, name: str) -> float:
-        """The closed form [m, 1/s] of the material."""
+        """Return the closed form [m, 1/s] of the material."""
         if self.solver == JELLY:
             return standing_sag(self.fine) if name == SAG else rod_swing()
         return {SAG: rod_sag, FREQUENCY: rod_frequency, ACROSS: beam_tip}[name]()
@@ -49,12 +52,12 @@ Key = tuple[str, str, str, int, float, int, str]  # the first fields of a Bar
 
 
 def is_bar(measure: Measure) -> bool:
-    """Whether it is one of this experiment's."""
+    """True if the measure belongs to this experiment."""
     return measure.description.get("finding") in (STRIP, BODY, LAW, ELEMENTS)
 
 
 def rows(found: Iterable[Measure]) -> list[Bar]:
-    """The strips, bars and laws of the measures, in the order of their first one."""
+    """Return the strips, bars and laws of the measures, in the order of their first one."""
     held: dict[Key, list[Measure]] = {}
     for measure in found:
         held.setdefault(_key(measure.description), []).append(measure)
@@ -77,20 +80,20 @@ def _bar(key: Key, measures: list[Measure]) -> Bar:
 
 
 def first_backend(found: list[Bar]) -> list[Bar]:
-    """Of rows that both backends have, one's, that has most: exact math makes them the same."""
+    """Return the rows of the backend that has most: exact math makes the values of both equal."""
     names = [bar.backend for bar in found]
     chosen = max(names, key=names.count) if names else ""
     return [bar for bar in found if bar.backend == chosen]
 
 
 def series(found: list[Bar], solver: str, by: Callable[[Bar], float], **fixed: float) -> list[Bar]:
-    """The rows of a solver with these fields, in the order of `by`."""
+    """Return the rows of a solver with these fields, in the order of `by`."""
     mine = [bar for bar in found if bar.solver == solver and all(getattr(bar, k) == v for k, v in fixed.items())]
     return sorted(mine, key=by)
 
 
 def print_bar(console: Console, store: Store, machine: str) -> None:
-    """A table of what was measured on a machine: each number over what the material's closed form says."""
+    """Print a table of what was measured on a machine: each number over the material's closed form."""
     found = rows(m for m in measures(store, machine=machine) if is_bar(m))
     shown = sorted((bar for bar in found if not bar.law), key=lambda b: (b.solver, b.fine, b.size, b.substeps))
     lines = []

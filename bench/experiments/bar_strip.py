@@ -1,15 +1,16 @@
-"""One bar of the lab's grid under all three solvers: how long it hangs, how fast it swings, and what holds it against shear.
+"""One strip of the lab's grid under all three solvers: its sag, its frequency, and its resistance to shear.
 
-A strip of LENGTH [m] below its pins (or beside them) and WIDTH [m] across, one material at every spacing d: springs of
-k = STIFFNESS [N/m] and masses of k d^2 / c^2, so that waves along it go at c = SPEED [m/s]. As a rod it sags by
-g L^2 / (2 c^2) and swings first at c / (4 L). Rows stay straight, so that each number follows from a chain:
+A strip of LENGTH [m] below its pins (or beside them) and WIDTH [m] across, with one material at every spacing d:
+springs of k = STIFFNESS [N/m] and masses of k d^2 / c^2, so that waves travel along it at c = SPEED [m/s]. As a rod it
+sags by g L^2 / (2 c^2) and its first frequency is c / (4 L). Rows stay straight, so that each number follows from a
+chain:
 
-- of springs, n links and masses: a sag of (1 + 1/n) times that, and w = 2 c/d sin(pi / (4 n + 2));
-- an oscillator of w in steps of h: velocity Verlet swings at 2/h asin(w h / 2), implicit Euler at atan(w h) / h;
-- of clusters: the linear system of `chain_of_clusters`.
+- springs, n links and masses: a sag of (1 + 1/n) times that, and w = 2 c/d sin(pi / (4 n + 2));
+- an oscillator of w in steps of h: 2/h asin(w h / 2) by velocity Verlet, atan(w h) / h by implicit Euler;
+- clusters: the linear system of `chain_of_clusters`.
 
-Springs alone do not resist shear. A strip held at its side then hangs down from there, whatever its load. One of clusters
-bends as a beam: WEIGHT is what g is there.
+Springs alone do not resist shear: a strip that is fixed at its side then hangs down from there, whatever its load. A
+strip of clusters bends like a beam; WEIGHT is its g.
 """
 
 from __future__ import annotations
@@ -32,61 +33,63 @@ from model.shape_matching.matching import lattice_clusters, matching_stiffness
 LENGTH, WIDTH = 1.0, 0.25  # m
 SPEED = 8.0  # m/s, c
 STIFFNESS = 10.0  # N/m, k
-GRAVITY, WEIGHT = 9.81, 0.1  # m/s^2: of the strip that hangs, and of the one that is loaded across
+GRAVITY, WEIGHT = 9.81, 0.1  # m/s^2: of the hanging strip, and of the strip that is loaded across
 FRAME = 1 / 60  # s
 SWING = 0.01  # m: the amplitude at its end
-FRAMES = 96  # that a swing is followed, some three periods
-REST_FRAMES, ACROSS_FRAMES = 600, 3600  # to rest: by e^-30, and of a pendulum as long by e^-19
-REST_RATE, ACROSS_RATE = 6.0, 0.63  # 1/s: of the dampers that bring it there, none of them over what is critical
+FRAMES = 96  # frames of a vibration, about three periods
+REST_FRAMES, ACROSS_FRAMES = 600, 3600  # frames to rest: by e^-30; for a pendulum of this length by e^-19
+REST_RATE, ACROSS_RATE = 6.0, 0.63  # 1/s: of the dampers used to reach rest, all below critical damping
 OPTIONS: dict[str, Any] = {"precision": "float64", "math": "exact"}
-SHARED = ("gravity", "damping")  # live, so that what has neither shares kernels with what has both: they add zeros
+SHARED = ("gravity", "damping")  # live fields: scenes without these forces use the same kernels and add zeros
 
 SAG, FREQUENCY, DECAY, ACROSS = "bar_sag", "bar_frequency", "bar_decay", "bar_across"  # m; 1/s; 1/s; m
-REFUSED = "refused"  # how the reason of a missing number begins
+REFUSED = "refused"  # prefix of the reason of a missing number
 
 
 def rod_sag() -> float:
-    """[m]: the longest way down of a hanging rod of the material, rho g L^2 / (2 E)."""
+    """Sag [m] of the end of a hanging rod of the material, rho g L^2 / (2 E)."""
     return GRAVITY * LENGTH**2 / (2 * SPEED**2)
 
 
 def rod_frequency() -> float:
-    """[1/s]: of the first longitudinal swing of a rod that is held at one end, sqrt(E / rho) / (4 L)."""
+    """Frequency [1/s] of the first longitudinal vibration of a rod fixed at one end, sqrt(E / rho) / (4 L)."""
     return SPEED / (4 * LENGTH)
 
 
 def beam_tip() -> float:
-    """[m]: how far the end of a beam of the clusters' material that is held at its side hangs down by its own weight.
+    """Displacement [m] of the end of a beam of the clusters' material, fixed at its side, by its own weight.
 
-    Bending and shear, S. P. Timoshenko (1921): q L^4 / (8 E I) + q L^2 / (2 kappa G A), of a rectangle kappa = 5/6. Clusters
-    that store w^2 m |goal - x|^2 / 2 do not shrink across when they are drawn out, so that E = 2 G.
+    Bending and shear, S. P. Timoshenko (1921): q L^4 / (8 E I) + q L^2 / (2 kappa G A), with kappa = 5/6 for a
+    rectangle. Clusters that store w^2 m |goal - x|^2 / 2 do not shrink across when they are stretched, so that E = 2 G.
     """
     return WEIGHT * (12 * LENGTH**4 / (8 * WIDTH**2) + 2 * LENGTH**2 / (2 * 5 / 6)) / SPEED**2
 
 
 def chain_sag(links: int) -> float:
-    """[m]: of a chain of springs, m g / k (1 + 2 + ... + n)."""
+    """Sag [m] of a chain of springs, m g / k (1 + 2 + ... + n)."""
     return rod_sag() * (1 + 1 / links)
 
 
 def chain_frequency(links: int) -> float:
-    """[1/s]: of a chain of springs, held at one end."""
+    """First frequency [1/s] of a chain of springs that is fixed at one end."""
     return 2 * SPEED * links / LENGTH * sin(pi / (4 * links + 2)) / (2 * pi)
 
 
 def verlet_frequency(frequency: float, h: float) -> float:
-    """[1/s]: what velocity Verlet makes of a frequency in steps of h [s]."""
+    """Frequency [1/s] of an oscillator integrated by velocity Verlet in steps of h [s]."""
     return asin(pi * frequency * h) / (pi * h)
 
 
 def implicit_frequency(frequency: float, h: float) -> float:
-    """[1/s]: what implicit Euler makes of it."""
+    """Frequency [1/s] of an oscillator integrated by implicit Euler in steps of h [s]."""
     return atan(2 * pi * frequency * h) / (2 * pi * h)
 
 
 def strip(links: int, method: dict[str, Any], load: str = SAG) -> Scene:
-    """The strip with `links` along it under a method's fields: hanging with a damper (SAG), without weight or damper
-    (FREQUENCY), or held at its left side (ACROSS)."""
+    """Return the strip with `links` along it under a method's fields.
+
+    It hangs with a damper (SAG), has neither weight nor damper (FREQUENCY), or is fixed at its left side (ACROSS).
+    """
     spacing = LENGTH / links
     mass = STIFFNESS * (spacing / SPEED) ** 2
     along, across = links + 1, max(1, round(WIDTH / spacing))
@@ -110,7 +113,7 @@ def strip(links: int, method: dict[str, Any], load: str = SAG) -> Scene:
 
 
 def method_of(solver: str, substeps: int, iterations: int = 1, region: int = 1) -> dict[str, Any]:
-    """The fields of a method that does a frame in so many substeps; mass-spring in as many steps."""
+    """Return the fields of a method that divides a frame into so many substeps; for mass-spring, into steps."""
     if solver == "mass-spring":
         return {"solver": solver, "integrator": "velocity-verlet", "dt": FRAME / substeps}
     own = {"region": region} if solver == "shape-matching" else {}
@@ -118,12 +121,14 @@ def method_of(solver: str, substeps: int, iterations: int = 1, region: int = 1) 
 
 
 def frame_steps(scene: Scene) -> int:
-    """How many steps of the scene a frame has."""
+    """Return the number of steps of the scene per frame."""
     return round(FRAME / scene.method.dt)
 
 
 def follow(simulation: Simulation, shape: np.ndarray, frames: int) -> np.ndarray:
-    """(frames + 1,): the way from the start along `shape` (particles, dimensions), once a frame. Raises Diverged."""
+    """Return (frames + 1,): the displacement from the start along `shape` (particles, dimensions) per frame. Raises
+    Diverged.
+    """
     begin = simulation.body.position
     found = []
     for frame in range(frames + 1):
@@ -135,8 +140,11 @@ def follow(simulation: Simulation, shape: np.ndarray, frames: int) -> np.ndarray
 
 
 def swing_of(ways: np.ndarray, step: float) -> tuple[float, float]:
-    """(frequency, decay) [1/s] of a swing seen every `step` [s]: x'' = s x' - d x of a linear step, by least squares (Prony
-    1795); its eigenvalues have the square d and the real part s / 2."""
+    """Return (frequency, decay) [1/s] of a vibration sampled every `step` [s].
+
+    A linear step obeys x'' = s x' - d x; s and d by least squares (Prony 1795). Its eigenvalues have the square d and
+    the real part s / 2.
+    """
     matrix = np.stack([ways[1:-1], -ways[:-2]], axis=1)
     (s, d), *_ = np.linalg.lstsq(matrix, ways[2:], rcond=None)
     angle = np.arccos(np.clip(s / (2 * np.sqrt(d)), -1, 1))
@@ -144,8 +152,10 @@ def swing_of(ways: np.ndarray, step: float) -> tuple[float, float]:
 
 
 def told(*names: str) -> Callable[[Callable[..., Measures]], Callable[..., Measures]]:
-    """What a measurement of these returns; for a step size that is refused, a solver that a backend
-    lacks, or a run that diverged, no numbers and why."""
+    """Make the decorator of measurements that return the measures `names`.
+
+    If a step size is refused, a backend lacks the solver, or the run diverged, the measures have no value but a reason.
+    """
 
     def around(measure: Callable[..., Measures]) -> Callable[..., Measures]:
         @wraps(measure)
@@ -164,7 +174,7 @@ def told(*names: str) -> Callable[[Callable[..., Measures]], Callable[..., Measu
 
 @told(SAG)
 def hang(scene: Scene, backend: str) -> Measures:
-    """SAG: how far the strip's lower end comes to hang under where it is without weight."""
+    """Measure SAG: the downward displacement of the strip's lower end at rest, from its place without weight."""
     with open_simulation(scene, backend, **OPTIONS) as simulation:
         simulation.advance(REST_FRAMES * frame_steps(scene))
         lowest = simulation.state().position[-1, 1]
@@ -173,7 +183,7 @@ def hang(scene: Scene, backend: str) -> Measures:
 
 @told(FREQUENCY, DECAY)
 def swing(scene: Scene, backend: str) -> Measures:
-    """FREQUENCY and DECAY of the first longitudinal mode, let go at rest, drawn out as a chain's."""
+    """Measure FREQUENCY and DECAY of the first longitudinal mode, released at rest in the shape of a chain's mode."""
     rest, links = rest_positions(scene.grid), scene.grid.rows - 1
     place = np.arange(scene.grid.particle_count) // scene.grid.columns
     shape = np.zeros_like(rest)
@@ -186,7 +196,7 @@ def swing(scene: Scene, backend: str) -> Measures:
 
 @told(ACROSS)
 def bend(scene: Scene, backend: str) -> Measures:
-    """ACROSS: how far the end of a strip that is held at its left side comes to hang under its place."""
+    """Measure ACROSS: the downward displacement at rest of the end of a strip that is fixed at its left side."""
     with open_simulation(scene, backend, **OPTIONS) as simulation:
         simulation.advance(ACROSS_FRAMES * frame_steps(scene))
         moved = simulation.state().position - rest_positions(scene.grid)
@@ -195,10 +205,11 @@ def bend(scene: Scene, backend: str) -> Measures:
 
 
 def chain_of_clusters(scene: Scene) -> tuple[float, float]:
-    """(SAG, FREQUENCY) of a strip by shape matching, from its clusters alone.
+    """Return (SAG, FREQUENCY) of a strip by shape matching, computed from its clusters.
 
-    With K u = sum share (x - goal) of a row's displacement u, a substep h rests where K u = g / w^2 + h^2 (g - K g) on free
-    rows, and takes a mode of K's eigenvalue e to z^2 = (1 - b e)(2 z - 1), b = w^2 h^2 / (1 + w^2 h^2): one iteration.
+    With K u = sum share (x - goal) of a row's displacement u, a substep h is at rest where K u = g / w^2 + h^2 (g - K
+    g) on free rows, and takes a mode of K's eigenvalue e to z^2 = (1 - b e)(2 z - 1), b = w^2 h^2 / (1 + w^2 h^2), with
+    one iteration.
     """
     column = scene.replace({"grid.columns": 1, "method.iterations": 1})
     clusters, n = lattice_clusters(column), column.grid.rows

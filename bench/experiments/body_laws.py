@@ -1,12 +1,11 @@
-"""Laws that bodies are held against: spin that is lost by a formula, momenta in free flight, rest after a drop.
+"""Laws that bodies are compared with: loss of spin by a formula, momenta in free flight, rest after a drop.
 
-SPIN: a rigid body, one cluster, turns about a principal axis. A substep takes the angle D of the last one to atan(sin D),
-the first being atan(omega h): matching turns the body by the arctangent of omega h, and its angular momentum is taken by the
-arms after that, the cosine of it. Iterations cannot mend it, substeps do, at first order.
-FLIGHT: a soft body is thrown, spinning. Split masses keep the linear momentum to rounding; the angular one is lost as a
-rigid body's.
-DROP: a soft body falls on a plane. It lies still when its kinetic energy is under STILL of that of the drop; nothing damps it
-but friction, the step itself, and what comes back from the plane.
+SPIN: a rigid body, one cluster, rotates about a principal axis. A substep takes the angle D of the last one to atan(sin
+D); the first is atan(omega h). Matching rotates the body by the arctangent of omega h, and the lever arms after that
+rotation reduce its angular momentum by the cosine of it. More iterations do not reduce the loss; more substeps do, at
+first order. FLIGHT: a soft body is thrown with spin. Split masses conserve the linear momentum to rounding; the angular
+momentum decreases as that of a rigid body. DROP: a soft body falls on a plane. It is at rest when its kinetic energy is
+below STILL of that of the drop; only friction, the step itself and the rebound from the plane damp it.
 """
 
 from __future__ import annotations
@@ -43,7 +42,7 @@ BODIES: dict[str, dict[str, Any]] = {
 
 
 def law_scene(law: str, substeps: int) -> Scene:
-    """What a law is held against: a beam, in space, thrown, or over a plane."""
+    """Return the scene of a law: a beam in space, thrown, or above a plane."""
     return Scene(
         {
             "title": law.capitalize(),
@@ -60,7 +59,9 @@ def law_scene(law: str, substeps: int) -> Scene:
 
 
 def spin_left(substeps: int) -> float:
-    """The part of the spin that the law leaves after SECONDS; one that turns by D in a substep h has sin D / h."""
+    """Return the fraction of the spin that is left after SECONDS by the law; a rotation by D in a substep h is sin D /
+    h.
+    """
     h = FRAME / substeps
     angle = atan(SPEED * h)
     for _ in range(substeps * round(SECONDS[SPIN] / FRAME) - 1):
@@ -69,16 +70,19 @@ def spin_left(substeps: int) -> float:
 
 
 def angular_momentum(position: np.ndarray, velocity: np.ndarray, mass: np.ndarray) -> np.ndarray:
-    """(3,) [kg m^2/s], about the centre of mass."""
+    """Return the angular momentum about the centre of mass, (3,) [kg m^2/s]."""
     m = mass[:, None]
     away = position - (m * position).sum(axis=0) / mass.sum()
     return np.cross(away, m * velocity).sum(axis=0)
 
 
 def hold(law: str, scene: Scene, backend: str, precision: str = "float64") -> Measures:
-    """The measures of a law: KEPT, the part of the angular momentum that is left after SECONDS (of SPIN beside SPIN_LAW, of
-    FLIGHT beside MOMENTUM, how far the linear momentum is from what gravity makes of it, over what that gave), or ENERGY,
-    the kinetic energy after a DROP over that of the fall."""
+    """Return the measures of a law.
+
+    KEPT is the fraction of the angular momentum that is left after SECONDS. SPIN reports SPIN_LAW too; FLIGHT reports
+    MOMENTUM, the difference of the linear momentum from the one by gravity, over what gravity added. ENERGY is the
+    kinetic energy after a DROP over that of the fall.
+    """
     names = {SPIN: (KEPT, SPIN_LAW), FLIGHT: (KEPT, MOMENTUM), DROP: (ENERGY,)}[law]
     return told(*names)(_hold)(law, scene, backend, precision)
 

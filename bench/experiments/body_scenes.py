@@ -1,4 +1,4 @@
-"""Small scenes of soft and rigid bodies: squashed, shot at each other, stacked, heaped; and what is measured of them.
+"""Small scenes of soft and rigid bodies, squashed, thrown at each other, stacked, heaped, and their measures.
 
 All scenes have the same parts, some of them switched off or far away, so that kernels are compiled once.
 """
@@ -24,10 +24,10 @@ SOFT = {"kind": "soft_body", "particle_spacing": SPACING, "adhesion": 1e-30, **S
 BRICK = {"kind": "rigid_body", "particle_spacing": RIGID_SPACING, "adhesion": 1e-30, **SAMPLED}  # 32 in two layers
 BRICK_HEIGHT = 0.25  # m
 TILTED = {"angle": 30.0, "axis": [0.3, 0.2, 1.0]}
-ULP = {"float64": 2.0**-53, "float32": 2.0**-24}  # the rounding of 1
+ULP = {"float64": 2.0**-53, "float32": 2.0**-24}  # rounding error of 1
 
-SPEED = 100.0  # m/s: of what is shot at a wall
-FALL = 10.0  # m/s: faster than anything falls here, sqrt(2 g 3.9 m)
+SPEED = 100.0  # m/s: of a body thrown at a wall
+FALL = 10.0  # m/s: above any speed of fall here, sqrt(2 g 3.9 m)
 
 Change = Callable[[np.ndarray], np.ndarray]
 SQUASHED: dict[str, Change] = {
@@ -44,35 +44,35 @@ CHANGED = SQUASHED | MIRRORED
 
 
 def method(substeps: int = 1, iterations: int = 1, dt: float = 0.01) -> dict[str, Any]:
-    """The fields of a scene's [method]; `dt` [s]."""
+    """Return the fields of a scene's [method]; `dt` [s]."""
     return {"solver": "shape-matching", "dt": dt, "substeps": substeps, "iterations": iterations}
 
 
 def bodies_scene(*, gravity: float = 9.81, damping: float = 0.0, plane: Any = AWAY, **tables: Any) -> Scene:
-    """`tables`: bodies and the method."""
+    """Return a scene of bodies; `tables`: bodies and the method."""
     world = {"gravity": {"acceleration": gravity}, "damping": {"coefficient": damping}, "plane": plane}
     return Scene(world | {"method": method()} | tables, "bodies")
 
 
 def meeting(gravity: float = 0.0, substeps: int = 1, iterations: int = 1, dt: float = 0.01, **tables: Any) -> Scene:
-    """Bodies that meet; `contact`: fields of that part."""
+    """Return a scene of bodies in contact; `contact`: fields of that part."""
     contact = MEET | tables.pop("contact", {})
     return bodies_scene(gravity=gravity, contact=contact, method=method(substeps, iterations, dt), **tables)
 
 
 def alone(kind: dict[str, Any]) -> dict[str, Any]:
-    """A body for scenes without contacts, which compile in a third of the time."""
+    """Return the body without contacts between bodies, which compiles in a third of the time."""
     return {name: value for name, value in kind.items() if name != "adhesion"}
 
 
 def thrown_at_a_plane(body: dict[str, Any], substeps: int = 1) -> Scene:
-    """From a metre above it, tilted."""
+    """Return a scene with a tilted body that is thrown down from 1 m above a plane."""
     shot_down = TILTED | {"velocity": [0.0, -SPEED, 0.0], "origin": [0.0, 1.0, 0.0]}
     return meeting(substeps=substeps, plane=FLOOR, body=body | shot_down)
 
 
 def thrown_at_a_box(substeps: int = 4) -> Scene:
-    """From a tenth of a metre above a box of a metre; a ball far away, for the kernel's sake."""
+    """Return a brick thrown at a box from 0.1 m above it; a distant ball keeps the kernel the same."""
     box = {"kind": "box", "center": [0.0, -0.5, 0.0], "half_size": [2.0, 0.5, 2.0]}
     return bodies_scene(
         gravity=0.0, method=method(substeps), box=box, sphere={"kind": "sphere", "center": [0.0, 1e5, 0.0], "radius": 1.0},
@@ -81,26 +81,26 @@ def thrown_at_a_box(substeps: int = 4) -> Scene:
 
 
 def shot(part: float, kind: dict[str, Any], angle: float, aside: float, **contact: float) -> Scene:
-    """At a rigid brick at rest, in substeps of `part` of the distance that particles keep."""
+    """Return a body thrown at a rigid brick at rest, in substeps of `part` of the distance that particles keep."""
     distance = (kind["particle_spacing"] + RIGID_SPACING) / 2
     bullet = kind | {"velocity": [0.0, -SPEED, 0.0], "origin": [aside, 0.6, -aside / 2], "angle": angle}
     return meeting(dt=part * distance / SPEED, wall=BRICK, bullet=bullet | {"axis": [0.2, -0.5, 1.0]}, contact=contact)
 
 
 def inside_each_other(one: dict[str, Any], other: dict[str, Any], aside: Any, iterations: int = 1) -> Scene:
-    """One body begins in the other, `aside` [m] of its middle."""
+    """Return a scene in which one body begins inside the other, `aside` [m] off its centre."""
     return meeting(iterations=iterations, one=one | {"origin": list(aside)}, other=other)
 
 
 def ball_in_a_body() -> Scene:
-    """A ball lies in the lower side of a body; a box far away, for the kernel's sake."""
+    """Return a scene with a ball in the lower side of a body; a distant box keeps the kernel the same."""
     ball = {"kind": "sphere", "center": [0.0, -0.16, 0.0], "radius": 0.15, "thickness": 0.01}
     far = {"kind": "box", "center": [0.0, 1e5, 0.0]}
     return bodies_scene(gravity=0.0, method=method(4), sphere=ball, box=far, body=alone(SOFT))
 
 
 def stack(substeps: int, iterations: int = 1, bricks: int = 10, **contact: float) -> Scene:
-    """Of 32 particles each, sixteen on sixteen."""
+    """Return a stack of bricks of 32 particles each, in two layers of sixteen."""
     brick = BRICK | {"origin": [0.0, 0.125, 0.0], "copies": [1, bricks, 1], "apart": [1.0, BRICK_HEIGHT, 1.0]}
     return meeting(
         GRAVITY, substeps, iterations, brick=brick, plane=FLOOR | {"thickness": RIGID_SPACING / 2}, contact=contact
@@ -108,24 +108,24 @@ def stack(substeps: int, iterations: int = 1, bricks: int = 10, **contact: float
 
 
 def load(ratio: float, substeps: int) -> Scene:
-    """A brick on a brick, `ratio` times as heavy."""
+    """Return a brick on a brick, `ratio` times as heavy."""
     lower = BRICK | {"origin": [0.0, 0.125, 0.0]}
     upper = BRICK | {"origin": [0.0, 0.125 + BRICK_HEIGHT, 0.0], "density": 1000.0 * ratio}
     return meeting(GRAVITY, substeps, lower=lower, upper=upper, plane=FLOOR | {"thickness": RIGID_SPACING / 2})
 
 
 def heap(copies: int, substeps: int, separation_speed: float = FALL) -> Scene:
-    """Jellies dropped on each other. Contacts part at the speed of the fall: see what stays caught."""
+    """Return jellies dropped on each other. Contacts separate at the speed of the fall, so that caught particles show."""
     body = SOFT | TILTED | {"origin": [0.0, 0.75, 0.0], "copies": [1, copies, 1], "apart": [1.0, 0.45, 1.0]}
     plane, contact = FLOOR | {"thickness": SPACING / 2}, {"separation_speed": separation_speed}
     return meeting(GRAVITY, substeps, soft=body, plane=plane, contact=contact)
 
 
-# ---------------------------------------------------------------------- states, and what is measured of them
+# ---------------------------------------------------------------------- states and their measures
 
 
 def start(scene: Scene, position: Any = None, velocity: Any = None, rotation: Any = None) -> State:
-    """A state at time 0: the scene's, but for what is given."""
+    """Return a state at time 0: the scene's, with the given arrays replaced."""
     body_set = scene.body_set
     position = body_set.position if position is None else np.asarray(position, dtype=np.float64)
     velocity = np.zeros_like(position) if velocity is None else np.asarray(velocity, dtype=np.float64)
@@ -133,13 +133,13 @@ def start(scene: Scene, position: Any = None, velocity: Any = None, rotation: An
 
 
 def masses(scene: Scene) -> np.ndarray:
-    """(particles, 1) [kg]"""
+    """Masses of the particles, (particles, 1) [kg]."""
     m: np.ndarray = scene.body_set.clusters.mass[:, None]
     return m
 
 
 def centre(scene: Scene, values: np.ndarray, body: int | None = None) -> np.ndarray:
-    """(3,): the mean by mass of a body's values, or of all."""
+    """Return the mean by mass of a body's values, or of all bodies' (None): (3,)."""
     chosen = scene.body_set.body == body if body is not None else np.ones(len(values), bool)
     m = masses(scene)[chosen]
     found: np.ndarray = (m * values[chosen]).sum(axis=0) / m.sum()
@@ -147,18 +147,20 @@ def centre(scene: Scene, values: np.ndarray, body: int | None = None) -> np.ndar
 
 
 def kinetic(scene: Scene, velocity: np.ndarray) -> float:
-    """[J]"""
+    """Kinetic energy [J]."""
     return 0.5 * float((masses(scene) * velocity.astype(float) ** 2).sum())
 
 
 def changed(scene: Scene, change: Change) -> State:
-    """At rest, but squashed about its centre."""
+    """Return the scene's state at rest, deformed about its centre by `change`."""
     middle = centre(scene, scene.body_set.position)
     return start(scene, change(scene.body_set.position - middle) + middle)
 
 
 def out_of_shape(scene: Scene, position: np.ndarray) -> float:
-    """How far [m] the worst particle is from its place in its body, each body turned as it fits best (det +1)."""
+    """Return the largest distance [m] of a particle from its place in its body, each body in its best-fit rotation (det
+    +1).
+    """
     worst = 0.0
     for body in range(len(scene.body_set.copies)):
         chosen, m = scene.body_set.body == body, masses(scene)[scene.body_set.body == body]
@@ -171,14 +173,14 @@ def out_of_shape(scene: Scene, position: np.ndarray) -> float:
 
 
 def nearest(scene: Scene, position: np.ndarray) -> float:
-    """The least distance [m] between particles of two bodies."""
+    """Return the smallest distance [m] between particles of two bodies."""
     body = scene.body_set.body
     apart = np.linalg.norm(position[:, None] - position, axis=2)
     return float(apart[body[:, None] != body].min())
 
 
 def sunk(scene: Scene, position: np.ndarray) -> np.ndarray:
-    """(bodies,): how much nearer the centre of each has come to what is below it, over g h^2."""
+    """Return (bodies,): by how much the centre of each came nearer to the body below, over g h^2."""
     h = scene.method.dt / scene.method.substeps
     fallen = [centre(scene, scene.body_set.position - position, body)[1] for body in range(len(scene.body_set.copies))]
     found: np.ndarray = np.diff([0.0, *fallen]) / (GRAVITY * h * h)

@@ -1,8 +1,8 @@
-"""What another program costs threads that work together: `softlab busy`.
+"""`softlab busy`: how much another program slows down threads that work together.
 
-Every scene on one thread and on one thread a core, sampled in turn (A B A B ...): with the cores to themselves, beside a
-program that computes all the time at the lowest priority, and beside one at the same priority. Threads that wait for one
-another may lose far more than their share of a core then; what idle threads do (`wait_policy`) is part of every row.
+Every scene runs on one thread and on one thread per core, sampled in turn (A B A B ...): alone, next to a program that
+computes all the time at the lowest priority, and next to one at the same priority. Threads that wait for each other may
+lose far more than their part of a core then. The behaviour of idle threads (`wait_policy`) is part of every row.
 """
 
 from __future__ import annotations
@@ -33,15 +33,15 @@ from model.scene.scene import load_scene
 
 FINDING = "busy"  # value of `finding`
 ALONE, NICED, SAME = "alone", "niced", "same"
-BESIDE = {ALONE: 0, NICED: 19, SAME: 0}  # what runs beside: the `nice` it gives itself
-SCENES = {  # and the kernel, None: the scene's own
+BESIDE = {ALONE: 0, NICED: 19, SAME: 0}  # kind of program -> its `nice` value
+SCENES = {  # scene -> kernels; None: the scene's own
     "lab-grid": (None, "fused"), "cloth-hanging": (None,), "cloth-warp": (None,), "cloth-xpbd": (None,),
     "cloth-self": (None,), "cloth-mesh": (None,), "jelly-grid": (None,), "jelly-block": (None,), "soft-pile": (None,),
 }  # fmt: skip
 QUICK = ("lab-grid", "soft-pile")
-LIMIT = 1.5  # threads beside a busy program take at most so much of what one thread takes there
+LIMIT = 1.5  # largest ratio of the time of threads to that of one thread, next to a busy program
 
-# Ends itself when the process that started it is gone (POSIX), or after an hour.
+# The program ends when the process that started it is gone (POSIX), or after an hour.
 PROGRAM = """
 import os, sys, time
 parent, end = os.getppid(), time.monotonic() + 3600
@@ -56,11 +56,11 @@ while os.getppid() == parent and time.monotonic() < end:
 
 @contextmanager
 def beside(kind: str) -> Iterator[subprocess.Popen[str] | None]:
-    """A program that computes on a core as long as this lasts; ended and waited for whatever happens. `kind`: of BESIDE."""
+    """Run a program that occupies a core inside this context; it is always killed and reaped. `kind`: a key of BESIDE."""
     if kind == ALONE:
         yield None
         return
-    lowest = getattr(subprocess, "IDLE_PRIORITY_CLASS", 0) if kind == NICED else 0  # Windows knows no nice
+    lowest = getattr(subprocess, "IDLE_PRIORITY_CLASS", 0) if kind == NICED else 0  # Windows has no nice
     process = subprocess.Popen(
         [sys.executable, "-c", PROGRAM, str(BESIDE[kind])], stdout=subprocess.PIPE, text=True, creationflags=lowest
     )
@@ -74,7 +74,7 @@ def beside(kind: str) -> Iterator[subprocess.Popen[str] | None]:
 
 
 def groups(effort: Effort, scenes: Iterable[str] = tuple(SCENES)) -> list[Group]:
-    """Of each scene and kernel, and of what runs beside: (one thread, a thread a core, at least two)."""
+    """Return a group for each scene, kernel and kind of program: (one thread, a thread per core, at least two)."""
     sources = cost_sources("cpu", __file__)
     found = []
     for name in scenes:
@@ -95,15 +95,17 @@ def _measure(scene: Any, ways: Sequence[dict[str, Any]], effort: Effort, record:
             kernel = None if way["kernel"] == "auto" else way["kernel"]
             simulation = stack.enter_context(open_simulation(scene, threads=way["threads"], kernel=kernel))
             subjects.append(prepare(Subject(simulation, way), effort.seconds, effort.most))
-        for subject in subjects:  # the same steps: bodies that meet take longer than such as fall
+        for subject in subjects:  # the same steps for all: bodies in contact take longer than falling ones
             subject.steps = max(s.steps for s in subjects)
         stack.enter_context(beside(ways[0]["beside"]))
         return in_turn(record, subjects, effort.repeats)
 
 
 def items(store: Store, backends: Sequence[str], quick: bool, scenes: Sequence[str] = ()) -> list[Group]:
-    """All; `quick`: two scenes, fewer and shorter samples; `scenes`: these instead. Raises SceneError for one that is not of
-    SCENES."""
+    """Return all groups; `quick`: two scenes, fewer and shorter samples; `scenes`: these instead.
+
+    Raises SceneError for a scene that is not in SCENES.
+    """
     for name in scenes:
         if name not in SCENES:
             raise SceneError("--scene", name, f"must be one of {', '.join(SCENES)}")
@@ -113,11 +115,11 @@ def items(store: Store, backends: Sequence[str], quick: bool, scenes: Sequence[s
 run_busy = Items(FINDING, items, "softlab busy", f"{FINDING}: ")
 
 
-# ---------------------------------------------------------------------- what the store says
+# ---------------------------------------------------------------------- results from the store
 
 
 def print_busy(console: Console, store: Store, machine: str) -> None:
-    """A table of what was measured on a machine."""
+    """Print a table of what was measured on a machine."""
     rows = (
         (
             p.scene, p.kernel, p.beside, p.wait_policy, str(p.threads), f"{1e3 * p.one:.3g}", f"{1e3 * p.many:.3g}",
@@ -132,8 +134,10 @@ def print_busy(console: Console, store: Store, machine: str) -> None:
 
 @dataclass(frozen=True)
 class BusyPoint:
-    """A scene beside a program (`beside`): seconds of a step on one thread and on `threads`, and the median of their ratio
-    over the pairs."""
+    """A scene next to a program (`beside`): seconds per step on one thread and on `threads`, and their ratio.
+
+    The ratio is the median over the pairs of samples.
+    """
 
     machine: str
     scene: str
@@ -147,7 +151,7 @@ class BusyPoint:
 
 
 def points(held: Iterable[Measure]) -> list[BusyPoint]:
-    """What the measures tell, by scene."""
+    """Return the points from the measures, by scene."""
     told: dict[tuple[str, str, str, str, str], dict[int, dict[str, Measure]]] = {}
     for measure in held:
         description: dict[str, Any] = measure.description

@@ -1,7 +1,7 @@
-"""Is the answer right? Asked of every configuration before its time counts.
+"""Check of the result of every configuration before its time is reported.
 
-Against the float64 NumPy reference at a small size, with the same kernel and threads; and against the other backend at
-the configuration's own size, where there is one. Errors are distances of the free masses, in units of the spacing.
+Each is compared with the float64 NumPy reference at a small size, with the same kernel and threads, and with the other
+backend at the configuration's own size, if it is available. Errors are distances of the free masses, in spacings.
 """
 
 from __future__ import annotations
@@ -20,23 +20,24 @@ from model.core.errors import Diverged, SceneError
 from model.core.simulation import Simulation, State
 from model.scene.scene import Scene
 
-CHECK_ROWS, CHECK_COLUMNS = 23, 19  # masses: small for the reference, divisible by no block or band
+CHECK_ROWS, CHECK_COLUMNS = 23, 19  # masses: small for the reference, not divisible by a block or band
 CHECK_STEPS = 100
-SIMULATOR_CHECK = (6, 5, 8)  # rows, columns, steps under the CUDA simulator, which takes milliseconds a mass
+SIMULATOR_CHECK = (6, 5, 8)  # rows, columns, steps under the CUDA simulator, which takes milliseconds per mass
 OWN_SIZE_STEPS = 10
-WAVE_ROWS = 256  # masses down, after which the wave that they are moved by begins again
-CHUNK = 1 << 18  # masses compared at a time: they stay in the cache
-AMPLITUDE = 0.05  # spacings: the masses start off their rest, so that every spring pulls
-# Spacings: over it the answer is wrong, not rounded. For grids up to CHECK_ROWS masses wide; a coordinate's rounding
-# grows with its size, and so does this (the hand-out's (p' - p) / dt carries it into the velocity).
+WAVE_ROWS = 256  # masses down, after which the wave of displacements repeats
+CHUNK = 1 << 18  # masses compared at a time, so that they stay in the cache
+AMPLITUDE = 0.05  # spacings: displacement of the start from rest, so that every spring acts
+# Spacings: a larger error is a wrong result and not rounding. For grids up to CHECK_ROWS masses wide; the rounding of a
+# coordinate grows with its size, and the limit with it (the hand-out's (p' - p) / dt carries it into the velocity).
 LIMITS = {"float32": 1e-3, "float64": 1e-9}
 
 
 @dataclass(frozen=True)
 class Check:
-    """`error`, `largest`: root mean square and maximum over the free masses, in spacings; infinite when diverged.
+    """Result of a check.
 
-    `note`: how they were had, or what went wrong. `good`: under the limit of the precision.
+    `error`, `largest`: root mean square and maximum over the free masses, in spacings; infinite if the run diverged.
+    `note`: how they were computed, or what went wrong. `good`: the error is below the limit of the precision.
     """
 
     error: float
@@ -46,7 +47,7 @@ class Check:
 
 
 def compare(simulation: Simulation, expected: np.ndarray, note: str) -> Check:
-    """How far the simulation's positions are from `expected` (particles, 2) [m]."""
+    """Compare the simulation's positions with `expected` (particles, 2) [m]."""
     body, position = simulation.body, simulation.read("position")
     count = len(position) - len(body.pinned)
     if not count:
@@ -73,9 +74,9 @@ def _reference(scene_text: str, steps: int) -> np.ndarray:
 
 
 def against_reference(simulation: Simulation) -> Check:
-    """The scene, integrator, kernel, threads, precision and math of `simulation`, at a small size, held against NumPy.
+    """Compare scene, integrator, kernel, threads, precision and math of `simulation` with NumPy at a small size.
 
-    A kernel that does not take so small a grid is replaced by the backend's own choice, which the note then says.
+    A kernel that does not support so small a grid is replaced by the backend's default, as the note then says.
     """
     simulated = simulation.backend == "gpu" and gpu_simulated()
     rows, columns, steps = SIMULATOR_CHECK if simulated else (CHECK_ROWS, CHECK_COLUMNS, CHECK_STEPS)
@@ -106,16 +107,16 @@ def against_reference(simulation: Simulation) -> Check:
 
 
 def displaced(simulation: Simulation) -> State:
-    """The scene's start with every free mass moved a little, so that all springs take part."""
+    """Return the scene's start with every free mass slightly displaced, so that all springs act."""
     body, grid = simulation.body, simulation.scene.grid
-    few = grid.model_copy(update={"rows": min(grid.rows, WAVE_ROWS)})  # sines of millions of masses take seconds
+    few = grid.model_copy(update={"rows": min(grid.rows, WAVE_ROWS)})  # the sines of millions of masses take seconds
     position = body.position + np.resize(wave(few, AMPLITUDE * grid.spacing), body.position.shape)
     position[body.pinned] = body.position[body.pinned]
     return State(position, body.velocity, body.inverse_mass, 0.0, 0)
 
 
 def against_other(simulation: Simulation, other: Simulation) -> Check:
-    """Both simulations of the same scene, from the same displaced state, after a few steps. Both are reset."""
+    """Compare two simulations of a scene after a few steps from the same displaced state. Both are reset."""
     state = displaced(simulation)
     note = f"own size, {OWN_SIZE_STEPS} steps, against {other.backend} ({other.kernel}, {other.options.precision})"
     try:

@@ -1,4 +1,4 @@
-"""Clusters that no mesh comes to, for laws and tests: given by their members, flat ones, lines, pairs and points."""
+"""Clusters that no mesh produces, for laws and tests: flat ones, lines, pairs and points, given by their members."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from model.shape_matching.body_set import BodySet, Copy
 from model.shape_matching.clusters import Clusters
 from model.shape_matching.links import LinkedCopies, make_links
 
-BODY = {"kind": "rigid_body", "particle_spacing": 0.14, **SAMPLED}  # in whose place they are
+BODY = {"kind": "rigid_body", "particle_spacing": 0.14, **SAMPLED}  # the body that they replace
 
 
 def by_hand(clusters: Clusters, links: Sequence[LinkedCopies] = (), **tables: Any) -> Scene:
-    """A scene whose body set is these clusters and links, as one body."""
+    """Return a scene whose body set is these clusters and links, as one body."""
     scene = bodies_scene(**{"body": BODY, "gravity": 0.0, **tables})
     copies = (Copy("body", SimpleNamespace(clusters=clusters, lattice=None), 0, 0, 0),)  # type: ignore[arg-type]
     at, count = clusters.position, len(clusters.mass)
@@ -32,7 +32,7 @@ def by_hand(clusters: Clusters, links: Sequence[LinkedCopies] = (), **tables: An
 
 
 def clusters_of(position: Any, *members: Any, stiffness: Any = np.inf, mass: Any = None) -> Clusters:
-    """Each of `members`: the particles of a cluster."""
+    """Return clusters at `position`; each of `members` lists the particles of a cluster."""
     position, sizes = np.asarray(position, dtype=np.float64), [len(one) for one in members]
     return Clusters(
         np.concatenate([[0], np.cumsum(sizes)]).astype(np.int32), np.concatenate(members).astype(np.int32),
@@ -42,7 +42,9 @@ def clusters_of(position: Any, *members: Any, stiffness: Any = np.inf, mass: Any
 
 
 def degenerate() -> Clusters:
-    """Flat, collinear, of one particle, of two, of none, and of all in one place; and a particle in none."""
+    """Return flat and collinear clusters, clusters of one particle, of two, of none, of coincident ones, and an
+    unclustered particle.
+    """
     flat = [[x, y, 0.0] for x in range(3) for y in range(3)]
     line, one, two = [[3.0 + n, n, n] for n in range(4)], [[9.0, 0.0, 0.0]], [[11.0, 0.0, 0.0], [11.0, 1.0, 1.0]]
     place, orphan = [[14.0, 0.0, 0.0]] * 3, [[16.0, 0.0, 0.0]]

@@ -1,16 +1,16 @@
-"""How fast the orderings of a position-based solver converge, by iterations and by time.
+"""Convergence of the orderings of a position-based solver, by iterations and by time.
 
-One step of a cloth that hangs by two corners, drawn out by STRETCH along its height, rippled by RIPPLE, and let go without
-gravity; structural and shear springs do not give (compliance 0). What n iterations leave over then is the stretch itself,
-which positions alone tell, on any backend: RESIDUAL, the root mean square of |C| over the rest length, XPBD's own residual
-(2016, eq. 9) where the compliance is 0. All of it was there before the step, at all wavelengths; step size and masses do not
-matter.
+One step of a cloth that hangs by two corners, stretched by STRETCH along its height, rippled by RIPPLE, and released
+without gravity. Structural and shear springs are inextensible (compliance 0). The error after n iterations is then the
+stretch itself, which the positions determine on any backend: RESIDUAL, the root mean square of |C| over the rest
+length, XPBD's own residual (2016, eq. 9) for compliance 0. All of it is present before the step, at all wavelengths;
+step size and masses do not matter.
 
-Orderings are compared at equal residuals, not at equal iterations: an iteration over a dozen colours is not one over all
-constraints at once. Nor does one number tell: a sweep of Gauss-Seidel leaves the constraints of its last colours exact and
-pushes their stretch into the others (half of them twice as stretched: sqrt 2 times the root mean square), so that from a
-smooth state its residual first grows, then falls the faster. Those of one number of iterations are timed in turn, on the same
-steps.
+Orderings are compared at equal residuals, not at equal iterations, because an iteration over a dozen colours differs
+from one over all constraints at once. One number is not enough either: a sweep of Gauss-Seidel makes the constraints of
+its last colours exact and moves their stretch into the others (half of them are stretched twice as much: sqrt 2 times
+the root mean square). From a smooth state its residual therefore first grows, then falls faster. Orderings with the
+same number of iterations are timed in turn, on the same steps.
 """
 
 from __future__ import annotations
@@ -38,10 +38,10 @@ from model.scene.scene import Scene, load_scene
 from model.xpbd.plan import colour_order, xpbd_parts
 
 CONVERGENCE = "convergence"  # value of `finding`
-RESIDUAL, BEFORE = "convergence_residual", "convergence_residual_before"  # of the rest length; BEFORE: of the start
-SIZES = (64, 128, 256, 512)  # masses a side
+RESIDUAL, BEFORE = "convergence_residual", "convergence_residual_before"  # over the rest length; BEFORE: at the start
+SIZES = (64, 128, 256, 512)  # masses per side
 ITERATIONS = (1, 2, 4, 8, 16, 32, 64, 128, 256, 512)
-STRETCH = 0.01  # of the height
+STRETCH = 0.01  # fraction of the height
 RIPPLE = 0.001  # m
 FRAME = 1 / 60  # s
 RIGID = ("structural", "shear")
@@ -49,7 +49,7 @@ PRECISION = "float32"
 
 
 def sheet(n: int, name: str, iterations: int) -> Scene:
-    """The cloth of n x n masses under an ordering."""
+    """Return the cloth of n x n masses under an ordering."""
     solved = changes(name, iterations) | {
         "method.dt": FRAME,
         "gravity.enabled": False,
@@ -60,12 +60,12 @@ def sheet(n: int, name: str, iterations: int) -> Scene:
 
 
 def colours() -> int:
-    """How many colours an iteration of Gauss-Seidel has."""
+    """Return the number of colours of an iteration of Gauss-Seidel."""
     return len(colour_order(xpbd_parts(sheet(SIZES[0], XPBD[0], 1))))
 
 
 def drawn_out(scene: Scene) -> State:
-    """The start: its height, from the pinned row down, longer by STRETCH; at rest."""
+    """Return the start: its height, from the pinned row down, stretched by STRETCH; at rest."""
     position, _ = start(scene)
     top = position[0, 1]
     position[:, 1] = top + (1 + STRETCH) * (position[:, 1] - top)
@@ -73,14 +73,16 @@ def drawn_out(scene: Scene) -> State:
 
 
 def residual(scene: Scene, position: np.ndarray) -> float:
-    """Root mean square over the constraints that do not give of their strain."""
+    """Root mean square of the strain over the inextensible constraints."""
     strains = np.concatenate([spring_strain(scene, position, kind) for kind in RIGID])
     return float(np.sqrt(np.mean(strains**2)))
 
 
 def groups(store: Store, backends: Sequence[str], quick: bool) -> list[Group]:
-    """What is timed in turn: the orderings at one size and number of iterations; Gauss-Seidel first. `quick`: the smallest
-    size alone, fewer and shorter samples."""
+    """Return the groups timed in turn: the orderings at one size and number of iterations, Gauss-Seidel first.
+
+    `quick`: the smallest size only, fewer and shorter samples.
+    """
     effort, sizes = (QUICK, SIZES[:1]) if quick else (FULL, SIZES)
     found = []
     for backend in backends:

@@ -1,9 +1,9 @@
-"""What the way of cutting a sheet into triangles does to it: one diagonal in every cell, or diagonals in turn.
+"""Effect of the triangulation of a sheet: one diagonal direction in every cell, or alternating diagonals.
 
-A square sheet that is held at its four corners and sags is its own mirror image. Cut along one diagonal it is not: edges
-along that one hold, across it only the cells' sides do. Two numbers, in the store as a finding: how far the sheet at rest
-is from its mirror image, and how much stiffer it is against a stretch along the diagonals than across them, of which the
-exact value follows from the edges alone (see `exact_ratio`).
+A square sheet that hangs from its four corners is its own mirror image. Cut along one diagonal it is not: along that
+diagonal the edges resist, across it only the sides of the cells do. Two numbers are stored as a finding: how far the
+sheet at rest is from its mirror image, and the ratio of its stiffness against a stretch along the diagonals to that
+across them, whose exact value follows from the edges alone (see `exact_ratio`).
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from model.scene.scene import Scene
 from model.xpbd.mesh_constraints import mesh_energy
 
 FINDING = "discretisation"
-BIAS, RATIO, SAG = "finding_bias", "finding_ratio", "finding_sag"  # spacings; of no unit; m
+BIAS, RATIO, SAG = "finding_bias", "finding_ratio", "finding_sag"  # spacings; dimensionless; m
 WAYS = ("one", "alternating")
 SIDE = 25  # masses: odd, so that alternating diagonals are their own mirror image
 STEPS, DT, SUBSTEPS = 240, 1 / 60, 20
@@ -28,7 +28,7 @@ STRETCH = 1e-4
 
 
 def sheet(diagonals: str, side: int = SIDE) -> Scene:
-    """1 m^2 of cloth, held at its corners, lying flat at first; its damper brings it to rest within a second."""
+    """Return 1 m^2 of cloth, pinned at its corners, initially flat; its damper brings it to rest within a second."""
     last = side - 1
     mass = 0.2 / side**2
     return Scene(
@@ -49,20 +49,19 @@ def sheet(diagonals: str, side: int = SIDE) -> Scene:
 
 
 def mirrored(position: np.ndarray, side: int = SIDE) -> np.ndarray:
-    """(particles, 3): the sheet's mirror image, left and right exchanged."""
+    """Return the sheet's mirror image, left and right exchanged: (particles, 3)."""
     p = position.reshape(side, side, 3)[:, ::-1] * [-1.0, 1.0, 1.0]
     return p.reshape(-1, 3)
 
 
 def bias(position: np.ndarray, side: int = SIDE) -> float:
-    """The largest distance from a mass to its mirror image, in spacings."""
+    """Return the largest distance from a mass to its mirror image, in spacings."""
     apart = np.linalg.norm(position - mirrored(position, side), axis=1)
     return float(apart.max()) * (side - 1)
 
 
 def stretch_ratio(scene: Scene) -> float:
-    """The energy of the edges of a sheet stretched along the falling diagonals over that of one stretched along the
-    rising."""
+    """Return the ratio of edge energies: stretched along the falling diagonals over stretched along the rising ones."""
     rest = rest_positions(scene.grid)
     energy = []
     for across in (1.0, -1.0):  # rows go along +z
@@ -72,22 +71,25 @@ def stretch_ratio(scene: Scene) -> float:
 
 
 def exact_ratio(diagonals: str, side: int = SIDE) -> float:
-    """The same for small strains e: an edge of length L at the angle a to the stretch holds k/2 (L e cos^2 a)^2, which is
-    k/2 s^2 e^2 times 1/4 for a side, 2 for a diagonal along it and 0 for one across."""
+    """Return the same ratio for small strains e.
+
+    An edge of length L at the angle a to the stretch stores k/2 (L e cos^2 a)^2, which is k/2 s^2 e^2 times 1/4 for a
+    side, 2 for a diagonal along it and 0 for one across.
+    """
     cells, sides = (side - 1) ** 2, 2 * side * (side - 1) / 4
     falling = cells if diagonals == "one" else (cells + cells % 2) // 2
     return (sides + 2 * falling) / (sides + 2 * (cells - falling))
 
 
 def at_rest(diagonals: str, backend: str) -> State:
-    """The sheet after STEPS, in float64."""
+    """Return the sheet's state after STEPS, in float64."""
     with open_simulation(sheet(diagonals), backend, precision="float64") as simulation:
         simulation.advance(STEPS)
         return simulation.state()
 
 
 def experiments(backend: str) -> list[Experiment]:
-    """One for each way, on the backend."""
+    """Return one experiment for each triangulation on the backend."""
     found = []
     for diagonals in WAYS:
         scene = sheet(diagonals)

@@ -1,12 +1,13 @@
-"""How many tetrahedra a second the position-based solver projects: `softlab projections --tetrahedra`.
+"""`softlab projections --tetrahedra`: tetrahedra per second that the position-based solver projects.
 
-A projection is one tetrahedron, both its constraints, in one iteration; the whole step is timed, as of sheets
-(projections.py). A bar held at one end, in voxels of five tetrahedra, swept voxel by voxel or, as a free mesh must be,
-tetrahedron by tetrahedron in greedy colours: from 400 to a million and more, on a CPU too, and 266 000 with 100 sweeps a
-frame. The bar of 12 800 with 100 substeps a frame is
-that of M. Macklin et al., "Small Steps in Physics Simulation", SCA 2019: 6 ms on an RTX 2080 Ti.
+A projection is one tetrahedron, both its constraints, in one iteration; the whole step is timed, as for sheets
+(projections.py). The scene is a bar fixed at one end, in voxels of five tetrahedra, swept voxel by voxel or, as a free
+mesh requires, tetrahedron by tetrahedron in greedy colours: from 400 to a million and more, on a CPU too, and 266 000
+with 100 sweeps per frame. The bar of 12 800 with 100 substeps per frame is that of M. Macklin et al., "Small Steps in
+Physics Simulation", SCA 2019: 6 ms on an RTX 2080 Ti.
 
-What a tetrahedron must take: `operations`, and `moved_bytes` if nothing of a colour is left in a cache for the next one.
+Lower bounds of the cost of a tetrahedron: `operations`, and `moved_bytes` if a cache keeps nothing from one colour to
+the next.
 """
 
 from __future__ import annotations
@@ -27,10 +28,10 @@ from model.core.options import PRECISIONS
 from model.formulas.constraints import tetrahedron
 from model.scene.scene import Scene
 
-STAGE = "tetrahedra_projections"  # of the samples in the store
+STAGE = "tetrahedra_projections"  # stage of the samples in the store
 STEP = "tetrahedra_projection_step"  # s: the median of a step
 RATE = "tetrahedra_projections_per_second"  # 1/s
-KERNEL = "tetrahedra_projection_kernel"  # its name is the reason
+KERNEL = "tetrahedra_projection_kernel"  # the name of the kernel is stored as the reason
 BARS = {
     400: (20, 2, 2),
     3200: (40, 4, 4),
@@ -38,21 +39,22 @@ BARS = {
     102400: (80, 16, 16),
 }  # tetrahedra: voxels along each axis
 QUICK_BARS = (400, 3200)
-SWEPT = {266000: (76, 28, 25)}  # with as many substeps as small ones; as LARGE and FREE never in a quick run
+SWEPT = {266000: (76, 28, 25)}  # as many substeps as small bars; like LARGE and FREE never in a quick run
 FREE = (1036800,)  # of LARGE on a CPU: one material
 LARGE = {1036800: (96, 48, 45), 4096000: (128, 80, 80)}  # on a GPU
-MOST_FREE = 1036800  # greedy colours of more take minutes to find
+MOST_FREE = 1036800  # greedy colours of larger bars take minutes to compute
 SWEEPS = ("voxels", "tetrahedra")
 MATERIALS, QUICK_MATERIALS = ("fixed-corotated", "neo-hookean"), ("neo-hookean",)
-SMALL_STEPS, FEW, SMALL = 100, 10, 12800  # substeps of a frame: of bars up to so many tetrahedra, and of larger ones
+SMALL_STEPS, FEW, SMALL = 100, 10, 12800  # substeps per frame: of bars of up to SMALL tetrahedra, and of larger ones
 FRAME = 1 / 60  # s
-CORNERS, INDEX, VOXEL_CORNERS, PER_VOXEL = 4, 4, 8, 5  # of a tetrahedron, bytes of an index; of a voxel
-VALUES = tetrahedron.COUNT - 1  # a damper's is not read
-HALF_H200, STREAM_H200 = 33e12, 4.0e12  # 1/s: half of its peak in float32; bytes a second
+# corners of a tetrahedron, bytes of an index; corners and tetrahedra of a voxel
+CORNERS, INDEX, VOXEL_CORNERS, PER_VOXEL = 4, 4, 8, 5
+VALUES = tetrahedron.COUNT - 1  # without the damper's value, which is not read
+HALF_H200, STREAM_H200 = 33e12, 4.0e12  # 1/s: half of its peak in float32; bytes/s
 
 
 def bar(count: int, sweep: str, material: str) -> Scene:
-    """So many tetrahedra of BARS, SWEPT or LARGE."""
+    """Return the bar of that many tetrahedra, a key of BARS, SWEPT or LARGE."""
     sides = (BARS | SWEPT | LARGE)[count]
     body: dict[str, Any] = {
         "kind": "tetrahedral_body", "shape": {"name": "box", "sides": [0.1 * n for n in sides]}, "edge": 0.1,
@@ -63,32 +65,35 @@ def bar(count: int, sweep: str, material: str) -> Scene:
 
 
 def count_of(scene: Scene) -> int:
-    """Tetrahedra of such a bar."""
+    """Return the number of tetrahedra of such a bar."""
     sides, edge = scene.tetrahedra["bar"].shape.sides, scene.tetrahedra["bar"].edge  # type: ignore[union-attr]
     return PER_VOXEL * int(np.prod(np.round(np.array(sides) / edge)))
 
 
 def projections_of(scene: Scene) -> int:
-    """Of a step."""
+    """Return the number of projections per step."""
     return count_of(scene) * scene.method.substeps * scene.method.iterations
 
 
 def moved_bytes(sweep: str, precision: str) -> float:
-    """Of a tetrahedron: its indices and values read; positions and weights, four numbers a corner, read and written; of a
-    voxel's eight corners once, however many of its tetrahedra have them."""
+    """Return the bytes that a tetrahedron moves.
+
+    Its indices and values are read; positions and weights, four numbers per corner, are read and written. A voxel's
+    eight corners count once, for all of its tetrahedra.
+    """
     item = np.dtype(PRECISIONS[precision]).itemsize
     corners = VOXEL_CORNERS / PER_VOXEL if sweep == "voxels" else CORNERS
     return corners * INDEX + VALUES * item + corners * 2 * 4 * item
 
 
 def operations(material: str, precision: str) -> int:
-    """Floating-point operations of a tetrahedron."""
+    """Return the floating-point operations of a tetrahedron."""
     item = np.dtype(PRECISIONS[precision]).itemsize
     return tetrahedron.operations(tetrahedron.MATERIALS.index(material), item)
 
 
 def groups(backends: Sequence[str], quick: bool, precisions: Sequence[str]) -> list[list[Case]]:
-    """What is timed in turn: all cases of a bar on a backend. `quick`: two bars, one material."""
+    """Return the groups timed in turn: all cases of a bar on a backend. `quick`: two bars, one material."""
     found = []
     for backend in backends:
         large = LARGE if backend == "gpu" else FREE
@@ -105,11 +110,11 @@ def groups(backends: Sequence[str], quick: bool, precisions: Sequence[str]) -> l
 RATES = run_element_projections = Rates("projections", STAGE, STEP, RATE, KERNEL, projections_of, groups)
 
 
-# ---------------------------------------------------------------------- what the store says
+# ---------------------------------------------------------------------- results from the store
 
 
 def print_element_projections(console: Console, store: Store, machine: str) -> None:
-    """A table of what was timed on a machine."""
+    """Print a table of what was timed on a machine."""
     rows, speeds = [], copied(store, machine)
     for p in points(measures(store, machine=machine)):
         moved, done = moved_bytes(p.sweep, p.precision), operations(p.material, p.precision)
@@ -137,7 +142,7 @@ def print_element_projections(console: Console, store: Store, machine: str) -> N
 
 
 def copied(store: Store, machine: str) -> dict[str, float]:
-    """Backend -> copy bandwidth of a machine [B/s], where it was measured."""
+    """Return backend -> copy bandwidth of a machine [B/s], where it was measured."""
     held = store.query("SELECT record FROM machine WHERE key = ?", (machine,))
     record = json.loads(held[0][0]) if held else {}
     found = {"cpu": record.get("copy_bandwidth"), "gpu": record.get("gpu_copy_bandwidth")}
@@ -146,7 +151,7 @@ def copied(store: Store, machine: str) -> dict[str, float]:
 
 @dataclass(frozen=True)
 class ElementPoint(RatePoint):
-    """One bar. `sweep`: of SWEEPS."""
+    """One bar; `sweep`: one of SWEEPS."""
 
     tetrahedra: int
     material: str
@@ -155,7 +160,7 @@ class ElementPoint(RatePoint):
 
 
 def points(held: Iterable[Measure]) -> list[ElementPoint]:
-    """What the measures tell of the cases, smallest bars first."""
+    """Return the points from the measures, smallest bars first."""
     found = []
     for _, scene, point in RATES.told(held):
         body = scene.tetrahedra["bar"]

@@ -1,12 +1,12 @@
-"""How many particles of a fluid a second, and where the time goes: `softlab fluids`.
+"""`softlab fluids`: particles of a fluid per second, and the time of each stage.
 
-A pool of water a rest distance of 1 cm apart, at rest between walls and 20 particles deep, a thousand to ten million of them;
-a frame is a step of 1/60 s in two substeps of three iterations, each with its own search. Beside whole frames every stage is
-timed by itself (app/plan/measure.py): what sorting, listing, densities and corrections each take, of a particle, against what
-memory and arithmetic allow. A cup that pours is timed, too, and where its water is every half second. On a GPU the frame's
-kernel fuses the first density with the lists, and the last correction with the velocities, so that it takes less than the
-sum. The scheme `divergence-free` is timed in turn with `macklin`; it has two solves a substep, and an iteration of either
-counts.
+A pool of water with a rest distance of 1 cm, at rest between walls and 20 particles deep, with a thousand to ten
+million particles. A frame is a step of 1/60 s in two substeps of three iterations, each with its own neighbour search.
+Besides whole frames every stage is timed by itself (app/plan/measure.py): the time per particle of sorting, listing,
+densities and corrections, and the limits of memory and arithmetic. A cup that pours is timed too, with the place of its
+water every half second. On a GPU the frame's kernel fuses the first density with the lists, and the last correction
+with the velocities, so that a frame takes less than the sum of the stages. The scheme `divergence-free` is timed in
+turn with `macklin`; it has two solves per substep, and an iteration of either counts.
 """
 
 from __future__ import annotations
@@ -29,10 +29,11 @@ from model.fluid.fluid_set import particle_count
 from model.fluid.plan import fluid_plan, neighbours_at_rest
 from model.scene.scene import Scene, load_scene
 
-STAGE = "fluids"  # of the samples in the store
+STAGE = "fluids"  # stage of the samples in the store
 STEP = "fluid_step"  # s: the median of a frame
-RATE = "fluid_particle_iterations_per_second"  # particles x substeps x iterations (of two solves both), 1/s
-KERNEL = "fluid_kernel"  # its name is the reason
+# particles x substeps x iterations (of both solves, if there are two), 1/s
+RATE = "fluid_particle_iterations_per_second"
+KERNEL = "fluid_kernel"  # the name of the kernel is stored as the reason
 SCHEMES = ("macklin", "divergence-free")
 PHASES = ("predict", "sort into cells", "find neighbours", "density", "correct", "update velocity", "limit velocities")
 FREE_PHASES = (
@@ -53,11 +54,11 @@ DISTANCE = 0.01  # m
 FRAME = 1 / 60  # s
 SUBSTEPS, ITERATIONS = 2, 3
 SCALAR, INDEX, QUAD = 4, 4, 16  # bytes in float32
-HALF_H200, STREAM_H200 = 31e12, 4.0e12  # 1/s: half of its peak in float32; bytes a second
+HALF_H200, STREAM_H200 = 31e12, 4.0e12  # 1/s: half of its peak in float32; bytes/s
 
 
 def pool(count: int, scheme: str = SCHEMES[0]) -> Scene:
-    """So many particles of POOLS or LARGE."""
+    """Return the pool of that many particles, a key of POOLS or LARGE."""
     nx, ny, nz = (POOLS | LARGE)[count]
     size = [DISTANCE * n for n in (nx, ny, nz)]
     ends = {"left": ([0.0] * 3, [1.0, 0.0, 0.0]), "right": ([size[0], 0.0, 0.0], [-1.0, 0.0, 0.0])}
@@ -73,19 +74,21 @@ def pool(count: int, scheme: str = SCHEMES[0]) -> Scene:
 
 
 def count_of(scene: Scene) -> int:
-    """Particles of a pool, none of which is made for it."""
+    """Return the number of particles of a pool, without creating them."""
     return particle_count(scene.fluids)
 
 
 def particle_iterations(scene: Scene) -> int:
-    """Of a frame."""
+    """Return particles x iterations per frame."""
     solves = 2 if scene.method.scheme == "divergence-free" else 1
     return count_of(scene) * scene.method.substeps * scene.method.iterations * solves
 
 
 def moved_bytes(phase: str, met: float) -> float:
-    """Of a particle with so many neighbours in float32, if only neighbours' positions come from a cache. A cell is taken
-    for a sixth of a particle."""
+    """Return the bytes per particle with `met` neighbours in float32, if only neighbours' positions are cached.
+
+    There is one cell for every six particles.
+    """
     return {
         "predict": 4 * QUAD + INDEX,
         "sort into cells": 8 * QUAD + (2 + 3 + 1 + 4) * INDEX + 24 / 6,
@@ -106,13 +109,15 @@ def moved_bytes(phase: str, met: float) -> float:
 
 
 def operations(scene: Scene, phase: str) -> int:
-    """Floating-point operations of a particle."""
+    """Return the floating-point operations of a stage per particle."""
     return next(stage.operations for stage in fluid_plan(scene).root.stages() if stage.name == phase)
 
 
 def groups(backends: Sequence[str], quick: bool, precisions: Sequence[str]) -> list[list[Case]]:
-    """What is timed in turn: schemes and precisions of a pool on a backend, and of a cup that pours. `quick`: two small
-    pools alone."""
+    """Return the groups timed in turn: schemes and precisions of a pool on a backend, and of a cup that pours.
+
+    `quick`: two small pools only.
+    """
     found = []
     for backend in backends:
         for count in QUICK if quick else (*POOLS, *(LARGE if backend == "gpu" else ())):
@@ -124,13 +129,16 @@ def groups(backends: Sequence[str], quick: bool, precisions: Sequence[str]) -> l
 
 
 def phase_name(phase: str) -> str:
-    """The measure of a stage's time [s]."""
+    """Return the name of the measure of a stage's time [s]."""
     return f"fluid_stage_{phase.replace(' ', '_')}"
 
 
 def poured(case: Case) -> Measures:
-    """Of a cup that pours: the shares of its water in it and in the basin against time, and how high the water stands in the
-    end over what its volume and the basin's area give."""
+    """Return the measures of a cup that pours.
+
+    They are the fractions of its water in the cup and in the basin against time, and the final level of the water over
+    the one that follows from its volume and the basin's area.
+    """
     found: dict[str, Any] = {}
     scene, left = case.scene, case.scene.parts["left"]
     for time, cup, basin, places in pouring(scene, backend=case.backend, precision=case.precision):
@@ -143,8 +151,11 @@ def poured(case: Case) -> Measures:
 
 
 def phase_times(case: Case) -> Measures:
-    """The time [s] of each stage of a substep; of one that it has several times that of the last, since a solve's first
-    iteration may find less to do."""
+    """Return the time [s] of each stage of a substep.
+
+    Of a stage that a substep has several times it is the time of the last one, since a solve's first iteration may do
+    less.
+    """
     iterations = 2 if case.scene.method.scheme == "divergence-free" else 1
     scene = case.scene.replace({"method.dt": FRAME / SUBSTEPS, "method.substeps": 1, "method.iterations": iterations})
     times = measure_stages(scene, case.backend, case.precision)
@@ -154,7 +165,7 @@ def phase_times(case: Case) -> Measures:
 
 @dataclass(frozen=True)
 class FluidRates(Rates):
-    """Frames, and the stages of each case before them."""
+    """Rates of frames, measured after the stages of each case."""
 
     def _time(self, store: Store, summary: Summary, group: Sequence[Case], repeats: int) -> None:
         for case in group:
@@ -166,12 +177,15 @@ class FluidRates(Rates):
 RATES = run_fluids = FluidRates("fluids", STAGE, STEP, RATE, KERNEL, particle_iterations, groups)
 
 
-# ---------------------------------------------------------------------- what the store says
+# ---------------------------------------------------------------------- results from the store
 
 
 @dataclass(frozen=True)
 class FluidPoint(RatePoint):
-    """One pool, or a cup that pours. `phases` [s]: stages alone, by name; `shares`: what is told of the cup, by name."""
+    """One pool, or a cup that pours.
+
+    `phases` [s]: times of single stages, by name; `shares`: the measures of the cup, by name.
+    """
 
     particles: int
     scheme: str
@@ -180,7 +194,7 @@ class FluidPoint(RatePoint):
 
 
 def points(held: Iterable[Measure], every: bool = False) -> list[FluidPoint]:
-    """What the measures tell of the cases, smallest first; incomplete ones only if `every` one is asked for."""
+    """Return the points from the measures, smallest first; with `every`, incomplete ones too."""
     kept = list(held)
     alone: dict[str, dict[str, float]] = {}
     shares: dict[str, dict[str, float]] = {}
@@ -203,7 +217,7 @@ def _key(measure: Measure) -> str:
 
 
 def print_fluids(console: Console, store: Store, machine: str) -> None:
-    """Tables of what was timed on a machine: frames, and stages alone; and of a cup that poured."""
+    """Print tables of what was timed on a machine: frames, single stages, and a cup that poured."""
     held = points(measures(store, machine=machine), every=True)
     rows = [
         (
@@ -219,7 +233,7 @@ def print_fluids(console: Console, store: Store, machine: str) -> None:
     )
     print_table(console, heads, rows, told)
     stages: list[tuple[str, ...]] = []
-    for p in (p for p in held if p.phases):  # of pools
+    for p in (p for p in held if p.phases):  # pools
         scene = pool(p.particles, p.scheme)
         met = neighbours_at_rest(scene)
         for phase, taken in p.phases.items():

@@ -1,11 +1,10 @@
-"""Every kernel of each backend, forced, at every size: which rung of the ladder is the fastest where, and by how much.
+"""`softlab sweep --kernels`: every kernel of each backend, forced, at every size, to find the fastest at each size.
 
-`softlab sweep --kernels`. Timed like the ordinary sweep (bench/experiments/sweep.py): checked, interleaved per size,
-resumable. A kernel that cannot run at a size, or breaks there in whatever way, is skipped with the reason, and the others
-go on. What a configuration is called holds its kernel's name; ordinary timings, whose kernel the backend chose, are `auto`.
-Which one it would choose is stored beside each (`default`: 1 or 0).
-
-Beside the times, in the first precision asked for: joules, where the machine counts them (bench/measure/energy.py).
+Timed like the ordinary sweep (bench/experiments/sweep.py): checked, sampled in turn per size, resumable. A kernel that
+cannot run at a size, or fails there for any reason, is skipped with the reason, and the others continue. The
+configuration contains the kernel's name; ordinary timings, whose kernel the backend chose, have `auto`. Whether the
+backend would choose the kernel is stored with each (`default`: 1 or 0). In the first requested precision the energy [J]
+is measured too, where the machine has a counter (bench/measure/energy.py).
 """
 
 from __future__ import annotations
@@ -31,14 +30,15 @@ from model.scene.scene import Scene, load_scene
 
 SQUARES = tuple(16 << k for k in range(10))  # 16 ... 8192
 QUICK_SQUARES = (32, 64, 128, 256)
-SLOW = ("launch", "stages")  # which three samples are enough for
+SLOW = ("launch", "stages")  # kernels for which three samples are enough
 SLOW_REPEATS = 3
-MAX_CROWDED = 128 * 128  # masses up to which more threads than cores are timed, too: there they matter
-PLAIN = ("fused", "launch", "graph", "stages")  # the kernel that the others of a size are held against: the first here
+MAX_CROWDED = 128 * 128  # largest number of masses at which more threads than cores are timed: there they matter
+# the other kernels of a size are compared with the first of these that it has
+PLAIN = ("fused", "launch", "graph", "stages")
 
 
 def kernels_of(backend: str) -> tuple[str, ...]:
-    """The names of a backend's kernels, which stand where it chooses among them."""
+    """Return the names of a backend's kernels, from the module that chooses among them."""
     for module in ("choice", "solver"):
         names = getattr(import_module(f"{backend}_backend.mass_spring.grid.{module}"), "KERNELS", None)
         if names:
@@ -49,7 +49,7 @@ def kernels_of(backend: str) -> tuple[str, ...]:
 def kernel_cases(
     scene: Scene, backends: Sequence[str], precisions: Sequence[str], energy: bool, kernels: Sequence[str] | None = None
 ) -> list[Case]:
-    """The configurations of one grid, plainest kernel first. `kernels`: only these of them."""
+    """Return the configurations of one grid, plainest kernel first; `kernels`: only these of them."""
     cases = []
     for precision in precisions:
         for backend in backends:
@@ -76,19 +76,19 @@ def kernel_cases(
 def run_kernel_sweep(
     store: Store, *, kernels: Sequence[str] | None = None, energy: bool = True, starts: bool = True, **how: Any
 ) -> SweepSummary:
-    """Measure what the store lacks of the kernels, and say what was done. `how`: as of bench/experiments/sweep.py's Asked.
+    """Measure the kernels that the store lacks, and return a summary.
 
-    `kernels`: only these. `energy`: also joules, a second a configuration, where the machine counts them. `starts`:
-    also how long `softlab run` takes to its first step, cold and warm. The machine's limits (bench/measure/limits.py) are
-    measured where its record lacks them. Ctrl-C ends cleanly.
+    `how`: fields of `Asked` of bench/experiments/sweep.py. `kernels`: only these. `energy`: joules too, one second per
+    configuration, where the machine has a counter. `starts`: also the time of `softlab run` to its first step, cold and
+    warm. The machine's limits (bench/measure/limits.py) are measured where its record lacks them. Ctrl-C ends cleanly.
 
-    Raises SceneError (an impossible choice), InputError (the store), BackendUnavailable (a backend asked for).
+    Raises SceneError (an impossible choice), InputError (the store), BackendUnavailable (a requested backend).
     """
     asked = Asked(**{"command": "softlab sweep --kernels"} | how)
     effort, here = asked.effort(), backends_here(asked.backends)
     known = [name for backend in here for name in kernels_of(backend)]
     for name in kernels or ():
-        if name.partition(":")[0] not in known:  # `resident:64x8x8h4` names a tile, too
+        if name.partition(":")[0] not in known:  # `resident:64x8x8h4` contains a tile too
             raise SceneError("--kernel", name, f"must be one of {', '.join(dict.fromkeys(known))}")
     scenes = asked.grids(QUICK_SQUARES if asked.quick else SQUARES)
     summary = SweepSummary.begun(store, "sweep")
@@ -109,8 +109,10 @@ def run_kernel_sweep(
 
 
 class _KernelSweep(Sweep):
-    """A sweep in which a configuration without its joules is not complete either. `starting`: what is to be started in a
-    process of its own, (scene, backend), before the first grid."""
+    """Sweep in which a configuration without its joules is incomplete too.
+
+    `starting`: (scene, backend) pairs that are started in processes of their own, before the first grid.
+    """
 
     starting: Sequence[tuple[Scene, str]] = ()
 

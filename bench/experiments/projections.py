@@ -1,11 +1,10 @@
-"""How many constraints a second the position-based solvers project: `softlab projections`.
+"""`softlab projections`: constraints per second that the position-based solvers project.
 
-A projection is one constraint in one iteration: constraints x iterations x substeps over the time of a step, all of it
+A projection is one constraint in one iteration: constraints x iterations x substeps over the time of a whole step
 (prediction, projections, velocities). The sheet is that of `cloth-xpbd` in other sizes, hung by two corners, with the
-springs of 4, 8 or 12 neighbours, 10 substeps of 10 or of 1 iteration, by coloured Gauss-Seidel and by Jacobi. Beside it the
-scenes of bench/store/published.py, whose published times are of a step.
-
-Timed as bench/measure/case_timing.py says.
+springs of 4, 8 or 12 neighbours, 10 substeps of 10 or of 1 iteration, by coloured Gauss-Seidel and by Jacobi. The
+scenes of bench/store/published.py, whose published times are of a step, are timed too. Times as defined in
+bench/measure/case_timing.py.
 """
 
 from __future__ import annotations
@@ -26,14 +25,14 @@ from model.core.errors import SceneError
 from model.scene.scene import Scene, load_scene
 from model.xpbd.plan import constraint_count
 
-STAGE = "projections"  # of the samples in the store
+STAGE = "projections"  # stage of the samples in the store
 STEP = "projection_step"  # s: the median of a step
 RATE = "projections_per_second"  # 1/s
-KERNEL = "projection_kernel"  # its name is the reason
+KERNEL = "projection_kernel"  # the name of the kernel is stored as the reason
 SIZES = (32, 64, 128, 256, 512)  # rows and columns
 QUICK_SIZES = (32, 128)
-MOST = 32768  # a thousand million masses
-LARGE = (1024,)  # more of them on a GPU
+MOST = 32768  # rows and columns: 10⁹ masses
+LARGE = (1024,)  # additional sizes on a GPU
 QUICK_NEIGHBOURS = (4, 12)
 NEIGHBOURS = {4: ("structural",), 8: ("structural", "shear"), 12: ("structural", "shear", "bending")}
 ORDERINGS = ("gauss-seidel", "jacobi")
@@ -42,18 +41,18 @@ QUICK_BUDGETS = BUDGETS[:1]  # a single iteration is machine code of its own
 
 
 def projections_of(scene: Scene) -> int:
-    """Of a step."""
+    """Return the number of projections per step."""
     return constraint_count(scene) * scene.method.substeps * scene.method.iterations
 
 
 def label_of(scene: Scene) -> str:
-    """`64 x 64, jacobi, 10 x 1`."""
+    """Return e.g. `64 x 64, jacobi, 10 x 1`."""
     grid, method = scene.grid, scene.method
     return f"{grid.rows} x {grid.columns}, {method.ordering}, {method.substeps} x {method.iterations}"
 
 
 def sheet(size: int, neighbours: int, ordering: str, substeps: int, iterations: int) -> Scene:
-    """The sheet of a case: `cloth-xpbd`, size x size masses, as large as it, with the springs of so many neighbours."""
+    """Return the sheet of a case: `cloth-xpbd` of the same area with size x size masses and that many neighbours."""
     base = load_scene("cloth-xpbd")
     tables = base.as_dict()
     for kind in set(NEIGHBOURS[12]) - set(NEIGHBOURS[neighbours]):
@@ -70,15 +69,19 @@ def sheet(size: int, neighbours: int, ordering: str, substeps: int, iterations: 
 
 
 def case_of(scene: Scene, backend: str, precision: str) -> Case:
-    """One configuration, with its label."""
+    """Return one configuration, with its label."""
     return make_case(scene, backend, precision, label_of(scene))
 
 
 def groups(
     backends: Sequence[str], quick: bool, precisions: Sequence[str], sizes: Iterable[int] | None = None
 ) -> list[list[Case]]:
-    """What is timed in turn: all cases of a size (`sizes`: these alone) and backend; then the published scenes. `quick`: two
-    sizes, 4 and 12 neighbours, ten iterations, nothing published. Raises SceneError for a size that cannot be."""
+    """Return the groups timed in turn: all cases of a size (`sizes`: only these) and backend; then the published
+    scenes.
+
+    `quick`: two sizes, 4 and 12 neighbours, ten iterations, no published scene. Raises SceneError for an impossible
+    size.
+    """
     for size in sizes or ():
         if size < 2:
             raise SceneError("--size", size, "must be at least 2: a sheet without springs has nothing to project")
@@ -105,11 +108,11 @@ def groups(
 RATES = run_projections = Rates("projections", STAGE, STEP, RATE, KERNEL, projections_of, groups)
 
 
-# ---------------------------------------------------------------------- what the store says
+# ---------------------------------------------------------------------- results from the store
 
 
 def print_projections(console: Console, store: Store, machine: str) -> None:
-    """A table of what was timed on a machine."""
+    """Print a table of what was timed on a machine."""
     rows = (
         (
             f"{p.rows} x {p.columns}", str(p.neighbours), p.ordering, f"{p.backend}, {p.kernel}",
@@ -126,7 +129,7 @@ def print_projections(console: Console, store: Store, machine: str) -> None:
 
 @dataclass(frozen=True)
 class ProjectionPoint(RatePoint):
-    """One sheet. `neighbours` 4, 8 or 12; `scene`: canonical text."""
+    """One sheet; `neighbours`: 4, 8 or 12; `scene`: canonical text."""
 
     rows: int
     columns: int
@@ -142,7 +145,7 @@ class ProjectionPoint(RatePoint):
 
 
 def points(held: Iterable[Measure]) -> list[ProjectionPoint]:
-    """What the measures tell of the cases, smallest sheets first."""
+    """Return the points from the measures, smallest sheets first."""
     found = []
     for told, scene, point in RATES.told(held):
         grid, method = scene.grid, scene.method
@@ -157,7 +160,7 @@ def points(held: Iterable[Measure]) -> list[ProjectionPoint]:
 
 
 def beside_published(found: Sequence[ProjectionPoint]) -> list[tuple[Any, ProjectionPoint]]:
-    """(published, ours of one backend and machine) for every published scene that was timed here."""
+    """Return (published, ours of one backend and machine) for every published scene that was timed."""
     pairs = []
     for entry in PUBLISHED:
         pairs += [(entry, point) for point in found if point.scene == entry.text]

@@ -1,11 +1,11 @@
-"""The timing sweep: sizes x backends x threads x precisions x {without graphics, with}, into the store.
+"""Timing sweep: sizes x backends x threads x precisions x {without graphics, with}, into the store.
 
-Small and cheap first, so that an interrupted sweep is useful. What the store holds already of this machine and these
-sources is not measured again; every sample is on disk as soon as it is finished.
+Small and cheap configurations come first, so that an interrupted sweep is useful. Results that the store has of this
+machine and these sources are not measured again; every sample is written to disk as soon as it is finished.
 
-`quick`: squares from 16 to 512 masses a side at 3 samples of 20 ms (drawn up to 256; float64 on 1x threads alone), a 1:4,
-a 4:1 and a size that no block divides, in a quarter of a minute. Otherwise: squares from 16 on, 1:4 and 4:1 at the mass
-counts of four of them, five odd sizes, 5 samples of 100 ms, as far as memory and `max_seconds` allow.
+`quick`: squares from 16 to 512 masses per side at 3 samples of 20 ms (drawn up to 256; float64 on 1x threads only), a
+1:4, a 4:1 and a size that no block divides, in a quarter of a minute. Otherwise: squares from 16 on, 1:4 and 4:1 at the
+mass counts of four of them, five odd sizes, 5 samples of 100 ms, as far as memory and `max_seconds` allow.
 """
 
 from __future__ import annotations
@@ -33,16 +33,16 @@ Shape = tuple[int, int]  # rows, columns, in masses
 SQUARES = tuple(16 << k for k in range(11))  # 16 ... 16384
 QUICK_SQUARES = (16, 32, 64, 128, 256, 512)
 QUICK_OTHERS: tuple[Shape, ...] = ((32, 128), (128, 32), (100, 100))
-QUICK_DRAWN = tuple((n, n) for n in QUICK_SQUARES[:-1])  # the others without graphics
+QUICK_DRAWN = tuple((n, n) for n in QUICK_SQUARES[:-1])  # the other shapes are not drawn
 ODD: tuple[Shape, ...] = ((100, 100), (1000, 37), (37, 1000), (1023, 1025), (3001, 2999))
-STRETCHED = (64, 256, 1024, 4096)  # squares that are also measured at 4:1 and 1:4
+STRETCHED = (64, 256, 1024, 4096)  # squares whose mass counts are measured at 4:1 and 1:4 too
 THREADS = ("1x", "2x", "4x")
 QUICK = Effort(3, 0.02, 3.0, 75.0)
 FULL = Effort(5, 0.1, 30.0, None)
 
 
 def shapes(quick: bool, sizes: Iterable[int | Shape] | None = None) -> list[Shape]:
-    """The grids of a sweep, smallest first. `sizes`: these instead, as N (a square) or (rows, columns)."""
+    """Return the grids of a sweep, smallest first; `sizes`: these instead, as N (a square) or (rows, columns)."""
     if sizes is not None:
         chosen = [(size, size) if isinstance(size, int) else (int(size[0]), int(size[1])) for size in sizes]
         for shape in chosen:
@@ -64,7 +64,7 @@ def cases_of(
     precisions: Sequence[str],
     graphics: Sequence[bool],
 ) -> list[Case]:
-    """The configurations of one grid, without duplicates. Raises SceneError for a thread word that cannot be had."""
+    """Return the configurations of one grid, without duplicates. Raises SceneError for an impossible number of threads."""
     cases: dict[str, Case] = {}
     for precision in precisions:
         for backend in backends:
@@ -82,8 +82,11 @@ def cases_of(
 def _quick_cases(
     scene: Scene, backends: Sequence[str], threads: Sequence[str | int], precisions: Sequence[str], graphics: bool
 ) -> list[Case]:
-    """What of a grid a quick sweep times: the first precision on all threads, drawn where it is in QUICK_DRAWN; the others,
-    of squares, on the first number of threads."""
+    """Return the configurations of one grid in a quick sweep.
+
+    The first precision on all threads, drawn if the shape is in QUICK_DRAWN; the others, for squares, on the first
+    number of threads.
+    """
     shape = scene.grid.rows, scene.grid.columns
     drawn = (False, True) if graphics and shape in QUICK_DRAWN else (False,)
     found = cases_of(scene, backends, threads, precisions[:1], drawn)
@@ -98,7 +101,7 @@ def choose_effort(
     min_seconds: float | None = None,
     again: bool = True,
 ) -> Effort:
-    """The preset, with what was asked for instead. Raises SceneError for what is no positive number."""
+    """Return the preset with the requested changes. Raises SceneError for a value that is not positive."""
     for name, value in (
         ("--max-seconds", max_seconds), ("--total-seconds", total_seconds), ("--repeats", repeats),
         ("min_seconds", min_seconds),
@@ -115,17 +118,20 @@ def choose_effort(
 
 
 def check_positive(name: str, value: float | None) -> None:
-    """Refuse what was typed as `name` unless it is nothing, or a number over 0. Raises SceneError."""
+    """Raise SceneError naming the option `name` unless `value` is None or finite and greater than 0."""
     if value is not None and not 0 < value < float("inf"):
         raise SceneError(name, value, "must be greater than 0 and finite")
 
 
 @dataclass(frozen=True)
 class Asked:
-    """What is asked of a sweep. `scene` gives everything but the grid's size; `sizes`: as of `shapes`. `max_seconds` [s]: the
-    most that one configuration may take; one that is estimated to take longer is not started. `total_seconds` [s]: after it
-    nothing new is started (None: no end; quick has 75). `repeats`, `min_seconds`: samples, and seconds of one. `again`:
-    sample once more what other programs disturbed."""
+    """Request of a sweep.
+
+    `scene` gives everything but the grid's size; `sizes`: as in `shapes`. `max_seconds` [s]: longest time of one
+    configuration; one that is estimated to take longer is not started. `total_seconds` [s]: nothing new is started
+    after it (None: no limit; quick has 75). `repeats`, `min_seconds`: samples, and seconds of one. `again`: repeat
+    samples that other programs disturbed.
+    """
 
     quick: bool = False
     scene: Scene | str = "lab-grid"
@@ -141,13 +147,15 @@ class Asked:
     command: str = "softlab sweep"
 
     def effort(self) -> Effort:
-        """Raises SceneError for what is no positive number."""
+        """Return the effort. Raises SceneError for a value that is not positive."""
         return choose_effort(
             self.quick, self.max_seconds, self.total_seconds, self.repeats, self.min_seconds, self.again
         )
 
     def grids(self, usual: Iterable[int] | None = None) -> list[Scene]:
-        """The scene in every size, smallest first; `usual`: the squares where none were asked for, None: as of `shapes`."""
+        """Return the scene in every size, smallest first; `usual`: squares if none were requested (None: as in
+        `shapes`).
+        """
         base = self.scene if isinstance(self.scene, Scene) else load_scene(self.scene)
         planned = shapes(self.quick, self.sizes if self.sizes is not None else usual)
         return [base.replace({"grid.rows": rows, "grid.columns": columns}) for rows, columns in planned]
@@ -156,15 +164,16 @@ class Asked:
 def run_sweep(
     store: Store, *, threads: Sequence[str | int] = THREADS, graphics: bool = True, **how: Any
 ) -> SweepSummary:
-    """Measure what the store lacks of the sweep, and say what was done. `how`: as of Asked. Ctrl-C ends cleanly
-    (`interrupted`).
+    """Measure the configurations that the store lacks, and return a summary.
 
-    Raises SceneError (an impossible choice), InputError (the store), BackendUnavailable (a backend asked for).
+    `how`: fields of `Asked`. Ctrl-C ends cleanly (`interrupted`).
+
+    Raises SceneError (an impossible choice), InputError (the store), BackendUnavailable (a requested backend).
     """
     asked = Asked(**how)
     effort, here, grids = asked.effort(), backends_here(asked.backends), asked.grids()
     for word in threads:
-        thread_count(word)  # refuse an impossible word before anything is measured
+        thread_count(word)  # refuse an impossible number before anything is measured
     sweep = Sweep(GroupRunner(store, effort, SweepSummary.begun(store, "sweep"), here, {}))
     drawn = (False, True) if graphics else (False,)
     if asked.quick and asked.sizes is None:
@@ -175,7 +184,7 @@ def run_sweep(
 
 
 class Sweep:
-    """One sweep under way, each grid measured by the runner: what is known of costs, what is left of the time."""
+    """State of a sweep whose grids the runner measures: known costs, and the time that is left."""
 
     def __init__(self, runner: GroupRunner):
         self.runner, self.costs = runner, runner.costs
@@ -209,7 +218,7 @@ class Sweep:
 
     @cached_property
     def _no_graphics(self) -> str | None:
-        """Why nothing can be drawn off-screen; None where it can."""
+        """Reason why nothing can be drawn off-screen, or None if it can."""
         try:
             from app.output.offscreen import opengl_available
         except ImportError as error:
@@ -218,12 +227,12 @@ class Sweep:
         return None if works else text
 
     def _weight(self, case: Case) -> float:
-        """Seconds that a case may take, roughly: for the bar's time left."""
+        """Return the rough time [s] of a case, for the remaining time in the progress bar."""
         each = max(self.effort.min_seconds, case.particles * case.least_steps * (2e-7 if case.graphics else 2e-9))
         return min(self.effort.max_seconds, (self.effort.repeats_of(case) + 2) * each) + case.particles * 1e-7
 
     def estimate(self, case: Case) -> float | None:
-        """Seconds that all repeats of a case take, from the same kind at the last size, scaled; None: not known."""
+        """Return the time [s] of all repeats of a case, scaled from the same kind at the last size; None: unknown."""
         known = self.costs.get(case.kind)
         if known is None:
             return None
@@ -233,7 +242,7 @@ class Sweep:
         return (self._missing(case) + 2) * (sample + restore * ratio)
 
     def _affordable(self, cases: Sequence[Case]) -> list[Case]:
-        """The cases that may be started; the others are recorded as skipped."""
+        """Return the cases that may be started; record the others as skipped."""
         kept = []
         effort = self.effort
         spent = time.perf_counter() - self.summary.begin
@@ -252,7 +261,7 @@ class Sweep:
         return kept
 
     def _groups(self, cases: list[Case]) -> list[list[Case]]:
-        """Cases that are interleaved: all, as far as their simulations fit into half of the free memory together."""
+        """Return groups of cases that are sampled in turn: as many as fit into half of the free memory together."""
         free = available_bytes()
         groups: list[list[Case]] = []
         used, opened = 0, set[Kind]()

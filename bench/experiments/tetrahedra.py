@@ -1,15 +1,16 @@
-"""A bar of tetrahedra under its own weight: what its solver left undone, and what its mesh cannot do: `softlab tetrahedra`.
+"""`softlab tetrahedra`: a bar of tetrahedra under its own weight; the error of its solver and that of its mesh.
 
-The cantilever of 1 m x 0.1 m x 0.1 m, `across` voxels to a side of its section, let go at its exact rest on that very mesh
-(bench/reference/finite_elements_newton.py) and braked until its tip stands still. Its sag then, over the exact one, is the
-SOLVER_ERROR: 0 of a solver that converged, whatever the mesh. The exact one over the sag of the continuum is the MESH_ERROR:
-linear tetrahedra are too stiff (S. Timoshenko, "On the correction for shear", Phil. Mag. 41 (1921)). Gravity grows with
-Young's modulus, so that all bars should sag alike.
+The cantilever of 1 m x 0.1 m x 0.1 m, with `across` voxels along a side of its section, is released at the exact rest
+state of that mesh (bench/reference/finite_elements_newton.py) and braked until its tip stands still. SOLVER_ERROR is
+its sag then over the exact one, minus 1: 0 for a solver that converged, whatever the mesh. MESH_ERROR is the exact sag
+over that of the continuum, minus 1: linear tetrahedra are too stiff (S. Timoshenko, "On the correction for shear",
+Phil. Mag. 41 (1921)). Gravity grows with Young's modulus, so that all bars should sag by the same amount.
 
-A solver that begins each step where the last one ended stands still at rest whatever its budget; what it leaves undone then
-slows its motion. So the bar is also let go from its unloaded shape, without a brake: MOTION_ERROR is the way that its tip has
-made after half of its first period, where it should be about twice the sag, over that by the modes of the same mesh (lumped
-masses). It holds the error of the steps in time, too. A frame of 1/60 s is timed in that motion, all settings in turn.
+A solver that begins each step where the last one ended stands still at rest whatever its budget, and unfinished
+iterations slow its motion. So the bar is also released from its unloaded shape, without a brake: MOTION_ERROR compares
+the displacement of its tip after half of its first period, where it should be about twice the sag, with that by the
+modes of the same mesh (lumped masses). It includes the error of the time steps. A frame of 1/60 s is timed in that
+motion, all settings in turn.
 """
 
 from __future__ import annotations
@@ -56,11 +57,12 @@ TETRAHEDRA = "tetrahedra"  # value of `finding`
 SAG, SOLVER_ERROR, MESH_ERROR = "tetrahedra_sag", "tetrahedra_solver_error", "tetrahedra_mesh_error"
 MOTION_ERROR, ELEMENTS = "tetrahedra_motion_error", "tetrahedra_count"
 MODULI = (1e5, 1e6, 1e7)  # Pa
-SECTIONS = (1, 2, 4, 8)  # voxels across: 50, 400, 3200, 25 600 tetrahedra
+SECTIONS = (1, 2, 4, 8)  # voxels per side of the section: 50, 400, 3200, 25 600 tetrahedra
 LONGEST = (
-    30.0  # s of a bar's way to rest, and of its half vibration: what would take longer is told, and not waited for
+    # s, of a bar's run to rest and of its half vibration; settings that would take longer are reported and skipped
+    30.0
 )
-SETTINGS = {  # solver -> (substeps, iterations) of a frame
+SETTINGS = {  # solver -> (substeps, iterations) per frame
     "xpbd": ((4, 1), (16, 1), (30, 1), (1, 30), (4, 8), (64, 1), (128, 1), (256, 1), (512, 1), (32, 2)),
     BLOCKS: ((4, 1), (16, 1), (30, 1), (64, 1), (128, 1), (4, 8), (16, 8), (32, 2)),
     "vbd": ((1, 10), (1, 30), (1, 100), (4, 30), (16, 10)),
@@ -74,21 +76,24 @@ QUICK_SETTINGS = {
     "newton": ((1, 1),),
     SECOND: ((1, 1),),
 }
-STIFFER = 1.25  # a bar of two voxels across swings so many times as quick as the continuum's; finer ones less
-FREE = 1e-9  # of the brake: as good as none, with the same machine code
-TO_REST = 22  # tenths of a period, after which a brake that is critical leaves STILL
-STILL, FRAMES = 1e-5, 1200  # of the sag, in a tenth of a period; at most so many frames
+STIFFER = 1.25  # frequency of a bar of two voxels across over the continuum's; finer bars have less
+FREE = 1e-9  # factor of the brake: practically none, with the same machine code
+TO_REST = 22  # tenths of a period after which a critical brake leaves STILL
+STILL, FRAMES = 1e-5, 1200  # relative change of the sag in a tenth of a period; largest number of frames
 
 
 class TooLong(Exception):
-    """It would take so many seconds."""
+    """The run would take that many seconds."""
 
     def __init__(self, seconds: float, most: float):
         super().__init__(f"would take {seconds:.0f} s, over {most:g} s")
 
 
 def settle(simulation: Simulation, across: int, young: float, most: float = inf) -> float:
-    """Let go at the exact rest, stepped until the tip stands still; its sag [m]. Raises Diverged, TooLong for `most` [s]."""
+    """Release at the exact rest state, step until the tip stands still, and return its sag [m].
+
+    Raises Diverged, and TooLong for more than `most` [s].
+    """
     scene, rest = simulation.scene, exact_rest(across)
     simulation.load(State(rest, np.zeros_like(rest), build(scene).inverse_mass, 0.0, 0))
     part = max(1, round(0.1 / bending_frequency(young) / FRAME))
@@ -106,8 +111,10 @@ def settle(simulation: Simulation, across: int, young: float, most: float = inf)
 
 
 def drop(simulation: Simulation, across: int, young: float, most: float = inf) -> float:
-    """What it makes of that [m]. Raises Diverged, TooLong for `most` [s], of which the first frame, that may compile, is no
-    part."""
+    """Return the displacement [m] of the tip after half a period from the unloaded shape.
+
+    Raises Diverged, and TooLong for more than `most` [s], without the first frame, which may compile.
+    """
     frames, begin = exact_drop(across, young)[0], 0.0
     for done in range(frames):
         simulation.advance(1)
@@ -122,8 +129,11 @@ def drop(simulation: Simulation, across: int, young: float, most: float = inf) -
 def settings(
     quick: bool, across: int = SECTIONS[1], young: float | None = None, solvers: Sequence[str] = ()
 ) -> list[tuple[str, int, int]]:
-    """(solver, substeps, iterations) of a bar, of `solvers`, or of all that there are: of fine meshes, which take minutes to
-    settle, few; and of a Young's modulus [Pa], unless `quick`, what should come within a hundredth soonest."""
+    """Return (solver, substeps, iterations) of a bar, of `solvers` or of all.
+
+    Fine meshes, which take minutes to settle, have few. With a Young's modulus `young` [Pa], unless `quick`, the
+    settings that should be fastest within an error of 1 % by the laws are added.
+    """
     chosen = QUICK_SETTINGS if quick or across > SECTIONS[1] else SETTINGS
     there = [solver for solver in SETTINGS if solver.split()[0] in SOLVERS_OF_TETRAHEDRA]
     there = [solver for solver in there if not solvers or solver in solvers]
@@ -136,7 +146,7 @@ def settings(
 
 
 def among(option: str, chosen: Sequence[Any], known: Iterable[Any]) -> Sequence[Any]:
-    """What was chosen of what there is. Raises SceneError for another."""
+    """Return `chosen` if all are in `known`. Raises SceneError for another value."""
     known = tuple(known)
     for value in chosen:
         if value not in known:
@@ -154,8 +164,11 @@ def groups(
     young: Sequence[float] = (),
     solvers: Sequence[str] = (),
 ) -> list[Group]:
-    """What is timed in turn: all settings of one bar. `quick`: the middle mesh, few settings, fewer and shorter samples;
-    `across`, `young`, `solvers`: only these of SECTIONS, of MODULI and of SETTINGS. Raises SceneError for others."""
+    """Return the groups timed in turn: all settings of one bar.
+
+    `quick`: the middle mesh, few settings, fewer and shorter samples; `across`, `young`, `solvers`: only these of
+    SECTIONS, of MODULI and of SETTINGS. Raises SceneError for others.
+    """
     effort, usual = (QUICK, SECTIONS[1:2]) if quick else (FULL, SECTIONS)
     sections, moduli = among("--across", across, SECTIONS) or usual, among("--young", young, MODULI) or MODULI
     chosen = among("--solver", solvers, SETTINGS)
@@ -178,13 +191,15 @@ run_tetrahedra = Items(TETRAHEDRA, groups, "softlab tetrahedra", "bar: ")
 
 
 def let_go(scene: Scene) -> Scene:
-    """The same without a brake."""
+    """Return the scene without a brake."""
     return scene.replace({"damping.coefficient": FREE * scene.damping.coefficient}) if scene.damping else scene
 
 
 def open_braked(scene: Scene, backend: str, precision: str) -> Simulation:
-    """The bar opened, with as much of its brake as its step holds: the lightest particles of fine meshes hold less. Raises
-    UnstableTimeStep where a quarter is too much."""
+    """Open the bar with the largest brake that its step size allows: the lightest particles of fine meshes allow less.
+
+    Raises UnstableTimeStep if a quarter is too much.
+    """
     for part in (1.0, 0.5, 0.25):
         assert scene.damping is not None
         less = scene.replace({"damping.coefficient": part * scene.damping.coefficient}) if part < 1 else scene

@@ -1,9 +1,9 @@
-"""How many particles of bodies a second: `softlab throughput`. Clusters alone, clusters of a grid, and heaps that collide.
+"""`softlab throughput`: particles of bodies per second; clusters alone, clusters of a grid, and heaps that collide.
 
-`bodies`: blobs of about 280 particles in space, fifty to ten thousand, soft (overlapping clusters) or rigid (one); `heap`:
-the same, falling onto each other and the ground, contacts on; `grid`: the lab's grid as jelly, `lattice`: a cube of it,
-both by the half-width of their clusters. One frame of a heap is a step of 1/60 s in two substeps, which is also what is
-timed.
+`bodies`: blobs of about 280 particles in space, fifty to ten thousand, soft (overlapping clusters) or rigid (one);
+`heap`: the same, falling onto each other and the ground, with contacts; `grid`: the lab's grid as jelly, `lattice`: a
+cube of it, both by the half-width of their clusters. A frame of a heap, the unit that is timed, is a step of 1/60 s in
+two substeps.
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ from model.core.errors import SceneError
 from model.scene.scene import Scene, load_scene
 from model.shape_matching.spare import counts
 
-# what is in the store keeps the words that it was first written under
+# the names in the store are those under which the experiment was first written
 STAGE = "crowds"  # of the samples
 STEP = "crowd_step"  # s: the median of a step
 RATE = "crowd_particles_per_second"  # particles x substeps x iterations, 1/s
-KERNEL = "crowd_kernel"  # its name is the reason
-KIND = "crowd_kind"  # what it is, as the reason
+KERNEL = "crowd_kernel"  # the name of the kernel is stored as the reason
+KIND = "crowd_kind"  # the kind is stored as the reason
 KINDS = ("soft", "rigid", "heap", "grid", "lattice")
-QUICK_KINDS = KINDS[:-1]  # a lattice in space costs most of all to compile
+QUICK_KINDS = KINDS[:-1]  # a lattice in space takes longest to compile
 BLOB = {"shape": {"name": "blob"}, "particle_spacing": 0.084}  # 281 particles
 BLOCKS = {50: (5, 2, 5), 1000: (10, 10, 10), 10000: (25, 16, 25)}  # bodies along x, y, z
 ON_CPU = (50, 1000)
@@ -37,18 +37,18 @@ GRIDS, QUICK_GRIDS, LARGE = (64, 256, 1024), (64,), (2048,)
 REGIONS = (1, 2, 4)
 CUBES, QUICK_CUBES, LARGE_CUBES = (16, 32), (16,), (64,)  # particles along each side
 FRAME = 1 / 60  # s
-MEET = {"sweeps": 3, "separation_speed": 3.0, "maximum_speed": 4.0}  # two fifths of a particle spacing in a substep
+MEET = {"sweeps": 3, "separation_speed": 3.0, "maximum_speed": 4.0}  # two fifths of a particle spacing per substep
 
 
 def bodies(count: int, rigid: bool) -> Scene:
-    """So many blobs in a block, that fall and meet nothing."""
+    """Return that many blobs in a block, which fall without contacts."""
     nx, ny, nz = BLOCKS[count]
     body = BLOB | {"kind": "rigid_body" if rigid else "soft_body", "copies": [nx, ny, nz], "apart": [1.0, 1.2, 1.1]}
     return Scene({"blob": body, "gravity": {}, "method": {"solver": "shape-matching", "dt": 0.01}}, f"{count} bodies")
 
 
 def heap(count: int) -> Scene:
-    """So many soft blobs that fall into a heap, contacts on; close together, so that they meet at once."""
+    """Return that many soft blobs that fall into a heap, with contacts; close together, so that they collide at once."""
     nx, ny, nz = BLOCKS[count]
     body = BLOB | {
         "kind": "soft_body", "copies": [nx, ny, nz], "apart": [0.55, 1.0, 0.8], "origin": [0.0, 0.6, 0.0],
@@ -61,14 +61,14 @@ def heap(count: int) -> Scene:
 
 
 def jelly(size: int, region: int) -> Scene:
-    """`jelly-grid`, size x size masses, one substep, in windows of that half-width."""
+    """Return `jelly-grid` with size x size masses, one substep, in windows of that half-width."""
     return load_scene("jelly-grid").replace(
         {"grid.rows": size, "grid.columns": size, "method.substeps": 1, "method.dt": 0.0025, "method.region": region}
     )
 
 
 def cube(size: int, region: int) -> Scene:
-    """A cube of jelly of size^3 particles that falls and meets nothing, in windows of that half-width."""
+    """Return a cube of jelly of size^3 particles that falls without contacts, in windows of that half-width."""
     box, spacing = {"name": "box", "resolution": 4}, 1 / size
     body = {"kind": "soft_lattice", "shape": box, "particle_spacing": spacing, "region": region}
     return Scene(
@@ -77,7 +77,7 @@ def cube(size: int, region: int) -> Scene:
 
 
 def kind_of(scene: Scene) -> str:
-    """One of KINDS."""
+    """Return the kind of a scene, one of KINDS."""
     if not scene.bodies:
         return "grid"
     if "soft_lattice" in scene.kinds.values():
@@ -90,8 +90,11 @@ def kind_of(scene: Scene) -> str:
 def groups(
     backends: Sequence[str], quick: bool, precisions: Sequence[str], kinds: Sequence[str] | None = None
 ) -> list[list[Case]]:
-    """What is timed in turn: all cases of a number of bodies, or of a size of the grid, on a backend. `kinds`: of KINDS
-    (None: all, or QUICK_KINDS). `quick`: fifty bodies and the smallest grid. Raises SceneError for another kind."""
+    """Return the groups timed in turn: all cases of a number of bodies, or of a size of the grid, on a backend.
+
+    `kinds`: of KINDS (None: all, or QUICK_KINDS). `quick`: fifty bodies and the smallest grid. Raises SceneError for
+    another kind.
+    """
     kinds = kinds or (QUICK_KINDS if quick else KINDS)
     for kind in kinds:
         if kind not in KINDS:
@@ -114,18 +117,18 @@ def groups(
 
 
 def particle_steps(scene: Scene) -> int:
-    """Particles x substeps x iterations of a step."""
+    """Return particles x substeps x iterations per step."""
     return counts(scene).particles * scene.method.substeps * scene.method.iterations
 
 
 RATES = run_throughput = Rates("throughput", STAGE, STEP, RATE, KERNEL, particle_steps, groups, words={KIND: kind_of})
 
 
-# ---------------------------------------------------------------------- what the store says
+# ---------------------------------------------------------------------- results from the store
 
 
 def print_throughput(console: Console, store: Store, machine: str) -> None:
-    """A table of what was timed on a machine."""
+    """Print a table of what was timed on a machine."""
     rows = []
     for p in points(measures(store, machine=machine), every=True):
         width = " x ".join([str(2 * p.region + 1)] * (3 if p.kind == "lattice" else 2)) if p.region else ""
@@ -139,7 +142,9 @@ def print_throughput(console: Console, store: Store, machine: str) -> None:
 
 @dataclass(frozen=True)
 class ThroughputPoint(RatePoint):
-    """Of a `kind`: its particles, bodies (0: a grid) and the half-width of a grid's or a lattice's clusters, else 0."""
+    """Result of a `kind`: particles, bodies (0: a grid), and the half-width of a grid's or a lattice's clusters, else
+    0.
+    """
 
     kind: str
     particles: int
@@ -148,13 +153,13 @@ class ThroughputPoint(RatePoint):
 
 
 def region_of(scene: Scene) -> int:
-    """The half-width of the windows of a grid or a lattice, else 0."""
+    """Return the half-width of the windows of a grid or a lattice, else 0."""
     lattices = [getattr(body, "region", 0) for body in scene.bodies.values()]
     return max(lattices) if scene.bodies else scene.method.region
 
 
 def points(held: Iterable[Measure], every: bool = False) -> list[ThroughputPoint]:
-    """What the measures tell of the cases, smallest first; incomplete ones only if `every` one is asked for."""
+    """Return the points from the measures, smallest first; with `every`, incomplete ones too."""
     found = []
     for told, scene, point in RATES.told(held, every):
         method, bodies_ = scene.method, scene.bodies.values()

@@ -1,4 +1,4 @@
-"""Keeping converged references: a second each to make, the same for every run of a scene."""
+"""Cache of converged references: each takes about a second to compute and is the same for every run of a scene."""
 
 from __future__ import annotations
 
@@ -16,12 +16,13 @@ from bench.reference.mass_spring import converged
 from model.core.disk_cache import read_arrays, write_arrays
 from model.scene.scene import Scene
 
-TOLERANCE = 5e-9  # spacings; RK4 at dt 0.0025 on the accuracy scenes is at 8e-8, and shall be resolved tenfold
+# spacings; RK4 at dt 0.0025 on the accuracy scenes has an error of 8e-8, which shall be resolved tenfold
+TOLERANCE = 5e-9
 
 
 @dataclass(frozen=True)
 class Converged:
-    """`position`, `velocity` (particles, dimensions) float64 at the asked-for time, and the `estimate` [m] of the error."""
+    """`position`, `velocity` (particles, dimensions) float64 at the requested time, and the error `estimate` [m]."""
 
     position: np.ndarray
     velocity: np.ndarray
@@ -30,13 +31,15 @@ class Converged:
 
 @cache
 def sources(folder: Path = Path(__file__).parent) -> bytes:
-    """What a kept reference was made by, the Python files of a folder and of those in it: other code, other references."""
+    """Return the contents of the Python files in a folder and its subfolders, which determine a stored reference."""
     files = sorted((file.relative_to(folder).as_posix(), file) for file in folder.rglob("*.py"))
     return b"".join(name.encode() + b"\0" + file.read_bytes() + b"\0" for name, file in files)
 
 
 def key(scene: Scene, time: float, inertia: float, tolerance: float) -> str:
-    """16 hexadecimal digits of the scene without its method (the reference does not use it), the time and the rest."""
+    """Return 16 hexadecimal digits of the scene without its method (which the reference does not use), the time and the
+    rest.
+    """
     material = {name: table for name, table in scene.as_dict().items() if scene.kinds.get(name, "method") != "method"}
     text = f"{json.dumps(material, sort_keys=True)} {time!r} {inertia!r} {tolerance!r} ".encode()
     return hashlib.sha256(text + sources()).hexdigest()[:16]
@@ -51,9 +54,9 @@ def kept(
     tolerance: float = TOLERANCE,
     per_radian: float = 4,
 ) -> Converged:
-    """The converged reference, from `folder` where it lies there, else made and put there (None: nothing is kept).
+    """Return the converged reference from `folder`, or compute it and store it there (None: not stored).
 
-    `per_radian`: the steps to begin with, which the tolerance makes finer. Raises what `converged` raises.
+    `per_radian`: initial number of steps, which the tolerance refines. Raises what `converged` raises.
     """
     file = folder / f"reference-{key(scene, time, inertia, tolerance)}.npz" if folder else None
     how: dict[str, Any] = {"inertia": inertia, "tolerance": tolerance, "per_radian": per_radian}
@@ -61,7 +64,7 @@ def kept(
 
 
 def kept_state(file: Path | None, scene: Scene, make: Callable[[], Converged]) -> Converged:
-    """A reference of the scene, kept in the file as `kept_arrays` are."""
+    """Return a reference of the scene, stored in the file as by `kept_arrays`."""
     shape = scene.grid.particle_count, scene.dimensions
     found = kept_arrays(file, {"position": shape, "velocity": shape, "estimate": ()}, lambda: vars(make()))
     return Converged(found["position"], found["velocity"], float(found["estimate"]))
@@ -70,8 +73,10 @@ def kept_state(file: Path | None, scene: Scene, make: Callable[[], Converged]) -
 def kept_arrays(
     file: Path | None, shapes: Mapping[str, tuple[int, ...]], make: Callable[[], Mapping[str, Any]]
 ) -> Mapping[str, Any]:
-    """Arrays of these `shapes` by name, from the file where it holds them, else made and put there (None: nothing is kept). A
-    file that cannot be read or written costs the time to make them again, nothing else."""
+    """Return arrays of these `shapes` by name from the file, or make them and store them (None: not stored).
+
+    A file that cannot be read or written only costs the time to make them again.
+    """
     held = read_arrays(file) if file else None
     if held and all(name in held and held[name].shape == shape for name, shape in shapes.items()):
         return held

@@ -1,13 +1,13 @@
-"""The mass-spring cloth in slow, plain NumPy float64: the judge of both backends, written like that of the grid.
+"""Mass-spring cloth in slow, plain NumPy float64, the reference of both backends, written like that of the grid.
 
 From the equations, by array slicing, without model/formulas, model/core/build, model/mass_spring/cloth_parameters or a
-backend. Newton's law per mass m (a load weighs what it says),
+backend. Newton's law per mass m (a load has its own mass),
 
-    m p'' = sum over springs (k (|d| - L0) + c_s (w.d) / |d|) d / |d|  -  c v  +  m (0, -g, 0)  +  wind  +  external,
+ m p'' = sum over springs (k (|d| - L0) + c_s (w.d) / |d|) d / |d|  -  c v  +  m (0, -g, 0)  +  wind  +  external,
 
-with d the way to the neighbour and w its velocity less one's own; a spring of length zero pulls nowhere. Pinned masses
-never move, or follow a motion: whenever forces are asked for they are where it has them then. Colliders act once a step, on
-the new position.
+with d the vector to the neighbour and w its velocity minus the mass's own; a spring of length zero exerts no force.
+Pinned masses never move, or follow a motion: forces use their prescribed positions at the time. Colliders act once per
+step, on the new position.
 """
 
 from __future__ import annotations
@@ -26,12 +26,14 @@ from model.core.errors import SceneError
 from model.geometry.distance_field import DistanceField
 from model.scene.scene import Scene
 
-# (rows, columns) from one end of a spring to the other, by kind
+# kind -> (rows, columns) from one end of a spring to the other
 WAYS = {"structural": ((0, 1), (1, 0)), "shear": ((1, 1), (1, -1)), "bending": ((0, 2), (2, 0))}
 
 
 def rest(scene: Scene) -> np.ndarray:
-    """(rows, columns, 3) [m] before any perturbation: row 0 on top (hanging) or behind (flat), y up."""
+    """Return the rest positions before any perturbation: row 0 on top (hanging) or behind (flat), y up; (rows, columns,
+    3) [m].
+    """
     cloth = scene.cloth
     assert cloth is not None
     if scene.mesh:
@@ -48,7 +50,7 @@ def rest(scene: Scene) -> np.ndarray:
 
 
 def _zigzag(rows: int, long: int, apart: int) -> tuple[np.ndarray, np.ndarray]:
-    """(along, across) (rows,) in spacings: `long` steps one way, `apart` steps across, `long` back, and so on."""
+    """Return (along, across) (rows,) in spacings: `long` steps forward, `apart` steps across, `long` back, and so on."""
     ways: list[tuple[int, int]] = []
     while len(ways) < rows:
         for turn in (1, -1):
@@ -58,7 +60,7 @@ def _zigzag(rows: int, long: int, apart: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def start(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
-    """(position, velocity) at time 0, (particles, 3) float64 each, in builder order."""
+    """Return (position, velocity) at time 0, (particles, 3) float64 each, in builder order."""
     position, free = rest(scene), ~pinned_mask(scene)
     if scene.perturbation:
         i, j = np.mgrid[: scene.grid.rows, : scene.grid.columns]
@@ -69,9 +71,9 @@ def start(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
 
 
 def follow(scene: Scene, position: np.ndarray, velocity: np.ndarray, time: float) -> tuple[np.ndarray, np.ndarray]:
-    """(position, velocity) (rows, columns, 3) with the pins that follow a motion where it has them at `time` [s].
+    """Return (position, velocity) (rows, columns, 3) with the prescribed values of moving pins at `time` [s].
 
-    By its matrix R = cos I + sin [u] + (1 - cos) u u^T, [u] a = u x a, and v + w x R a.
+    By the matrix of a motion, R = cos I + sin [u] + (1 - cos) u u^T, [u] a = u x a, and v + w x R a.
     """
     if not scene.motions:
         return position, velocity
@@ -93,7 +95,7 @@ def follow(scene: Scene, position: np.ndarray, velocity: np.ndarray, time: float
 
 
 def ends(array: np.ndarray, way: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
-    """Views of `array` (rows, columns, ...) at both ends of every spring that goes `way` (rows >= 0, columns)."""
+    """Return views of `array` (rows, columns, ...) at both ends of every spring along `way` (rows >= 0, columns)."""
     down, across = way
     rows, columns = array.shape[:2]
     if abs(across) >= columns or down >= rows:
@@ -112,13 +114,13 @@ def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 def _unit(d: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(length (..., 1), d / length), with the zero vector's direction the zero vector."""
+    """Return (length (..., 1), d / length); the direction of the zero vector is the zero vector."""
     length = np.sqrt(_dot(d, d))
     return length, d / (length + (length == 0))
 
 
 def spring_forces(scene: Scene, position: np.ndarray, velocity: np.ndarray) -> np.ndarray:
-    """(rows, columns, 3) [N] at such positions and velocities: Hooke's law and a damper along every spring."""
+    """Return the forces of springs and their dampers by Hooke's law: (rows, columns, 3) [N]."""
     force = np.zeros_like(position)
     for kind, springs in scene.cloth_springs.items():
         for way in WAYS[kind]:
@@ -133,7 +135,10 @@ def spring_forces(scene: Scene, position: np.ndarray, velocity: np.ndarray) -> n
 
 
 def air(scene: Scene, time: float) -> np.ndarray:
-    """(3,) [m/s]: the wind, and its gusts: random numbers at multiples of gust_time, joined by 3 p^2 - 2 p^3."""
+    """Return the velocity of the wind with its gusts: (3,) [m/s].
+
+    Gusts are random numbers at multiples of gust_time, joined by 3 p^2 - 2 p^3.
+    """
     wind = scene.wind
     assert wind is not None
     interval = floor(time / wind.gust_time)
@@ -144,10 +149,11 @@ def air(scene: Scene, time: float) -> np.ndarray:
 
 
 def wind_forces(scene: Scene, position: np.ndarray, velocity: np.ndarray, time: float) -> np.ndarray:
-    """(rows, columns, 3) [N]: a flat plate's drag and lift on the two triangles of every cell, a third for each corner.
+    """Return a flat plate's drag and lift on the two triangles of every cell, a third for each corner: (rows, columns,
+    3) [N].
 
-    With unit normal n, area A and the air's velocity relative to the triangle u: half the density times A times
-    drag |u.n| u + lift (u.n) (|u| n - (u.n) u / |u|).
+    With unit normal n, area A and the air's velocity relative to the triangle u: half the density times A times drag
+    |u.n| u + lift (u.n) (|u| n - (u.n) u / |u|).
     """
     wind = scene.wind
     force = np.zeros_like(position)
@@ -172,7 +178,7 @@ def wind_forces(scene: Scene, position: np.ndarray, velocity: np.ndarray, time: 
 def forces(
     scene: Scene, position: np.ndarray, velocity: np.ndarray, time: float, step: int, poke: Poke | None = None
 ) -> np.ndarray:
-    """(rows, columns, 3) [N] at such positions and velocities: all forces but the damper of the masses."""
+    """Return all forces except the damper of the masses: (rows, columns, 3) [N]."""
     position, velocity = follow(scene, position, velocity, time)
     force = spring_forces(scene, position, velocity)
     if scene.gravity and scene.gravity.enabled:
@@ -187,7 +193,8 @@ def forces(
 
 
 def distances(kind: str, collider: Any, position: np.ndarray, time: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
-    """(signed distance (..., 1) [m], negative inside; unit normal (..., 3)) of `position` (..., 3) at `time` [s].
+    """Return (signed distance (..., 1) [m], negative inside; unit normal (..., 3)) of `position` (..., 3) at `time`
+    [s].
 
     At the centre of a ball (and on a capsule's segment) the normal points up.
     """
@@ -209,7 +216,10 @@ def distances(kind: str, collider: Any, position: np.ndarray, time: float = 0.0)
 
 
 def _box_distances(d: np.ndarray, half: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Outside, the way to the nearest point; inside, out by the nearest face (x before y before z where equal)."""
+    """Return distance and normal: outside those of the nearest point, inside those of the nearest face.
+
+    Where faces are equally near, x comes before y before z.
+    """
     outside = d - np.clip(d, -half, half)
     length, normal = _unit(outside)
     depth = np.abs(d) - half
@@ -220,11 +230,11 @@ def _box_distances(d: np.ndarray, half: np.ndarray) -> tuple[np.ndarray, np.ndar
 
 
 def _entries(a: np.ndarray, b: np.ndarray, reach: float) -> tuple[np.ndarray, np.ndarray]:
-    """(which masses (..., 1) a ball around the origin catches on their way from a to b, where they enter it (..., 3)).
+    """Return (mask (..., 1) of masses that a ball around the origin catches between a and b, entry points (..., 3)).
 
-    The first t in [0, 1) with |a + t (b - a)| = reach, where a is outside and b is not: where b is inside but on the
-    half that a lies on, the nearest surface is the right one anyway, and nothing is caught; nor where a mass that begins in
-    contact (a thousandth of the radius's square) ends on that half: a rounding of where it begins must not decide.
+    The entry is the first t in [0, 1) with |a + t (b - a)| = reach, where a is outside and b is not. If b is inside but
+    on a's half, the nearest surface is the right one anyway, and the mass is not caught. Nor is a mass that begins in
+    contact (within 1e-3 of the radius's square) and ends on that half, so that rounding of its start cannot decide.
     """
     way = b - a
     square, half, rest_ = _dot(way, way), _dot(a, way), _dot(a, a) - reach**2
@@ -237,8 +247,11 @@ def _entries(a: np.ndarray, b: np.ndarray, reach: float) -> tuple[np.ndarray, np
 
 
 def touched(collider: Any, slow: float, velocity: np.ndarray, normal: np.ndarray, surface: Any = None) -> np.ndarray:
-    """Velocities (..., 3) after contact: nothing into the collider, and Coulomb friction relative to it (to its `surface`
-    [m/s], where that moves in another way). Of what comes faster than `slow` [m/s], the restitution comes back."""
+    """Return velocities (..., 3) after contact: none into the collider, and Coulomb friction relative to it.
+
+    `surface` [m/s]: velocity of the collider's surface, if it differs from the collider's. Masses that arrive faster
+    than `slow` [m/s] bounce by the restitution.
+    """
     surface = collider.velocity if surface is None else surface
     relative = velocity - surface
     into = np.maximum(-_dot(relative, normal), 0)
@@ -251,7 +264,10 @@ def touched(collider: Any, slow: float, velocity: np.ndarray, normal: np.ndarray
 
 
 def held_back(dt: float, velocity: np.ndarray, answered: np.ndarray, normal: np.ndarray) -> np.ndarray:
-    """(..., 3) [m]: what friction takes back of a step: dt times what it changed the velocity by, across the normal."""
+    """Return the displacement that friction reverts in a step: (..., 3) [m].
+
+    It is dt times the tangential change of velocity.
+    """
     change = answered - velocity
     return dt * (change - _dot(change, normal) * normal)
 
@@ -259,11 +275,12 @@ def held_back(dt: float, velocity: np.ndarray, answered: np.ndarray, normal: np.
 def collide(
     scene: Scene, before: np.ndarray, position: np.ndarray, velocity: np.ndarray, step: int, in_place: bool = False
 ) -> tuple[np.ndarray, np.ndarray]:
-    """(position, velocity) (rows, columns, 3) after the colliders of step number `step`, which it began at `before`.
+    """Return (position, velocity) (rows, columns, 3) after the colliders of step number `step`, which began at
+    `before`.
 
-    Collider by collider, where it is at the step's end: a mass that a ball swept over is put where it entered it, one
-    nearer than the thickness is put at that distance. Pinned masses are not moved. `in_place`: friction also takes back what
-    a mass slid by within the step, but for one that was swept over.
+    The colliders act one after another, at their places at the end of the step. A mass that a ball swept over is moved
+    to its entry point, one nearer than the thickness to that distance. Pinned masses do not move. `in_place`: friction
+    also reverts the sliding within the step, except of a mass that was swept over.
     """
     dt = scene.method.dt
     free = ~pinned_mask(scene)[..., None]

@@ -1,7 +1,8 @@
-"""What clusters do beside turning, in NumPy, float64, cluster by cluster: creep and damping, none of the lab's formulas.
+"""Creep and damping of clusters in NumPy, float64, cluster by cluster, without the lab's formulas.
 
-M. Mueller et al., "Meshless Deformations Based on Shape Matching", SIGGRAPH 2005, 4.5; M. Mueller et al., "Position Based
-Dynamics", J. Vis. Commun. Image R. 18, 2007, 3.5. Linear goals are those of model/shape_matching/clusters.py, `deformations`.
+M. Mueller et al., "Meshless Deformations Based on Shape Matching", SIGGRAPH 2005, 4.5; M. Mueller et al., "Position
+Based Dynamics", J. Vis. Commun. Image R. 18, 2007, 3.5. Linear goals are those of model/shape_matching/clusters.py,
+`deformations`.
 """
 
 from __future__ import annotations
@@ -15,8 +16,10 @@ from model.shape_matching.clusters import Clusters
 def crept(
     clusters: Clusters, position: np.ndarray, plastic: np.ndarray | None, h: float, iterations: int
 ) -> np.ndarray | None:
-    """(clusters, 3, 3): the plastic strains after one of `iterations` of a substep h [s], from those of before, `plastic`;
-    None where there are none."""
+    """Return the plastic strains (clusters, 3, 3) after one of `iterations` of a substep h [s], or None.
+
+    `plastic`: the strains before; None where there are none.
+    """
     material = clusters.material
     if plastic is None or material is None:
         return None
@@ -37,7 +40,7 @@ def crept(
 
 
 def rigid_motion(clusters: Clusters, c: int, position: np.ndarray, velocity: np.ndarray) -> np.ndarray:
-    """(entries of cluster c, 3) [m/s]: the velocities of the rigid motion that has its momenta."""
+    """Return the velocities of the rigid motion with the momenta of cluster c: (entries, 3) [m/s]."""
     own = slice(clusters.offsets[c], clusters.offsets[c + 1])
     k, m = clusters.indices[own], clusters.masses[own, None]
     centre, mean = (m * position[k]).sum(axis=0) / m.sum(), (m * velocity[k]).sum(axis=0) / m.sum()
@@ -47,13 +50,16 @@ def rigid_motion(clusters: Clusters, c: int, position: np.ndarray, velocity: np.
     return np.asarray(mean + np.cross(np.linalg.pinv(inertia, rcond=1e-12) @ spin, r))
 
 
-LEAST = 2.0**-8  # of the trace of a cluster's inertia, by which it is larger for a couple
-FARTHEST = 0.25  # rad: what a couple turns a cluster in a substep at most
+LEAST = 2.0**-8  # fraction of the trace of a cluster's inertia that is added to it for a couple
+FARTHEST = 0.25  # rad: largest rotation of a cluster by a couple in a substep
 
 
 def turned(clusters: Clusters, position: np.ndarray, couples: np.ndarray) -> np.ndarray:
-    """(particles, 3) [m]: ways by the clusters' turns, of `couples` (particles, 3) over their masses, each for its part of
-    them; see model/formulas/shape_matching/couple.py."""
+    """Return displacements by the clusters' rotations under `couples` (particles, 3) over their masses: (particles, 3)
+    [m].
+
+    Each cluster takes its fraction of them; model/formulas/shape_matching/couple.py has the formula.
+    """
     ways = np.zeros_like(position)
     for c in np.flatnonzero(np.diff(clusters.offsets) > 1):
         own = slice(clusters.offsets[c], clusters.offsets[c + 1])
@@ -70,7 +76,7 @@ def turned(clusters: Clusters, position: np.ndarray, couples: np.ndarray) -> np.
 
 
 def whole_of(clusters: Clusters) -> np.ndarray:
-    """(clusters,) bool: rigid ones of several particles, each theirs alone, that do nothing but turn."""
+    """Return a mask (clusters,) of rigid clusters of several particles, all theirs only, without strain or creep."""
     plain = np.ones(clusters.count, bool)
     if clusters.material is not None:
         plain = ((clusters.material.linear == 0) & (clusters.material.creep == 0)) | clusters.flat
@@ -80,7 +86,9 @@ def whole_of(clusters: Clusters) -> np.ndarray:
 
 
 def steadied(clusters: Clusters, whole: np.ndarray, position: np.ndarray, velocity: np.ndarray) -> np.ndarray:
-    """(particles, 3) [m/s]: velocities of which those of the `whole` clusters are a rigid motion of the same momenta."""
+    """Return velocities in which those of the `whole` clusters are a rigid motion of the same momenta: (particles, 3)
+    [m/s].
+    """
     found = velocity.copy()
     for c in map(int, np.flatnonzero(whole)):
         own = slice(clusters.offsets[c], clusters.offsets[c + 1])
@@ -89,7 +97,7 @@ def steadied(clusters: Clusters, whole: np.ndarray, position: np.ndarray, veloci
 
 
 def unmoved(clusters: Clusters, before: np.ndarray, position: np.ndarray) -> np.ndarray:
-    """(particles, 1) bool: those that belong to no cluster with a particle that moved."""
+    """Return a mask (particles, 1) of those that belong to no cluster with a particle that moved."""
     moved = np.zeros(clusters.count, bool)
     np.logical_or.at(moved, clusters.owner, (position != before).any(axis=1)[clusters.indices])
     awake = np.zeros((len(position), 1), bool)
@@ -98,7 +106,7 @@ def unmoved(clusters: Clusters, before: np.ndarray, position: np.ndarray) -> np.
 
 
 def damped(clusters: Clusters, position: np.ndarray, velocity: np.ndarray, h: float) -> np.ndarray:
-    """(particles, 3) [m/s]: velocities after a substep h [s] of the clusters' damping."""
+    """Return velocities after a substep h [s] of the clusters' damping: (particles, 3) [m/s]."""
     rate = np.zeros(clusters.count) if clusters.material is None else clusters.material.damping
     found = velocity.copy()
     for c in map(int, np.flatnonzero(rate > 0)):
@@ -109,8 +117,11 @@ def damped(clusters: Clusters, position: np.ndarray, velocity: np.ndarray, h: fl
 
 
 def worth(clusters: Clusters, c: int, position: np.ndarray, struck: np.ndarray) -> tuple[float, float, np.ndarray]:
-    """(sum m v^2 of what the particles of cluster c got, `struck`, the same of the rigid motion of its momenta, that motion's
-    velocities (entries, 3)); see model/shape_matching/rigid_rebound.py."""
+    """Return two energies and a motion for cluster c whose particles got the velocities `struck`.
+
+    They are (sum m v^2 of `struck`, the same of the rigid motion of its momenta, that motion's velocities (entries,
+    3)); model/shape_matching/rigid_rebound.py explains their use.
+    """
     own = slice(clusters.offsets[c], clusters.offsets[c + 1])
     k, m = clusters.indices[own], clusters.masses[own]
     rigid = rigid_motion(clusters, c, position, struck)
@@ -120,8 +131,10 @@ def worth(clusters: Clusters, c: int, position: np.ndarray, struck: np.ndarray) 
 def rebounded(
     clusters: Clusters, whole: np.ndarray, position: np.ndarray, old: np.ndarray, velocity: np.ndarray
 ) -> np.ndarray:
-    """(particles, 3) [m/s]: from the velocities before and after colliders those of the `whole` clusters as rigid bodies;
-    see model/shape_matching/rigid_rebound.py."""
+    """Return velocities after colliders with those of the `whole` clusters as rigid bodies: (particles, 3) [m/s].
+
+    From the velocities before (`old`) and after colliders; model/shape_matching/rigid_rebound.py has the formula.
+    """
     found = velocity.copy()
     for c in map(int, np.flatnonzero(whole)):
         own = slice(clusters.offsets[c], clusters.offsets[c + 1])
@@ -142,7 +155,9 @@ def bounced(
     old: np.ndarray,
     velocity: np.ndarray,
 ) -> np.ndarray:
-    """(particles, 3) [m/s]: velocities after particles bounced off each other, those of `whole` clusters as rigid bodies."""
+    """Return velocities after particles bounced off each other, those of `whole` clusters as rigid bodies: (particles,
+    3) [m/s].
+    """
     scale, rigid = np.tile([1.0, 0.0, 0.0], (len(position), 1)), np.zeros(len(position), bool)
     rigid[clusters.indices[whole[clusters.owner]]] = True
     struck = contacts.given(position, old, velocity, scale, rigid)

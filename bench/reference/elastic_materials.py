@@ -1,17 +1,18 @@
-"""Elastic materials in slow, plain NumPy float64, straight from the papers: energy, stress and tangent of many tetrahedra.
+"""Elastic materials in slow, plain NumPy float64 from the papers: energy, stress and tangent of many tetrahedra.
 
-With the singular values s of the deformation gradient F, J = det F, and F = R S, R a rotation also where J < 0 (the smallest
-singular value takes the sign):
+With the singular values s of the deformation gradient F, J = det F, and F = R S, R a rotation also where J < 0 (the
+smallest singular value has the sign):
 
 - `corotated` (linear): mu |S - I|^2 + lambda/2 tr^2(S - I);
-- `fixed-corotated`: mu |S - I|^2 + lambda/2 (J - 1)^2. Stomakhin et al., "Energetically Consistent Invertible Elasticity",
-  SCA 2012;
-- `neo-hookean`: mu/2 (|F|^2 - 3) + lambda'/2 ((J - alpha)^2 - (1 - alpha)^2), lambda' = lambda + mu, alpha = 1 + mu/lambda'.
-  Smith, de Goes, Kim, "Stable Neo-Hookean Flesh Simulation", ACM TOG 2018, without its logarithm. lambda' is what
-  makes Young's modulus and Poisson's ratio those asked for; with lambda in its place the bar is a tenth too soft at 0.3.
+- `fixed-corotated`: mu |S - I|^2 + lambda/2 (J - 1)^2. Stomakhin et al., "Energetically Consistent Invertible
+  Elasticity", SCA 2012;
+- `neo-hookean`: mu/2 (|F|^2 - 3) + lambda'/2 ((J - alpha)^2 - (1 - alpha)^2), lambda' = lambda + mu,
+  alpha = 1 + mu/lambda'. Smith, de Goes, Kim, "Stable Neo-Hookean Flesh Simulation", ACM TOG 2018, without its
+  logarithm. lambda' gives the requested Young's modulus and Poisson's ratio; with lambda instead, the bar is 10 % too
+  soft at 0.3.
 
-Arrays: F (..., 3, 3); mu, lambda [Pa] scalars or (...); energies (...) [J/m^3]; stresses P = d Psi / dF (..., 3, 3) [Pa];
-tangents dP/dF (..., 9, 9) [Pa], the nine in row-major order: 3 i + j of F_ij.
+Arrays: F (..., 3, 3); mu, lambda [Pa] scalars or (...); energies (...) [J/m^3]; stresses P = d Psi / dF (..., 3, 3)
+[Pa]; tangents dP/dF (..., 9, 9) [Pa], the nine in row-major order: 3 i + j of F_ij.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ _TWISTS = ((1, 2), (2, 0), (0, 1))
 
 
 def lame(young: np.ndarray | float, poisson: np.ndarray | float) -> tuple[np.ndarray, np.ndarray]:
-    """(mu, lambda) [Pa] of Young's modulus [Pa] and Poisson's ratio, -1 < it < 0.5."""
+    """Return (mu, lambda) [Pa] of Young's modulus [Pa] and Poisson's ratio in (-1, 0.5)."""
     young, poisson = np.asarray(young, dtype=np.float64), np.asarray(poisson, dtype=np.float64)
     if not ((young > 0).all() and (poisson > -1).all() and (poisson < 0.5).all()):
         raise ValueError("young > 0 and -1 < poisson < 0.5")
@@ -37,7 +38,10 @@ def lame(young: np.ndarray | float, poisson: np.ndarray | float) -> tuple[np.nda
 
 
 def decompose(gradient: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """F = U diag(s) W': rotations U and W' (..., 3, 3), s (..., 3), of which the last may be negative. Of F = 0: U W' = I."""
+    """Return F = U diag(s) W': rotations U and W' (..., 3, 3), s (..., 3), of which the last may be negative.
+
+    For F = 0, U W' = I.
+    """
     u, s, w = np.linalg.svd(gradient)
     nothing = (s[..., :1] == 0)[..., None]
     u, w = np.where(nothing, np.eye(3), u), np.where(nothing, np.eye(3), w)
@@ -50,26 +54,29 @@ def decompose(gradient: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
 def rotation(gradient: np.ndarray) -> np.ndarray:
-    """(..., 3, 3): the rotation nearest to F."""
+    """Return the rotation nearest to F: (..., 3, 3)."""
     u, _, w = decompose(gradient)
     return u @ w
 
 
 def cofactor(gradient: np.ndarray) -> np.ndarray:
-    """(..., 3, 3): dJ/dF; its columns are the cross products of the other two columns of F."""
+    """Return dJ/dF (..., 3, 3); its columns are the cross products of the other two columns of F."""
     a, b, c = (gradient[..., :, column] for column in range(3))
     return np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], axis=-1)
 
 
 def _cofactor_slope(gradient: np.ndarray) -> np.ndarray:
-    """(..., 9, 9): the second derivatives of J."""
+    """Return the second derivatives of J: (..., 9, 9)."""
     flat = gradient.reshape(*gradient.shape[:-2], 9)
     return (flat @ _DOUBLE.T).reshape(*flat.shape[:-1], 9, 9)
 
 
 def _rotation_slope(gradient: np.ndarray) -> np.ndarray:
-    """(..., 9, 9): dR/dF, one mode a pair of axes: it turns by 2 / (s_i + s_j) (Smith, de Goes, Kim, "Analytic Eigensystems",
-    ACM TOG 2019). Where that sum is 0 the rotation jumps, and the mode is left out."""
+    """Return dR/dF (..., 9, 9), one mode per pair of axes, which rotates by 2 / (s_i + s_j).
+
+    Smith, de Goes, Kim, "Analytic Eigensystems", ACM TOG 2019. Where that sum is 0 the rotation is discontinuous, and
+    the mode is left out.
+    """
     u, s, w = decompose(gradient)
     found = np.zeros((*gradient.shape[:-2], 9, 9))
     for i, j in _TWISTS:
@@ -82,13 +89,13 @@ def _rotation_slope(gradient: np.ndarray) -> np.ndarray:
 
 
 def _constants(mu: np.ndarray, lam: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """lambda' and alpha of the stable neo-Hookean material."""
+    """Return lambda' and alpha of the stable neo-Hookean material."""
     lam_here = lam + mu
     return lam_here, 1 + mu / lam_here
 
 
 def energy_density(material: str, gradient: np.ndarray, mu: np.ndarray, lam: np.ndarray) -> np.ndarray:
-    """(...) [J/m^3]; of `neo-hookean` also of complex F (complex step)."""
+    """Return the energy density (...) [J/m^3]; `neo-hookean` accepts complex F too (complex step)."""
     determinant = np.linalg.det(gradient)
     if material == "neo-hookean":
         lam_here, alpha = _constants(mu, lam)
@@ -104,7 +111,7 @@ def energy_density(material: str, gradient: np.ndarray, mu: np.ndarray, lam: np.
 
 
 def stress(material: str, gradient: np.ndarray, mu: np.ndarray, lam: np.ndarray) -> np.ndarray:
-    """(..., 3, 3) [Pa]: the first Piola-Kirchhoff stress."""
+    """Return the first Piola-Kirchhoff stress: (..., 3, 3) [Pa]."""
     mu, lam = (np.asarray(value)[..., None, None] for value in (mu, lam))
     determinant = np.linalg.det(gradient)[..., None, None]
     if material == "neo-hookean":
@@ -120,7 +127,7 @@ def stress(material: str, gradient: np.ndarray, mu: np.ndarray, lam: np.ndarray)
 
 
 def tangent(material: str, gradient: np.ndarray, mu: np.ndarray, lam: np.ndarray) -> np.ndarray:
-    """(..., 9, 9) [Pa]: dP/dF, exact; not positive definite everywhere."""
+    """Return dP/dF (..., 9, 9) [Pa], exact; not positive definite everywhere."""
     mu, lam = (np.asarray(value)[..., None, None] for value in (mu, lam))
     determinant = np.linalg.det(gradient)[..., None, None]
     slope = cofactor(gradient).reshape(*gradient.shape[:-2], 9)
@@ -140,7 +147,7 @@ def tangent(material: str, gradient: np.ndarray, mu: np.ndarray, lam: np.ndarray
 
 
 def linear_tangent(mu: np.ndarray, lam: np.ndarray) -> np.ndarray:
-    """(..., 9, 9) [Pa]: Hooke's law, mu (G + G') + lambda tr(G) I of a displacement gradient G."""
+    """Return the tangent of Hooke's law, mu (G + G') + lambda tr(G) I of a displacement gradient G: (..., 9, 9) [Pa]."""
     one = np.eye(3)
     turned = np.einsum("il,jk->ijkl", one, one).reshape(9, 9)
     volume = np.einsum("ij,kl->ijkl", one, one).reshape(9, 9)

@@ -1,13 +1,13 @@
 """Bodies of linear tetrahedra by finite elements, NumPy and SciPy, float64: assembly, sparse factorisation, modes.
 
-The judge of every solver of tetrahedra: what it gives is the exact answer on the same mesh, so that what a solver is off by
-is its own error and not the mesh's. From the textbooks (Sifakis and Barbic, "FEM Simulation of 3D Deformable Solids",
-SIGGRAPH courses 2012; Bathe, "Finite Element Procedures"), without model/formulas or a backend. Newton's method, statics of
+The reference of every solver of tetrahedra: its result is exact on the same mesh, so that a difference is the solver's
+own error and not the mesh's. From the textbooks (Sifakis and Barbic, "FEM Simulation of 3D Deformable Solids", SIGGRAPH
+courses 2012; Bathe, "Finite Element Procedures"), without model/formulas or a backend. Newton's method, statics of
 large displacements and implicit Euler are in bench/reference/finite_elements_newton.py.
 
 Meshes are plain arrays: positions (n, 3) [m], tetrahedra (m, 4) of vertices, the edges from the first to the others a
-right-handed system (volume > 0); Young's modulus [Pa], Poisson's ratio and density [kg/m^3] are numbers or (m,). `fixed`:
-vertices (n,) or coordinates (n, 3) that are held.
+right-handed system (volume > 0); Young's modulus [Pa], Poisson's ratio and density [kg/m^3] are numbers or (m,).
+`fixed`: mask of fixed vertices (n,) or coordinates (n, 3).
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ Values = np.ndarray | float
 
 
 def shape_gradients(position: np.ndarray, tetrahedra: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Volumes (m,) [m^3] and the gradients (m, 4, 3) [1/m] of the four corners' hat functions, at rest."""
+    """Return the rest volumes (m,) [m^3] and the gradients (m, 4, 3) [1/m] of the four corners' hat functions."""
     corners = position[tetrahedra]
     edges = (corners[:, 1:] - corners[:, :1]).transpose(0, 2, 1)
     volume = np.linalg.det(edges) / 6
@@ -35,7 +35,7 @@ def shape_gradients(position: np.ndarray, tetrahedra: np.ndarray) -> tuple[np.nd
 
 
 def lumped_mass(position: np.ndarray, tetrahedra: np.ndarray, density: Values) -> np.ndarray:
-    """(n,) [kg]: a quarter of each tetrahedron's mass for each of its corners."""
+    """Return the lumped masses (n,) [kg]: a quarter of each tetrahedron's mass for each of its corners."""
     volume, _ = shape_gradients(position, tetrahedra)
     quarter = np.repeat(density * volume / 4, 4)
     return np.bincount(tetrahedra.ravel(), quarter, minlength=len(position))
@@ -43,7 +43,7 @@ def lumped_mass(position: np.ndarray, tetrahedra: np.ndarray, density: Values) -
 
 @dataclass(frozen=True)
 class Body:
-    """A mesh at rest with a material of bench/reference/elastic_materials.py; made by `Body.of`."""
+    """Mesh at rest with a material of bench/reference/elastic_materials.py; made by `Body.of`."""
 
     rest: np.ndarray
     tetrahedra: np.ndarray
@@ -61,24 +61,27 @@ class Body:
         return cls(np.array(position, dtype=np.float64), tetrahedra, material, mu, lam, volume, gradient)
 
     def deformation(self, position: np.ndarray) -> np.ndarray:
-        """(m, 3, 3): F of each tetrahedron."""
+        """Return the deformation gradient F of each tetrahedron: (m, 3, 3)."""
         return np.einsum("mai,maj->mij", position[self.tetrahedra], self.gradient)
 
     def energy(self, position: np.ndarray) -> float:
-        """[J]"""
+        """Elastic energy [J]."""
         density = elastic_materials.energy_density(self.material, self.deformation(position), self.mu, self.lam)
         return float(self.volume @ density)
 
     def force(self, position: np.ndarray) -> np.ndarray:
-        """(n, 3) [N]: the negative gradient of the energy."""
+        """Return the negative gradient of the energy: (n, 3) [N]."""
         stress = elastic_materials.stress(self.material, self.deformation(position), self.mu, self.lam)
         each = -np.einsum("m,mij,maj->mai", self.volume, stress, self.gradient).reshape(-1, 3)
         where = self.tetrahedra.ravel()
         return np.stack([np.bincount(where, each[:, axis], minlength=len(position)) for axis in range(3)], axis=1)
 
     def stiffness(self, position: np.ndarray | None = None, positive: bool = False) -> sparse.csc_matrix:
-        """(3 n, 3 n) [N/m]: the energy's second derivatives, at rest by Hooke's law without a position. `positive`: no
-        tetrahedron's tangent keeps a negative eigenvalue (Teran et al., "Robust Quasistatic Finite Elements", SCA 2005)."""
+        """Return the second derivatives of the energy: (3 n, 3 n) [N/m].
+
+        Without a position: at rest, by Hooke's law. `positive`: negative eigenvalues of each tetrahedron's tangent are
+        set to 0 (Teran et al., "Robust Quasistatic Finite Elements", SCA 2005).
+        """
         if position is None:
             tangent = elastic_materials.linear_tangent(self.mu, self.lam)
         else:
@@ -89,7 +92,7 @@ class Body:
         return self.assembled(tangent)
 
     def assembled(self, tangent: np.ndarray) -> sparse.csc_matrix:
-        """(3 n, 3 n) [N/m] of tangents dP/dF (m, 9, 9) [Pa]."""
+        """Return the stiffness (3 n, 3 n) [N/m] from tangents dP/dF (m, 9, 9) [Pa]."""
         parts = (self.volume[:, None, None] * tangent).reshape(-1, 3, 3, 3, 3)
         block = np.einsum("maj,mijkl,mbl->maibk", self.gradient, parts, self.gradient, optimize=True)
         number = (3 * self.tetrahedra[:, :, None] + np.arange(3)).reshape(-1, 12)
@@ -100,7 +103,7 @@ class Body:
 
 
 def free_coordinates(fixed: np.ndarray) -> np.ndarray:
-    """(free,): the numbers 3 vertex + axis of what `fixed` (n,) or (n, 3) leaves free."""
+    """Return the numbers 3 vertex + axis of the free coordinates: (free,); `fixed`: (n,) or (n, 3)."""
     fixed = np.asarray(fixed, dtype=bool)
     held = np.repeat(fixed[:, None], 3, axis=1) if fixed.ndim == 1 else fixed
     return np.flatnonzero(~held.ravel())
@@ -110,8 +113,10 @@ def linear_static(
     position: np.ndarray, tetrahedra: np.ndarray, young: Values, poisson: Values, fixed: np.ndarray, force: np.ndarray,
     held_at: np.ndarray | None = None,
 ) -> np.ndarray:  # fmt: skip
-    """Displacement (n, 3) [m] at rest under `force` (n, 3) [N] by Hooke's law for small ones; `held_at` (n, 3) [m]: the
-    displacements of what is fixed (none)."""
+    """Return the displacement at rest under `force` (n, 3) [N] by Hooke's law for small displacements: (n, 3) [m].
+
+    `held_at` (n, 3) [m]: displacements of the fixed vertices (default: none).
+    """
     stiffness = Body.of(position, tetrahedra, "corotated", young, poisson).stiffness()
     free = free_coordinates(fixed)
     moved = np.zeros(position.size) if held_at is None else np.array(held_at, dtype=np.float64).ravel()
@@ -125,13 +130,15 @@ def mode_shapes(
     position: np.ndarray, tetrahedra: np.ndarray, young: Values, poisson: Values, density: Values, fixed: np.ndarray,
     count: int,
 ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
-    """The lowest `count` frequencies (count,) [Hz] and shapes (count, n, 3) of small vibrations, masses lumped. A free body's
-    six rigid motions are among them, near 0 Hz."""
+    """Return the lowest `count` frequencies (count,) [Hz] and shapes (count, n, 3) of small vibrations.
+
+    Masses are lumped. For a free body they include its six rigid motions, near 0 Hz.
+    """
     stiffness = Body.of(position, tetrahedra, "corotated", young, poisson).stiffness()
     free = free_coordinates(fixed)
     root = np.sqrt(np.repeat(lumped_mass(position, tetrahedra, density), 3)[free])
     scaled = sparse.diags(1 / root) @ stiffness[free][:, free] @ sparse.diags(1 / root)
-    below = -1e-6 * scaled.diagonal().max()  # of a free body the matrix itself cannot be factorised
+    below = -1e-6 * scaled.diagonal().max()  # the matrix of a free body itself cannot be factorised
     start = np.random.default_rng(0).normal(size=len(free))
     squares, vectors = eigsh(scaled.tocsc(), k=count, sigma=below, v0=start)
     order = np.argsort(squares)
@@ -144,12 +151,12 @@ def modes(
     position: np.ndarray, tetrahedra: np.ndarray, young: Values, poisson: Values, density: Values, fixed: np.ndarray,
     count: int,
 ) -> np.ndarray:  # fmt: skip
-    """(count,) [Hz]: the frequencies of `mode_shapes`."""
+    """Return the frequencies of `mode_shapes`: (count,) [Hz]."""
     return mode_shapes(position, tetrahedra, young, poisson, density, fixed, count)[0]
 
 
 def surface(tetrahedra: np.ndarray) -> np.ndarray:
-    """(triangles, 3): the faces that belong to one tetrahedron only, seen counterclockwise from outside."""
+    """Return the faces that belong to one tetrahedron only, counterclockwise from outside: (triangles, 3)."""
     faces = np.asarray(tetrahedra)[:, [[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]]].reshape(-1, 3)
     _, first, times = np.unique(np.sort(faces, axis=1), axis=0, return_index=True, return_counts=True)
     return faces[np.sort(first[times == 1])]
@@ -158,8 +165,11 @@ def surface(tetrahedra: np.ndarray) -> np.ndarray:
 def spread_evenly(
     position: np.ndarray, tetrahedra: np.ndarray, on_face: np.ndarray, force: np.ndarray | tuple[float, float, float]
 ) -> np.ndarray:
-    """(n, 3) [N]: the consistent load of `force` (3,) [N] spread evenly over the surface whose vertices are `on_face` (n,):
-    a third of each triangle's share for each of its corners."""
+    """Return the consistent load of `force` (3,) [N] spread evenly over the surface with vertices `on_face` (n,): (n,
+    3) [N].
+
+    Each corner of a triangle gets a third of the triangle's load.
+    """
     triangles = surface(tetrahedra)
     triangles = triangles[np.asarray(on_face, dtype=bool)[triangles].all(axis=1)]
     a, b, c = (position[corner] for corner in triangles.T)

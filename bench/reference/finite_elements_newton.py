@@ -1,13 +1,13 @@
-"""Large displacements of finite elements, solved to the end by Newton's method: statics, and steps of implicit Euler.
+"""Large displacements of finite elements, solved to convergence by Newton's method: statics, and implicit Euler.
 
-The exact answers on the same mesh (bench/reference/finite_elements.py tells meshes and materials). A step of implicit Euler
-is what position-based solvers, vertex block descent and Newton's method in the backends all tend to with more iterations: it
-minimises (S. Martin et al., "Example-Based Elastic Materials", ACM TOG 2011, eq. 3)
+The results are exact on the same mesh (bench/reference/finite_elements.py has meshes and materials). A step of implicit
+Euler is the limit of position-based solvers, vertex block descent and Newton's method of the backends with more
+iterations. It minimises (S. Martin et al., "Example-Based Elastic Materials", ACM TOG 2011, eq. 3)
 
-    sum of m |x - (x_0 + h v_0 + h^2 (g + f/m))|^2 / (2 h^2)  +  energy(x)  +  sum of V tau / (2 h) (E - E_0) : C : (E - E_0),
+ sum of m |x - (x_0 + h v_0 + h^2 (g + f/m))|^2 / (2 h^2)  +  energy(x)  +  sum of V tau / (2 h) (E - E_0) : C : (E - E_0),
 
-the last for damping in proportion to the rate of Green's strain E = (F'F - I) / 2, C the moduli of Hooke's law: what turns is
-not damped, a small vibration of angular frequency w is at the ratio tau w / 2.
+the last term for damping in proportion to the rate of Green's strain E = (F'F - I) / 2, with C the moduli of Hooke's
+law. Rotations are not damped; a small vibration of angular frequency w has the damping ratio tau w / 2.
 """
 
 from __future__ import annotations
@@ -21,13 +21,13 @@ from scipy.sparse.linalg import splu
 from bench.reference import elastic_materials
 from bench.reference.finite_elements import Body, Values, free_coordinates, lumped_mass
 
-ENOUGH = 1e-10  # of the load
-MOST = 300  # Newton steps
-DOWNHILL = 1e-4  # of the descent that a straight line promises (Armijo)
+ENOUGH = 1e-10  # residual force relative to the load
+MOST = 300  # largest number of Newton steps
+DOWNHILL = 1e-4  # fraction of the linear prediction of the descent (Armijo)
 
 
 def _step(matrix: sparse.csc_matrix, force: np.ndarray) -> np.ndarray | None:
-    """The Newton step, None where the matrix is singular or the step does not go downhill."""
+    """Return the Newton step, or None if the matrix is singular or the step is not a descent direction."""
     try:
         step = splu(matrix).solve(force)
     except RuntimeError:  # exactly singular
@@ -43,9 +43,10 @@ def minimise(
     fixed: np.ndarray,
     enough: float,
 ) -> np.ndarray:
-    """(n, 3): where the free coordinates' force [N] is at most `enough` in Euclidean norm, from `start` (n, 3) downhill.
+    """Return the minimum (n, 3) from `start` (n, 3), with a force [N] on free coordinates of norm at most `enough`.
 
-    `stiffness(x, positive)`: (3 n, 3 n), projected only where the exact one leads uphill. RuntimeError where it fails.
+    `stiffness(x, positive)`: (3 n, 3 n), projected only where the exact one gives an ascent direction. Raises
+    RuntimeError if it fails.
     """
     free = free_coordinates(fixed)
     x = np.array(start, dtype=np.float64)
@@ -65,7 +66,7 @@ def minimise(
             there, left = energy(trial), force(trial).ravel()[free]
             if there <= here - DOWNHILL * share * promised:
                 break
-            # near the end a descent is less than the energy's rounding: then forces tell
+            # near the end the descent is below the rounding of the energy, so the forces decide
             small = share * np.abs(step).max() <= 1e-6 * np.ptp(x)
             if small and np.linalg.norm(left) < 0.5 * np.linalg.norm(pull):
                 break
@@ -77,7 +78,7 @@ def minimise(
 
 
 def rounding(body: Body) -> float:
-    """[N]: the norm of nodal forces that float64 makes of positions' last digits; no solver gets below it."""
+    """Norm [N] of the nodal forces due to the rounding of positions in float64, a lower bound for any solver."""
     extent = float(np.abs(body.rest).max())
     stiff = np.linalg.norm(body.stiffness().diagonal())
     return float(np.finfo(np.float64).eps * extent * stiff)
@@ -97,8 +98,11 @@ def nonlinear_static(
     start: np.ndarray | None = None,
     enough: float = ENOUGH,
 ) -> np.ndarray:
-    """Positions (n, 3) [m] in equilibrium under `force` (n, 3) [N] and `gravity` [m/s^2] on lumped masses, from `start`
-    (rest), where what is `fixed` stays. Forces left: at most `enough` of the load, or what float64 rounds."""
+    """Return positions (n, 3) [m] in equilibrium under `force` (n, 3) [N] and `gravity` [m/s^2] on lumped masses.
+
+    From `start` (default: rest), with `fixed` vertices fixed. Residual forces are at most `enough` of the load, or the
+    rounding of float64.
+    """
     body = Body.of(position, tetrahedra, material, young, poisson)
     load = np.zeros_like(body.rest) if force is None else np.array(force, dtype=np.float64)
     load = load + lumped_mass(body.rest, body.tetrahedra, density)[:, None] * np.asarray(gravity)
@@ -121,18 +125,18 @@ def nonlinear_static(
 
 
 class Damper:
-    """Of a step from `before` (n, 3): what each tetrahedron loses to the rate of its strain, times `gamma` = tau / h."""
+    """Damping of a step from `before` (n, 3), by the rate of strain of each tetrahedron times `gamma` = tau / h."""
 
     def __init__(self, body: Body, before: np.ndarray, gamma: float) -> None:
         self.body, self.start = body, self._strain(body.deformation(before))
-        self.moduli = gamma * elastic_materials.linear_tangent(body.mu, body.lam)  # (m, 9, 9), of symmetric matrices
+        self.moduli = gamma * elastic_materials.linear_tangent(body.mu, body.lam)  # (m, 9, 9), for symmetric matrices
 
     @staticmethod
     def _strain(gradient: np.ndarray) -> np.ndarray:
         return (np.einsum("mki,mkj->mij", gradient, gradient) - np.eye(3)) / 2
 
     def _change(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """(F, E - E_0, the second Piola-Kirchhoff stress [Pa]), (m, 3, 3) each."""
+        """Return (F, E - E_0, the second Piola-Kirchhoff stress [Pa]), (m, 3, 3) each."""
         gradient = self.body.deformation(x)
         change = self._strain(gradient) - self.start
         return gradient, change, (self.moduli @ change.reshape(-1, 9, 1)).reshape(-1, 3, 3)
@@ -142,7 +146,7 @@ class Damper:
         return float(self.body.volume @ (change * pull).sum(axis=(1, 2))) / 2
 
     def force(self, x: np.ndarray) -> np.ndarray:
-        """(n, 3) [N]: the negative gradient of the energy."""
+        """Return the negative gradient of the energy: (n, 3) [N]."""
         gradient, _, pull = self._change(x)
         each = -np.einsum("m,mij,maj->mai", self.body.volume, gradient @ pull, self.body.gradient)
         force = np.zeros_like(x)
@@ -150,7 +154,7 @@ class Damper:
         return force
 
     def stiffness(self, x: np.ndarray, positive: bool) -> sparse.csc_matrix:
-        """(3 n, 3 n) [N/m]; `positive`: what stress does to it only where that pulls."""
+        """Return the second derivatives (3 n, 3 n) [N/m]; `positive`: the stress term only where it is tensile."""
         gradient, _, pull = self._change(x)
         if positive:
             values, vectors = np.linalg.eigh(pull)
@@ -173,8 +177,11 @@ def implicit_euler(
     damping_time: float = 0.0,
     enough: float = ENOUGH,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """(position [m], velocity [m/s]), (n, 3), after one step `h` [s] of backward Euler, solved to the end: forces left are at
-    most `enough` of the inertia's h^2 (or of what float64 rounds). `damping_time`: tau [s] above. What is `fixed` stays."""
+    """Return (position [m], velocity [m/s]), (n, 3) each, after one converged step `h` [s] of backward Euler.
+
+    Residual forces are at most `enough` of the inertia's h^2 (or the rounding of float64). `damping_time`: tau [s]
+    above. `fixed` vertices stay.
+    """
     before = np.array(position, dtype=np.float64)
     damper = Damper(body, before, damping_time / h) if damping_time > 0 else None
     push = np.zeros_like(before) if force is None else np.asarray(force, dtype=np.float64)

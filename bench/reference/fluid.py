@@ -1,10 +1,11 @@
-"""A fluid in slow, plain NumPy float64: every pair within the support, the judge of both backends.
+"""Fluid in slow, plain NumPy float64: every pair within the support radius, the reference of both backends.
 
 From the papers, without model/formulas or a backend: M. Macklin and M. Mueller, "Position Based Fluids", SIGGRAPH 2013,
-with density and gradient of one kernel, the spiky one, scaled so that a dilatation of the starting lattice changes C as it
-changes density, and multipliers that are summed over a substep's iterations and never pull. The order of a substep is in
-model/fluid/plan.py; sums here have none, so that solvers are held to this within rounding. Own forces and lists that
-overflow are not here."""
+with density and gradient of one kernel, the spiky one, scaled so that a dilatation of the initial lattice changes C as
+it changes the density, and multipliers that are summed over a substep's iterations and never attract. The order of a
+substep is in model/fluid/plan.py; sums here have no order, so solvers agree with this to rounding. External forces on
+particles and lists that overflow are not supported.
+"""
 
 from __future__ import annotations
 
@@ -42,27 +43,27 @@ class _Kernels:
         return np.maximum(self.h**2 - r**2, 0) ** 3 / self.h**6
 
     def kernel(self, r: np.ndarray) -> np.ndarray:
-        """Weight of one neighbour in smoothing, poly6."""
+        """Return the weight of one neighbour in smoothing, poly6."""
         return self.smoothing * self._poly6(r)
 
     def density(self, r: np.ndarray) -> np.ndarray:
-        """Part of one neighbour in C, by the spiky kernel."""
+        """Return the part of one neighbour in C, by the spiky kernel."""
         return self.scale * np.maximum(1 - r / self.h, 0) ** 3
 
     def slope(self, r: np.ndarray) -> np.ndarray:
-        """Minus the derivative of `density` over r [1/m^2]."""
+        """Return minus the derivative of `density` over r [1/m^2]."""
         with np.errstate(divide="ignore", invalid="ignore"):
             found = 3 * self.scale / self.h * np.maximum(1 - r / self.h, 0) ** 2 / r
         return np.where(r > 0, found, 0.0)
 
     def wall_at(self, distance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(what a wall adds to C, how fast that grows with distance [1/m])."""
+        """Return (what a wall adds to C, its derivative over the distance [1/m])."""
         q = np.clip(distance / self.wall_range, 0, 1)
         return self.wall * (1 - q) ** 3, -3 * self.wall / self.wall_range * (1 - q) ** 2
 
 
 class _World:
-    """A scene's fluids in three coordinates."""
+    """Fluids of a scene in three coordinates."""
 
     def __init__(self, scene: Scene):
         self.scene, self.kernels, self.axes = scene, _Kernels(scene), scene.dimensions
@@ -72,13 +73,13 @@ class _World:
         self.choose(np.arange(scene.fluid_set.particle_count))
 
     def choose(self, number: np.ndarray) -> None:
-        """Whom arrays are of from now on: the particles of these numbers."""
+        """Select the particles `number` for all following arrays."""
         found = self.scene.fluid_set
         self.fluid = found.fluid[number]
         self.weight = np.array(found.lightness)[self.fluid]
 
     def of(self, field: str) -> np.ndarray:
-        """A field of each particle's fluid; what is not given is infinite."""
+        """Return a field of each particle's fluid; a missing value is infinite."""
         values = [getattr(part, field) for part in self.scene.fluids.values()]
         return np.array([np.inf if value is None else value for value in values], float)[self.fluid]
 
@@ -97,7 +98,7 @@ class _World:
 
 
 class _Pairs:
-    """Pairs that were neighbours when a substep began, now."""
+    """Pairs that were neighbours at the beginning of a substep."""
 
     def __init__(self, world: _World, p: np.ndarray):
         self.world, self.count = world, len(p)
@@ -105,7 +106,7 @@ class _Pairs:
         self.i, self.j = self.pairs.T
 
     def at(self, p: np.ndarray, number: np.ndarray) -> None:
-        """Differences and distances where particles are at `p`; `number`: their places in the arrays."""
+        """Compute differences and distances with particles at `p`; `number`: their places in the arrays."""
         domain, d = self.world.scene.domain, p[self.i] - p[self.j]
         for axis in domain.repeats if domain else ():
             k = "xyz".index(axis)
@@ -119,7 +120,7 @@ class _Pairs:
         self.s = self.world.kernels.slope(self.r)
 
     def sum(self, of_i: np.ndarray, of_j: np.ndarray) -> np.ndarray:
-        """What each pair gives to its first particle and to its second, summed."""
+        """Return the sums of the pairs' contributions to their first and to their second particle."""
         shape = (self.count, *of_i.shape[1:])
         total = np.zeros(shape)
         np.add.at(total, self.i, of_i)
@@ -128,12 +129,12 @@ class _Pairs:
 
 
 def _places(world: _World, p: np.ndarray) -> np.ndarray:
-    """(n,): where particles stand in arrays sorted by cells; it matters only to those in one place."""
+    """Return the places (n,) of particles in arrays sorted by cells; only coincident particles depend on them."""
     return np.argsort(np.lexsort((np.arange(len(p)), p[:, 0], p[:, 1], p[:, 2])))
 
 
 def _solve(world: _World, number: int, x: np.ndarray, p: np.ndarray, pairs: _Pairs) -> tuple[np.ndarray, ...]:
-    """(positions, constraints, multipliers [m^2]) after a substep's iterations."""
+    """Return (positions, constraints, multipliers [m^2]) after a substep's iterations."""
     method, weight = world.scene.method, world.weight
     end, place = (number + 1) * world.h, _places(world, p)
     averaged = method.scheme == "averaged"
@@ -170,14 +171,14 @@ def _solve(world: _World, number: int, x: np.ndarray, p: np.ndarray, pairs: _Pai
 
 
 def _carried(pairs: _Pairs, multiplier: np.ndarray) -> np.ndarray:
-    """What the pairs of each particle carry."""
+    """Return the weighted mean of the multipliers of each particle's pairs."""
     weights = pairs.s * pairs.r**2
     mean = (multiplier[pairs.i] + multiplier[pairs.j]) / 2 * weights
     return np.asarray(pairs.sum(mean, mean) / np.maximum(pairs.sum(weights, weights), 1e-300))
 
 
 def _smooth(world: _World, p: np.ndarray, v: np.ndarray, pairs: _Pairs) -> np.ndarray:
-    """Velocities after what neighbours do to them."""
+    """Return velocities after viscosity, cohesion, surface tension and vorticity confinement of neighbours."""
     scene, h, weight = world.scene, world.kernels.h, world.weight
     i, j = pairs.i, pairs.j
     pairs.at(p, _places(world, p))
@@ -212,8 +213,10 @@ def _smooth(world: _World, p: np.ndarray, v: np.ndarray, pairs: _Pairs) -> np.nd
 
 
 def substep(world: _World, number: int, x: np.ndarray, v: np.ndarray, who: np.ndarray) -> tuple[np.ndarray, ...]:
-    """(numbers of those that are left, position, velocity, constraints, multipliers) after the substep of that number, all in
-    three coordinates; `who`: their numbers."""
+    """Return (numbers of the remaining particles, position, velocity, constraints, multipliers) after a substep.
+
+    All in three coordinates; `who`: numbers of the particles before.
+    """
     world.choose(who)
     scene, h = world.scene, world.h
     gravity = scene.gravity.acceleration if scene.gravity and scene.gravity.enabled else 0.0
@@ -258,7 +261,7 @@ def substep(world: _World, number: int, x: np.ndarray, v: np.ndarray, who: np.nd
 
 
 def _wrapped(world: _World, p: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Places p, and x with them, by whole sides to where p is in the box that repeats."""
+    """Return the positions p, and x with them, shifted by whole sides so that p is in the periodic box."""
     p, x, domain = p.copy(), x.copy(), world.scene.domain
     for axis in domain.repeats if domain else ():
         k = "xyz".index(axis)
@@ -272,8 +275,10 @@ def _wrapped(world: _World, p: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, n
 def run(
     scene: Scene, steps: int, position: np.ndarray, velocity: np.ndarray, first_step: int = 0
 ) -> tuple[np.ndarray, ...]:
-    """(position, velocity (n, dimensions), density errors (n,), pressures (n,) [Pa] of the last substep) after `steps`
-    steps."""
+    """Return (position, velocity (n, dimensions), density errors (n,), pressures (n,) [Pa]) after `steps` steps.
+
+    Errors and pressures are those of the last substep.
+    """
     world, axes = _World(scene), scene.dimensions
     p, v = (np.pad(np.array(array, np.float64), ((0, 0), (0, 3 - axes))) for array in (position, velocity))
     c, multiplier = np.zeros((2, len(p)))
@@ -291,6 +296,6 @@ def run(
 def simulate(
     scene: Scene, steps: int, position: np.ndarray, velocity: np.ndarray, first_step: int = 0
 ) -> tuple[np.ndarray, np.ndarray]:
-    """(position [m], velocity [m/s]), (particles, dimensions) float64, after `steps` steps from such ones."""
+    """Return (position [m], velocity [m/s]), (particles, dimensions) float64, after `steps` steps from the given ones."""
     found = run(scene, steps, position, velocity, first_step)
     return found[0], found[1]

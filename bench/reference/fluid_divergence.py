@@ -1,8 +1,9 @@
-"""The scheme `divergence-free` in slow, plain NumPy float64, as model/fluid/divergence_plan.py tells it: of a world and the
-pairs of bench/reference/fluid.py, which judges the rest of a substep.
+"""Scheme `divergence-free` in slow, plain NumPy float64, as model/fluid/divergence_plan.py describes it.
 
-From the papers, without model/formulas or a backend: J. Bender and D. Koschier, "Divergence-Free SPH for Incompressible and
-Viscous Fluids", TVCG 2017; the iterations' acceleration from A. Beck and M. Teboulle, SIAM J. Imaging Sciences 2 (2009)."""
+For a world and the pairs of bench/reference/fluid.py, the reference of the rest of a substep. From the papers, without
+model/formulas or a backend: J. Bender and D. Koschier, "Divergence-Free SPH for Incompressible and Viscous Fluids",
+TVCG 2017; the iterations' acceleration from A. Beck and M. Teboulle, SIAM J. Imaging Sciences 2 (2009).
+"""
 
 from __future__ import annotations
 
@@ -15,7 +16,7 @@ SURFACE = 0.09  # a particle that lacks more of its density is at a surface
 
 
 class DivergenceFree:
-    """A substep at places x (n, 3), of `pairs` there; `number`: the substep's, of dt `h` [s]."""
+    """Substep `number` of `h` [s] at positions x (n, 3), with `pairs` there."""
 
     def __init__(self, world: Any, number: int, x: np.ndarray, pairs: Any, places: np.ndarray):
         self.world, self.pairs, self.h = world, pairs, world.h
@@ -35,20 +36,22 @@ class DivergenceFree:
         self.change = world.of("maximum_acceleration") * self.h / 2
 
     def rate(self, v: np.ndarray) -> np.ndarray:
-        """(n,): how fast C grows, of velocities, or by how much, of shifts."""
+        """Return the rate of change of C by velocities, or its change by displacements: (n,)."""
         pairs = self.pairs
         one = (self.g * (v[pairs.i] - v[pairs.j])).sum(axis=1)
         return pairs.sum(one, one) + (self.wall * v).sum(axis=1)
 
     def moved_by(self, multiplier: np.ndarray) -> np.ndarray:
-        """(n, 3) [m]: what multipliers push particles by."""
+        """Return the displacements of particles by multipliers: (n, 3) [m]."""
         pairs = self.pairs
         way = (multiplier[pairs.i] + multiplier[pairs.j])[:, None] * self.g
         total = pairs.sum(way, -way) + multiplier[:, None] * self.wall
         return np.asarray(self.world.weight[:, None] * total)
 
     def solve(self, target: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(velocities, multipliers) that keep target + rate of shifts at 0 or less, as nearly as iterations do."""
+        """Return (velocities, multipliers) that keep target + rate of displacements at most 0, to the error of the
+        iterations.
+        """
         ahead = iterate = np.zeros(len(target))
         for k in range(self.iterations):
             found = np.minimum(ahead - self.factor * (target + self.rate(self.moved_by(ahead))), 0)
@@ -61,8 +64,11 @@ class DivergenceFree:
     def substep(
         self, v: np.ndarray, between: Callable[[np.ndarray, np.ndarray], np.ndarray]
     ) -> tuple[np.ndarray, np.ndarray]:
-        """(velocities, multipliers) after both solves; `between` them velocities are smoothed, braked and accelerated. What
-        the second one starts from and its multipliers are `meant` and `second` then."""
+        """Return (velocities, multipliers) after both solves.
+
+        `between` them smooths, damps and accelerates velocities. Afterwards `meant` has the start of the second solve,
+        and `second` its multipliers.
+        """
         grows = self.h * self.rate(v) + self.came
         v, first = self.solve(np.where(self.c > -SURFACE, grows, -1.0), v)
         self.meant = between(v, self.c)

@@ -1,8 +1,9 @@
 """Velocities of a fluid's particles after a substep's corrections and at walls, in slow, plain NumPy float64.
 
-From what model/fluid/plan.py says, 1 and 6, without model/formulas: an impact is inelastic, unless a collider has a
-restitution, and its velocity along the wall stays; what a wall's push adds to a velocity does not carry a particle away from
-that wall (J. Moreau, CISM 302, 1988)."""
+From the description in model/fluid/plan.py, 1 and 6, without model/formulas. An impact is inelastic, unless a collider
+has a restitution, and the tangential velocity stays. The velocity that a wall's push adds does not move a particle away
+from that wall (J. Moreau, CISM 302, 1988).
+"""
 
 from __future__ import annotations
 
@@ -16,8 +17,10 @@ from bench.reference import fluid_world
 def velocities(
     world: Any, number: int, x: np.ndarray, u: np.ndarray, p: np.ndarray, multiplier: np.ndarray
 ) -> np.ndarray:
-    """(n, 3) [m/s] of particles at p that began the substep of that `number` at x and meant to go at u. `multiplier` [m^2]:
-    of all iterations."""
+    """Return the velocities (n, 3) [m/s] of particles at p that began substep `number` at x with predicted velocity u.
+
+    `multiplier` [m^2]: sum over all iterations.
+    """
     h, change = world.h, world.of("maximum_acceleration") * world.h
     meant = x + h * u
     predicted, after = world.collide(number, x, meant, u)
@@ -32,14 +35,14 @@ def velocities(
 def without_rebound(
     world: Any, number: int, at: np.ndarray, v: np.ndarray, u: np.ndarray, multiplier: np.ndarray
 ) -> np.ndarray:
-    """Velocities v of particles, which were u before the corrections, less what walls pushed them away by from `at`."""
+    """Return velocities v, u before the corrections, without what walls pushed particles away by from `at`."""
     end, total = (number + 1) * world.h, np.zeros(len(at))
     for kind, collider in world.scene.colliders:
         distance, normal = fluid_world.distances(kind, collider, at, end)
         share, slope = world.kernels.wall_at(distance - collider.thickness)
         push = world.weight * multiplier * slope * fluid_world.rate(share, total) / world.h
         wall = np.array(collider.velocity, float)
-        if hasattr(collider, "spin"):  # meshes and distance fields turn
+        if hasattr(collider, "spin"):  # meshes and distance fields rotate
             wall = wall + np.cross(collider.spin, at - collider.origin - wall * end)
         before = np.maximum((u * normal).sum(axis=1), (wall * normal).sum(axis=1))
         gained = (v * normal).sum(axis=1) - before

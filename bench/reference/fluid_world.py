@@ -1,10 +1,11 @@
-"""What a fluid's particles meet, in slow, plain NumPy float64: how far they are from each collider, what stops them, where
-they come from and end.
+"""Colliders, emitters and sinks of a fluid in slow, plain NumPy float64.
 
-From what model/fluid/plan.py says, without model/formulas. A way that enters a ball or a capsule ends where it enters; one
-that enters a box by a face ends before that face, moved along its normal, unless it ends inside and nearer to that face than
-to any other, where being led out by the nearest face says the same. A nozzle's layers leave it a rest distance apart at its
-speed; who leaves is the waiting particle of its fluid with the lowest number."""
+From the description in model/fluid/plan.py, without model/formulas. A path that enters a ball or a capsule ends at the
+entry point. One that enters a box by a face ends in front of that face, moved along its normal, unless it ends inside
+and nearer to that face than to any other, where pushing it out by the nearest face gives the same. A nozzle's layers
+leave it a rest distance apart at its speed; of the inactive particles of its fluid the one with the lowest number
+leaves first.
+"""
 
 from __future__ import annotations
 
@@ -21,12 +22,12 @@ from model.fluid.fluid_set import PARKED
 from model.geometry.distance_field import DistanceField
 from model.scene.scene import Scene
 
-TOUCHING = 1e-3  # of half an edge, or of the squared radius: so near a mass is in contact, whatever rounding made of it
-FLAT = 1 / 1024  # a slope of a field that leads nowhere
+TOUCHING = 1e-3  # of half an edge, or of the squared radius: a mass this near is in contact, whatever its rounding
+FLAT = 1 / 1024  # a smaller slope of a field has no direction
 
 
 def distances(kind: str, collider: Any, p: np.ndarray, time: float) -> tuple[np.ndarray, np.ndarray]:
-    """(distance (n,) [m], normal (n, 3)) of places (n, 3) from a collider at `time` [s]; inf where it is not known."""
+    """Return (distance (n,) [m], normal (n, 3)) of positions (n, 3) from a collider at `time` [s]; inf where unknown."""
     if not isinstance(collider, MeshCollider | DistanceField):
         distance, normal = cloth.distances(kind, collider, p, time)
         return distance.reshape(-1), normal
@@ -51,21 +52,23 @@ def distances(kind: str, collider: Any, p: np.ndarray, time: float) -> tuple[np.
 
 
 def joined(total: np.ndarray, share: np.ndarray) -> np.ndarray:
-    """What walls add to C: `total` of those so far and `share` of one more, less their overlap."""
+    """Return the contribution of walls to C: `total` of those so far plus `share` of one more, minus their overlap."""
     larger = np.maximum(total, share)
     return np.where(larger >= 1, larger, total + share - total * share)
 
 
 def rate(share: np.ndarray, other: np.ndarray) -> np.ndarray:
-    """Derivative of `joined` with respect to `share`."""
+    """Return the derivative of `joined` with respect to `share`."""
     return np.where(np.maximum(share, other) >= 1, share >= other, 1 - other)
 
 
 def collide(
     scene: Scene, before: np.ndarray, position: np.ndarray, velocity: np.ndarray, number: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """(position, velocity) (n, 3) after the colliders of the substep of that number, which `method.dt` is the length of and
-    which it began at `before`: collider by collider, where it is at the substep's end."""
+    """Return (position, velocity) (n, 3) after the colliders of substep `number`, which began at `before`.
+
+    `method.dt` is the length of the substep. The colliders act one after another, at their places at the end of it.
+    """
     dt = scene.method.dt
     gravity = scene.gravity.acceleration if scene.gravity and scene.gravity.enabled else 0.0
     slow, times = 2 * gravity * dt, (number * dt, (number + 1) * dt)
@@ -92,8 +95,10 @@ def collide(
 def _caught(
     kind: str, collider: Any, before: np.ndarray, position: np.ndarray, begin: float, end: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """(which masses (n, 1) were stopped, where (n, 3), normals (n, 3)) of those that were at `before` (n, 3) at `begin` [s]
-    and come to `position` at `end`, by a ball, a capsule or a box."""
+    """Return (mask (n, 1) of stopped masses, stopping points (n, 3), normals (n, 3)) at a ball, a capsule or a box.
+
+    The masses move from `before` (n, 3) at `begin` [s] to `position` at `end`.
+    """
     drift = np.array(collider.velocity)
     start = np.array(collider.start if kind == "capsule" else collider.center)
     found, stopped, normal = np.zeros((len(position), 1), bool), position.copy(), np.zeros_like(position)
@@ -117,8 +122,11 @@ def _caught(
 
 
 def _into_capsule(a: np.ndarray, b: np.ndarray, line: np.ndarray, reach: float) -> float:
-    """The part of the way from a to b (3,) after which it comes within `reach` of the segment from the origin to `line`; inf:
-    it does not, or ends where being pushed out is right."""
+    """Return the fraction of the path from a to b (3,) at which it enters a capsule; inf if it does not.
+
+    The capsule has the radius `reach` around the segment from the origin to `line`. Also inf where the path ends so
+    that pushing the mass out is right.
+    """
     square = float(line @ line)
     if square:
         u, w = a @ line / square, b @ line / square
@@ -129,7 +137,7 @@ def _into_capsule(a: np.ndarray, b: np.ndarray, line: np.ndarray, reach: float) 
 
 
 def _into_ball(a: np.ndarray, b: np.ndarray, reach: float) -> float:
-    """The same of the origin alone."""
+    """Return the same fraction for a ball of radius `reach` around the origin."""
     way, rest = b - a, float(a @ a) - reach**2
     slope = float(a @ way)
     root = slope**2 - float(way @ way) * rest
@@ -141,8 +149,10 @@ def _into_ball(a: np.ndarray, b: np.ndarray, reach: float) -> float:
 
 
 def _by_face(a: np.ndarray, b: np.ndarray, half: np.ndarray) -> tuple[int, float] | None:
-    """(axis, side) of the face of a box about the origin by which the way from a to b enters it; None where it does not, or
-    is led out by that face anyway."""
+    """Return (axis, side) of the face by which the path from a to b enters a box about the origin.
+
+    None if it does not, or if that face is the one that pushes the mass out anyway.
+    """
     side = np.where(a >= 0, 1.0, -1.0)
     out, inward = side * a - half, side * (a - b)
     can = (out >= -TOUCHING * half) & (inward > 0)
@@ -159,7 +169,7 @@ def _by_face(a: np.ndarray, b: np.ndarray, half: np.ndarray) -> tuple[int, float
 
 
 class Flow:
-    """Of a scene whose emitters' speeds stay; `h` [s]: of a substep."""
+    """Flow of a scene whose emitters have constant speeds; `h` [s]: length of a substep."""
 
     def __init__(self, scene: Scene, h: float):
         self.scene, self.h, self.missing = scene, h, 0
@@ -168,13 +178,13 @@ class Flow:
         }
 
     def layers(self, name: str, time: float) -> float:
-        """How many have passed the nozzle."""
+        """Return the number of layers that have passed the nozzle."""
         part = self.scene.emitters[name]
         stop = np.inf if part.stop is None else part.stop
         return part.speed / self.scene.fluid_set.spacing * (min(max(time, part.start), stop) - part.start)
 
     def emit(self, number: int, position: np.ndarray, velocity: np.ndarray) -> None:
-        """Those that leave in a substep, into arrays (particles, 3) in which others are PARKED."""
+        """Write the particles that leave in a substep into arrays (particles, 3) in which inactive ones are PARKED."""
         found = self.scene.fluid_set
         for name, part in self.scene.emitters.items():
             passed = [self.layers(name, (number + k) * self.h) for k in (0, 1)]
@@ -187,7 +197,7 @@ class Flow:
                 velocity[waiting[: len(points)]] = part.speed * part.way
 
     def ended(self, position: np.ndarray) -> np.ndarray:
-        """(n,) bool: who is in a sink."""
+        """Return a mask (n,) of the positions inside a sink."""
         found = np.zeros(len(position), bool)
         for sink in self.scene.sinks.values():
             found |= sink.holds(position)
@@ -195,5 +205,5 @@ class Flow:
 
     @staticmethod
     def park(position: np.ndarray, velocity: np.ndarray, gone: np.ndarray) -> None:
-        """Those of that number wait."""
+        """Deactivate the particles `gone`."""
         position[gone], velocity[gone] = PARKED, 0.0

@@ -1,18 +1,19 @@
-"""Implicit Euler on a cloth in slow, plain NumPy float64: the judge of both backends.
+"""Implicit Euler on a cloth in slow, plain NumPy float64: the reference of both backends.
 
-From the papers, without model/formulas or a backend. Baraff and Witkin, "Large steps in cloth simulation", SIGGRAPH 1998
-(eq. 4 to 6); Choi and Ko, "Stable but responsive cloth", SIGGRAPH 2002 (a spring that is pressed together has no stiffness
-across). The new velocity u of every mass, over its mass m, solves
+From the papers, without model/formulas or a backend. Baraff and Witkin, "Large steps in cloth simulation", SIGGRAPH
+1998 (eq. 4 to 6); Choi and Ko, "Stable but responsive cloth", SIGGRAPH 2002 (a compressed spring has no transverse
+stiffness). The new velocity u of every mass, over its mass m, solves
 
-    u = v + h (spring forces at (p + h u, u) + other forces at (p, v)) / m - h (c / m) u,        p' = p + h u.
+ u = v + h (spring forces at (p + h u, u) + other forces at (p, v)) / m - h (c / m) u,        p' = p + h u.
 
 A Newton step from u adds the s that solves (1 + h c/m) s + sum over springs B (s_own - s_other) = residual, where
 
-    B = (h^2 k [n n^T + max(0, 1 - L/|d|) (I - n n^T)] + h c_s n n^T) / m,      n = d / |d|.
+ B = (h^2 k [n n^T + max(0, 1 - L/|d|) (I - n n^T)] + h c_s n n^T) / m,      n = d / |d|.
 
-Times the masses the matrix is symmetric, and no eigenvalue of it is below 1. Clamping changes the way to the solution, not
-the solution: for springs under tension and without dampers it is Newton's method, else a quasi-Newton one. The first step is
-taken from u = 0, where masses are at p: it is the step of Baraff and Witkin, who write it for the change of velocity.
+Times the masses the matrix is symmetric, and none of its eigenvalues is below 1. Clamping changes the path to the
+solution, not the solution: for springs under tension and without dampers it is Newton's method, else a quasi-Newton
+one. The first step is taken from u = 0, where masses are at p: it is the step of Baraff and Witkin, who write it for
+the change of velocity.
 """
 
 from __future__ import annotations
@@ -27,14 +28,17 @@ from bench.reference.steps import Poke, masses, pinned_mask
 from model.scene.scene import Scene
 
 NAMES = ("implicit-euler", "implicit-euler-linear")
-ENOUGH = 1e-13  # of the first residual
-MOST = 400  # quasi-Newton steps
+ENOUGH = 1e-13  # residual relative to the first one
+MOST = 400  # largest number of quasi-Newton steps
 
 
 @dataclass
 class Solution:
-    """Of one step: `velocity` (rows, columns, 3) [m/s]; `residuals` [m/s], Euclidean norms, before each step and after the
-    last; `first` (rows, columns, 3): the velocity after one step."""
+    """Result of one step.
+
+    `velocity` (rows, columns, 3) [m/s]; `residuals` [m/s], Euclidean norms, before each Newton step and after the last;
+    `first` (rows, columns, 3): the velocity after one Newton step.
+    """
 
     velocity: np.ndarray
     residuals: list[float] = field(default_factory=list)
@@ -42,7 +46,9 @@ class Solution:
 
 
 def system(scene: Scene, position: np.ndarray) -> np.ndarray:
-    """(3 particles, 3 particles): the matrix over the mass at positions (rows, columns, 3) [m], pinned masses held."""
+    """Return the matrix over the mass at positions (rows, columns, 3) [m], pinned masses fixed: (3 particles, 3
+    particles).
+    """
     h = scene.method.dt
     shape = position.shape[:2]
     count = shape[0] * shape[1]
@@ -74,16 +80,17 @@ def system(scene: Scene, position: np.ndarray) -> np.ndarray:
 def solve(
     scene: Scene, position: np.ndarray, velocity: np.ndarray, other: np.ndarray, linear: bool, end: float
 ) -> Solution:
-    """The new velocities from (rows, columns, 3) `position` [m] and `velocity` [m/s] under `other` forces [m/s^2].
+    """Return the new velocities from (rows, columns, 3) `position` [m] and `velocity` [m/s] under `other` forces
+    [m/s^2].
 
-    `end` [s]: the step's end, where pins that follow a motion are then. A step is halved while the residual along it has
-    turned round by more than nine tenths (Nocedal and Wright, Numerical Optimization, eq. 3.7b, its upper half).
+    `end` [s]: the end of the step, for moving pins. A step is halved while the residual along it has reversed by more
+    than nine tenths (Nocedal and Wright, Numerical Optimization, eq. 3.7b, its upper half).
     """
     h, mass, free = scene.method.dt, masses(scene), ~pinned_mask(scene)[..., None]
     rate = (scene.damping.coefficient if scene.damping else 0.0) / mass
 
     def at(u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(position, residual) of the new velocities u."""
+        """Return (position, residual) of the new velocities u."""
         x, u = cloth.follow(scene, position + h * u, u, end)
         force = cloth.spring_forces(scene, x, u) / mass
         return x, np.where(free, velocity + h * (force + other) - h * rate * u - u, 0.0)
@@ -107,7 +114,7 @@ def solve(
             found.first = u
         found.residuals.append(float(np.linalg.norm(residual)))
         if len(found.residuals) > 8 and found.residuals[-1] > 0.99 * max(found.residuals[-4:-1]):
-            break  # rounding
+            break  # limited by rounding
     found.velocity = u
     return found
 
@@ -115,7 +122,9 @@ def solve(
 def other_forces(
     scene: Scene, position: np.ndarray, velocity: np.ndarray, step: int, poke: Poke | None = None
 ) -> np.ndarray:
-    """(rows, columns, 3) [m/s^2]: all but springs and the masses' damper, where the step begins."""
+    """Return all accelerations but those of springs and the masses' damper, at the start of the step: (rows, columns,
+    3) [m/s^2].
+    """
     time = step * scene.method.dt
     position, velocity = cloth.follow(scene, position, velocity, time)
     whole = cloth.forces(scene, position, velocity, time, step, poke)
@@ -132,10 +141,11 @@ def simulate(
     *,
     linear: bool | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """(position [m], velocity [m/s]), (particles, 3) float64 in builder order, after `steps` steps of `method.dt`.
+    """Return (position [m], velocity [m/s]), (particles, 3) float64 in builder order, after `steps` steps of
+    `method.dt`.
 
-    As bench.reference.mass_spring.simulate. `linear`: one step of Baraff and Witkin instead of solving; None: as the scene's
-    integrator says.
+    Arguments as in bench.reference.mass_spring.simulate. `linear`: one step of Baraff and Witkin instead of a full
+    solve; None: as the scene's integrator says.
     """
     begin, at_rest = cloth.start(scene)
     shape = (scene.grid.rows, scene.grid.columns, 3)

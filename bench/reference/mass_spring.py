@@ -1,13 +1,12 @@
-"""The mass-spring grid in slow, plain NumPy float64: the judge of both backends.
+"""Mass-spring grid in slow, plain NumPy float64: the reference of both backends.
 
-Written from the equations, by array slicing, on purpose without model/formulas, model/build or a backend (a test
-asserts it): a mistake would have to be made twice to go unnoticed. Newton's law per mass m,
+Written from the equations, by array slicing, without model/formulas, model/build or a backend on purpose (a test
+asserts it), so that a mistake would have to be made twice to go unnoticed. Newton's law per mass m,
 
-    m p'' = sum over neighbours k (|d| - L0) d / |d|  -  c v  +  m (0, -g)  +  external  +  poke,
+ m p'' = sum over neighbours k (|d| - L0) d / |d|  -  c v  +  m (0, -g)  +  external  +  poke,
 
-with d the way to the neighbour; a spring of length zero pulls nowhere. Pinned masses never move.
-
-What a caller asks for a scene is asked here, also for a cloth, whose forces and colliders are bench/reference/cloth.py.
+with d the vector to the neighbour; a spring of length zero exerts no force. Pinned masses never move. The functions
+accept a cloth too, whose forces and colliders are in bench/reference/cloth.py.
 """
 
 from __future__ import annotations
@@ -27,7 +26,7 @@ from model.scene.scene import Scene
 
 
 def rest(scene: Scene) -> np.ndarray:
-    """(rows, columns, dimensions) [m]: row 0 on top, y up (a cloth: see there)."""
+    """Return the rest positions, row 0 on top, y up (a cloth: see cloth.py): (rows, columns, dimensions) [m]."""
     if scene.cloth:
         return cloth.rest(scene)
     row, column = np.mgrid[: scene.grid.rows, : scene.grid.columns]
@@ -35,7 +34,7 @@ def rest(scene: Scene) -> np.ndarray:
 
 
 def manufactured_motion(scene: Scene, time: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """p*, p*', p*'' (rows, columns, 2): rest + A [sin(2t + 1.7i + 0.9j), cos(3t + 0.6i - 1.3j)] and its derivatives."""
+    """Return p*, p*', p*'' (rows, columns, 2): rest + A [sin(2t + 1.7i + 0.9j), cos(3t + 0.6i - 1.3j)] and derivatives."""
     assert scene.manufactured is not None
     amplitude = scene.manufactured.amplitude
     i, j = np.mgrid[: scene.grid.rows, : scene.grid.columns]
@@ -47,7 +46,7 @@ def manufactured_motion(scene: Scene, time: float) -> tuple[np.ndarray, np.ndarr
 
 
 def start(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
-    """(position, velocity) at time 0, (particles, dimensions) float64 each, in builder order."""
+    """Return (position, velocity) at time 0, (particles, dimensions) float64 each, in builder order."""
     if scene.cloth:
         return cloth.start(scene)
     position, pinned = rest(scene), pinned_mask(scene)
@@ -66,7 +65,9 @@ def start(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
 
 
 def spring_forces(scene: Scene, position: np.ndarray) -> np.ndarray:
-    """(rows, columns, 2) [N] at positions (rows, columns, 2): Hooke's law along every spring, to both of its ends."""
+    """Return the forces at positions (rows, columns, 2) by Hooke's law, on both ends of every spring: (rows, columns,
+    2) [N].
+    """
     force = np.zeros_like(position)
     if scene.springs is None:
         return force
@@ -76,7 +77,7 @@ def spring_forces(scene: Scene, position: np.ndarray) -> np.ndarray:
         d = p[1:] - p[:-1]
         length = np.hypot(d[..., :1], d[..., 1:])
         pull = (scene.springs.stiffness * (length - rest_length) / (length + (length == 0))) * d
-        pull[1::2] *= scene.springs.stiffness_ratio  # every second one is stiffer
+        pull[1::2] *= scene.springs.stiffness_ratio  # every second spring is stiffer
         f[:-1] += pull
         f[1:] -= pull
     return force
@@ -119,12 +120,13 @@ def simulate(
     integrator: str | None = None,
     inertia: float = 1.0,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """(position [m], velocity [m/s]), (particles, dimensions) float64 in builder order, after `steps` steps of `method.dt`.
+    """Return (position [m], velocity [m/s]), (particles, dimensions) float64 in builder order, after `steps` steps of
+    `method.dt`.
 
-    `position`, `velocity` (particles, dimensions): where to start (None: the scene's own start). `first_step`: the number
-    of the first step, for forces and colliders that depend on time. `poke`: (particle, force on each axis [N]), held for
-    all steps. `integrator` replaces the scene's. `inertia` multiplies every mass but gravity's: 2 gives the motion
-    x'' = a/2 that the hand-out's step converges to (docs/method.md, fact 1). Nothing is checked for divergence.
+    `position`, `velocity` (particles, dimensions): the start (None: the scene's own). `first_step`: the number of the
+    first step, for forces and colliders that depend on time. `poke`: (particle, force on each axis [N]), constant over
+    all steps. `integrator` replaces the scene's. `inertia` multiplies every mass except in gravity: 2 gives the motion
+    x'' = a/2 that the hand-out's step converges to (docs/method.md, fact 1). There is no check for divergence.
     """
     grid, dt = scene.grid, scene.method.dt
     method = integrator or scene.method.integrator
@@ -138,7 +140,7 @@ def simulate(
     v *= free
     mass = inertia * masses(scene)
     gamma = (scene.damping.coefficient if scene.damping else 0.0) / mass
-    with np.errstate(over="ignore", invalid="ignore"):  # over its limit an explicit scheme does overflow
+    with np.errstate(over="ignore", invalid="ignore"):  # above its limit an explicit scheme does overflow
         for step in range(first_step, first_step + steps):
 
             def undamped(p: np.ndarray, v: np.ndarray, t: float, step: int = step) -> np.ndarray:
@@ -167,9 +169,10 @@ def converged(
     most_steps: int = 200_000,
     per_radian: float = 4,
 ) -> tuple[np.ndarray, np.ndarray, float]:
-    """(position, velocity, error estimate [m]) of the scene's motion at `time` [s], by RK4 and Richardson: see
-    bench/reference/richardson.py. `tolerance`: of the estimate, in spacings. `inertia`: see `simulate`. `per_radian`: the
-    steps to begin with of the fastest vibration.
+    """Return (position, velocity, error estimate [m]) of the scene's motion at `time` [s], by RK4 and Richardson.
+
+    See bench/reference/richardson.py. `tolerance`: of the estimate, in spacings. `inertia`: as in `simulate`.
+    `per_radian`: initial number of steps per radian of the fastest vibration.
 
     Raises SceneError for a random force, which is another force at every step size.
     """
@@ -184,12 +187,12 @@ def converged(
 
 
 def smooth(scene: Scene) -> bool:
-    """Whether forces and motion have all derivatives that RK4's order takes, coincident masses aside."""
+    """True if forces and motion have all derivatives that RK4's order needs, apart from coincident masses."""
     return not (scene.wind or scene.colliders or scene.motions)
 
 
 def _fastest(scene: Scene) -> float:
-    """A rate [1/s] that nothing in the scene much exceeds: its largest frequency, and its dampers'."""
+    """Return a rate [1/s] that nothing in the scene much exceeds: its largest frequency plus that of its dampers."""
     stiffness = scene.springs.stiffness * scene.springs.stiffness_ratio if scene.springs else 0.0
     damping = scene.damping.coefficient if scene.damping else 0.0
     if scene.cloth:
@@ -200,10 +203,10 @@ def _fastest(scene: Scene) -> float:
 
 
 def first_diverged(scene: Scene, steps: int, bound: float) -> tuple[int, int] | None:
-    """(step, particle) where one first is farther than `bound` [m] from the middle of the start along an axis, or not finite,
-    within `steps`; None if nowhere.
+    """Return the first (step, particle) within `steps` that is not finite or beyond `bound` [m]; None if there is none.
 
-    `step` counts the steps done, `particle` is the lowest such index.
+    `bound` applies to the distance from the centre of the start along each axis. `step` counts the completed steps,
+    `particle` is the lowest such index.
     """
     position, velocity = start(scene)
     middle = (position.min(axis=0) + position.max(axis=0)) / 2

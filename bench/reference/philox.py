@@ -1,7 +1,7 @@
 """Philox4x32-10 on arrays of NumPy integers, written from the paper; independent of model/formulas/random.py.
 
 J. K. Salmon, M. A. Moraes, R. O. Dror, D. E. Shaw, "Parallel random numbers: as easy as 1, 2, 3", SC 2011, section 3.3.
-Held against the known-answer vectors that its authors publish with Random123 (tests/physics/test_reference.py).
+Tested with the known-answer vectors that its authors publish with Random123 (tests/physics/test_reference.py).
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ SHIFT = np.uint64(32)
 
 
 def philox4x32(counter: np.ndarray, key: tuple[int, int]) -> np.ndarray:
-    """Random words (..., 4) uint32 for counters (..., 4) of 32-bit words under a key of two 32-bit words."""
+    """Return random words (..., 4) uint32 for counters (..., 4) of 32-bit words under a key of two 32-bit words."""
     c = [np.asarray(counter)[..., k].astype(np.uint64) for k in range(4)]
     k0, k1 = int(key[0]), int(key[1])
     for _ in range(ROUNDS):
@@ -32,7 +32,7 @@ def philox4x32(counter: np.ndarray, key: tuple[int, int]) -> np.ndarray:
 
 
 def random_directions(seed: int, step: int, particles: int, axes: int = 2) -> np.ndarray:
-    """(particles, axes) float64 in (-1, 1): the external force of magnitude 1 in step number `step`.
+    """Return the external force of magnitude 1 in step number `step`: (particles, axes) float64 in (-1, 1).
 
     The counter is (step low, step high, particle, 0), the key the seed's two halves, word k is axis k; the upper 23
     bits k of a word give (2 k + 1) 2^-23 - 1.

@@ -1,4 +1,4 @@
-"""Halving a step until an order-4 method has converged: what every reference is refined by."""
+"""Refinement of every reference: halve the step until an order-4 method has converged."""
 
 from __future__ import annotations
 
@@ -7,22 +7,23 @@ from collections.abc import Callable
 import numpy as np
 
 Ends = tuple[np.ndarray, np.ndarray]
-FOURTH = 8  # times smaller with half the step: what passes as order 4, whose limit is 16
-MAX_SLOW = 2  # halvings without that order, where motion is rough
+FOURTH = 8  # ratio of errors with half the step that counts as order 4, whose limit is 16
+MAX_SLOW = 2  # largest number of halvings in a row without that order, where the motion is rough
 
 
 def refine(
     solve: Callable[[int], Ends], steps: int, tolerance: float, most_steps: int, smooth: bool
 ) -> tuple[np.ndarray, np.ndarray, float]:
-    """(position, velocity, error estimate [m]) from solve(count), the end state after `count` steps of RK4.
+    """Return (position, velocity, error estimate [m]) from solve(count), the end state after `count` steps of RK4.
 
-    With order 4 the finer of h and h/2 is off by their difference / 15, which is removed (Hairer, Norsett, Wanner,
-    "Solving ODEs I", II.4). What remains is smaller than that difference / 15, whose maximum over the masses is the
-    estimate. h is halved until the estimate is under `tolerance` [m], or `most_steps` are reached.
+    With order 4 the error of the finer of h and h/2 is their difference / 15, which is removed (Hairer, Norsett,
+    Wanner, "Solving ODEs I", II.4). The remaining error is smaller than that difference / 15, whose maximum over the
+    masses is the estimate. h is halved until the estimate is below `tolerance` [m], or `most_steps` are reached.
 
-    Where the motion is not `smooth` (wind has kinks, contacts are jumps) RK4 may lose its order, which must be seen first:
-    a difference under an eighth of the one before. Else nothing is removed and the whole difference is the estimate,
-    which holds from order 1 on. MAX_SLOW such in a row end it: contacts converge too slowly for a tolerance.
+    If the motion is not `smooth` (wind has kinks, contacts are jumps) RK4 may lose its order, so the order is checked
+    first: the difference must be at most an eighth of the one before. Otherwise nothing is removed and the whole
+    difference is the estimate, which is valid from order 1 on. MAX_SLOW such halvings in a row end the refinement:
+    contacts converge too slowly for a tolerance.
     """
     coarse, before, slow = solve(steps), 0.0, 0
     while True:

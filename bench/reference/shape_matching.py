@@ -1,7 +1,8 @@
-"""Shape matching in NumPy, float64: clusters in compressed form, rotations by singular values, none of the lab's formulas.
+"""Shape matching in NumPy, float64: clusters in compressed form, rotations by singular values.
 
-M. Mueller et al., "Meshless Deformations Based on Shape Matching", SIGGRAPH 2005; see model/shape_matching/clusters.py for
-split masses and its matching_share for how far a particle goes towards its goals.
+Without the lab's formulas. M. Mueller et al., "Meshless Deformations Based on Shape Matching", SIGGRAPH 2005;
+model/shape_matching/clusters.py describes split masses, and its `matching_share` how far a particle moves towards its
+goals.
 """
 
 from __future__ import annotations
@@ -20,8 +21,10 @@ from model.shape_matching.matching import lattice_clusters
 def iterate(
     clusters: Clusters, position: np.ndarray, h: float, iterations: int, plastic: np.ndarray | None = None
 ) -> np.ndarray:
-    """Position [m] after one of `iterations` of a substep h [s], pins not held: x + sum share b (goal - x); `plastic`: the
-    strains of plastic clusters."""
+    """Return the position [m] after one of `iterations` of a substep h [s], pins not fixed: x + sum share b (goal - x).
+
+    `plastic`: the strains of plastic clusters.
+    """
     with np.errstate(divide="ignore"):
         share = 1 - (1 / (1 + clusters.stiffness * h**2)) ** (1 / iterations)
     ways = clusters.goals(position, plastic) - position[clusters.indices]
@@ -32,8 +35,10 @@ def iterate(
 
 
 def linked(scene: Scene, position: np.ndarray, multipliers: np.ndarray) -> np.ndarray:
-    """Position [m] after the links of a scene's bodies, one after the other (M. Macklin et al., "XPBD", MIG 2016, eq. 17 and
-    18); `multipliers` (links,) [N s^2] of the substep so far are changed."""
+    """Return the position [m] after the links of a scene's bodies, one after another.
+
+    M. Macklin et al., "XPBD", MIG 2016, eq. 17 and 18. Updates `multipliers` (links,) [N s^2] of the substep so far.
+    """
     links, weight = scene.body_set.links, 1 / scene.body_set.clusters.mass
     h, moved = scene.method.dt / scene.method.substeps, position.copy()
     for n, (i, j) in enumerate(links.ends):
@@ -55,10 +60,11 @@ def simulate(
     first_step: int = 0,
     poke: xpbd.Poke | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """(position [m], velocity [m/s]), (particles, dimensions) float64 in builder order, after `steps` steps of `method.dt`.
+    """Return (position [m], velocity [m/s]), (particles, dimensions) float64 in builder order, after `steps` steps of
+    `method.dt`.
 
-    The solver shape-matching of a grid or of bodies, as its [method] says; colliders act at the end of every substep. Raises
-    SceneError for another solver.
+    The solver shape-matching of a grid or of bodies, as its [method] says; colliders act at the end of every substep.
+    Raises SceneError for another solver.
     """
     return alone(motion(scene, steps, position, velocity, first_step, poke))
 
@@ -71,7 +77,7 @@ def motion(
     first_step: int = 0,
     poke: xpbd.Poke | None = None,
 ) -> Motion:
-    """`simulate`, which others may take part in: see Motion."""
+    """Return `simulate` as a generator in which other references can intervene (`Motion`)."""
     if scene.method.solver != "shape-matching":
         raise SceneError("method.solver", scene.method.solver, "must be shape-matching here")
     begin, at_rest = (scene.body_set.position, scene.body_set.velocity) if scene.bodies else mass_spring.start(scene)
@@ -93,7 +99,8 @@ def motion(
             a = xpbd.accelerations(scene, p, v, time, step, poke, clusters.mass)
             before = p
             p = np.where(free, p + h * (v * (1 - h * drag) + h * a), p)
-            matched = np.zeros_like(p)  # what clusters alone did: a rigid body's velocity is a motion without it
+            # displacement by clusters alone: a rigid body's velocity is its motion without it
+            matched = np.zeros_like(p)
             if contacts:
                 contacts.find(p)
             multipliers = np.zeros(len(scene.body_set.links.ends)) if scene.bodies else np.zeros(0)
@@ -121,7 +128,7 @@ def motion(
                 p, v = (array[0] for array in cloth.collide(fine, *rows, step * method.substeps + substep))
                 if whole.any():
                     v = cluster_material.rebounded(clusters, whole, p, fell, v)
-            if contacts and whole.any():  # after colliders, which bear what lies on bodies that lie on them
+            if contacts and whole.any():  # after colliders, which support bodies that lie on other bodies
                 v = cluster_material.bounced(clusters, contacts, whole, p, old, v)
             if contacts and contacts.part.sleeping_speed:
                 v = np.where(of_whole & cluster_material.unmoved(clusters, before, p), 0.0, v)

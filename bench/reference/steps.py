@@ -1,4 +1,4 @@
-"""What references share: pins, one step of every integrator, motions that others take part in."""
+"""Common parts of references: pins, one step of every integrator, and motions in which others can intervene."""
 
 from __future__ import annotations
 
@@ -12,15 +12,17 @@ from model.scene.scene import Scene
 Poke = tuple[int, tuple[float, ...]]
 Accelerate = Callable[[np.ndarray, np.ndarray, float], np.ndarray]
 Settle = Callable[[np.ndarray, np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
-# Steps that stop when a substep has predicted and after each of its iterations: yields where particles were when it began and
-# where they are, is sent where they are to be instead; returns positions and velocities
+# Steps that pause after the prediction of a substep and after each of its iterations: the generator yields the
+# positions at the beginning and the current ones, receives the current ones to continue with, and returns positions and
+# velocities
 Motion = Generator[tuple[np.ndarray, np.ndarray], np.ndarray, tuple[np.ndarray, np.ndarray]]
 
-EXPLICIT_DAMPING_VERLET = "velocity-verlet-explicit-damping"  # not a scene's integrator: kept to show what it loses
+# not an integrator of scenes: it shows the error of an explicit damper
+EXPLICIT_DAMPING_VERLET = "velocity-verlet-explicit-damping"
 
 
 def alone(motion: Motion) -> tuple[np.ndarray, np.ndarray]:
-    """What a motion ends with that nobody takes part in."""
+    """Return the result of a motion without any intervention."""
     try:
         _, now = next(motion)
         while True:
@@ -31,12 +33,12 @@ def alone(motion: Motion) -> tuple[np.ndarray, np.ndarray]:
 
 
 def pinned_mask(scene: Scene) -> np.ndarray:
-    """(rows, columns) bool: the masses that `grid.pinned` holds."""
+    """Return the mask (rows, columns) of the masses that `grid.pinned` fixes."""
     return named_mask(scene.grid.pinned, scene.grid.rows, scene.grid.columns)
 
 
 def named_mask(pins: str | list[tuple[int, int]], rows: int, columns: int) -> np.ndarray:
-    """(rows, columns) bool: the masses of a sheet that `pins` names."""
+    """Return the mask (rows, columns) of the masses of a sheet that `pins` names."""
     mask = np.zeros((rows, columns), dtype=bool)
     if isinstance(pins, list):
         for row, column in pins:
@@ -57,7 +59,7 @@ def named_mask(pins: str | list[tuple[int, int]], rows: int, columns: int) -> np
 
 
 def masses(scene: Scene) -> float | np.ndarray:
-    """Of each particle [kg], pinned or not: (rows, columns, 1), or the one number where all weigh the same."""
+    """Return the mass of each particle [kg], pinned or not: (rows, columns, 1), or a number if all are equal."""
     if not scene.loads:
         return scene.grid.mass
     mass = np.full((scene.grid.rows, scene.grid.columns, 1), scene.grid.mass)
@@ -77,10 +79,11 @@ def one_step(
     gamma: float | np.ndarray,
     settle: Settle = lambda before, p, v: (p, v),
 ) -> tuple[np.ndarray, np.ndarray]:
-    """One step of `integrator`; a(p, v, t) is the whole acceleration, `undamped` the one without the damper.
+    """Return (position, velocity) after one step of `integrator`.
 
-    `settle(position before the step, position, velocity)` is what colliders make of the new position and of the velocity
-    it was reached with, which velocity Verlet's second half kick still follows.
+    a(p, v, t) is the whole acceleration, `undamped` the one without the damper. `settle(position before the step,
+    position, velocity)` applies colliders to the new position and its velocity, before velocity Verlet's second half
+    kick.
     """
     if integrator == "lab":
         new = p + v * dt + a(p, v, t) * dt**2 / 2

@@ -1,24 +1,26 @@
-"""Position-based tetrahedra in slow, plain NumPy float64, one colour after the other: the judge of both backends' sweeps.
+"""Position-based tetrahedra in slow, plain NumPy float64, colour by colour: the reference of both backends' sweeps.
 
-XPBD (Macklin, Mueller, Chentanez, MIG 2016, eq. 17, 18 and 26) of each material as two rows a tetrahedron, whose energies
-C^2 / (2 compliance) add up to V Psi (bench/reference/elastic_materials.py), the first of the shape, the second of the volume:
+XPBD (Macklin, Mueller, Chentanez, MIG 2016, eq. 17, 18 and 26) of each material as two rows per tetrahedron, whose
+energies C^2 / (2 compliance) add up to V Psi (bench/reference/elastic_materials.py), the first of the shape, the second
+of the volume:
 
 - `corotated`: |F - R|, 1/(2 mu V); tr(R' F) - 3, 1/(lambda V);
 - `fixed-corotated`: |F - R|, 1/(2 mu V); det F - 1, 1/(lambda V);
-- `neo-hookean`: det F - 1, 1/(lambda V), and beside it no row but the rest of the energy, mu V S / 2 with S = |F|^2 + J^2 -
-  4 J, which is least at every rotation. (Macklin and Mueller, "A Constraint-based Formulation of Stable Neo-Hookean
-  Materials", MIG 2021, take |F| and det F - alpha, which hold each other at rest, so that rows in turn do not rest there.) A
-  visit takes the way along the residual to where the substep's energy is least, to second order (`Sweep.descend`).
+- `neo-hookean`: det F - 1, 1/(lambda V), and instead of a second row the rest of the energy, mu V S / 2 with
+  S = |F|^2 + J^2 - 4 J, which is minimal at every rotation. (Macklin and Mueller, "A Constraint-based Formulation of
+  Stable Neo-Hookean Materials", MIG 2021, use |F| and det F - alpha, which balance each other at rest, so that rows in
+  turn are not at rest there.) A projection moves along the residual to the minimum of the substep's energy, to second
+  order (`Sweep.descend`).
 
-`rows` takes them one after the other, the shape's first, as all do of the neo-Hookean but `volume-first`; `WAYS` has others.
-`blocks` is another scheme: F - R as one system (`Sweep.block`), then the volume. With iterations a
-scalar row keeps multipliers along directions that |F - R| has left and ends some per cent off the step of implicit Euler
-(finite_elements_newton.py), where blocks end, and the neo-Hookean material's rows.
+`rows` projects them one after the other, the shape first, as all orders do for neo-Hookean except `volume-first`;
+`WAYS` has other orders. `blocks` is another scheme: F - R as one system (`Sweep.block`), then the volume. With
+iterations a scalar row keeps multipliers along past directions of |F - R| and ends some per cent off the step of
+implicit Euler (finite_elements_newton.py), to which blocks and the rows of the neo-Hookean material converge.
 
-Damping by a time tau in proportion to stiffness is a damper beta = tau / compliance on each row: with alpha~ = alpha/h^2 and
-beta~ = h^2 beta eq. 26's gamma = alpha~ beta~ / h is tau / h. Of a block it damps the rate of the stretch S, F = R S.
-Multipliers start at 0 in every substep and are kept over its iterations, in J s^2; positions (..., n, 3): leading axes are
-bodies that never meet.
+Damping by a time tau in proportion to stiffness is a damper beta = tau / compliance on each row: with alpha~ =
+alpha/h^2 and beta~ = h^2 beta, eq. 26's gamma = alpha~ beta~ / h is tau / h. For a block it damps the rate of the
+stretch S, F = R S. Multipliers start at 0 in every substep and persist over its iterations, in J s^2. Positions (...,
+n, 3): leading axes are bodies without contact.
 """
 
 from __future__ import annotations
@@ -31,15 +33,18 @@ import numpy as np
 from bench.reference import elastic_materials
 from bench.reference.finite_elements import Body
 
-ROUND = 1e-9  # |F - R| below it has no direction: no row
+ROUND = 1e-9  # |F - R| below it has no direction, and no row
 SHAPE, VOLUME = 0, 1
-LEAST_CURVATURE = 2.0  # of S / 2 along a unit way that does not turn, at rest
+LEAST_CURVATURE = 2.0  # lower bound of the curvature of S / 2 along a unit direction without rotation, at rest
 WAYS = {"rows": ((SHAPE,), (VOLUME,)), "volume-first": ((VOLUME,), (SHAPE,)), "together": ((SHAPE, VOLUME),)}
 
 
 def row(body: Body, kind: int, members: np.ndarray, gradient: np.ndarray) -> tuple[np.ndarray, ...]:
-    """C (..., c), dC/dF (..., c, 3, 3) and the compliance (c,) [1/(N m)] of a row of the tetrahedra `members` (c,), whose F
-    is `gradient`; 0 and infinite where there is none."""
+    """Return C (..., c), dC/dF (..., c, 3, 3) and the compliance (c,) [1/(N m)] of a row of the tetrahedra `members`
+    (c,).
+
+    `gradient`: their F. C is 0 and the compliance infinite where there is no row.
+    """
     mu, lam, volume = body.mu[members], body.lam[members], body.volume[members]
     if kind == SHAPE:
         if body.material == "neo-hookean":
@@ -60,9 +65,12 @@ def row(body: Body, kind: int, members: np.ndarray, gradient: np.ndarray) -> tup
 
 @dataclass
 class Sweep:
-    """What the projections of one substep of h [s] share; the multipliers (..., m, 3, 3) of shapes, where a row is one number
-    in [0, 0] and of a neo-Hookean tetrahedron the impulse of its volume's row is added, and (..., m) of volumes. `before`:
-    positions at the substep's start."""
+    """State shared by the projections of one substep of h [s].
+
+    `shape`: multipliers (..., m, 3, 3) of shapes; a row uses only [0, 0], and for a neo-Hookean tetrahedron they
+    include the impulse of its volume's row. `volume`: multipliers (..., m) of volumes. `before`: positions at the start
+    of the substep.
+    """
 
     body: Body
     inverse_mass: np.ndarray
@@ -73,19 +81,19 @@ class Sweep:
     volume: np.ndarray
 
     def gradient(self, members: np.ndarray, position: np.ndarray) -> np.ndarray:
-        """(..., c, 3, 3): F of these tetrahedra; of a displacement its gradient."""
+        """Return F of these tetrahedra, or for a displacement its gradient: (..., c, 3, 3)."""
         return np.einsum(
             "...mai,maj->...mij", position[..., self.body.tetrahedra[members], :], self.body.gradient[members]
         )
 
     def push(self, members: np.ndarray, position: np.ndarray, change: np.ndarray) -> None:
-        """Moves the corners by the multipliers' `change` times dC/dF (..., c, 3, 3), in place."""
+        """Move the corners by the multipliers' `change` times dC/dF (..., c, 3, 3), in place."""
         corners = self.body.tetrahedra[members]
         ways = np.einsum("...mij,maj->...mai", change, self.body.gradient[members])
         position[..., corners, :] += self.inverse_mass[corners][..., None] * ways
 
     def rows(self, members: np.ndarray, position: np.ndarray, kinds: Sequence[int]) -> None:
-        """The rows `kinds` of these tetrahedra as one system, in place."""
+        """Project the rows `kinds` of these tetrahedra as one system, in place."""
         f = self.gradient(members, position)
         moved = f - self.gradient(members, self.before)
         parts = [row(self.body, kind, members, f) for kind in kinds]
@@ -110,12 +118,13 @@ class Sweep:
         self.push(members, position, np.einsum("...mk,...mkij->...mij", change, slope))
 
     def block(self, members: np.ndarray, position: np.ndarray) -> None:
-        """The shape F = R S of these tetrahedra as one system, in place.
+        """Project the shape F = R S of these tetrahedra as one system, in place.
 
-        A change R Z of the impulse Y changes F by R Z H and, near S = 1, S by the symmetric part of Z H: R turns with the
-        rest. The step takes Z from (Z Ha + Ha Z) / 2 = -(S - 1) - gamma (S - S0) - alpha R'Y with Ha = (1 + gamma) H + alpha
-        (a Lyapunov equation, solved along the axes of Ha): of a Y = 0, Z is symmetric, and the linear projection is the
-        orthogonal one in the norm of the masses."""
+        A change R Z of the impulse Y changes F by R Z H and, near S = 1, S by the symmetric part of Z H: R rotates with
+        the rest. The step takes Z from (Z Ha + Ha Z) / 2 = -(S - 1) - gamma (S - S0) - alpha R'Y with Ha = (1 + gamma)
+        H + alpha (a Lyapunov equation, solved along the axes of Ha). For Y = 0, Z is symmetric, and the linear
+        projection is the orthogonal one in the norm of the masses.
+        """
         body, f = self.body, self.gradient(members, position)
         turn, before = elastic_materials.rotation(f), self.gradient(members, self.before)
         back = np.swapaxes(turn, -2, -1)
@@ -129,12 +138,14 @@ class Sweep:
         self.push(members, position, change)
 
     def descend(self, members: np.ndarray, position: np.ndarray) -> None:
-        """The shape of these neo-Hookean tetrahedra, in place.
+        """Project the shape of these neo-Hookean tetrahedra, in place.
 
-        With the impulse Y of shape and volume, l the volume's multiplier, e(D) = (F'D + D'F) / 2 and E = e(F) / 2 of now, E0
-        of the substep's start, a substep is at its end where alpha (Y - l cof F) + dS/dF / 2 + 2 gamma F (E - E0) = 0: the
-        last term is a damper in Green's strain. Along that residual's way D the energy S / 2 has the curvature |D|^2 +
-        (cof F : D)^2 + 2 (J - 2) F : cof D and the damper 2 gamma (e(D):e(D) + (E - E0) : D'D)."""
+        Let Y be the impulse of shape and volume, l the volume's multiplier, e(D) = (F'D + D'F) / 2, E = e(F) / 2 now,
+        and E0 that at the start of the substep. A substep is solved where alpha (Y - l cof F) + dS/dF / 2 + 2 gamma F
+        (E - E0) = 0; the last term is a damper in Green's strain. Along the residual's direction D the energy S / 2 has
+        the curvature
+        |D|^2 + (cof F : D)^2 + 2 (J - 2) F : cof D and the damper 2 gamma (e(D):e(D) + (E - E0) : D'D).
+        """
         body, f, gamma = self.body, self.gradient(members, position), self.gamma
         cofactor, ratio = elastic_materials.cofactor(f), np.linalg.det(f)
         alpha = 1 / (body.mu[members] * body.volume[members] * self.h**2)
@@ -155,8 +166,10 @@ class Sweep:
         self.push(members, position, change)
 
     def hookean(self, members: np.ndarray, position: np.ndarray, way: Sequence[Sequence[int]]) -> None:
-        """The shape and the volume of neo-Hookean tetrahedra one after the other, in place; impulses of the second are
-        among the first one's multipliers, so that they need not turn with F."""
+        """Project shape and volume of neo-Hookean tetrahedra one after the other, in place.
+
+        Impulses of the volume are added to the shape's multipliers, so that they need not rotate with F.
+        """
         for kind in [kind for kinds in way for kind in kinds]:
             if kind == SHAPE:
                 self.descend(members, position)
@@ -167,12 +180,12 @@ class Sweep:
             self.shape[..., members, :, :] += (self.volume[..., members] - known)[..., None, None] * slope
 
     def weight(self, members: np.ndarray) -> np.ndarray:
-        """(c, 3, 3) [1/(kg m^2)]: how F answers to what is pushed, sum of w g g'."""
+        """Return the response of F to a push, the sum of w g g': (c, 3, 3) [1/(kg m^2)]."""
         hats = self.body.gradient[members]
         return np.einsum("mai,ma,maj->mij", hats, self.inverse_mass[self.body.tetrahedra[members]], hats)
 
     def project(self, members: np.ndarray, position: np.ndarray, way: str) -> None:
-        """Shape and volume of the tetrahedra `members` (c,), no two of which share a vertex, in place."""
+        """Project shape and volume of the tetrahedra `members` (c,), no two of which share a vertex, in place."""
         if self.body.material == "neo-hookean":
             self.hookean(members, position, WAYS.get(way, ((SHAPE, VOLUME),)))
             return
@@ -185,12 +198,12 @@ class Sweep:
 
 
 def inner(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """(...): A : B of matrices (..., 3, 3)."""
+    """Return A : B of matrices (..., 3, 3)."""
     return (a * b).sum(axis=(-2, -1))
 
 
 def square(a: np.ndarray) -> np.ndarray:
-    """(..., 3, 3): A'A."""
+    """Return A'A: (..., 3, 3)."""
     return np.swapaxes(a, -2, -1) @ a
 
 
@@ -207,7 +220,7 @@ def substep(
     drag: float = 0.0,
     way: str = "rows",
 ) -> tuple[np.ndarray, np.ndarray]:
-    """(position, velocity) after h [s]; the arguments as in `simulate`."""
+    """Return (position, velocity) after h [s]; the arguments as in `simulate`."""
     free = (inverse_mass > 0)[:, None]
     v = np.where(free, velocity * (1 - h * drag) + h * np.asarray(gravity), 0.0)
     p = position + h * v
@@ -234,9 +247,12 @@ def simulate(
     drag: float = 0.0,
     way: str = "rows",
 ) -> tuple[np.ndarray, np.ndarray]:
-    """(position [m], velocity [m/s]), (..., n, 3), after `steps` steps of `dt` [s]. `inverse_mass` (n,) [1/kg], 0 of what is
-    held; `order`: sets of tetrahedra without a common vertex, one after the other; `damping_time` [s]: tau; `drag` [1/s]: of
-    the velocity, in proportion to mass; `way`: of WAYS, or "blocks"."""
+    """Return (position [m], velocity [m/s]), (..., n, 3), after `steps` steps of `dt` [s].
+
+    `inverse_mass` (n,) [1/kg], 0 for fixed vertices; `order`: sets of tetrahedra without a common vertex, one after the
+    other; `damping_time` [s]: tau; `drag` [1/s]: of the velocity, in proportion to mass; `way`: a key of WAYS, or
+    "blocks".
+    """
     p, v = np.array(position, dtype=np.float64), np.array(velocity, dtype=np.float64)
     for _ in range(steps * substeps):
         p, v = substep(
@@ -257,11 +273,12 @@ def at_rest(
     way: str = "rows",
     enough: float = 1e-8,
 ) -> np.ndarray:
-    """Positions (n, 3) [m] that a substep of h [s] leaves where they are, without a velocity: where `simulate` comes to rest.
+    """Return the positions (n, 3) [m] at which `simulate` is at rest: a substep of h [s] does not move them.
 
-    By Newton's method on the substep, its slope by differences; until one moves nothing by more than `enough` of what
-    gravity alone would, or float64's rounding. Not the material's equilibrium: iterations that are cut off leave their
-    error in it."""
+    By Newton's method on the substep, with its slope by differences, until a substep moves no coordinate by more than
+    `enough` of the displacement by gravity alone, or the rounding of float64. This is not the material's equilibrium,
+    because iterations that have not converged leave an error.
+    """
     free = np.flatnonzero(np.repeat(inverse_mass > 0, 3))
     extent = float(np.ptp(body.rest, axis=0).max())
     near = max(enough * h**2 * float(np.linalg.norm(gravity)), 2e-13 * extent)

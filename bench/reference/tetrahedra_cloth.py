@@ -1,9 +1,9 @@
-"""Tetrahedral bodies and a cloth in one scene, position-based, in slow, plain NumPy float64: the judge of both backends.
+"""Tetrahedral bodies and a cloth in one scene, position-based, in slow, plain NumPy float64: the reference.
 
-The substep of bench/reference/tetrahedra.py, with a cloth's constraints as bench/reference/xpbd_mesh.py projects them, what
-attachments hold (a - sum s x = 0, three components of one weight; M. Macklin et al., "XPBD", MIG 2016, eq. 17 and 18), and
-contacts as in contact/surface_contacts.py. Of the model it takes the meshes, the order of constraints, and which
-points of a tetrahedron or a triangle vertices are attached to.
+The substep of bench/reference/tetrahedra.py, with a cloth's constraints as in bench/reference/xpbd_mesh.py, attachments
+(a - sum s x = 0, three components of one weight; M. Macklin et al., "XPBD", MIG 2016, eq. 17 and 18), and contacts as
+in contact/surface_contacts.py. From the model it takes the meshes, the order of constraints, and the points of
+tetrahedra and triangles to which vertices are attached.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from model.tetrahedra.constraints import constraint_sets, tetrahedra_of_sets
 
 @dataclass
 class Joint:
-    """Vertex `corners[0]` at the mean of the others with `weights`, or at the `point` of the world where there are none."""
+    """Vertex `corners[0]` attached to the mean of the others with `weights`, or without others to the fixed `point`."""
 
     corners: np.ndarray
     weights: np.ndarray
@@ -35,7 +35,7 @@ class Joint:
     compliance: float
 
     def project(self, position: np.ndarray, multiplier: np.ndarray, inverse_mass: np.ndarray, h: float) -> None:
-        """In place; `multiplier` (3,) [kg m]."""
+        """Project the attachment in place; `multiplier` (3,) [kg m]."""
         first, others = self.corners[0], self.corners[1:]
         off = position[first] - (self.weights @ position[others] if len(others) else self.point)
         weight = inverse_mass[first] + float(self.weights**2 @ inverse_mass[others])
@@ -47,7 +47,7 @@ class Joint:
 
 
 def _bodies(scene: Scene) -> list[tuple[Body, list[np.ndarray]]]:
-    """(tetrahedra of one material, in which order they are projected), set after set."""
+    """Return (tetrahedra of one material, their order of projection), set by set."""
     found = scene.tetrahedra_set
     mu, lame = found.lame()
     made = []
@@ -71,13 +71,16 @@ def _joints(scene: Scene) -> list[Joint]:
 def simulate(
     scene: Scene, steps: int, position: np.ndarray, velocity: np.ndarray, most: int, distance: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """(position [m], velocity [m/s]), (particles, 3) float64, after `steps` steps from such ones. `most`: how many contacts a
-    vertex has; `distance` [m]: what they keep. Raises SceneError for what is not known here."""
+    """Return (position [m], velocity [m/s]), (particles, 3) float64, after `steps` steps from the given ones.
+
+    `most`: largest number of contacts of a vertex; `distance` [m]: that contacts keep. Raises SceneError for parts that
+    are not supported here.
+    """
     return alone(motion(scene, steps, position, velocity, most, distance))
 
 
 def motion(scene: Scene, steps: int, position: np.ndarray, velocity: np.ndarray, most: int, distance: float) -> Motion:
-    """`simulate`, which others may take part in: see Motion."""
+    """Return `simulate` as a generator in which other references can intervene (`Motion`)."""
     if scene.motions or scene.external or any(p.mass_damping for p in scene.tetrahedra.values()):
         told = "the reference knows gravity, dampers, contacts, colliders and attachments"
         raise SceneError("scene", scene.name, told)

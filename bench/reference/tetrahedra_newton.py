@@ -1,15 +1,16 @@
-"""Implicit Euler of tetrahedral bodies in slow, plain NumPy float64, solved to the end with dense matrices.
+"""Implicit Euler of tetrahedral bodies in slow, plain NumPy float64, solved to convergence with dense matrices.
 
-From the principal stretches, without model/formulas or a backend; of the model it takes the mesh. A substep of h minimises
-(S. Martin et al., "Example-Based Elastic Materials", ACM TOG 2011, eq. 3, and damping in proportion to stiffness)
+From the principal stretches, without model/formulas or a backend; from the model it takes the mesh. A substep of h
+minimises (S. Martin et al., "Example-Based Elastic Materials", ACM TOG 2011, eq. 3, and damping in proportion to
+stiffness)
 
-    sum m / (2 h^2) |x - y|^2 + sum V (W(F(x)) + tau / h (mu |E - E_0|^2 + lambda / 2 tr(E - E_0)^2)),
+ sum m / (2 h^2) |x - y|^2 + sum V (W(F(x)) + tau / h (mu |E - E_0|^2 + lambda / 2 tr(E - E_0)^2)),
 
-y = x_0 + h v_0 + h^2 a, E = (F'F - I) / 2 Green's strain, E_0 as the substep begins. Stiffness by central differences of the
-stress: the tangent's own formulas are not asked.
+y = x_0 + h v_0 + h^2 a, E = (F'F - I) / 2 Green's strain, E_0 that at the beginning of the substep. The stiffness is by
+central differences of the stress, without the formulas of the tangent.
 
-At order 2 a substep has the two stages of R. Alexander, SIAM J. Numer. Anal. 14 (1977), table 1, s = 2, as they are written
-there, and the strain is a quantity of its own, whose rate in a stage is what it changes by over the stage's own part of h.
+At order 2 a substep has the two stages of R. Alexander, SIAM J. Numer. Anal. 14 (1977), table 1, s = 2, as written
+there, and the strain is a separate quantity, whose rate in a stage is its change over the stage's own part of h.
 """
 
 from __future__ import annotations
@@ -21,16 +22,16 @@ import numpy as np
 from model.scene.scene import Scene
 from model.tetrahedra.body_set import TetrahedraSet
 
-IMPLICIT = 1 - 2**-0.5  # what each stage has of itself
-STEP = 1e-6  # of F's entries: differences are right to about its square
-ENOUGH = 1e-9  # of the first residual, or of what float64 makes of forces
+IMPLICIT = 1 - 2**-0.5  # implicit weight of each stage
+STEP = 1e-6  # difference of F's entries: the error of differences is about its square
+ENOUGH = 1e-9  # residual relative to the first one, or to the rounding of forces in float64
 MOST = 200
 
-Stress = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]  # of F (tetrahedra, 3, 3): (W, P)
+Stress = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]  # F (tetrahedra, 3, 3) -> (W, P)
 
 
 def stress(found: TetrahedraSet, gradient: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(W (tetrahedra,) [Pa], P (tetrahedra, 3, 3) [Pa]) of F `gradient`."""
+    """Return (W (tetrahedra,) [Pa], P (tetrahedra, 3, 3) [Pa]) of F `gradient`."""
     u, s, v = np.linalg.svd(gradient)
     turned = np.linalg.det(u) * np.linalg.det(v) < 0
     s[turned, 2] *= -1
@@ -56,18 +57,18 @@ def stress(found: TetrahedraSet, gradient: np.ndarray) -> tuple[np.ndarray, np.n
 
 
 def rows_of_corners(found: TetrahedraSet) -> np.ndarray:
-    """(tetrahedra, 4, 3) [1/m]: by which each corner counts in F."""
+    """Return the weight of each corner in F: (tetrahedra, 4, 3) [1/m]."""
     others = found.rest_inverse
     return np.concatenate([-others.sum(axis=1, keepdims=True), others], axis=1)
 
 
 def gradient_of(found: TetrahedraSet, position: np.ndarray) -> np.ndarray:
-    """(tetrahedra, 3, 3): F."""
+    """Return F: (tetrahedra, 3, 3)."""
     return np.einsum("tai,taj->tij", position[found.tetrahedra], rows_of_corners(found))
 
 
 def energy_and_force(found: TetrahedraSet, position: np.ndarray, stress: Stress) -> tuple[float, np.ndarray]:
-    """(energy [J], gradient of it (particles, 3) [N])."""
+    """Return (energy [J], its gradient (particles, 3) [N])."""
     rows = rows_of_corners(found)
     energy, p = stress(gradient_of(found, position))
     pull = np.zeros_like(position)
@@ -76,12 +77,12 @@ def energy_and_force(found: TetrahedraSet, position: np.ndarray, stress: Stress)
 
 
 def strain_of(gradient: np.ndarray) -> np.ndarray:
-    """(tetrahedra, 3, 3): Green's."""
+    """Return Green's strain: (tetrahedra, 3, 3)."""
     return (np.swapaxes(gradient, 1, 2) @ gradient - np.eye(3)) / 2
 
 
 def element_stiffness(found: TetrahedraSet, position: np.ndarray, positive: bool, stress: Stress) -> np.ndarray:
-    """(tetrahedra, 12, 12) [N/m]; without negative eigenvalues if `positive`."""
+    """Return the stiffness of each element (tetrahedra, 12, 12) [N/m]; without negative eigenvalues if `positive`."""
     rows, count = rows_of_corners(found), len(found.tetrahedra)
     gradient = gradient_of(found, position)
     tangent = np.zeros((count, 9, 9))
@@ -100,7 +101,7 @@ def element_stiffness(found: TetrahedraSet, position: np.ndarray, positive: bool
 
 
 def assembled(found: TetrahedraSet, elements: np.ndarray) -> np.ndarray:
-    """(3 particles, 3 particles)"""
+    """Return the assembled matrix: (3 particles, 3 particles)."""
     size = 3 * found.particle_count
     whole = np.zeros((size, size))
     place = (3 * found.tetrahedra[:, :, None] + np.arange(3)).reshape(-1, 12)
@@ -109,7 +110,7 @@ def assembled(found: TetrahedraSet, elements: np.ndarray) -> np.ndarray:
 
 
 def damped_stress(found: TetrahedraSet, strain: np.ndarray, h: float) -> Stress:
-    """`stress` with what dampers add where the `strain` (tetrahedra, 3, 3) was as a stage of h began."""
+    """Return `stress` plus that of dampers, with `strain` (tetrahedra, 3, 3) at the beginning of a stage of h."""
     mu, lame = (one * found.matter.damping / h for one in found.lame())
 
     def total(gradient: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -127,7 +128,7 @@ def substep(
     found: TetrahedraSet, before: np.ndarray, target: np.ndarray, mass: np.ndarray, free: np.ndarray, h: float,
     strain: np.ndarray,
 ) -> np.ndarray:  # fmt: skip
-    """Positions (particles, 3) [m] at the end. `target`: y; `free` (particles,) bool; `strain`: E_0."""
+    """Return positions (particles, 3) [m] at the end. `target`: y; `free`: mask (particles,); `strain`: E_0."""
     inertia = np.repeat(mass / h**2, 3)
     resisting, unknown = damped_stress(found, strain, h), np.repeat(free, 3)
 
@@ -158,14 +159,16 @@ def substep(
                 break
             share /= 2
         else:
-            return x  # as far as differences tell
+            return x  # the limit of the differences
         x, here, slope = x + share * step.reshape(-1, 3), there, left
     return x
 
 
 def simulate(scene: Scene, steps: int, position: np.ndarray, velocity: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(position [m], velocity [m/s]), (particles, 3) float64, after `steps` steps: gravity and the masses' damper, no
-    colliders."""
+    """Return (position [m], velocity [m/s]), (particles, 3) float64, after `steps` steps.
+
+    With gravity and the masses' damper, without colliders.
+    """
     found, method, gravity = scene.tetrahedra_set, scene.method, scene.gravity
     inverse = 1 / found.masses
     inverse[found.pinned_vertices] = 0

@@ -1,12 +1,11 @@
-"""Position-based tetrahedra whose voxels keep their volume as a whole, in slow, plain NumPy float64: a judge of both
-backends.
+"""Position-based tetrahedra whose voxels keep their volume as a whole, in slow, plain NumPy float64: the reference.
 
-The shapes of all tetrahedra are the rows of bench/reference/tetrahedra.py. Then comes each voxel: with the volumes V of its
-tetrahedra at rest and J = det F
+The shapes of all tetrahedra are the rows of bench/reference/tetrahedra.py. Then each voxel follows: with the rest
+volumes V of its tetrahedra and J = det F
 
-    C = sum V J / sum V - 1,    dC / dx of a corner = sum over its tetrahedra V cof(F) g / sum V,    g of its hat,
+ C = sum V J / sum V - 1,    dC / dx of a corner = sum over its tetrahedra V cof(F) g / sum V,    g of its hat,
 
-of the compliance 1 / sum V lambda.
+with the compliance 1 / sum V lambda.
 """
 
 from __future__ import annotations
@@ -21,7 +20,7 @@ from bench.reference.tetrahedra import SHAPE, Sweep
 
 
 def keep_volume(sweep: Sweep, members: np.ndarray, position: np.ndarray, multiplier: float) -> float:
-    """Moves the corners of the tetrahedra `members` of one voxel, in place; its multiplier [J s^2]."""
+    """Move the corners of the tetrahedra `members` of one voxel, in place, and return its multiplier [J s^2]."""
     body, volume = sweep.body, sweep.body.volume[members]
     f = sweep.gradient(members, position)
     ways = (volume / volume.sum())[:, None, None] * (cofactor(f) @ np.swapaxes(body.gradient[members], 1, 2))
@@ -49,9 +48,11 @@ def simulate(
     gravity: tuple[float, float, float],
     damping_time: float,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """(position [m], velocity [m/s]), (n, 3), after so many `substeps` of h [s]. `order`: sets of tetrahedra without a common
-    vertex, one after the other; `voxels`: the tetrahedra of each, in the order in which they keep their volumes; the rest as
-    in bench/reference/tetrahedra.py."""
+    """Return (position [m], velocity [m/s]), (n, 3), after that many `substeps` of h [s].
+
+    `order`: sets of tetrahedra without a common vertex, one after the other; `voxels`: the tetrahedra of each, in the
+    order of their projection; other arguments as in bench/reference/tetrahedra.py.
+    """
     p, v, free = position.copy(), velocity.copy(), (inverse_mass > 0)[:, None]
     for _ in range(substeps):
         begin = p.copy()

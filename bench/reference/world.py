@@ -1,9 +1,10 @@
-"""Bodies of clusters, tetrahedral bodies and cloths in one world, in slow, plain NumPy float64: the judge of both backends.
+"""Bodies of clusters, tetrahedral bodies, cloths and a fluid in one world, in slow, plain NumPy float64: the reference.
 
-Each member moves as its own reference has it (shape_matching.py, tetrahedra_cloth.py, xpbd_mesh.py), stopped when it has
-predicted and after every iteration; then what members meet is projected as contact/self_contacts.py projects contacts:
-particles of bodies, as balls, against every triangle of the others. A ball keeps its radius and half of what surfaces keep.
-A fluid moves as bench/reference/coupled/fluid_solids.py has it, after the solids and before their contacts.
+Each member moves as in its own reference (shape_matching.py, tetrahedra_cloth.py, xpbd_mesh.py), which pauses after its
+prediction and after every iteration. Then contacts between members are projected as contact/self_contacts.py projects
+contacts: particles of bodies, as balls, against every triangle of the others. A ball keeps its radius plus half of the
+distance of surfaces. A fluid moves as in bench/reference/coupled/fluid_solids.py, after the solids and before their
+contacts.
 """
 
 from __future__ import annotations
@@ -28,8 +29,11 @@ from model.world.solids import solids_of
 
 @dataclass
 class Surfaces:
-    """Those of all members, in the world's numbers: `triangles` (t, 3); `body` (particles,), balls being of none, -1;
-    `is_closed` (bodies,); `kept` (particles,) [m] from triangles; `balls` (n,)."""
+    """Surfaces of all members, in the world's particle numbers.
+
+    `triangles` (t, 3); `body` (particles,), -1 for balls, which belong to none; `is_closed` (bodies,); `kept`
+    (particles,) [m]: distance from triangles; `balls` (n,).
+    """
 
     triangles: np.ndarray
     body: np.ndarray
@@ -40,7 +44,7 @@ class Surfaces:
 
 def _surfaces(scene: Scene, distance: float) -> Surfaces:
     slices = scene.world_set.slices()
-    count = slices["fluid"].start if "fluid" in slices else scene.world_set.particle_count  # which comes last
+    count = slices["fluid"].start if "fluid" in slices else scene.world_set.particle_count  # the fluid comes last
     body, kept, triangles = np.full(count, -1), np.full(count, distance), [np.zeros((0, 3), int)]
     closed: list[bool] = []
     for name, own in scene.members.items():
@@ -68,7 +72,7 @@ def _surfaces(scene: Scene, distance: float) -> Surfaces:
 
 
 def find(scene: Scene, surfaces: Surfaces, before: np.ndarray, predicted: np.ndarray) -> Found:
-    """What may touch within a substep from (particles, 3) `before` to `predicted` [m]."""
+    """Return the possible contacts within a substep from `before` to `predicted` (particles, 3) [m]."""
     assert scene.contact is not None
     vertex, triangle = (
         a.ravel() for a in np.meshgrid(surfaces.balls, np.arange(len(surfaces.triangles)), indexing="ij")
@@ -98,8 +102,11 @@ def _motions(
 def simulate(
     scene: Scene, steps: int, position: np.ndarray, velocity: np.ndarray, most: int, distance: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """(position [m], velocity [m/s]), (particles, 3) float64, after `steps` steps from such ones. `most`: how many contacts a
-    vertex has; `distance` [m]: what surfaces keep. Raises SceneError for what a member's reference does not know."""
+    """Return (position [m], velocity [m/s]), (particles, 3) float64, after `steps` steps from the given ones.
+
+    `most`: largest number of contacts of a vertex; `distance` [m]: that surfaces keep. Raises SceneError for parts that
+    a member's reference does not support.
+    """
     weight = 1 / scene.world_set.masses
     weight[scene.world_set.pinned_vertices] = 0
     drunk = np.ones(len(weight))
@@ -139,7 +146,7 @@ def simulate(
 
 
 class _Fluid:
-    """A world's fluid among its solids, whose particles come first."""
+    """Fluid of a world among its solids, whose particles come first."""
 
     def __init__(self, scene: Scene, position: np.ndarray, velocity: np.ndarray):
         solids, own = solids_of(scene), scene.world_set.slices()["fluid"]
@@ -151,7 +158,7 @@ class _Fluid:
         self.among.begin(number, self.position, self.velocity, before[self.solids], now[self.solids])
 
     def correct(self, now: np.ndarray) -> np.ndarray:
-        """Where solids are after an iteration of the fluid."""
+        """Return the positions of the solids after an iteration of the fluid."""
         found = now.copy()
         found[self.solids] = self.among.correct(now[self.solids])
         return found
@@ -160,8 +167,10 @@ class _Fluid:
         self.position, self.velocity = self.among.end()
 
     def soak(self, drunk: np.ndarray) -> None:
-        """A cloth drinks where a sample has the fluid within the support; `drunk` (particles,): by what masses are multiplied
-        from now on, in which its wetness is kept, too."""
+        """Update the wetness of a cloth, which absorbs where a sample has the fluid within the support radius.
+
+        `drunk` (particles,): the resulting factors of the masses, updated in place.
+        """
         wetting = self.scene.one("wetting")
         if wetting is None:
             return

@@ -1,14 +1,14 @@
-"""XPBD on a grid or a cloth in slow, plain NumPy float64: the judge of both backends.
+"""XPBD on a grid or a cloth in slow, plain NumPy float64: the reference of both backends.
 
-From the papers, without model/formulas, model/build or a backend: Macklin, Mueller, Chentanez, XPBD:
-Position-Based Simulation of Compliant Constrained Dynamics, 2016 (eq. 17, 18, 26); Macklin et al., Small Steps in Physics
-Simulation, 2019 (substeps). A spring of stiffness k is the constraint C = |d| - L with the compliance alpha = 1/k; with a
-damper beta along it [N s/m] it is one implicit Euler step h of
+From the papers, without model/formulas, model/build or a backend: Macklin, Mueller, Chentanez, XPBD: Position-Based
+Simulation of Compliant Constrained Dynamics, 2016 (eq. 17, 18, 26); Macklin et al., Small Steps in Physics Simulation,
+2019 (substeps). A spring of stiffness k is the constraint C = |d| - L with the compliance alpha = 1/k; with a damper
+beta along it [N s/m] it is one implicit Euler step h of
 
-    m p'' = sum over constraints (k C + beta C') d / |d|  +  other forces,
+ m p'' = sum over constraints (k C + beta C') d / |d|  +  other forces,
 
-but for the turning of d / |d| within the step. The multiplier of a constraint is force times -h^2 [kg m], 0 when a substep
-begins, and lives through its iterations.
+except for the rotation of d / |d| within the step. The multiplier of a constraint is force times -h^2 [kg m]; it is 0
+at the beginning of a substep and persists through its iterations.
 """
 
 from __future__ import annotations
@@ -25,18 +25,19 @@ from bench.reference.steps import Poke, Settle, pinned_mask
 from model.core.errors import SceneError
 from model.scene.scene import Scene
 
-# ascending: constraint after constraint from the first mass on, which no parallel machine does; for tests
+# ascending: one constraint at a time from the first mass on, which is not parallel; for tests
 ORDERINGS = ("gauss-seidel", "ascending", "jacobi", "weighted-jacobi", "averaged-jacobi")
 
-# (rows, columns) from one end of a constraint to the other, and the places of its two colours in the order of all. The first
-# end is the upper one, of two in a row the left one; the way (1, -1) is the diagonal from (i, j + 1) to (i + 1, j). All ways
-# from even rows to odd ones come first, then those from odd rows to even ones: rows meet two at a time.
+# (rows, columns) from one end of a constraint to the other -> the positions of its two colours in the order of all. The
+# first end is the upper one, of two in a row the left one; the direction (1, -1) is the diagonal from (i, j + 1) to (i
+# + 1, j). All directions from even rows to odd ones come first, then those from odd rows to even ones: two rows at a
+# time are involved.
 WAYS = {(1, 0): (0, 3), (1, 1): (1, 4), (1, -1): (2, 5), (0, 1): (6, 7), (2, 0): (8, 9), (0, 2): (10, 11)}
 
 
 @dataclass(frozen=True)
 class Way:
-    """What the constraints of one way have in common; stiffnesses may differ from one to the next (see `sheet`)."""
+    """Common values of the constraints along one direction; stiffnesses may differ between constraints (see `sheet`)."""
 
     rest_length: float  # m
     compliance: float | np.ndarray  # m/N, 0: inextensible
@@ -45,7 +46,7 @@ class Way:
 
 @dataclass(frozen=True)
 class Constraints:
-    """Distance constraints, (constraints,) each, by their colours; no two of one colour share a mass."""
+    """Distance constraints, (constraints,) each, with their colours; no two of one colour share a mass."""
 
     first: np.ndarray  # particle
     second: np.ndarray
@@ -55,34 +56,37 @@ class Constraints:
     colour: np.ndarray
 
     def valence(self, particles: int) -> np.ndarray:
-        """(particles,): how many constraints each mass has, pinned or not."""
+        """Return the number of constraints of each mass, pinned or not: (particles,)."""
         return np.bincount(np.concatenate([self.first, self.second]), minlength=particles)
 
     @cached_property
     def colours(self) -> list[np.ndarray]:
-        """The constraints (indices) of every colour, in order."""
+        """Indices of the constraints of every colour, in order."""
         return [np.flatnonzero(self.colour == colour) for colour in np.unique(self.colour)]
 
     @cached_property
     def ascending(self) -> list[np.ndarray]:
-        """Every constraint for itself, by its first mass, then by its second."""
+        """Every constraint by itself, ordered by its first mass, then by its second."""
         return list(np.lexsort((self.second, self.first))[:, None])
 
 
 @dataclass(frozen=True)
 class Substep:
-    """What a substep made: (particles, dimensions) each, and the multipliers (constraints,) [kg m]."""
+    """Result of a substep: (particles, dimensions) each, and the multipliers (constraints,) [kg m]."""
 
     position: np.ndarray  # m
     velocity: np.ndarray  # m/s
-    predicted: np.ndarray  # m, where the masses would be without constraints
-    iterated: np.ndarray  # m, the position before colliders
+    predicted: np.ndarray  # m, positions without constraints
+    iterated: np.ndarray  # m, positions before colliders
     multipliers: np.ndarray
 
 
 def sheet(rows: int, columns: int, ways: dict[tuple[int, int], Way]) -> Constraints:
-    """The constraints of a sheet; particle i * columns + j is the mass (i, j). A compliance may be an array that
-    broadcasts to the (rows, columns) of the constraints of its way, in the order of `bench.reference.cloth.ends`."""
+    """Return the constraints of a sheet; particle i * columns + j is the mass (i, j).
+
+    A compliance may be an array that broadcasts to the (rows, columns) of the constraints along its direction, in the
+    order of `bench.reference.cloth.ends`.
+    """
     number = np.arange(rows * columns).reshape(rows, columns)
     found = []
     for way, colours in WAYS.items():
@@ -101,7 +105,7 @@ def sheet(rows: int, columns: int, ways: dict[tuple[int, int], Way]) -> Constrai
 
 
 def of_scene(scene: Scene, inextensible: bool = False) -> Constraints:
-    """The scene's springs as constraints, compliance 1/stiffness, or 0 where `inextensible`."""
+    """Return the scene's springs as constraints, with compliance 1/stiffness, or 0 if `inextensible`."""
     grid = scene.grid
     ways: dict[tuple[int, int], Way] = {}
     if scene.springs:
@@ -119,11 +123,11 @@ def of_scene(scene: Scene, inextensible: bool = False) -> Constraints:
 def _stretched(
     constraints: Constraints, which: np.ndarray, position: np.ndarray, before: np.ndarray, h: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """(C + gamma times the lengthening in this substep (n,), a~ = alpha/h^2, gamma = alpha beta/h (eq. 26), d/|d| (n, k)).
+    """Return (C + gamma times the elongation in this substep (n,), a~ = alpha/h^2, gamma = alpha beta/h (eq. 26), d/|d|
+    (n, k)).
 
-    The lengthening is C - C_before, which no turn changes, and not eq. 26's grad C . (x - x_before).
-
-    Masses in one place have no direction: 0.
+    The elongation is C - C_before, which is invariant under rotation, and not eq. 26's grad C . (x - x_before).
+    Coincident masses have no direction: 0.
     """
     a, b = constraints.first[which], constraints.second[which]
     d = position[b] - position[a]
@@ -144,16 +148,17 @@ def iterate(
     h: float,
     ordering: str,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """(position (particles, dimensions) [m], multipliers (constraints,) [kg m]) after one iteration over all constraints.
+    """Return (position (particles, dimensions) [m], multipliers (constraints,) [kg m]) after one iteration over all
+    constraints.
 
-    `before` is the position at the substep's beginning, `inverse_mass` (particles,) [1/kg] is 0 where pinned. gauss-seidel
-    goes colour by colour. jacobi takes all constraints at one position and divides each one's change of multiplier by the
-    larger valence of its ends: it converges, but n iterations give 1 - (1 - 1/valence)^n of a soft spring's force however
-    short the substep. weighted-jacobi multiplies only the inverse masses by the valences, which is enough: the denominator
-    is the sum of its row in the system (eq. 17), so the error shrinks (Gershgorin), and a soft spring is exact at once.
-    averaged-jacobi keeps the whole change and divides the masses' displacements by their own
-    valence: with compliance it converges to another stiffness, and it does not keep momentum.
-    A constraint between masses in one place, or between pinned ones, is skipped.
+    `before` is the position at the beginning of the substep, `inverse_mass` (particles,) [1/kg] is 0 where pinned.
+    gauss-seidel goes colour by colour. jacobi takes all constraints at one position and divides each one's change of
+    multiplier by the larger valence of its ends: it converges, but n iterations give 1 - (1 - 1/valence)^n of a soft
+    spring's force however short the substep. weighted-jacobi only multiplies the inverse masses by the valences, which
+    is enough: the denominator is the sum of its row in the system (eq. 17), so the error shrinks (Gershgorin), and a
+    soft spring is exact at once. averaged-jacobi keeps the whole change and divides the masses' displacements by their
+    own valence: with compliance it converges to another stiffness, and it does not conserve momentum. A constraint
+    between coincident or pinned masses is skipped.
     """
     p, multipliers = position.copy(), multipliers.copy()
     valence = constraints.valence(len(p))
@@ -195,11 +200,13 @@ def substep(
     drag: np.ndarray | float = 0.0,
     settle: Settle = lambda before, p, v: (p, v),
 ) -> Substep:
-    """One substep of `h` [s] from (particles, dimensions) `position` [m] and `velocity` [m/s] (XPBD 2016, algorithm 1).
+    """Return one substep of `h` [s] from (particles, dimensions) `position` [m] and `velocity` [m/s] (XPBD 2016,
+    algorithm 1).
 
-    `acceleration` [m/s^2] and the damper `drag` = c/m [1/s] act on the prediction, the damper on the velocity before the
-    acceleration: braking what gravity has just given would leave a hanging chain at (1 - h c/m) of its load. `settle` is
-    what colliders make of the position before the substep, the iterated one and the velocity between them.
+    `acceleration` [m/s^2] and the damper `drag` = c/m [1/s] act on the prediction, the damper on the velocity before
+    the acceleration: damping the velocity that gravity has just added would leave a hanging chain at (1 - h c/m) of its
+    load. `settle` applies colliders, given the position before the substep, the iterated one and the velocity between
+    them.
     """
     if ordering not in ORDERINGS:
         raise SceneError("method.ordering", ordering, f"one of {', '.join(ORDERINGS)}")
@@ -217,9 +224,10 @@ def substep(
 def residuals(
     constraints: Constraints, state: Substep, before: np.ndarray, inverse_mass: np.ndarray, h: float
 ) -> tuple[float, float]:
-    """(largest |C + a~ lambda| [m], with the damper's term; largest |M (x - x~) - grad C' lambda| [kg m], free masses).
+    """Return (largest |C + a~ lambda| [m], with the damper's term; largest |M (x - x~) - grad C' lambda| [kg m], free
+    masses).
 
-    XPBD 2016, eq. 9 and 8: both 0 where the iterations have converged. Of the iterated position, before colliders.
+    XPBD 2016, eq. 9 and 8: both are 0 for converged iterations. For the iterated position, before colliders.
     """
     every = np.arange(len(constraints.first))
     stretch, compliance, _, n = _stretched(constraints, every, state.iterated, before, h)
@@ -238,7 +246,9 @@ def residuals(
 def accelerations(
     scene: Scene, p: np.ndarray, v: np.ndarray, time: float, frame: int, poke: Poke | None, mass: np.ndarray
 ) -> np.ndarray:
-    """(particles, dimensions) [m/s^2]: everything but constraints and the masses' damper, at such positions."""
+    """Return everything but constraints and the masses' damper, at the given positions: (particles, dimensions)
+    [m/s^2].
+    """
     grid, dimensions = scene.grid, scene.dimensions
     force = np.zeros_like(p)
     if scene.wind:
@@ -269,10 +279,12 @@ def simulate(
     inextensible: bool = False,
     masses: np.ndarray | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """(position [m], velocity [m/s]), (particles, dimensions) float64 in builder order, after `steps` steps of `method.dt`.
+    """Return (position [m], velocity [m/s]), (particles, dimensions) float64 in builder order, after `steps` steps of
+    `method.dt`.
 
-    As bench.reference.mass_spring.simulate. `masses` (particles,) [kg] replaces the scene's. A random force is held for a
-    whole step; wind and colliders follow the time of every substep. Raises SceneError for a manufactured solution.
+    Arguments as in bench.reference.mass_spring.simulate. `masses` (particles,) [kg] replaces the scene's. A random
+    force is constant over a whole step; wind and colliders follow the time of every substep. Raises SceneError for a
+    manufactured solution.
     """
     if scene.manufactured:
         raise SceneError("manufactured", "present", "belongs to the solver mass-spring; leave it out for xpbd")

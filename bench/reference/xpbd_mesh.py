@@ -1,9 +1,9 @@
-"""XPBD on a triangle mesh in slow, plain NumPy float64, constraint after constraint: the judge of both backends.
+"""XPBD on a triangle mesh in slow, plain NumPy float64, one constraint at a time: the reference of both backends.
 
-From the papers, without model/formulas or a backend; of the model it takes the mesh and the order of constraints. Macklin
-et al., XPBD, 2016, eq. 17 and 18; bending as in E. Grinspun et al., Discrete Shells, 2003, and M. Bergou et al., A
-Quadratic Bending Model for Inextensible Surfaces, 2006, written here with heights and feet of the wings instead of
-cotangents, and with angles from an arc tangent. Multipliers in kg m, as in bench/reference/xpbd.py.
+From the papers, without model/formulas or a backend; from the model it takes the mesh and the order of constraints.
+Macklin et al., XPBD, 2016, eq. 17 and 18; bending as in E. Grinspun et al., Discrete Shells, 2003, and M. Bergou et
+al., A Quadratic Bending Model for Inextensible Surfaces, 2006, written here with heights and feet of the wings instead
+of cotangents, and with angles from an arc tangent. Multipliers in kg m, as in bench/reference/xpbd.py.
 """
 
 from __future__ import annotations
@@ -24,8 +24,11 @@ from model.xpbd.mesh_constraints import constraint_sets
 
 @dataclass(frozen=True)
 class Hinge:
-    """Triangles (a, b, c) and (b, a, d) by the vectors e, f, g from a to b, c and d. `theta` [rad]: turns the second from the
-    first's plane, toward its normal; `feet`: where c and d stand on the edge, 0 at a; `heights` [m] over it."""
+    """Triangles (a, b, c) and (b, a, d), described by the vectors e, f, g from a to b, c and d.
+
+    `theta` [rad]: rotates the second out of the first's plane, toward its normal; `feet`: of c and d on the edge, 0 at
+    a; `heights` [m] over the edge.
+    """
 
     theta: float
     edge: float
@@ -35,21 +38,24 @@ class Hinge:
 
     @property
     def gradient(self) -> np.ndarray:
-        """(4, 3) [1/m]: of theta by a, b, c, d. A wing turns by its rise over its height; the edge's ends turn it back."""
+        """Gradient of theta by a, b, c, d: (4, 3) [1/m].
+
+        A wing rotates by its rise over its height; the edge's ends rotate it back.
+        """
         c, d = (n / h for n, h in zip(self.normals, self.heights, strict=True))
         s, t = self.feet
         return np.stack([-(1 - s) * c - (1 - t) * d, -s * c - t * d, c, d])
 
     @property
     def coefficients(self) -> np.ndarray:
-        """(4,): with which a, b, c, d add up to |e| times the wings' directions away from the edge, turned round."""
+        """Coefficients (4,) of a, b, c, d: their sum is |e| times the wings' directions towards the edge."""
         c, d = (self.edge / h for h in self.heights)
         s, t = self.feet
         return np.array([(1 - s) * c + (1 - t) * d, s * c + t * d, -c, -d])
 
 
 def hinge(corners: np.ndarray) -> Hinge:
-    """Of `corners` (4, 3) [m]."""
+    """Return the hinge of `corners` (4, 3) [m]."""
     a, b, c, d = corners
     e = b - a
     edge = float(np.linalg.norm(e))
@@ -80,7 +86,7 @@ class Item:
 
 
 def distance(rest: float) -> Constraint:
-    """|b - a| - rest."""
+    """Make the constraint |b - a| - rest."""
 
     def of(p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         d = p[1] - p[0]
@@ -93,7 +99,10 @@ def distance(rest: float) -> Constraint:
 
 
 def isometric(rest_corners: np.ndarray, flat: float = 1e-9) -> Constraint:
-    """The three components of k, less what of its length there was at rest; `flat`: of the edge, what counts as none."""
+    """Make the constraint on the three components of k, minus its length at rest.
+
+    `flat`: a rest length below this fraction of the edge counts as 0.
+    """
     at_rest = hinge(rest_corners)
     coefficients = at_rest.coefficients
     rest = float(np.linalg.norm(coefficients @ rest_corners))
@@ -109,7 +118,7 @@ def isometric(rest_corners: np.ndarray, flat: float = 1e-9) -> Constraint:
 
 
 def dihedral(rest_corners: np.ndarray, flat: float = 1e-9) -> Constraint:
-    """|e| at rest times 4 (tan(theta/4) - tan(theta_0/4))."""
+    """Make the constraint |e| at rest times 4 (tan(theta/4) - tan(theta_0/4))."""
     at_rest = hinge(rest_corners)
     tangent = np.tan(at_rest.theta / 4)
     tangent = 0.0 if abs(tangent) < flat else tangent
@@ -123,7 +132,7 @@ def dihedral(rest_corners: np.ndarray, flat: float = 1e-9) -> Constraint:
 
 
 def volume(rest_corners: np.ndarray) -> Constraint:
-    """Six times the volume, less that at rest; gradients by the areas of the opposite faces."""
+    """Make the constraint of six times the volume minus that at rest; gradients by the areas of the opposite faces."""
 
     def sixfold(p: np.ndarray) -> float:
         return float(np.linalg.det(p[1:] - p[0]))
@@ -140,7 +149,7 @@ def volume(rest_corners: np.ndarray) -> Constraint:
 
 
 def items_of(scene: Scene, inextensible: bool = False) -> list[Item]:
-    """The scene's constraints in the order in which they are projected."""
+    """Return the scene's constraints in the order of their projection."""
     assert scene.mesh is not None
     rest = mesh_of(scene.mesh).position
     items = []
@@ -168,8 +177,10 @@ def project(
     item: Item, position: np.ndarray, before: np.ndarray, multiplier: np.ndarray, inverse_mass: np.ndarray, h: float,
     pbd_stiffness: float = 1.0,
 ) -> None:  # fmt: skip
-    """One projection in place (eq. 17 and 18; with a damper eq. 26, C - C_before for its grad C . (x - x_before)):
-    `multiplier` (n,) [kg m] of the item's n components."""
+    """Project one item in place (eq. 17 and 18; with a damper eq. 26, C - C_before for its grad C . (x - x_before)).
+
+    `multiplier` (n,) [kg m] of the item's n components.
+    """
     w = inverse_mass[item.corners]
     values, gradients = item.of(position[item.corners])
     earlier, _ = item.of(before[item.corners]) if item.damping else (values, None)
@@ -185,8 +196,10 @@ def project(
 
 
 def wind_on(scene: Scene, p: np.ndarray, v: np.ndarray, time: float, triangles: np.ndarray | None = None) -> np.ndarray:
-    """(vertices, 3) [N]: a flat plate's drag and lift on every triangle, or on those given (n, 3), a third for each corner,
-    as in cloth.wind_forces."""
+    """Return a flat plate's drag and lift on every triangle, or on those given (n, 3): (vertices, 3) [N].
+
+    A third for each corner, as in cloth.wind_forces.
+    """
     wind = scene.wind
     assert wind is not None
     force, air = np.zeros_like(p), cloth.air(scene, time)
@@ -212,8 +225,10 @@ def simulate(
     first_step: int = 0,
     poke: Poke | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """(position [m], velocity [m/s]), (vertices, 3) float64, after `steps` steps from such ones. `mass` (vertices,) [kg]. The
-    method's substeps and iterations, Gauss-Seidel; no long-range attachments."""
+    """Return (position [m], velocity [m/s]), (vertices, 3) float64, after `steps` steps from the given ones.
+
+    `mass` (vertices,) [kg]. With the method's substeps and iterations, Gauss-Seidel; without long-range attachments.
+    """
     return alone(motion(scene, steps, position, velocity, mass, first_step, poke))
 
 
@@ -227,8 +242,10 @@ def motion(
     poke: Poke | None = None,
     drunk: np.ndarray | None = None,
 ) -> Motion:
-    """`simulate`, which others may take part in: see Motion. `drunk` (vertices,): by what masses are multiplied, which may
-    change between substeps."""
+    """Return `simulate` as a generator in which other references can intervene (`Motion`).
+
+    `drunk` (vertices,): factors of the masses, which may change between substeps.
+    """
     assert scene.mesh is not None and not scene.attachments
     method, gravity = scene.method, scene.gravity
     items, h = items_of(scene, method.solver == "pbd"), method.dt / method.substeps
@@ -236,9 +253,7 @@ def motion(
     inverse_mass = 1 / np.asarray(mass, dtype=np.float64)
     inverse_mass[pinned_of(scene)] = 0
     free = (inverse_mass > 0)[:, None]
-    fine = scene.replace(
-        {"method.dt": h, f"{scene.name_of('mesh')}.pinned": "none"}
-    )  # masses that are held are put back
+    fine = scene.replace({"method.dt": h, f"{scene.name_of('mesh')}.pinned": "none"})  # fixed masses are reset
     drag = (scene.damping.coefficient if scene.damping else 0.0) * inverse_mass[:, None]
     dry = inverse_mass
     for number in range(first_step * method.substeps, (first_step + steps) * method.substeps):
@@ -271,7 +286,7 @@ def motion(
 
 
 def pinned_of(scene: Scene) -> np.ndarray:
-    """(pins,): the pinned vertices."""
+    """Return the pinned vertices: (pins,)."""
     from model.core.build import pinned_indices
 
     assert scene.mesh is not None

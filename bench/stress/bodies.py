@@ -1,9 +1,10 @@
-"""Hard cases of soft and rigid bodies: spin and momenta in free flight, squashed and inside out, shot at walls at 100 m/s,
-begun inside each other. bench/stress/trial.py tells what a law returns; bench/stress/body_cases.py gives these their scenes.
+"""Hard cases of soft and rigid bodies: spin and momenta in free flight, deformed and inverted starts, impacts at 100
+m/s, and bodies that start inside each other.
 
-A bound follows from the step: from what a formula loses, or from roundings. A substep rounds a place eight times or so,
-always the same way of what moves alike, and a rounding over h is a velocity, which stays. A rotation is not touched while it
-is within KEPT of the nearest one (model/formulas/rotation.py), so that each substep may lag behind by LAG.
+bench/stress/trial.py defines what a law returns; bench/stress/body_cases.py has the scenes. Bounds follow from the
+step: from a formula of its loss, or from rounding. A substep rounds a coordinate about eight times, always in the same
+direction for equal motion, and a rounding error over h is a velocity, which stays. A rotation within KEPT of the
+nearest one is not changed (model/formulas/rotation.py), so each substep may lag behind by LAG.
 """
 
 from __future__ import annotations
@@ -35,24 +36,24 @@ from model.formulas.rotation import KEPT
 from model.scene.cloth import Box, Plane, Sphere
 from model.scene.scene import Scene
 
-ROUNDINGS = 8  # of a place in a substep
-GOALS = 32  # roundings of 1 m: what a goal is wrong by, of some 60 operations on half a metre
-LAG = 2 * KEPT  # roundings of 1: the angle [rad] that a turn may lag behind, |b| over s1 + s2 > 1
-FLYING, LOOKS = 20, 50  # steps that a shot, or a body that was squashed, is looked at one by one
-LAST = 1000  # steps: 10 s, then it must have come to rest
+ROUNDINGS = 8  # rounding errors of a coordinate per substep
+GOALS = 32  # rounding errors of 1 m: error of a goal, from some 60 operations on half a metre
+LAG = 2 * KEPT  # rounding errors of 1: the angle [rad] by which a rotation may lag behind, |b| over s1 + s2 > 1
+FLYING, LOOKS = 20, 50  # steps after an impact, or of a deformed body, that are checked one by one
+LAST = 1000  # steps: 10 s, after which it must be at rest
 
-# names of numbers that the lab book tells of
+# names of the numbers that the lab book quotes
 OFF_LAW, SPIN_KEPT, OFF_NEWTON = "spin, off what its law keeps", "spin kept", "error against Newton's law"
 OUT_OF_SHAPE, PARTING = "out of shape over the spacing", "speed of parting"
 
 
 def of_a_place(trial: Trial, size: float = 1.0) -> float:
-    """What ROUNDINGS of a place of `size` [m] come to."""
+    """Return ROUNDINGS rounding errors of a coordinate of `size` [m]."""
     return ROUNDINGS * ULP[trial.precision] * size
 
 
 def substep(scene: Scene) -> float:
-    """h [s]"""
+    """Length of a substep, h [s]."""
     return scene.method.dt / scene.method.substeps
 
 
@@ -60,7 +61,7 @@ def substep(scene: Scene) -> float:
 
 
 def law_turn(substeps: int) -> float:
-    """[rad]: how far the law of spin turns a body within its time."""
+    """Return the angle [rad] by which a body rotates within its time by the law of spin."""
     h = FRAME / substeps
     angle = atan(body_laws.SPEED * h)
     total = angle
@@ -71,10 +72,12 @@ def law_turn(substeps: int) -> float:
 
 
 def spins(trial: Trial) -> list[Check]:
-    """A8 and S7: a rigid body, one cluster, at 2 pi rad/s for 2 s. A substep takes its angle D to atan(sin D), the first
-    being atan(omega h): N substeps that lag by LAG each lose that over the first D of the spin, and N of it, N / 2
-    substeps each, of the way. Beside the law, how far the body is from where Newton has it: two whole turns, which is where
-    it was."""
+    """A8 and S7: a rigid body, one cluster, at 2 pi rad/s for 2 s.
+
+    A substep takes its angle D to atan(sin D), the first being atan(omega h). N substeps that lag by LAG each lose that
+    over the first D of the spin, and N of it, N / 2 substeps each, of the displacement. The distance of the body from
+    Newton's law is reported too: two whole turns, i.e. its start.
+    """
     scene = trial.scene
     state = trial.run(None, body_laws.SECONDS[SPIN])
     m, at, n = masses(scene)[:, 0], scene.body_set.position, scene.method.substeps
@@ -102,8 +105,11 @@ def _first(substeps: int) -> float:
 
 
 def flies(trial: Trial) -> list[Check]:
-    """A8: a soft body is thrown, spinning. Masses that are split among clusters keep linear momentum to rounding: places of
-    up to 20 m. Of the angular one its law takes w^2 h t at most, as of a rigid body (1 - 1 / sqrt(1 + 2 w^2 h t) is less)."""
+    """A8: a soft body is thrown with spin.
+
+    Masses that are split among clusters conserve the linear momentum to rounding, with coordinates of up to 20 m. The
+    angular momentum loses at most w^2 h t by its law, as for a rigid body (1 - 1 / sqrt(1 + 2 w^2 h t) is less).
+    """
     scene, seconds = trial.scene, body_laws.SECONDS[body_laws.FLIGHT]
     state = trial.run(None, seconds)
     m, h = masses(scene)[:, 0], substep(scene)
@@ -120,18 +126,20 @@ def flies(trial: Trial) -> list[Check]:
 
 
 def _moving(state: State) -> tuple[np.ndarray, np.ndarray]:
-    """(position [m], velocity [m/s]) in float64."""
+    """Return (position [m], velocity [m/s]) in float64."""
     return state.position.astype(np.float64), state.velocity.astype(np.float64)
 
 
-# ---------------------------------------------------------------------- squashed, and inside out
+# ---------------------------------------------------------------------- deformed and inverted starts
 
 
 def finds_its_shape(how: str) -> Law:
-    """A10: a soft body, squashed or mirrored as CHANGED says and let go, swings about its shape, and what a step takes away
-    brings it there: one caught in another shape, twisted or inside out, would have particles half a spacing off. It never
-    has more energy than was put in, and what overlaps inside it was given, a speed of separation a particle. Its momentum
-    stays 0, but for rounding."""
+    """A10: a soft body, deformed as CHANGED says and released, vibrates about its shape until the step has damped it.
+
+    A body stuck in another shape, twisted or inverted, would have particles half a spacing off. Its energy never
+    exceeds the initial elastic energy plus that of the overlaps inside it, one separation speed per particle. Its
+    momentum stays 0, except for rounding.
+    """
 
     def law(trial: Trial) -> list[Check]:
         scene = trial.scene
@@ -154,8 +162,10 @@ def finds_its_shape(how: str) -> Law:
 
 
 def is_whole_at_once(trial: Trial) -> list[Check]:
-    """A10: a rigid body, whatever was done to it, is whole after one substep, as any rotation is one, and the next one takes
-    the way back out of the velocities: both to what goals are wrong by."""
+    """A10: a rigid body, however deformed, has its shape after one substep, since any rotation is one.
+
+    The next substep removes the displacement from the velocities; both to the error of a goal.
+    """
     scene, worst, fastest, moved = trial.scene, 0.0, 0.0, 0.0
     at_rest = centre(scene, scene.body_set.position)
     for change in CHANGED.values():
@@ -172,13 +182,15 @@ def is_whole_at_once(trial: Trial) -> list[Check]:
     ]
 
 
-# ---------------------------------------------------------------------- shot at 100 m/s
+# ---------------------------------------------------------------------- impacts at 100 m/s
 
 
 def is_stopped_by_a_plane(trial: Trial) -> list[Check]:
-    """B16: a half-space holds at any speed, as nothing is behind it. Its answer takes energy away, and what of a rigid body
-    was pushed out of it alone turns and lifts it, from the speed that it had. Then it finds its shape, to a tenth of a
-    spacing."""
+    """B16: a half-space stops a body at any speed, as nothing is behind it.
+
+    Its response reduces the energy. A rigid body of which only a part was pushed out rotates and rises, with energy
+    from its initial speed. Then it recovers its shape, to a tenth of a spacing.
+    """
     scene, lowest, peak = trial.scene, np.inf, 0.0
     energy = kinetic(scene, scene.body_set.velocity)
     reach = next(part for part in scene.parts.values() if isinstance(part, Plane)).thickness
@@ -195,8 +207,10 @@ def is_stopped_by_a_plane(trial: Trial) -> list[Check]:
 
 
 def is_stopped_by_a_box(trial: Trial) -> list[Check]:
-    """B16: a box is not swept; what is inside leaves by the nearest face. So it stops what goes less than half its thickness
-    a substep, and takes energy away."""
+    """B16: a box is not swept; a particle inside leaves by the nearest face.
+
+    It therefore stops whatever moves by less than half its thickness per substep, and reduces the energy.
+    """
     scene = trial.scene
     box = next(part for part in scene.parts.values() if isinstance(part, Box))
     top, way = box.center[1] + box.half_size[1] + box.thickness, np.abs(scene.body_set.velocity).max() * substep(scene)
@@ -212,9 +226,11 @@ def is_stopped_by_a_box(trial: Trial) -> list[Check]:
 
 
 def is_stopped_by_a_body(trial: Trial) -> list[Check]:
-    """B16: what goes an eighth of the distance that particles keep a substep comes neither through another body, two layers
-    of particles, nor is it caught in it. Momentum is kept but for roundings of places of 1 m; energy is only taken away, a
-    tenth of it at least."""
+    """B16: a body that moves by an eighth of the contact distance per substep does not pass through another body.
+
+    The other body has two layers of particles, and the first one is not caught in it either. Momentum is conserved
+    except for rounding of coordinates of 1 m; energy only decreases, by at least a tenth.
+    """
     scene, steps = trial.scene, round(0.04 / trial.dt)
     energy, most, least = kinetic(scene, scene.body_set.velocity), 0.0, np.inf
     for look in trial.watch(range(steps // FLYING, steps + 1, steps // FLYING)):
@@ -238,9 +254,12 @@ def is_stopped_by_a_body(trial: Trial) -> list[Check]:
 
 
 def is_let_go_slowly(trial: Trial) -> list[Check]:
-    """B17: contacts lead particles apart at v, the speed of separation. The rest of the body follows as a mass on a spring
-    whose end moves: y = v t - v sin(w t) / w, at 2 v at most, whatever w. So two bodies part at 2 v at most, with an energy
-    of 2 mu v^2, mu = m M / (m + M): of bodies alike m v^2 / 2 a particle, as the row asks."""
+    """B17: contacts separate particles at v, the separation speed.
+
+    The rest of the body follows like a mass on a spring whose end moves: y = v t - v sin(w t) / w, at 2 v at most,
+    whatever w. So two bodies separate at 2 v at most, with an energy of 2 mu v^2, mu = m M / (m + M): for equal bodies
+    m v^2 / 2 per particle, as the row requires.
+    """
     scene, parting, most = trial.scene, 0.0, 0.0
     m, M = (masses(scene)[scene.body_set.body == body].sum() for body in (0, 1))
     for state in trial.watch((*range(1, 61), 100)):
@@ -259,15 +278,21 @@ def is_let_go_slowly(trial: Trial) -> list[Check]:
 
 
 def parts(trial: Trial) -> list[Check]:
-    """B17: the same, of what is not deeper than half a body: then they have parted after a second, to the distance that
-    particles keep. (What lies deeper may stay caught, since particles do not know an inside.)"""
+    """B17: the same law, for an overlap of at most half a body, which has ended after a second.
+
+    The particles then have their contact distance. (Bodies that overlap more may stay caught, since particles have no
+    inside.)
+    """
     *judged, apart = is_let_go_slowly(trial)
     return [*judged, Check(apart.name, apart.value, apart.unit, ">", 1 - 1e-5)]
 
 
 def is_pushed_out_in_place(trial: Trial) -> list[Check]:
-    """B17: a collider puts particles on its surface within a step, and no speed comes from the depth d. What the clusters
-    then hold is what their ways out have bent them by, w^2 m d^2 / 2 each, and there never is more than that."""
+    """B17: a collider moves particles to its surface within a step, without a speed from the depth d.
+
+    The elastic energy of the clusters is then that of these displacements, w^2 m d^2 / 2 each, and the total never
+    exceeds it.
+    """
     scene = trial.scene
     ball = next(part for part in scene.parts.values() if isinstance(part, Sphere))
     middle, reach, clusters = np.array(ball.center), ball.radius + ball.thickness, scene.body_set.clusters

@@ -1,7 +1,7 @@
-"""The hard cases of bodies: rows A8, A10, B16 to B18 and B20 of the lab's collection, and its scene S7, by shape matching.
+"""Hard cases of bodies: rows A8, A10, B16 to B18 and B20 of the lab's collection, and its scene S7, by shape matching.
 
-Laws are in bench/stress/bodies.py, stress/piles.py and stress/rotations.py. Scenes are made, not read: a start that is
-squashed or mirrored, or clusters by hand, are no fields of one.
+The laws are in bench/stress/bodies.py, piles.py and rotations.py. The scenes are made by code and not read from files,
+because a deformed or mirrored start, or clusters by hand, have no field in a scene.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from bench.stress.case import BODIES, HardCase
 from bench.stress.piles import bears, heaps_up, lies_still, stands
 from bench.stress.rotations import finds_rotations, goals_are_exact
 
-SHAPES = {  # name -> how of CHANGED, title
+SHAPES = {  # name -> key of CHANGED, title
     "A10 plane": ("into its own plane", "a jelly squashed flat"),
     "A10 line": ("onto a line across", "squashed onto a line"),
     "A10 point": ("into a point", "squashed into a point"),

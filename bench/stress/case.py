@@ -1,4 +1,4 @@
-"""What a hard case is: a scene, a law that it must keep, and the methods that it is for."""
+"""Definition of a hard case: a scene, a law that it must satisfy, and the methods that it applies to."""
 
 from __future__ import annotations
 
@@ -14,18 +14,22 @@ from model.scene.scene import Scene, load_scene
 ANY = "any"
 FORCES = tuple(INTEGRATORS)
 SEIDEL = XPBD[:1]
-POSITIONS = XPBD[:2]  # averaged-jacobi is another material's
+POSITIONS = XPBD[:2]  # without averaged-jacobi, which has another material
 BODIES = (MATCHING,)
 
 
 @dataclass(frozen=True)
 class HardCase:
-    """`name`: row and variant; `scene`: catalogue name, or what makes it; `changes`: fields replaced in it; `law`: runs a
-    Trial and returns its checks, the telling one first. `expect`: the verdict that is right, `pass` or `refused`. `own_step`:
-    an integrator that the scene's dt is too large for runs at 0.9 of its limit instead; else it is refused. `known`: (method,
-    precision), either of them ANY -> why it fails there, which then is no bug. `methods`: those it is for, by name; a
-    position-based one has the iterations and substeps of `changes`, or of the scene. `basis`: where the telling check's bound
-    comes from, in words; empty where the law alone says it. `quick`: whether it is among the few of `--quick`."""
+    """One hard case.
+
+    `name`: row and variant; `scene`: catalogue name, or a function that makes it; `changes`: fields replaced in it;
+    `law`: runs a Trial and returns its checks, the decisive one first. `expect`: the correct verdict, `pass` or
+    `refused`. `own_step`: an integrator for which the scene's dt is too large runs at 0.9 of its limit; otherwise it is
+    refused. `known`: (method, precision), either of them ANY -> reason of a failure there, which then is not a bug.
+    `methods`: names of the methods it applies to; a position-based one has the iterations and substeps of `changes`, or
+    of the scene. `basis`: origin of the decisive check's bound, in words; empty where the law itself gives it. `quick`:
+    part of `--quick`.
+    """
 
     name: str
     title: str
@@ -46,24 +50,24 @@ class HardCase:
 
     @property
     def of_bodies(self) -> bool:
-        """Whether it is about soft and rigid bodies, not about a sheet."""
+        """True if the case is about soft and rigid bodies, not about a sheet."""
         return self.methods == BODIES
 
     @property
     def of_tetrahedra(self) -> bool:
-        """Whether it is about tetrahedral bodies."""
+        """True if the case is about tetrahedral bodies."""
         return self.tetrahedral or self.methods == TETRAHEDRAL
 
     @property
     def of_fluids(self) -> bool:
-        """Whether it is about fluids."""
+        """True if the case is about fluids."""
         return self.methods == FLUIDS
 
     def base(self) -> Scene:
-        """The scene before `changes`."""
+        """Return the scene before `changes`."""
         return load_scene(self.scene) if isinstance(self.scene, str) else self.scene()
 
     def known_failure(self, method: str, precision: str) -> str | None:
-        """Why this case fails there by nature of the method; None where it must hold."""
+        """Return the reason why the method inevitably fails this case; None if it must pass."""
         keys = ((method, precision), (method, ANY), (ANY, precision))
         return next((self.known[key] for key in keys if key in self.known), None)

@@ -1,9 +1,8 @@
-"""The hard cases: the rows B1 to B24 of the lab's collection and F1 to F9, as scenes with a law that each must
-keep.
+"""The hard cases: rows B1 to B24 of the lab's collection and F1 to F9, as scenes with a law that each must satisfy.
 
-Those that concern the mass-spring grid and cloth have a scene in the catalogue under `hard/` and a law of
-bench/stress/laws.py, numbers.py, stiff.py or cloth.py there; those of bodies are in bench/stress/body_cases.py, of tetrahedra
-in tetrahedral_cases.py, of fluids in fluid_cases.py. docs/method.md names the rows.
+Cases of the mass-spring grid and cloth have a scene in the catalogue under `hard/` and a law in laws.py, numbers.py,
+stiff.py, cloth.py or xpbd.py here. Cases of bodies are in body_cases.py, of tetrahedra in tetrahedral_cases.py, of
+fluids in fluid_cases.py. docs/method.md names the rows.
 """
 
 from __future__ import annotations
@@ -19,7 +18,7 @@ from bench.stress.xpbd import bounded, heavy_end, one_iteration, small_steps_rop
 
 LAB_FAR = "the hand-out's velocity is the difference of two rounded positions over dt: an ulp becomes ulp / dt"
 FAR_KNOWN = {("lab", ANY): LAB_FAR}
-# Seen as a swing whose accelerations stay at an ulp / dt^2: larger ones the half still acts on.
+# Visible as a vibration whose accelerations stay at an ulp / dt^2: the half still acts on larger ones.
 REST_KNOWN = {
     (
         "taylor",

@@ -1,8 +1,8 @@
-"""Hard cases B16 to B19: a cloth and a ball that is too fast for a step, or inside it from the start; a pile of layers, and
-two layers in one place. bench/stress/laws.py tells what a law is; bench/stress/cases.py gives these their scenes.
+"""Hard cases B16 to B19: a cloth and a ball that is too fast for a step, or starts inside it; layers of cloth.
 
-The row B18 asks for eight sheets; a scene has one, so that it is one strip folded into eight layers. B19's thickness is the
-sheet's spacing, the largest that a scene may have: near the fold each contact keeps no more than the flat sheet has there.
+bench/stress/laws.py defines a law; bench/stress/cases.py has the scenes. Row B18 requires eight sheets; a scene has
+only one, so it is one strip folded into eight layers. B19's thickness is the sheet's spacing, the largest that a scene
+may have; near the fold each contact only keeps the distance that the flat sheet has there.
 """
 
 from __future__ import annotations
@@ -17,51 +17,56 @@ from model.core.integrators import frequency_bound
 from model.core.simulation import State
 from model.scene.cloth import Sphere
 
-LOOKS = (1, 2, 3, 5, 10, 30, 60)  # steps after which a state is looked at
-SECONDS = 10.0  # of layers
+LOOKS = (1, 2, 3, 5, 10, 30, 60)  # steps after which a state is checked
+SECONDS = 10.0  # simulated time of layers
 STILL_SHARE = 1e-3  # of the largest kinetic energy
 GAP_SHARE = 0.8  # of the thickness
-SHOWN = 1  # steps after which B16 is drawn: the ball has just flown past, and later is out of sight
+SHOWN = 1  # steps after which B16 is drawn: the ball has just passed, and is out of sight later
 
 
 def ball_of(trial: Trial, time: float = 0.0) -> tuple[Sphere, np.ndarray]:
-    """The scene's ball, and where its centre is [m] at `time` [s]."""
+    """Return the scene's ball, and its centre [m] at `time` [s]."""
     ball = next(part for part in trial.scene.parts.values() if isinstance(part, Sphere))
     return ball, np.array(ball.center) + time * np.array(ball.velocity)
 
 
 def reach_of(ball: Sphere) -> float:
-    """How near [m] to its centre a mass may be."""
+    """Return the smallest distance [m] of a mass from the ball's centre."""
     return ball.radius + ball.thickness
 
 
 def rounding(trial: Trial, state: State, center: np.ndarray) -> float:
-    """What a distance [m] to the ball is known to: eight ulp of the largest coordinate, a centre and a mass, three axes."""
+    """Rounding error [m] of a distance to the ball: eight ulp of the largest coordinate (a centre and a mass, three
+    axes).
+    """
     largest = max(float(np.abs(state.position).max()), float(np.abs(center).max()))
     return 8 * float(np.spacing(np.float32(largest) if trial.single else np.float64(largest)))
 
 
 def _overlap(trial: Trial, state: State) -> tuple[float, float]:
-    """(How deep [m] the deepest mass is inside the ball's reach, negative outside; to what that is known.)"""
+    """Return (depth [m] of the deepest mass inside the ball's surface, negative outside; its rounding error [m])."""
     ball, center = ball_of(trial, state.time)
     nearest = np.linalg.norm(state.position.astype(np.float64) - center, axis=1).min()
     return reach_of(ball) - float(nearest), rounding(trial, state, center)
 
 
 def _seen_energy(trial: Trial, position: np.ndarray, velocity: np.ndarray) -> float:
-    """What the scheme itself keeps [J], seen from the ball."""
+    """Energy [J] conserved by the scheme, in the frame of the ball."""
     return energies(trial.scene, position, velocity - np.array(ball_of(trial)[0].velocity))["conserved"]
 
 
 def _wobble(trial: Trial) -> float:
-    """The energy that symplectic Euler and Verlet keep differs from the true one by at most 1 / (1 - (w dt / 2)^2)."""
+    """Largest ratio of the energy conserved by symplectic Euler and Verlet to the true one, 1 / (1 - (w dt / 2)^2)."""
     return 1 / (1 - (frequency_bound(trial.scene) * trial.dt / 2) ** 2)
 
 
 def fast_ball(trial: Trial) -> list[Check]:
-    """B16: in its first step the ball flies past the whole cloth. Each mass in its way must lie on its front after it, and no
-    mass may ever be inside it. Then nothing explodes: seen from the ball, contacts only take energy away, so that it never
-    is more than the cloth had at the start, but for the wobble of a symplectic step."""
+    """B16: in its first step the ball passes the whole cloth.
+
+    Each mass in its path must then lie on its front, and no mass may ever be inside it. Nothing may explode: in the
+    frame of the ball, contacts only reduce the energy, so it never exceeds that at the start, except for the
+    fluctuation of a symplectic step.
+    """
     begin, at_rest = reference.start(trial.scene)
     ball, center = ball_of(trial)
     in_the_way = np.linalg.norm((begin - center)[:, :2], axis=1) < reach_of(ball)
@@ -84,9 +89,11 @@ def fast_ball(trial: Trial) -> list[Check]:
 
 
 def ball_inside(trial: Trial) -> list[Check]:
-    """B17: pushed out within a step, and only in place: no speed comes from the depth. What the springs of a mass then hold
-    is what its way out stretched them by, k (2 d)^2 / 2 each, and may not exceed m v^2 / 2 at v = radius / dt, the largest
-    speed that a mass may ever be pushed out with."""
+    """B17: masses are pushed out within a step, and only in position: the depth adds no speed.
+
+    The elastic energy of a mass's springs is then that of its displacement, k (2 d)^2 / 2 each. It may not exceed m v^2
+    / 2 at v = radius / dt, the largest speed at which a mass may be pushed out.
+    """
     begin, at_rest = reference.start(trial.scene)
     ball, center = ball_of(trial)
     depths = reach_of(ball) - np.linalg.norm(begin - center, axis=1)
@@ -109,8 +116,11 @@ def ball_inside(trial: Trial) -> list[Check]:
 
 
 def comes_to_rest_in_layers(trial: Trial) -> list[Check]:
-    """After 10 s the masses are nearly still, no two layers are much nearer than the thickness, and no edge goes through a
-    triangle. What contacts of masses with triangles do not see, edges that come near each other, is told."""
+    """B18 and B19: after 10 s the masses are nearly still, and the layers have not crossed.
+
+    No two layers may be much nearer than the thickness, and no edge may pass through a triangle. Edges near each other,
+    which contacts of masses with triangles do not detect, are reported.
+    """
     grid, part = trial.scene.grid, trial.scene.self_collision
     assert part is not None
     peak, energy = 0.0, 0.0

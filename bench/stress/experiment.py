@@ -1,11 +1,9 @@
-"""Where it breaks: the hard cases, each under every method that it is for, on every backend, in both precisions.
+"""`softlab hard`: the hard cases, each by every method that it applies to, on every backend, in both precisions.
 
-A run ends in a verdict (bench/stress/results.py) and the measured quantities beside their bounds, which go into the store as
-soon as they are had: Ctrl-C loses none, and what is held of these sources is not run again. An integrator whose limit is
-below a scene's step size runs at 0.9 of its limit, which is said beside its verdict; where the step size is the point of
-the case, it is refused.
-
-A kernel that never returns cannot be stopped from inside its process; everything else is looked at by the clock.
+A run ends in a verdict (bench/stress/results.py) and the measured quantities with their bounds. They are stored at
+once, so Ctrl-C loses none, and results of these sources are not run again. An integrator whose limit is below a scene's
+step size runs at 0.9 of its limit, as noted with its verdict; where the step size is the point of the case, it is
+refused. A kernel that never returns cannot be stopped from inside its process; everything else has a time limit.
 """
 
 from __future__ import annotations
@@ -36,17 +34,20 @@ from model.core.families import stability_limit
 from model.core.simulation import PRECISIONS
 from model.scene.scene import Scene
 
-SAFE = 0.9  # of its limit: the step size of an integrator that the scene's own is too large for
+SAFE = 0.9  # fraction of its limit: the step size of an integrator for which the scene's own is too large
 QUICK = ("lab", "velocity-verlet", FLUIDS[0])
 QUICK_PRECISIONS = ("float64",)
-# methods whose end states are drawn, besides all that failed
+# methods whose end states are drawn, in addition to all failures
 DRAWN = ("lab", "velocity-verlet", "xpbd gauss-seidel", MATCHING, FLUIDS[0])
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """`verdict`: of bench.stress.results.CODES; `diagnosis`; `checks`; `end`: positions (particles, dimensions) [m] or None,
-    at `time` [s]."""
+    """Result of a run.
+
+    `verdict`: one of bench.stress.results.CODES; `diagnosis`; `checks`; `end`: positions (particles, dimensions) [m] at
+    `time` [s], or None.
+    """
 
     verdict: str
     diagnosis: str
@@ -55,21 +56,21 @@ class Outcome:
     time: float = 0.0
 
 
-LIVE = ("gravity",)  # so that scenes without weight share kernels with the others
-# files of bench/stress by which a case is judged
+LIVE = ("gravity",)  # live, so that scenes without weight use the same kernels as the others
+# files of bench/stress that determine the verdict of a case
 LAWS = ("cases", "cloth", "laws", "numbers", "stiff", "trial", "xpbd")
 TETRAHEDRAL_LAWS = ("tetrahedra", "tetrahedral_cases", "trial")
 FLUID_LAWS = ("fluid_cases", "fluids", "trial")
-BODY_LAWS = (  # and of bench/experiments, one of bodies
+BODY_LAWS = (  # these include files of bench/experiments
     "../experiments/body_laws", "../experiments/body_scenes", "../experiments/clusters_by_hand", "bodies", "body_cases",
     "piles", "rotations", "trial",
 )  # fmt: skip
 
 
 def case_scene(case: HardCase, method: str) -> tuple[Scene, str]:
-    """The scene of a case under a method, and what is to be said of its step size."""
+    """Return the scene of a case under a method, and a note on its step size."""
     base = case.base()
-    own = base.method.position_based  # then substeps and iterations are the scene's
+    own = base.method.position_based  # the scene has its own substeps and iterations
     if case.of_tetrahedra:
         solved = tetrahedral_budget(case, method)
     elif case.of_fluids:
@@ -85,8 +86,11 @@ def case_scene(case: HardCase, method: str) -> tuple[Scene, str]:
 
 
 def judge_case(case: HardCase, method: str, backend: str = "cpu", precision: str = "float64", **how: Any) -> Outcome:
-    """Run one case and judge it. `how`: options of a Trial. A crash is a verdict, too; raises but for Ctrl-C only
-    BackendUnavailable: of a solver that a backend has not."""
+    """Run one case and return its outcome. `how`: options of a Trial.
+
+    A crash is a verdict too. Apart from Ctrl-C it only raises BackendUnavailable, for a solver that the backend does
+    not have.
+    """
     scene, note = case_scene(case, method)
     trial = Trial(scene, backend, precision, **({"live": LIVE} | how))
 
@@ -118,7 +122,7 @@ def judge_case(case: HardCase, method: str, backend: str = "cpu", precision: str
 
 
 def _refusal(trial: Trial) -> str | None:
-    """What the door says to the scene as it is; None where it lets it in."""
+    """Return the error that opening the unchanged scene raises, or None if it opens."""
     try:
         trial.open().close()
     except SoftlabError as error:
@@ -128,7 +132,7 @@ def _refusal(trial: Trial) -> str | None:
 
 @dataclass(frozen=True)
 class _Work:
-    """One run to do, and the description and source hash by which the store knows it."""
+    """One run to do, with the description and source hash by which the store identifies it."""
 
     case: HardCase
     method: str
@@ -142,7 +146,7 @@ class _Work:
 
 
 def _digest(case: HardCase) -> str:
-    """A hash of the laws of its kind: a case that judges otherwise is run anew."""
+    """Return a hash of the laws of the case's kind, so that a case with a changed law is run again."""
     kinds = (case.of_bodies, BODY_LAWS), (case.of_tetrahedra, TETRAHEDRAL_LAWS), (case.of_fluids, FLUID_LAWS)
     names = next((files for holds, files in kinds if holds), LAWS)
     return source_digest(*(Path(__file__).parent / f"{name}.py" for name in names))
@@ -151,7 +155,7 @@ def _digest(case: HardCase) -> str:
 def _work(
     cases: Sequence[HardCase], methods: Sequence[str], backends: Sequence[str], precisions: Sequence[str]
 ) -> list[_Work]:
-    """All runs, those that share machine code one after another."""
+    """Return all runs; those that share machine code follow each other."""
     found, laws = [], {case.name: _digest(case) for case in cases}
     for backend, precision, method, case in product(backends, precisions, methods, cases):
         if method in case.methods:
@@ -174,14 +178,14 @@ def run_hard(
     progress: bool = True,
     command: str = "softlab hard",
 ) -> HardSummary:
-    """Judge what the store lacks of the hard cases, and return all verdicts.
+    """Run the hard cases that the store lacks, and return all verdicts.
 
-    `cases`: names or rows (`B5`); None: all. `integrators`: methods; None: all, or (`quick`) the hand-out's step, velocity
-    Verlet and the first scheme of fluids, of whose cases then only some are run unless they are named. `precisions`: None:
-    both, or (`quick`) float64. `backends`: cpu, gpu (None: all that are here). `pictures`: end states as PNG into the folder
-    `hard` beside the store, where OpenGL is.
+    `cases`: names or rows (`B5`); None: all. `integrators`: methods; None: all, or (`quick`) the hand-out's step,
+    velocity Verlet and the first scheme of fluids, whose cases are then only partly run unless they are named.
+    `precisions`: None: both, or (`quick`) float64. `backends`: cpu, gpu (None: all that are available). `pictures`:
+    save end states as PNG in the folder `hard` beside the store, where OpenGL is available.
 
-    Raises SceneError (an unknown name), BackendUnavailable (a backend that is not here), InputError (the store).
+    Raises SceneError (an unknown name), BackendUnavailable (a backend is not available), InputError (the store).
     """
     wanted = chosen(cases, [case.name for case in CASES], "--case", rows=True)
     names = chosen(
@@ -216,8 +220,10 @@ def run_hard(
 
 
 def _judge(store: Store, summary: HardSummary, work: _Work, first: str, ends: list[tuple[_Work, Outcome]]) -> None:
-    """Checks, shape and verdict of one run into the store, all or none; what is to be drawn, to `ends`. Nothing of a solver
-    that the backend has not."""
+    """Run one case, store its checks, shape and verdict, all or none, and append end states to draw to `ends`.
+
+    Nothing is stored for a solver that the backend does not have.
+    """
     try:
         outcome = judge_case(work.case, work.method, work.backend, work.precision)
     except BackendUnavailable:
@@ -252,7 +258,7 @@ def _shape(scene: Scene, end: Any) -> str:
 
 
 def _draw(summary: HardSummary, ends: list[tuple[_Work, Outcome]], folder: Path, show: bool) -> None:
-    """A picture of every end state that was kept; none where OpenGL is missing, which is said."""
+    """Draw a picture of every stored end state; without OpenGL, set `summary.no_pictures` to the reason."""
     from app.output.offscreen import opengl_available, render_frame
 
     if not ends:
@@ -268,6 +274,6 @@ def _draw(summary: HardSummary, ends: list[tuple[_Work, Outcome]], folder: Path,
             words = [work.case.name.replace(" ", "-"), work.method, work.precision, work.backend]
             caption = f"{work.case.name}: {work.case.title}, {work.method}: {outcome.verdict}"
             picture = folder / f"{'-'.join(words)}.png"
-            assert outcome.end is not None  # only such are drawn
+            assert outcome.end is not None  # only runs with an end state are drawn
             render_frame(scene, outcome.end, picture, 640, 480, caption=caption, time=outcome.time)
             summary.pictures += 1

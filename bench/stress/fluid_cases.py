@@ -1,5 +1,8 @@
-"""The hard cases of fluids: bench/stress/fluids.py has their laws. Scenes are made, not read; all have weight, a floor and a
-box, of none or far away where they are not to be met, so that they share machine code."""
+"""Hard cases of fluids; bench/stress/fluids.py has their laws.
+
+The scenes are made by code. All have gravity (possibly 0), a floor and a box, which are far away where they shall not
+have contact, so that the scenes share machine code.
+"""
 
 from __future__ import annotations
 
@@ -13,18 +16,18 @@ from model.core.simulation import PRECISIONS
 from model.scene.scene import Scene
 
 FRAME, SUBSTEPS, ITERATIONS = 1 / 60, 4, 4
-D, SUPPORT = 0.05, 0.05 / 0.55  # m: rest distance, and how far a particle sees
-STEP = SUPPORT / 2  # m: what a particle goes in a substep at most
+D, SUPPORT = 0.05, 0.05 / 0.55  # m: rest distance, and support radius
+STEP = SUPPORT / 2  # m: largest displacement of a particle per substep
 FASTEST = STEP * SUBSTEPS / FRAME  # m/s: 10.9
 THICK = 0.01  # m: of colliders
 AWAY = -1000.0  # m
-# why cases fail that do
+# reasons of known failures
 OUTRUN = "nothing is faster than half a support a substep, 10.9 m/s here: the walls of a faster cup push its fluid on"
 SLOWED = "nothing is faster than half a support a substep, 10.9 m/s here; 100 m/s needs 37 substeps"
 
 
 def scene(substeps: int = SUBSTEPS, gravity: bool = False, **parts: Any) -> Scene:
-    """Parts, and a floor and a box far away if they are not among them."""
+    """Return a scene of these parts, with a floor and a box far away unless the parts have them."""
     far = {
         "floor": {"kind": "plane", "point": [0.0, AWAY, 0.0], "thickness": THICK},
         "box": {"kind": "box", "center": [0.0, AWAY, 0.0], "half_size": [0.5, 0.5, 0.5]},
@@ -36,12 +39,12 @@ def scene(substeps: int = SUBSTEPS, gravity: bool = False, **parts: Any) -> Scen
 def water(
     across: tuple[int, int, int], origin: tuple[float, float, float] = (0.0, 0.0, 0.0), **more: Any
 ) -> dict[str, Any]:
-    """A block of so many particles along each side."""
+    """Return a block of fluid with that many particles along each side."""
     return {"kind": "fluid", "size": [D * n for n in across], "origin": list(origin), "rest_distance": D} | more
 
 
 def cup(speed: float) -> Scene:
-    """Water in a cup of six boxes, 0.1 m thick, that move along x."""
+    """Return water in a cup of six boxes, 0.1 m thick, that move along x."""
     (x, y, z), half = fluids.INSIDE, 0.05
     wide, high, deep = x / 2 + 2 * half, y / 2 + 2 * half, z / 2 + 2 * half
     places = {
@@ -61,12 +64,12 @@ def cup(speed: float) -> Scene:
 
 
 def lone() -> Scene:
-    """One particle, 5 m over a floor."""
+    """Return one particle, 5 m above a floor."""
     return scene(gravity=True, drop=water((1, 1, 1), (0.0, 5.0, 0.0)), floor={"kind": "plane", "thickness": THICK})
 
 
 def stacked() -> Scene:
-    """The heavy fluid over the light one, both 0.2 m deep, in a tank."""
+    """Return the heavy fluid above the light one, both 0.2 m deep, in a tank."""
     metal, gas = (water((8, 4, 4), (0.0, low, 0.0), density=rho) for low, rho in ((0.2, 1000.0), (0.0, 1.0)))
     sides = {
         "floor": ([0.0, 0.0, 0.0], [0.0, 1.0, 0.0]), "left": ([0.0, 0.0, 0.0], [1.0, 0.0, 0.0]),
@@ -80,14 +83,16 @@ def stacked() -> Scene:
 
 
 def slab(substeps: int) -> Scene:
-    """A slab at 100 m/s, 2 m over a floor."""
+    """Return a slab at 100 m/s, 2 m above a floor."""
     flying = water((12, 4, 12), (0.0, 2.0, 0.0), velocity=[0.0, -100.0, 0.0])
     return scene(substeps, slab=flying, floor={"kind": "plane", "thickness": THICK})
 
 
 def plate(half: float, moves: bool) -> Scene:
-    """A block that flies at a plate, or a plate at a block, at 0.9 of the speed limit. The plate is so wide that no particle
-    reaches its rim."""
+    """Return a block that flies at a plate, or a plate at a block, at 0.9 of the speed limit.
+
+    The plate is so wide that no particle reaches its rim.
+    """
     speed, wide = 0.9 * FASTEST, fluids.FREE * FASTEST
     velocity = {"velocity": [0.0, 0.0 if moves else -speed, 0.0]}
     box = {"kind": "box", "center": [0.0, -0.3, 0.0], "half_size": [wide, half, wide], "thickness": THICK,
@@ -96,12 +101,12 @@ def plate(half: float, moves: bool) -> Scene:
 
 
 def drop(**more: Any) -> Scene:
-    """A cube of 216 particles about the origin."""
+    """Return a cube of 216 particles about the origin."""
     return scene(water=water((6, 6, 6), (-0.15, -0.15, -0.15), **more))
 
 
 def mixed() -> Scene:
-    """Two halves of a cube, of which one is ten times as heavy."""
+    """Return two halves of a cube, one of which is ten times as heavy."""
     halves: dict[str, Any] = {
         name: water((3, 6, 6), (low, -0.15, -0.15), density=rho)
         for name, low, rho in (("oil", -0.15, 100.0), ("water", 0.0, 1000.0))
@@ -110,12 +115,15 @@ def mixed() -> Scene:
 
 
 def crowded() -> Scene:
-    """Three blocks in one place."""
+    """Return three blocks in one place."""
     return scene(water=water((5, 5, 5), blocks=[{"origin": [0.0, 0.0, 0.0], "size": [5 * D] * 3}] * 2))
 
 
 def joined_vessels() -> Scene:
-    """In a plane: water 0.4 m high on the left of a wall that ends 0.1 m over the floor, nothing on its right."""
+    """Return, in a plane, water 0.4 m high on the left of a wall that ends 0.1 m above the floor.
+
+    The right side is empty.
+    """
     d = 0.02
     block = {"kind": "fluid", "dimensions": 2, "size": [0.3, 0.4], "rest_distance": d, "viscosity": 2.0}
     ends = {"floor": ([0.0, 0.0, 0.0], [0.0, 1.0, 0.0]), "left": ([0.0] * 3, [1.0, 0.0, 0.0]),
@@ -130,7 +138,7 @@ def joined_vessels() -> Scene:
 
 
 def _always(reason: str) -> dict[tuple[str, str], str]:
-    """A failure that any scheme has in any precision."""
+    """Return a failure that any scheme has in any precision."""
     return {(ANY, precision): reason for precision in PRECISIONS}
 
 

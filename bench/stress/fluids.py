@@ -1,5 +1,8 @@
-"""Hard cases of fluids: F1 to F9. bench/stress/trial.py tells what a law returns; bench/stress/fluid_cases.py gives these
-their scenes. What a solver does to a particle is in model/fluid/plan.py, and docs/method.md names the rows."""
+"""Laws of the hard cases of fluids, F1 to F9.
+
+bench/stress/trial.py defines what a law returns; bench/stress/fluid_cases.py has the scenes; model/fluid/plan.py has
+the stages of a step; docs/method.md names the rows.
+"""
 
 from __future__ import annotations
 
@@ -12,18 +15,18 @@ from model.fluid.parameters import MAX_NEIGHBOURS, speed_limit
 from model.scene.cloth import Box, Plane
 from model.scene.scene import Scene
 
-SECONDS = 1.0  # of a cup's way, of what falls and rests
-SPARSE = 2.0  # s: of what flies alone
-SETTLED = 5.0  # s: of two fluids that change places
-FREE = 0.5  # s: a lone particle has not met its floor
-SCATTERED = 1.0  # m/s: the spread of random velocities
-INSIDE = (0.4, 0.4, 0.3)  # m: of the cup
-STILL = 1e-5  # of momentum, and of a rest distance
-DENSE = 0.01  # of density: what its mean may exceed that at rest by (section F of the lab's collection)
-DEPTH = 0.1  # of a heavy fluid's depth
-HELD = 0.99  # of a speed
+SECONDS = 1.0  # simulated time of a cup's motion, and of fluids that fall and come to rest
+SPARSE = 2.0  # s: simulated time of free flight
+SETTLED = 5.0  # s: simulated time of two fluids that change places
+FREE = 0.5  # s: a lone particle has not reached its floor by then
+SCATTERED = 1.0  # m/s: standard deviation of random velocities
+INSIDE = (0.4, 0.4, 0.3)  # m: inner size of the cup
+STILL = 1e-5  # relative: of momentum, and of a rest distance
+DENSE = 0.01  # largest mean excess over the rest density (section F of the lab's collection)
+DEPTH = 0.1  # fraction of a heavy fluid's depth
+HELD = 0.99  # fraction of a speed that must remain
 
-# names of numbers
+# names of the numbers
 OUTSIDE, LAG = "farthest out of the cup", "mean velocity off the cup's, of it"
 FALL, HEIGHT, SPEED = "place off the fall's law, of the way", "height over the floor, of a rest distance", "speed"
 APART, LOST = "distance of the two, of a rest distance", "momentum lost"
@@ -39,14 +42,17 @@ TOLD, MISSED = "neighbours told as lost, off what NumPy counts", "neighbours los
 
 
 def _unit(trial: Trial, size: float) -> float:
-    """The unit in the last place of a number of this size."""
+    """Unit in the last place of a number of this size."""
     return float(np.spacing(np.float32(size) if trial.single else np.float64(size)))
 
 
 def _rounded(trial: Trial, size: float, seconds: float, mean: int = 0) -> float:
-    """[m/s]: what a velocity may be off by after `seconds`, of places as large as `size` [m]: it is a difference of two
-    over a substep, half a unit in the last place of each, in every substep, at worst all of one sign. Of `mean`, that of
-    so many particles (1 or more), roundings of either sign: the root of their number, four deviations."""
+    """Rounding error [m/s] of a velocity after `seconds`, with coordinates as large as `size` [m].
+
+    A velocity is a difference of two coordinates over a substep: half a unit in the last place of each, in every
+    substep, in the worst case all of one sign. For the mean over `mean` particles (1 or more) the errors have either
+    sign: the root of their number, four standard deviations.
+    """
     method = trial.scene.method
     h = trial.dt / method.substeps
     substeps = trial.steps(seconds) * method.substeps
@@ -62,26 +68,30 @@ def _largest_speed(state: State) -> float:
 
 
 def _within_limit(trial: Trial, fastest: float) -> Check:
-    """No speed is over half a support a substep, but by rounding: what walls are passed by hangs on it."""
+    """Check that no speed exceeds half a support radius per substep, except for rounding: walls rely on it."""
     return Check(FASTEST, fastest / _limit(trial.scene), "", "<", 1 + 8 * _unit(trial, 1.0))
 
 
 def stays_in_its_cup(trial: Trial) -> list[Check]:
-    """F1: a closed cup of thick walls that moves as one from the first step, and water in it that stands. Nothing may get
-    out of it, and after a second the water goes with it: all that is left is how it swings (Galileo)."""
+    """F1: a closed cup with thick walls that moves as a whole from the first step, and water at rest in it.
+
+    Nothing may leave the cup, and after a second the water moves with it, except for its sloshing (Galileo).
+    """
     velocity = np.array(next(part.velocity for kind, part in trial.scene.colliders if kind == "box"))
     farthest = 0.0
     for state in trial.watch(range(1, trial.steps(SECONDS) + 1)):
         place = state.position.astype(np.float64) - velocity * state.time
         farthest = max(farthest, float(np.maximum(-place, place - np.array(INSIDE)).max()))
     lag = np.linalg.norm(state.velocity.astype(np.float64).mean(axis=0) - velocity) / np.linalg.norm(velocity)
-    # out of it: as far as its faces, which the thickness of a collider lies before
+    # outside means beyond its faces, in front of which the thickness of a collider lies
     return [Check(OUTSIDE, farthest, "m", "<", 1e-3), Check(LAG, float(lag), "", "<", 0.1)]
 
 
 def falls_alone(trial: Trial) -> list[Check]:
-    """F2: a particle without neighbours is a point: x = x_0 - g h^2 n (n + 1) / 2 after n substeps (symplectic Euler), and
-    then lies on the floor, where a wall's density alone holds it, nearer than half a rest distance."""
+    """F2: a particle without neighbours is a point: x = x_0 - g h^2 n (n + 1) / 2 after n substeps (symplectic Euler).
+
+    Then it lies on the floor, where only a wall's density supports it, nearer than half a rest distance.
+    """
     scene, method = trial.scene, trial.scene.method
     assert scene.gravity is not None
     start, g, h = float(scene.fluid_set.position[0, 1]), scene.gravity.acceleration, trial.dt / method.substeps
@@ -100,8 +110,10 @@ def falls_alone(trial: Trial) -> list[Check]:
 
 
 def parts_from_its_double(trial: Trial) -> list[Check]:
-    """F3: in the middle of a block, without weight, one particle lies in another's place: no direction leads them apart.
-    They part (by the formula `apart`), momentum stays, and nothing is faster than the limit."""
+    """F3: inside a block, without weight, one particle coincides with another, so no direction separates them.
+
+    They separate (by the formula `apart`), momentum is conserved, and no speed exceeds the limit.
+    """
     scene = trial.scene
     position = scene.fluid_set.position.copy()
     middle = int(np.argmin(np.linalg.norm(position - position.mean(axis=0), axis=1)))
@@ -118,8 +130,11 @@ def parts_from_its_double(trial: Trial) -> list[Check]:
 
 
 def two_alone(trial: Trial) -> list[Check]:
-    """F3: two particles in one place and nothing else: they may part, since the kernel is steep at its centre, but their mean
-    stays (no weight), and no division by their distance of 0 shows."""
+    """F3: two coincident particles and nothing else.
+
+    They may separate, since the kernel is steep at its centre, but their mean stays (no weight), and no division by
+    their distance of 0 may show.
+    """
     position = np.zeros_like(trial.scene.fluid_set.position)
     state = trial.run(trial.start(position), SECONDS)
     return [
@@ -129,9 +144,11 @@ def two_alone(trial: Trial) -> list[Check]:
 
 
 def changes_places(trial: Trial) -> list[Check]:
-    """F4: a fluid of 1000 kg/m^3 over one of 1 kg/m^3, in a tank: what is heavier ends below (Archimedes), at its own depth,
-    and neither is pressed: densities, mean over all, within 1 % (section F). The light one is thrown about by what weighs a
-    thousand times as much: how fast is told, and bounded by the limit."""
+    """F4: a fluid of 1000 kg/m^3 over one of 1 kg/m^3, in a tank: the heavier ends below (Archimedes).
+
+    It ends at its own depth, and neither is compressed: the mean density over all is within 1 % (section F). The light
+    fluid is thrown about by one of a thousand times its density: its speed is reported, and bounded by the limit.
+    """
     scene = trial.scene
     fluid = scene.fluid_set.fluid
     heights, fastest = [], 0.0
@@ -152,8 +169,11 @@ def changes_places(trial: Trial) -> list[Check]:
 
 
 def hits_the_floor(trial: Trial) -> list[Check]:
-    """F5: a slab that flies at 100 m/s at a floor. It arrives with that speed, nothing passes the floor, and the hit makes no
-    energy. With too few substeps it does not arrive so: no speed is over half a support a substep."""
+    """F5: a slab that flies at a floor at 100 m/s.
+
+    It arrives with that speed, nothing passes the floor, and the impact adds no energy. With too few substeps it
+    arrives slower, since no speed exceeds half a support radius per substep.
+    """
     scene = trial.scene
     given, floor = np.linalg.norm(next(iter(scene.fluids.values())).velocity), _floor(scene)
     kept, energy, low, fastest = 0.0, 0.0, np.inf, 0.0
@@ -172,8 +192,10 @@ def hits_the_floor(trial: Trial) -> list[Check]:
 
 
 def keeps_still(trial: Trial) -> list[Check]:
-    """F6: a drop without weight. On the lattice that its kernels are scaled by nothing moves (A12); if it is drawn together,
-    by forces in pairs, its centre stays."""
+    """F6: a drop without weight. On the lattice by which its kernels are scaled nothing moves (A12).
+
+    With cohesion or surface tension, forces in pairs, its centre stays.
+    """
     scene = trial.scene
     begin = scene.fluid_set.position
     state = trial.run(None, SPARSE)
@@ -187,8 +209,11 @@ def keeps_still(trial: Trial) -> list[Check]:
 
 
 def keeps_momentum(trial: Trial) -> list[Check]:
-    """F7: particles, of one fluid or two, that start with random velocities, without walls or weight: what one gives
-    another takes (Newton's third law), to 1e-5 of the sum of all m |v|; in float32 to what rounding makes of velocities."""
+    """F7: particles of one or two fluids with random initial velocities, without walls or weight.
+
+    Momentum is conserved (Newton's third law) to 1e-5 of the sum of all m |v|; in float32 to the rounding of
+    velocities.
+    """
     found = trial.scene.fluid_set
     velocity = np.random.default_rng(7).normal(0, SCATTERED, found.position.shape)
     state = trial.run(trial.start(found.position, velocity), SPARSE)
@@ -196,7 +221,7 @@ def keeps_momentum(trial: Trial) -> list[Check]:
 
 
 def _momentum(trial: Trial, state: State, velocity: np.ndarray, speed: float, seconds: float) -> Check:
-    """What all momenta changed by, of m times `speed` [m/s]."""
+    """Check of the change of the total momentum, relative to the total mass times `speed` [m/s]."""
     m = trial.scene.fluid_set.masses
     change = m @ (state.velocity.astype(np.float64) - velocity)
     lost = float(np.abs(change).max() / (m.sum() * speed))
@@ -205,8 +230,10 @@ def _momentum(trial: Trial, state: State, velocity: np.ndarray, speed: float, se
 
 
 def stops_at_a_plate(trial: Trial) -> list[Check]:
-    """F8: a block and a plate meet with almost the largest speed that there is. However thin the plate, no way leads through
-    it, and nothing ends beyond it."""
+    """F8: a block and a plate meet at almost the largest possible speed.
+
+    However thin the plate, no particle passes through it, and none ends beyond it.
+    """
     (plate,) = (part for kind, part in trial.scene.colliders if isinstance(part, Box))
     fastest, through = 0.0, 0
     for state in trial.watch(range(1, trial.steps(FREE) + 1)):
@@ -217,8 +244,11 @@ def stops_at_a_plate(trial: Trial) -> list[Check]:
 
 
 def tells_what_is_lost(trial: Trial) -> list[Check]:
-    """F9: several blocks in one place, a little stirred: more neighbours than lists hold. In the first substep as many are
-    told as lost as NumPy counts beyond the lists' length, by every pair; the rest stays finite and within its limit."""
+    """F9: several blocks in one place, slightly perturbed: more neighbours than the lists can store.
+
+    In the first substep the reported number of lost neighbours equals the number beyond the lists' length that NumPy
+    counts over all pairs; the rest stays finite and within its limit.
+    """
     scene = trial.scene
     random = np.random.default_rng(9)
     position = scene.fluid_set.position + random.normal(0, scene.fluid_set.spacing / 20, scene.fluid_set.position.shape)
@@ -233,7 +263,7 @@ def tells_what_is_lost(trial: Trial) -> list[Check]:
     fastest = max(
         _largest_speed(state) for state in trial.watch(range(1, trial.steps(FREE) + 1), trial.start(position))
     )
-    # in float32 a pair within rounding of the support counts for one and not for the other
+    # in float32 a pair within rounding of the support radius may be counted by only one of the two
     return [
         Check(TOLD, abs(told / max(expected, 1) - 1), "", "<", 1e-3 if trial.single else 1e-12),
         Check(MISSED, float(told), "", ">", 0.5),
@@ -242,5 +272,5 @@ def tells_what_is_lost(trial: Trial) -> list[Check]:
 
 
 def _floor(scene: Scene) -> float:
-    """[m]: where the floor's surface is, its thickness added."""
+    """Height [m] of the floor's surface, including its thickness."""
     return next(part.point[1] + part.thickness for _, part in scene.colliders if isinstance(part, Plane))

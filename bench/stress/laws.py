@@ -1,14 +1,13 @@
-"""What the hard cases do to a scene and what must hold: starts that no scene can say, actions, and laws.
+"""Starts that no scene file can express, actions, and laws of the hard cases.
 
-A law runs a Trial and returns its checks, the telling one first. Rows B4 to B24 of the lab's collection of hard cases; B1's
-are in bench/stress/stiff.py, B13's to B15's in numbers.py there. bench/stress/cases.py gives them their scenes.
+A law runs a Trial and returns its checks, the decisive one first. Rows B4 to B24 of the lab's collection of hard cases;
+those of B1 are in bench/stress/stiff.py, those of B13 to B15 in numbers.py. bench/stress/cases.py has the scenes.
 
-Where published values were found to be narrower than told, what was measured is judged.
-B5, point: said to return to the hanging grid; it ends in one of the net's many equilibria, which one depends on integrator,
-step size and rounding, so rest is judged and the distance is told.
-B5, line: said to stay folded 8.0 m from it; that is `lab` at 10 ms. Others fold elsewhere, always a whole multiple of two
-rest lengths away.
-Rest within 60 s: one grid that began as a point has so soft a mode that it takes 120 s.
+Where published values hold less generally than stated, the verdict uses what was measured: B5, point: published to
+return to the hanging grid. It ends in one of the net's many equilibria, depending on integrator, step size and
+rounding, so rest is required and the distance is reported. B5, line: published to stay folded 8.0 m from it. That is
+`lab` at 10 ms; others fold elsewhere, always a whole multiple of two rest lengths away. Rest within 60 s: one grid that
+began as a point has so soft a mode that it takes 120 s.
 """
 
 from __future__ import annotations
@@ -29,37 +28,40 @@ from model.scene.scene import Scene
 
 Law = Callable[[Trial], list[Check]]
 
-DISTURBANCE = 1e-6  # m: breaks the symmetries that would hide an instability
-OVERFLOW_STEPS = 200  # within which a step size ten times too large must have been found out
+DISTURBANCE = 1e-6  # m: breaks symmetries that would hide an instability
+OVERFLOW_STEPS = 200  # steps within which a step size ten times too large must be detected
 
 
 def disturbed(trial: Trial, position: np.ndarray) -> np.ndarray:
-    """`position` with every free mass moved by DISTURBANCE, deterministically."""
+    """Return `position` with every free mass displaced by DISTURBANCE, deterministically."""
     free = ~reference.pinned_mask(trial.scene)
     offset = wave(trial.scene.grid, DISTURBANCE).reshape(position.shape)
     return np.where(free[..., None], position + offset, position)
 
 
 def hanging(scene: Scene) -> np.ndarray:
-    """(rows, columns, 2) [m]: at rest under a held top row, each link carrying the weight below it (A4)."""
+    """Return the rest state below a fixed top row: (rows, columns, 2) [m].
+
+    Each link carries the weight below it (A4).
+    """
     grid, springs, gravity = scene.grid, scene.springs, scene.gravity
     position = reference.rest(scene).astype(np.float64)
     if springs is None or gravity is None:
         return position
-    below = np.arange(grid.rows - 1, 0, -1)  # masses that hang on each link, from the top
+    below = np.arange(grid.rows - 1, 0, -1)  # number of masses that hang on each link, from the top
     links = springs.rest_length + below * grid.mass * gravity.acceleration / spring_stiffness(scene)[1].ravel()
     position[1:, :, 1] = -np.cumsum(links)[:, None]
     return position
 
 
 def far_off(trial: Trial, position: np.ndarray) -> Check:
-    """How far the state is from the hanging grid: told, since any equilibrium is allowed."""
+    """Distance of the state from the hanging grid, reported without a bound since any equilibrium is allowed."""
     away = position.reshape(-1, 2) - hanging(trial.scene).reshape(-1, 2)
     return Check("distance from the hanging grid", float(np.hypot(away[:, 0], away[:, 1]).max()), "m")
 
 
 def comes_to_rest(start: Callable[[Trial], np.ndarray]) -> Law:
-    """From `start`, finite, and then slow and without residual force."""
+    """Make a law: a run from `start` stays finite, and ends slow and without residual force."""
 
     def law(trial: Trial) -> list[Check]:
         with trial.open(trial.start(start(trial))) as simulation:
@@ -73,8 +75,10 @@ def comes_to_rest(start: Callable[[Trial], np.ndarray]) -> Law:
 
 
 def coincident(trial: Trial) -> list[Check]:
-    """B4: two masses in one place pull each other nowhere, and a constraint between them is skipped; the next three steps
-    are finite and the reference's."""
+    """B4: two coincident masses exert no force on each other, and a constraint between them is skipped.
+
+    The next three steps are finite and agree with the reference.
+    """
     position = trial.rest()
     position[1, 1] = position[1, 2]
     initial = trial.start(position)
@@ -85,15 +89,18 @@ def coincident(trial: Trial) -> list[Check]:
 
 
 def to_a_line(trial: Trial) -> np.ndarray:
-    """Every row on top of the first one."""
+    """Return a start with every row on top of the first one."""
     position = trial.rest()
     position[..., 1] = 0
     return position
 
 
 def folded_line(trial: Trial) -> list[Check]:
-    """B5: every row at y = 0, exactly: finite. By symmetry the net stays folded: a link that
-    points up instead of down carries the same weight, so each moves what hangs below it by two rest lengths."""
+    """B5: every row at y = 0 exactly; the run stays finite.
+
+    By symmetry the net stays folded: a link that points up instead of down carries the same weight, so each moves what
+    hangs below it by two rest lengths.
+    """
     state = trial.run(trial.start(to_a_line(trial)), REST)
     return [
         far_off(trial, state.position),
@@ -103,19 +110,19 @@ def folded_line(trial: Trial) -> list[Check]:
 
 
 def to_a_disturbed_line(trial: Trial) -> np.ndarray:
-    """The same, its symmetry broken."""
+    """Return the same start with its symmetry broken."""
     return disturbed(trial, to_a_line(trial))
 
 
 def to_a_point(trial: Trial) -> np.ndarray:
-    """All free masses at (4.5, -3) m."""
+    """Return a start with all free masses at (4.5, -3) m."""
     position = trial.rest()
     position[1:] = (4.5, -3.0)
     return position
 
 
 def flipped(trial: Trial) -> list[Check]:
-    """B6: upside down above the held row, disturbed by 1e-6 m: it must fall, and come to rest."""
+    """B6: upside down above the fixed row, disturbed by 1e-6 m: it must fall and come to rest."""
     with trial.open(trial.start(disturbed(trial, trial.rest() * (1, -1)))) as simulation:
         state, checks = trial.settle(simulation)
     columns = trial.scene.grid.columns
@@ -124,14 +131,14 @@ def flipped(trial: Trial) -> list[Check]:
 
 
 def mirrored(trial: Trial) -> np.ndarray:
-    """Left and right exchanged, but for the held row."""
+    """Return a start with left and right exchanged, except for the fixed row."""
     position = trial.rest()
     position[1:] = position[1:, ::-1].copy()
     return position
 
 
 def scattered(trial: Trial) -> np.ndarray:
-    """Every free mass anywhere in a box of 10 m."""
+    """Return a start with every free mass anywhere in a box of 10 m."""
     position = trial.rest()
     box = np.random.default_rng(7).uniform(0.0, 10.0, position[1:].shape)
     position[1:] = box * (1, -1)
@@ -142,7 +149,7 @@ def scattered(trial: Trial) -> np.ndarray:
 
 
 def ten_times_too_large(trial: Trial) -> list[Check]:
-    """B8: refused at the door; forced, it overflows, and is found and reported within 200 steps."""
+    """B8: refused when opened; with `allow_unstable` it overflows, which is reported within 200 steps."""
     try:
         with trial.open(trial.start(trial.rest()), allow_unstable=True) as simulation:
             trial.advance(simulation, OVERFLOW_STEPS)
@@ -154,9 +161,11 @@ def ten_times_too_large(trial: Trial) -> list[Check]:
 
 
 def beside_the_limit(side: float) -> Law:
-    """B9: a chain of springs without rest length is linear, and its fastest mode w^2 = (k/m) 4 sin^2((2n-1) pi /
-    (2 (2n+1))) tells the limit exactly. At 0.99 of it that mode decays, at 1.01 it grows, over so many steps that the
-    spectral radius of the step (model/core/integrators.py) makes a factor of ten of it."""
+    """B9: a chain of springs without rest length is linear, so its fastest mode gives the limit exactly.
+
+    The mode is w^2 = (k/m) 4 sin^2((2n-1) pi / (2 (2n+1))). At 0.99 of the limit it decays, at 1.01 it grows, over the
+    number of steps in which the spectral radius of the step (model/core/integrators.py) gives a factor of ten.
+    """
 
     def law(trial: Trial) -> list[Check]:
         scene, links = trial.scene, trial.scene.grid.rows - 1
@@ -183,13 +192,16 @@ def beside_the_limit(side: float) -> Law:
     return law
 
 
-# ---------------------------------------------------------------------- B10 to B12: violence
+# ---------------------------------------------------------------------- B10 to B12: violent motion
 
 
 def violent(speed: float = 0.0, drag: float = 0.0) -> Law:
-    """B10: the free corner gets a speed [m/s], or is let go `drag` [m] away along each axis. The energy that the scheme
-    itself keeps falls within 1 s, and the net comes to rest. The largest speed is told: published for `lab` are 69.7, 985 and
-    12 950 m/s, of which the first and last are components along one axis of motions along the diagonal."""
+    """B10: the free corner gets a speed [m/s], or is released `drag` [m] away along each axis.
+
+    The energy that the scheme conserves falls within 1 s, and the net comes to rest. The largest speed is reported:
+    published for `lab` are 69.7, 985 and 12 950 m/s, of which the first and last are components along one axis of
+    motions along the diagonal.
+    """
 
     def law(trial: Trial) -> list[Check]:
         position = trial.rest()
@@ -218,7 +230,7 @@ def violent(speed: float = 0.0, drag: float = 0.0) -> Law:
 
 
 def toggled(trial: Trial) -> list[Check]:
-    """B11: gravity on and off by turns is half of it on average: the bottom row settles at y = -9.220725 m."""
+    """B11: gravity switched on and off in turn is half of it on average: the bottom row settles at y = -9.220725 m."""
     half = trial.scene.replace({"gravity.acceleration": 9.81 / 2})
     with trial.open(trial.start(trial.rest()), live=("gravity",)) as simulation:
         for _ in range(trial.steps(20.0 if trial.is_lab else 10.0) // 2):
@@ -241,11 +253,11 @@ def one_pin(trial: Trial) -> list[Check]:
     ]
 
 
-# ---------------------------------------------------------------------- B24: hardly a grid
+# ---------------------------------------------------------------------- B24: degenerate grids
 
 
 def like_the_reference(trial: Trial) -> list[Check]:
-    """B24: fifty steps of hardly a grid are the reference's; a pinned mass does not move at all."""
+    """B24: fifty steps of a degenerate grid agree with the reference; a pinned mass does not move at all."""
     initial = trial.start(*reference.start(trial.scene))
     state = trial.run(initial, 50 * trial.dt)
     expected = trial.expected(50)
@@ -259,6 +271,6 @@ def like_the_reference(trial: Trial) -> list[Check]:
 
 
 def empty(trial: Trial) -> list[Check]:
-    """B24: a grid without masses is no scene: refused with the field that is wrong."""
+    """B24: a grid without masses is refused with the name of the wrong field."""
     trial.scene.replace({"grid.rows": 0})
     return [Check("refused", 0.0, "", ">", 0.0)]

@@ -1,8 +1,8 @@
-"""Hard cases B13 to B15: a chain of thousands of links, one far from the origin, and numbers too small to be normal.
-bench/stress/laws.py tells what a law is; bench/stress/cases.py gives these their scenes.
+"""Hard cases B13 to B15: a chain of thousands of links, one far from the origin, and denormal numbers.
 
-B14: published are ten ulp, which hold for a chain let go along gravity; one that swings 100 km away was seen at 14 with rk4,
-so its bound is 20. The hand-out's step passes neither, in float64 either.
+bench/stress/laws.py defines a law; bench/stress/cases.py has the scenes. B14: the published bound is ten ulp, which
+holds for a chain released along gravity; one that swings 100 km away was measured at 14 with rk4, so its bound is 20.
+The hand-out's step satisfies neither, in float64 either.
 """
 
 from __future__ import annotations
@@ -16,12 +16,14 @@ from bench.reference import mass_spring as reference
 from bench.stress.laws import Law
 from bench.stress.trial import Check, Trial
 
-SLOW_DOWN = 1.5  # times: the most that denormal numbers may cost
+SLOW_DOWN = 1.5  # times: largest slow-down by denormal numbers
 
 
 def long_chain(trial: Trial) -> list[Check]:
-    """B13: 4096 links let go. For 10 s the bottom mass knows nothing of the pin (the wave runs 32 links a second), so it
-    falls like one mass alone: the reference's. float32: an ulp of its depth each step."""
+    """B13: 4096 links released. For 10 s the bottom mass is not reached by the pin's wave (32 links/s).
+
+    It falls like a single mass: the reference's. float32: an ulp of its depth per step.
+    """
     state = trial.run(trial.start(trial.rest()), 10.0)
     alone = trial.scene.replace({"grid.rows": 1, "grid.pinned": "none"})
     fall = reference.simulate(alone, state.step)[0][0, 1]
@@ -35,8 +37,10 @@ def long_chain(trial: Trial) -> list[Check]:
 
 
 def far_away(offset: float, swinging: bool) -> Law:
-    """B14: a ten-link chain let go `offset` [m] from the origin, for 1 s, against itself at the origin in float64, in ulp
-    of the offset: along gravity (published bound: 10), or sideways, to swing (bound: 20)."""
+    """B14: a ten-link chain released `offset` [m] from the origin, for 1 s, against itself at the origin in float64.
+
+    In ulp of the offset: along gravity (published bound: 10), or sideways, to swing (bound: 20).
+    """
 
     def law(trial: Trial) -> list[Check]:
         position = trial.rest()
@@ -53,9 +57,12 @@ def far_away(offset: float, swinging: bool) -> Law:
 
 
 def denormals(trial: Trial) -> list[Check]:
-    """B15: stretches and velocities below the smallest normal number: no NaN (the squared length underflows, 1/r is
-    guarded), nothing grows out of them. That steps take at most 1.5 times as long as with ordinary numbers is aimed at and
-    told; a verdict that hangs on a stopwatch would change from run to run."""
+    """B15: stretches and velocities below the smallest normal number.
+
+    No NaN appears (the squared length underflows, 1/r is guarded), and nothing grows from them. The ratio of the step
+    time to that with ordinary numbers should be at most 1.5; it is reported but not part of the verdict, which would
+    change from run to run if it depended on a time.
+    """
     tiny = 1e-40 if trial.single else 1e-310
     random = np.random.default_rng(3).standard_normal(trial.rest().shape)
     random[0] = 0

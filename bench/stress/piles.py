@@ -1,5 +1,7 @@
-"""Hard cases of bodies under load and at rest: stacks, a heavy one on a light one, heaps, and what was dropped.
-bench/stress/trial.py tells what a law returns; bench/stress/body_cases.py gives these their scenes."""
+"""Hard cases of bodies under load and at rest: stacks, a heavy body on a light one, heaps, and dropped bodies.
+
+bench/stress/trial.py defines what a law returns; bench/stress/body_cases.py has the scenes.
+"""
 
 from __future__ import annotations
 
@@ -11,26 +13,29 @@ from bench.stress.trial import Check, Trial
 from model.core.simulation import State
 
 SECONDS = 10.0
-NEAR = 0.02  # of g h^2: what a stack has not yet settled to
-STILL = 1e-6  # of the energy of a drop
-SINKING, LOWERED, BORNE, DEPTH, RATIO = (  # names of numbers that the lab book tells of
+NEAR = 0.02  # of g h^2: how far a stack may be from its settled state
+STILL = 1e-6  # fraction of the energy of a drop
+SINKING, LOWERED, BORNE, DEPTH, RATIO = (  # names of the numbers that the lab book quotes
     "sinking of an interface, off 4 k g h^2, over g h^2", "way of the top over a brick's height",
     "depth over 2 (1 + r) g h^2, off 1", "depth over the distance of particles", "r",
 )  # fmt: skip
-STILL_SHARE, GAP_SHARE = 1e-3, 0.8  # B18: of the largest kinetic energy, and of the distance that particles keep
+STILL_SHARE, GAP_SHARE = 1e-3, 0.8  # B18: of the largest kinetic energy, and of the contact distance
 
 
 def of_rounding(trial: Trial, size: float) -> float:
-    """What a depth is known to, over g h^2: four roundings of `size` [m] in each substep are taken back by the next."""
+    """Rounding error of a depth, over g h^2: the next substep reverts four roundings of `size` [m]."""
     h = trial.dt / trial.scene.method.substeps
     return 8 * ULP[trial.precision] * size / (GRAVITY * h * h)
 
 
 def stands(trial: Trial) -> list[Check]:
-    """10 s. A projection of a contact of depth d moves two particles by d / 2 each, so that C of them give C m d / 2 of mass
-    times way, and in a substep k bricks of n particles need k n m g h^2: d = 2 k (n / C) g h^2, 4 k g h^2 of bricks of two
-    layers. The plane moves but the lower particles, 2 N g h^2, and the brick's mean lies higher by g h^2 and half of it:
-    (2 N - 1) g h^2. Then nothing leans, and nothing moves."""
+    """B18: a stack of bricks at rest for 10 s.
+
+    A projection of a contact of depth d moves two particles by d / 2 each, so C of them give C m d / 2 of mass times
+    displacement. In a substep k bricks of n particles need k n m g h^2: d = 2 k (n / C) g h^2, i.e. 4 k g h^2 for
+    bricks of two layers. The plane only moves the lower particles, 2 N g h^2, and the brick's mean lies higher by g h^2
+    and half of it: (2 N - 1) g h^2. Nothing leans, and nothing moves.
+    """
     scene, state = trial.scene, trial.run(None, SECONDS)
     bricks = len(scene.body_set.copies)
     expected = np.array([2 * bricks - 1, *(4 * above for above in range(bricks - 1, 0, -1))])
@@ -46,9 +51,12 @@ def stands(trial: Trial) -> list[Check]:
 
 
 def bears(trial: Trial) -> list[Check]:
-    """Penetration under load: the upper brick, of mass r m a particle, on one of m. A contact of depth d moves masses by
-    d / (w + W), w = 1 / m, W = 1 / (r m): C of them carry n r m g h^2, so that d = (n / C) (1 + r) g h^2, 2 (1 + r) g h^2 of
-    bricks of two layers. The lower one has roundings of a load of 1 + r bricks."""
+    """B18: penetration under load: the upper brick has a mass of r m per particle, the lower one m.
+
+    A contact of depth d moves masses by d / (w + W), w = 1 / m, W = 1 / (r m). C of them carry n r m g h^2, so that d =
+    (n / C) (1 + r) g h^2, i.e. 2 (1 + r) g h^2 for bricks of two layers. The rounding errors of the lower one are those
+    of a load of 1 + r bricks.
+    """
     scene, state = trial.scene, trial.run(None, SECONDS)
     m = masses(scene)[:, 0]
     ratio = float(m[scene.body_set.body == 1][0] / m[scene.body_set.body == 0][0])
@@ -65,7 +73,7 @@ def bears(trial: Trial) -> list[Check]:
 
 
 def heaps_up(trial: Trial) -> list[Check]:
-    """B18: bodies dropped on each other do not sink into each other, find their shapes, and lie nearly still after 10 s."""
+    """B18: bodies dropped on each other do not penetrate, recover their shapes, and are nearly still after 10 s."""
     scene, peak = trial.scene, 0.0
     with trial.open() as simulation:
         for _ in range(100):
@@ -84,7 +92,7 @@ def heaps_up(trial: Trial) -> list[Check]:
 
 
 def lies_still(trial: Trial) -> list[Check]:
-    """Dropped from half a metre, a millionth of that energy is left after 10 s, and nothing is under the plane."""
+    """B18: dropped from 0.5 m, 1e-6 of that energy is left after 10 s, and nothing is below the plane."""
     scene, state = trial.scene, trial.run(None, SECONDS)
     spacing = scene.body_set.spacing
     drop = masses(scene).sum() * GRAVITY * 0.5
@@ -100,15 +108,18 @@ def lies_still(trial: Trial) -> list[Check]:
 
 
 def _lowered(trial: Trial, at: np.ndarray, body: int) -> float:
-    """[m]: how far the mean of a body's particles has come down."""
+    """Downward displacement [m] of the mean of a body's particles."""
     mine = trial.scene.body_set.body == body
     return float((trial.scene.body_set.position - at)[mine, 1].mean())
 
 
 def _quiet(trial: Trial, state: State, height: float, load: float = 1.0) -> list[Check]:
-    """No lean and no motion. Friction takes back how a body slid in a substep, and forgets: what turns that lag behind,
-    always the same way, come to in all of them over `height` [m], `load` times as large in what carries so much, and no tenth
-    of a particle's distance."""
+    """Checks that nothing leans and nothing moves.
+
+    Friction reverts the sliding of a substep, and has no memory. The allowed lean is that of rotations that lag behind,
+    always in the same direction, in all substeps over `height` [m], `load` times as large for a body under such a load,
+    and at most a tenth of a particle's distance.
+    """
     scene = trial.scene
     lean = np.abs(state.position - scene.body_set.position)[:, [0, 2]].max()
     substeps = scene.method.substeps * trial.steps(SECONDS)

@@ -1,8 +1,8 @@
-"""What the hard cases came to: verdicts read back from the store, held against each other, and printed.
+"""Results of the hard cases: verdicts read from the store, compared, and printed.
 
-A verdict is `pass`, `fail`, `refused` (with a diagnosis, before or while it ran), or `known`: a failure that the method
-itself implies, and that no program could mend. A failure is a bug of this lab, and so is a verdict that differs between
-backends.
+A verdict is `pass`, `fail`, `refused` (with a diagnosis, before or during the run), or `known`: a failure that is
+inherent in the method, which no program could avoid. A failure is a bug of this lab, and so is a verdict that differs
+between backends.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ CODES = {"fail": 0.0, "pass": 1.0, "refused": 2.0, "known": 3.0}  # verdict -> i
 WORDS = {"pass": "pass", "fail": "FAIL", "refused": "refused", "known": "fails"}
 STYLES = {"pass": "green", "fail": "bold red", "refused": "cyan", "known": "yellow"}
 TITLES = {case.name: case.title for case in CASES}
-SAME = "the same"  # how the title of a case begins that varies the one before it
+SAME = "the same"  # prefix of the title of a variant of the preceding case
 BASES = {case.name: case.basis for case in CASES}
 BODIES = {case.name for case in CASES if case.of_bodies}
 OF_TETRAHEDRA = {case.name for case in CASES if case.of_tetrahedra}
@@ -40,14 +40,12 @@ def _in_full() -> Iterator[tuple[str, str]]:
         yield case.name, case.title.replace(SAME, title, 1) if varied else title
 
 
-IN_FULL = dict(
-    _in_full()
-)  # name -> title that stands alone: `mass ratio 1:1000`, `two masses in one place, no rest length`
+IN_FULL = dict(_in_full())  # name -> complete title: `mass ratio 1:1000`, `two masses in one place, no rest length`
 
 
 @dataclass(frozen=True)
 class Told:
-    """A check as the store keeps it: `bound` as text (`< 1e-09 N`, `aim <= 1.5`), empty where there is none."""
+    """A check as stored: `bound` as text (`< 1e-09 N`, `aim <= 1.5`), empty where there is none."""
 
     name: str
     value: float | None
@@ -56,7 +54,7 @@ class Told:
 
     @property
     def over_aim(self) -> bool:
-        """Whether it misses a bound that is aimed at, and is not part of the verdict."""
+        """True if the value exceeds a bound that is an aim, and not part of the verdict."""
         return self.bound.startswith(AIM) and (self.value is None or self.value > float(self.bound.split()[2]))
 
     def __str__(self) -> str:
@@ -66,8 +64,10 @@ class Told:
 
 @dataclass(frozen=True)
 class Shape:
-    """The end state, thinned for pictures: `position` [m], a list of rows of (x, y) or, in space, (x, y, z); `of_bodies`: not
-    rows of a sheet but the particles of each body."""
+    """End state, thinned for pictures: `position` [m], a list of rows of (x, y) or, in space, (x, y, z).
+
+    `of_bodies`: the rows are the particles of each body, not rows of a sheet.
+    """
 
     position: list[list[tuple[float, ...]]]
     of_bodies: bool = False
@@ -75,9 +75,11 @@ class Shape:
 
 @dataclass(frozen=True)
 class HardRow:
-    """One case under one method (`integrator`: its name), backend and precision. `dt` [s] that it ran at; `verdict`: of
-    CODES; `diagnosis`: why, empty for a plain pass; `checks`: the telling one first; `shape`: where the run was one that
-    is drawn."""
+    """Result of one case by one method (`integrator`: its name), backend and precision.
+
+    `dt` [s]: step size of the run; `verdict`: one of CODES; `diagnosis`: its reason, empty for a plain pass; `checks`:
+    the decisive one first; `shape`: of runs that are drawn.
+    """
 
     case: str
     integrator: str
@@ -95,12 +97,12 @@ class HardRow:
 
     @property
     def in_full(self) -> str:
-        """A title that stands alone, where one that varies the case before it is `title`."""
+        """Complete title, also for a case whose `title` refers to the case before it."""
         return IN_FULL.get(self.case, self.case)
 
     @property
     def basis(self) -> str:
-        """Where the telling check's bound comes from, in words; empty where the law alone says it."""
+        """Origin of the decisive check's bound, in words; empty where the law itself gives it."""
         return BASES.get(self.case, "")
 
     @property
@@ -109,7 +111,7 @@ class HardRow:
 
     @property
     def kind(self) -> str:
-        """What it is about: `sheet`, `body`, `tetrahedra` or `fluid`; each has a table of its own."""
+        """Kind of the case, `sheet`, `body`, `tetrahedra` or `fluid`; each has a table of its own."""
         kinds = {"body": BODIES, "tetrahedra": OF_TETRAHEDRA, "fluid": OF_FLUIDS}
         return next((kind for kind, names in kinds.items() if self.case in names), "sheet")
 
@@ -119,8 +121,11 @@ class HardRow:
 
 @dataclass
 class HardSummary(Summary):
-    """What `run_hard` did. `rows`: all verdicts, those `held` in the store from before included; `pictures`: how many were
-    drawn, `no_pictures`: why none."""
+    """Summary of `run_hard`.
+
+    `rows`: all verdicts, with those that the store had before; `pictures`: number of pictures, `no_pictures`: why there
+    are none.
+    """
 
     rows: list[HardRow] = field(default_factory=list)
     pictures: int = 0
@@ -128,7 +133,7 @@ class HardSummary(Summary):
 
 
 def rows_of(measures: Iterable[Measure]) -> list[HardRow]:
-    """The hard cases among the measures of one machine, in the order of the collection and of the integrators."""
+    """Return the hard cases among the measures of one machine, in the order of the collection and of the integrators."""
     gathered: dict[str, list[Measure]] = {}
     for measure in measures:
         if measure.description.get("hard") is not None and measure.name.startswith("hard_"):
@@ -149,7 +154,8 @@ def _row(found: list[Measure]) -> HardRow | None:
     verdict = next((word for word, code in CODES.items() if newest and newest.value == code), None)
     if newest is None or verdict is None:
         return None
-    named = [m for m in found if m.sources == newest.sources]  # checks of earlier sources are another law's
+    # checks of earlier sources belong to another version of the law
+    named = [m for m in found if m.sources == newest.sources]
     description = newest.description
     method = tables_by_kind(description["scene"])["method"]
     told = [Told(m.name.removeprefix(CHECK)[3:], m.value, m.unit, m.reason or "")
@@ -173,23 +179,25 @@ Naming = Callable[[HardRow], str]
 
 
 def short(row: HardRow) -> str:
-    """The name of the case, as `softlab hard` lists it."""
+    """Return the name of the case, as `softlab hard` lists it."""
     return row.case
 
 
 def in_full(row: HardRow) -> str:
-    """Its title that stands alone, for a text without the names."""
+    """Return its complete title, for a text without the names."""
     return row.in_full
 
 
 def disagreements(rows: Iterable[HardRow], named: Naming = short) -> list[str]:
-    """Where the backends give different verdicts, in words: bugs of the lab."""
+    """Return texts on different verdicts of the backends, which are bugs of the lab."""
     return _differing(rows, named, lambda verdicts: verdicts != {"known", "pass"})
 
 
 def rounding_differences(rows: Iterable[HardRow], named: Naming = short) -> list[str]:
-    """Where a failure that the method implies shows on one backend alone, in words: in `fast` math the GPU rounds a
-    product and a sum once, the CPU twice, and what a method loses to rounding hangs on that."""
+    """Return texts on failures inherent in the method that appear on one backend only.
+
+    In `fast` math the GPU rounds a product and a sum once, the CPU twice, and the loss by rounding depends on that.
+    """
     return _differing(rows, named, lambda verdicts: verdicts == {"known", "pass"})
 
 
@@ -205,5 +213,5 @@ def _differing(rows: Iterable[HardRow], named: Naming, counts: Callable[[set[str
 
 
 def failed(summary: HardSummary) -> bool:
-    """Whether a bug of the lab was seen."""
+    """True if a bug of the lab was seen."""
     return any(row.verdict == "fail" for row in summary.rows) or bool(disagreements(summary.rows))

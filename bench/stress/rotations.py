@@ -1,9 +1,9 @@
-"""Hard case B20: the rotations that clusters find for the worst matrices, and where flat, straight and single ones want their
-particles. bench/stress/trial.py tells what a law returns; bench/stress/body_cases.py gives these their scene.
+"""Hard case B20: rotations that clusters compute for the worst matrices, and goals of flat, straight and single ones.
 
-A cluster of six particles of mass 1/2 at the ends of three axes, moved to +-A e, has the matrix A, exactly and in any
-precision; so any matrix goes through the kernels that bodies use. What its nearest rotation must be is found in NumPy
-float64, by the singular value decomposition; nothing of model/formulas is used for that.
+bench/stress/trial.py defines what a law returns; bench/stress/body_cases.py has the scene. A cluster of six particles
+of mass 1/2 at the ends of three axes, moved to +-A e, has the matrix A, exactly and in any precision, so that any
+matrix passes through the kernels of bodies. The nearest rotation is computed in NumPy float64 by singular value
+decomposition, without anything of model/formulas.
 """
 
 from __future__ import annotations
@@ -23,24 +23,27 @@ from model.core.simulation import State
 from model.formulas.rotation import REACHED, SLACK
 from model.shape_matching.clusters import Clusters
 
-COUNT = 1000  # matrices of each set
-AXES = np.repeat(np.eye(3), 2, axis=0) * [[1], [-1], [1], [-1], [1], [-1]]  # (6, 3), so that sums cancel at once
+COUNT = 1000  # matrices per set
+# (6, 3), ordered so that sums cancel at once
+AXES = np.repeat(np.eye(3), 2, axis=0) * [[1], [-1], [1], [-1], [1], [-1]]
 SCALES = (1.0, 1e-12, 1e12)
-TURNS = 50  # of each degenerate cluster
-PROPER = 1e-6  # NUMERICS A10
-TRACE = REACHED + SLACK + 16  # roundings of 2: |b| of what counts as reached, what H may lack, and rounding
+TURNS = 50  # random rotations of each degenerate cluster
+PROPER = 1e-6  # bound of A10, shape matching and rotations
+TRACE = REACHED + SLACK + 16  # roundings of 2: |b| at convergence, the error of H, and rounding
 
 
 def finds_rotations(count: int = COUNT, only: Sequence[str] | None = None) -> Law:
-    """Whatever the matrix and the rotation before, R is proper, R'R = I and det R = +1 to PROPER, and the best there is:
-    trace(R'A) = s1 + s2 + sign(det A) s3 to TRACE roundings of A's largest entry. So also of A times 1e-12 and 1e12. Of
-    `count` matrices of each set, or of those that `only` names."""
+    """Make a law: for any matrix and previous rotation, R is proper and optimal.
+
+    R'R = I and det R = +1 to PROPER; trace(R'A) = s1 + s2 + sign(det A) s3 to TRACE roundings of A's largest entry. The
+    same for A times 1e-12 and 1e12. `count` matrices of each set, or only of the sets `only`.
+    """
 
     def law(trial: Trial) -> list[Check]:
         sets = sets_of_matrices(count)
         A = np.concatenate([sets[name] for name in only or sets]).astype(trial.precision).astype(np.float64)
         largest = np.abs(A).max(axis=(1, 2))
-        A = A[largest > 0]  # the matrix of nothing has any rotation
+        A = A[largest > 0]  # any rotation is right for the zero matrix
         largest = largest[largest > 0]
         before = quaternions(np.random.default_rng(5), len(A))
         apart = determinant = missing = 0.0
@@ -62,7 +65,9 @@ def finds_rotations(count: int = COUNT, only: Sequence[str] | None = None) -> La
 
 
 def _rotations(trial: Trial, A: np.ndarray, scale: float, before: np.ndarray | None) -> np.ndarray:
-    """(n, 4) unit quaternions that clusters of the matrices `scale` A find, from those of `before` (None: no turn)."""
+    """Return the quaternions (n, 4) that clusters of the matrices `scale` A compute, starting from `before` (None:
+    identity).
+    """
     count = len(A)
     members = np.arange(6 * count).reshape(count, 6)
     mass = np.full(6 * count, scale / 2)
@@ -79,9 +84,11 @@ def _one_step(trial: Trial, clusters: Clusters, position: np.ndarray, rotation: 
 
 
 def goals_are_exact(turns: int = TURNS) -> Law:
-    """Clusters that are flat, on a line, of two particles, of one, of none and of several in one place, turned anyhow: their
-    goals are where their particles are, to 1e-6 of their size, twice that in float32, although R is not unique; and R is
-    proper. (|b| <= 16 eps turns by 16 eps / (s2 + s3) at most where it moves particles at all.)"""
+    """Make a law on clusters that are flat, collinear, of two, one or no particles, or coincident, in any rotation.
+
+    Their goals are the places of their particles to 1e-6 of their size, twice that in float32, although R is not
+    unique; and R is proper. (|b| <= 16 eps rotates by 16 eps / (s2 + s3) at most where it moves particles at all.)
+    """
 
     def law(trial: Trial) -> list[Check]:
         one, q = degenerate(), quaternions(np.random.default_rng(1), turns)
@@ -102,7 +109,7 @@ def goals_are_exact(turns: int = TURNS) -> Law:
 
 
 def _turned_copies(one: Clusters, turns: np.ndarray) -> tuple[Clusters, np.ndarray]:
-    """(as many copies as `turns` (n, 3, 3), where they are with every cluster turned about its own centre)."""
+    """Return (a copy for each of `turns` (n, 3, 3), positions with every cluster rotated about its own centre)."""
     ends, particles = one.offsets, len(one.mass)
     members = [one.indices[a:b] + copy * particles for copy in range(len(turns)) for a, b in pairwise(ends)]
     position = np.concatenate([one.position] * len(turns))
@@ -117,13 +124,13 @@ def _turned_copies(one: Clusters, turns: np.ndarray) -> tuple[Clusters, np.ndarr
 
 
 def quaternions(random: np.random.Generator, count: int) -> np.ndarray:
-    """(count, 4) unit quaternions (w, x, y, z), any turn as likely as any other."""
+    """Return uniformly distributed random unit quaternions (w, x, y, z): (count, 4)."""
     q = random.normal(size=(count, 4))
     return q / np.linalg.norm(q, axis=1, keepdims=True)
 
 
 def matrices_of(q: np.ndarray) -> np.ndarray:
-    """(n, 3, 3) of unit quaternions, in float64: v + 2w (u x v) + 2u x (u x v) of each axis."""
+    """Return rotation matrices (n, 3, 3) of unit quaternions, in float64: v + 2w (u x v) + 2u x (u x v) of each axis."""
     w, u = q[:, :1, None].astype(float), q[:, 1:].astype(float)
     cross = np.zeros((len(q), 3, 3))
     for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
@@ -132,14 +139,16 @@ def matrices_of(q: np.ndarray) -> np.ndarray:
 
 
 def of_singular_values(random: np.random.Generator, values: np.ndarray) -> np.ndarray:
-    """(n, 3, 3) of those, the last one negative for a reflection, turned anyhow on both sides."""
+    """Return matrices (n, 3, 3) of these singular values, the last negative for a reflection, randomly rotated on both
+    sides.
+    """
     left, right = (matrices_of(quaternions(random, len(values))) for _ in range(2))
     return left @ (values[:, :, None] * right)
 
 
 @cache
 def sets_of_matrices(count: int) -> dict[str, np.ndarray]:
-    """Wherever two eigenvalues of Davenport's matrix come together; about `count` of each (n, 3, 3)."""
+    """Return sets of about `count` matrices (n, 3, 3) with close eigenvalues of Davenport's matrix, by name."""
     random = np.random.default_rng(3)
     one, zero, few = np.ones((count, 1)), np.zeros((count, 1)), np.ones((max(1, count // 10), 3))
     small, sign = 10.0 ** random.uniform(-9, -1, (count, 3)), random.choice([-1.0, 1.0], (count, 3))
@@ -160,12 +169,12 @@ def sets_of_matrices(count: int) -> dict[str, np.ndarray]:
 
 
 def best_trace(A: np.ndarray) -> np.ndarray:
-    """(n,): s1 + s2 + sign(det A) s3, the largest trace(R'A) of a rotation R."""
+    """Return s1 + s2 + sign(det A) s3, the largest trace(R'A) of a rotation R: (n,)."""
     left, s, right = np.linalg.svd(A)
     return s[:, 0] + s[:, 1] + np.linalg.det(left) * np.linalg.det(right) * s[:, 2]
 
 
 def off_rotation(R: np.ndarray) -> tuple[float, float]:
-    """(the largest entry of |R'R - I|, the largest |det R - 1|) of (n, 3, 3)."""
+    """Return (the largest entry of |R'R - I|, the largest |det R - 1|) of (n, 3, 3)."""
     apart = np.abs(R.swapaxes(1, 2) @ R - np.eye(3)).max(initial=0)
     return float(apart), float(np.abs(np.linalg.det(R) - 1).max(initial=0))

@@ -1,4 +1,4 @@
-"""States of the hard cases as text, for small pictures of them: rounded, and thinned where they are many."""
+"""States of the hard cases as text, for small pictures: rounded, and thinned if they are large."""
 
 from __future__ import annotations
 
@@ -9,14 +9,17 @@ import numpy as np
 
 
 def bodies_as_text(position: Any, body: Any, most: int = 400) -> str:
-    """Positions (particles, 3) as JSON, a list for each `body` (particles,), at most `most` in all, as `as_text` rounds."""
+    """Return positions (particles, 3) as JSON, a list for each `body` (particles,), at most `most` in all.
+
+    They are rounded like those of `as_text`.
+    """
     stride = -(-len(position) // most)
     near = _rounded(np.asarray(position, dtype=np.float64))
     return json.dumps([near[body == k][::stride].tolist() for k in np.unique(body)], separators=(",", ":"))
 
 
 def as_text(position: Any, rows: int, columns: int, most: int = 33) -> str:
-    """Positions (particles, dimensions) as JSON, at most `most` rows and columns of them, to a thousandth of their extent."""
+    """Return positions (particles, dimensions) as JSON, at most `most` rows and columns, to 1e-3 of their extent."""
     flat = np.asarray(position, dtype=np.float64)
     dimensions = flat.shape[-1]
     grid = flat.reshape(rows, columns, dimensions)
@@ -26,7 +29,7 @@ def as_text(position: Any, rows: int, columns: int, most: int = 33) -> str:
 
 
 def _rounded(position: Any) -> Any:
-    """Positions (..., dimensions) to a thousandth of their extent."""
+    """Return positions (..., dimensions) rounded to 1e-3 of their extent."""
     extent = float(np.ptp(position.reshape(-1, position.shape[-1]), axis=0).max())
     unit = 10.0 ** np.floor(np.log10(extent / 1000)) if extent > 0 and np.isfinite(extent) else 1e-3
     digits = max(0, round(-float(np.log10(unit))))

@@ -1,5 +1,7 @@
-"""Hard case B1: a hanging chain of which every second link is a million times as stiff. bench/stress/laws.py tells what a law
-is; bench/stress/cases.py gives these their scene."""
+"""Hard case B1: a hanging chain in which every second link is a million times as stiff.
+
+bench/stress/laws.py defines a law; bench/stress/cases.py has the scenes.
+"""
 
 from __future__ import annotations
 
@@ -12,12 +14,14 @@ from bench.stress.trial import Check, Trial
 from model.core.errors import UnstableTimeStep
 from model.core.integrators import INTEGRATORS, damping_rate
 
-MAX_STEPS = 250_000  # of a chain that is to settle, a second or two
+MAX_STEPS = 250_000  # largest number of steps in which a chain is to settle, a second or two
 
 
 def too_stiff(trial: Trial) -> list[Check]:
-    """B1: refused at the door with the limit that a chain of nothing but stiff springs has, w^2 = 4 k / m (semi-implicit
-    Euler: 2 / w); forced, it overflows, and is found and reported within 200 steps."""
+    """B1: refused when opened, with the limit of a chain of stiff springs only, w^2 = 4 k / m.
+
+    (Semi-implicit Euler: 2 / w.) With `allow_unstable` it overflows, which is reported within 200 steps.
+    """
     scene = trial.scene
     assert scene.springs is not None
     w = sqrt(4 * scene.springs.largest_stiffness / scene.grid.mass)
@@ -32,12 +36,13 @@ def too_stiff(trial: Trial) -> list[Check]:
 
 
 def stiff_chain_hangs(trial: Trial) -> list[Check]:
-    """B1: under its limit it comes to hang where every link carries the weight below it, to 1 % of what that stretches it.
+    """B1: below its limit it comes to hang where every link carries the weight below it, to 1 % of its stretch.
 
-    Stiff pairs on soft links swing slowest at w = 2 sqrt(k / 2m) sin(pi / 42) = 3.3 1/s, faster than their damper's rate
-    gamma / 2, which so is the rate at which every mode decays: to exp(-6) of a stretch within 12 / gamma (`lab`, of
-    doubled masses: twice that). An integrator that would need more than MAX_STEPS for it begins there instead,
-    disturbed, and must stay."""
+    Stiff pairs on soft links vibrate slowest at w = 2 sqrt(k / 2m) sin(pi / 42) = 3.3 1/s, faster than their damper's
+    rate gamma / 2. Every mode therefore decays at that rate: to exp(-6) of a stretch within 12 / gamma (`lab`, of
+    doubled masses: twice that). An integrator that would need more than MAX_STEPS starts there instead, disturbed, and
+    must stay.
+    """
     scene = trial.scene
     seconds = 12 / damping_rate(scene) * (2 if trial.is_lab else 1)
     expected = hanging(scene)

@@ -1,5 +1,6 @@
-"""Hard cases of tetrahedra: B21 to B23 of the lab's collection, and A8, the momenta of a body that flies and turns.
-bench/stress/trial.py tells what a law returns; bench/stress/tetrahedral_cases.py gives these their scenes.
+"""Hard cases of tetrahedra: B21 to B23 of the lab's collection, and A8, the momenta of a body that flies and spins.
+
+bench/stress/trial.py defines what a law returns; bench/stress/tetrahedral_cases.py has the scenes.
 """
 
 from __future__ import annotations
@@ -16,18 +17,18 @@ from model.core.simulation import State
 from model.scene.scene import Scene
 from model.tetrahedra.material import deformation, energies, stretches
 
-RECOVERY = 2.0  # s, published of such bodies
-SETTLED = 4.0  # s: what is squashed then is at rest
-SECONDS = 1.0  # of flight
-SQUASHED = 0.5  # of its height
-OF_FOUR = 0.06  # of the volume: what a mesh of four voxels a side loses, and some
-OF_VOXELS = 0.01  # of the volume, which voxels keep
+RECOVERY = 2.0  # s, published for such bodies
+SETTLED = 4.0  # s: a squashed body is at rest by then
+SECONDS = 1.0  # simulated time of flight
+SQUASHED = 0.5  # fraction of its height
+OF_FOUR = 0.06  # fraction of the volume: loss of a mesh of four voxels per side, with a margin
+OF_VOXELS = 0.01  # fraction of the volume that voxels may lose
 YOUNG, LOCKING = 1e6, 0.499  # Pa, and Poisson's ratio
-BENT = 0.1  # 1/m: of the tip, 1 m away, 0.1 m
-ROUNDINGS = 8  # of a place in a substep
-ELASTIC = 0.02  # of the spin: what a body of this stiffness gives to its own stretching and swinging
+BENT = 0.1  # 1/m: curvature; the tip, 1 m away, is displaced by 0.1 m
+ROUNDINGS = 8  # rounding errors of a coordinate per substep
+ELASTIC = 0.02  # fraction of the spin that a body of this stiffness converts into its own strain and vibration
 
-# names of numbers
+# names of the numbers
 RATIO, STRETCH, VOLUME = "smallest volume ratio", "largest stretch off 1", "change of the body's volume"
 WORST = "largest change of a tetrahedron's volume"
 SPIN, MOMENTUM, STORED = "spin, off what its law keeps", "momentum lost", "largest energy over the start's"
@@ -38,9 +39,11 @@ def _gradients(scene: Scene, state: State) -> np.ndarray:
 
 
 def recovers(how: str) -> Law:
-    """B21: flattened to no volume (`flat`), turned inside out, or its vertices anywhere (`random`), and let go: within 2 s
-    every tetrahedron has a volume again, and of the right sign, and is near its shape. A scheme that loses its way at a
-    volume of 0, or takes a mirrored tetrahedron for a rotated one, stays there."""
+    """B21: flattened to no volume (`flat`), inverted, or with random vertices (`random`), and released.
+
+    Within 2 s every tetrahedron has a volume of the right sign again, and nearly its shape. A scheme that is singular
+    at a volume of 0, or takes a mirrored tetrahedron for a rotated one, does not recover.
+    """
 
     def law(trial: Trial) -> list[Check]:
         scene = trial.scene
@@ -60,17 +63,19 @@ def recovers(how: str) -> Law:
 
 
 def squashed(trial: Trial) -> list[Check]:
-    """B22: a block of Poisson's ratio 0.499, glued to two plates that come as near as half of its height. Matter of that
-    ratio keeps its volume but for about pressure / K, K 500 times the modulus of shear. Linear tetrahedra do not: what has
-    most of its corners in a plate must shrink with the way, half of it and more along the plates' rims. With 2, 4, 6 and 8
-    voxels a side 18.6, 4.8, 2.3 and 1.5 % of the whole are missing, with any solver that is given enough to do; the row's
-    1 % would take about eleven. So the bound is this mesh's own, of four, and none may be inside out (which 20 substeps of
-    one position-based sweep leave, with 23 % missing)."""
+    """B22: a block of Poisson's ratio 0.499, glued to two plates that approach to half of its height.
+
+    A material of that ratio keeps its volume except for about pressure / K, K 500 times the shear modulus. Linear
+    tetrahedra do not: one with most of its corners in a plate must shrink with the displacement, by half and more along
+    the plates' rims. With 2, 4, 6 and 8 voxels per side 18.6, 4.8, 2.3 and 1.5 % of the whole are missing, with any
+    converged solver; the row's 1 % would need about eleven. The bound is therefore that of this mesh, of four voxels,
+    and no tetrahedron may be inverted (20 substeps of one position-based sweep leave some, with 23 % missing).
+    """
     return _squashed(trial, OF_FOUR)
 
 
 def squashed_voxels(trial: Trial) -> list[Check]:
-    """B22, the row as it is asked for: the same block, whose voxels keep their volume as a whole, loses less than 1 %."""
+    """B22 as the row requires it: the same block, whose voxels keep their volume as a whole, loses less than 1 %."""
     return _squashed(trial, OF_VOXELS)
 
 
@@ -88,8 +93,11 @@ def _squashed(trial: Trial, most: float) -> list[Check]:
 
 
 def sags_without_shrinking(trial: Trial) -> list[Check]:
-    """B22: the cantilever of `softlab tetrahedra` at Poisson's ratio 0.499: the volume stays, since nothing presses it, and
-    what locking costs is told: its sag after 4 s over the continuum's (vertex block descent then still creeps)."""
+    """B22: the cantilever of `softlab tetrahedra` at Poisson's ratio 0.499.
+
+    The volume stays, since nothing presses it. The cost of locking is reported: its sag after 4 s over the continuum's
+    (vertex block descent still creeps then).
+    """
     scene = trial.scene
     state = trial.run(None, SETTLED)
     ratio = np.linalg.det(_gradients(scene, state))
@@ -101,14 +109,16 @@ def sags_without_shrinking(trial: Trial) -> list[Check]:
 
 
 def _change(scene: Scene, ratio: np.ndarray) -> float:
-    """Of the volume of all, relative, of each tetrahedron's `ratio` (tetrahedra,)."""
+    """Relative change of the total volume, from each tetrahedron's `ratio` (tetrahedra,)."""
     volume = scene.tetrahedra_set.volume
     return abs(float((ratio - 1) @ volume / volume.sum()))
 
 
 def one_iteration(trial: Trial) -> list[Check]:
-    """B23: a stiff bar, held at one end, let go from a bend, with one iteration in one substep: it may be soft, but it never
-    has more energy than it began with, and loses it."""
+    """B23: a stiff bar, fixed at one end, released from a bend, with one iteration in one substep.
+
+    It may be too soft, but its energy never exceeds the initial one, and decreases.
+    """
     found = trial.scene.tetrahedra_set
     position = found.position.copy()
     position[:, 1] += BENT * (position[:, 0] - position[:, 0].min()) ** 2
@@ -125,10 +135,13 @@ def one_iteration(trial: Trial) -> list[Check]:
 
 
 def tumbles(trial: Trial) -> list[Check]:
-    """A8: thrown, and turning about the axis of its largest moment of inertia, about which a turn stays one. Forces inside
-    make no momentum. Velocities are differences of places over h, (x - x_before) / h, so that a substep takes a turn of D to
-    atan2(sin D, 2 - cos D), as of every rigid body that is solved so: w^2 h of the spin a second, whatever the iterations.
-    In float32 a rounding of a place over h is a velocity, which stays."""
+    """A8: a body thrown with spin about the axis of its largest moment of inertia, about which a rotation is stable.
+
+    Internal forces add no momentum. Velocities are differences of coordinates over h, (x - x_before) / h, so that a
+    substep takes a rotation by D to atan2(sin D, 2 - cos D), as for every rigid body that is solved in this way: a loss
+    of w^2 h of the spin per second, whatever the iterations. In float32 a rounding error of a coordinate over h is a
+    velocity, which stays.
+    """
     scene, found = trial.scene, trial.scene.tetrahedra_set
     m, begin, moving = found.masses, found.position, found.velocity
     state = trial.run(None, SECONDS)
@@ -150,7 +163,10 @@ def tumbles(trial: Trial) -> list[Check]:
 
 
 def spin_kept(turn: float, substeps: int) -> float:
-    """Of a spin whose first substep would turn it by `turn` [rad]: it begins with the tangent's velocity, atan(turn)."""
+    """Return the fraction of a spin that is left, if the first substep would rotate by `turn` [rad].
+
+    It begins with the tangent's velocity, atan(turn).
+    """
     angle = atan(turn)
     for _ in range(substeps - 1):
         angle = atan2(sin(angle), 2 - cos(angle))

@@ -1,5 +1,7 @@
-"""The hard cases of tetrahedra: bench/stress/tetrahedra.py has their laws. Scenes are made, not read: a start that is flat or
-inside out is no field of one."""
+"""Hard cases of tetrahedra; bench/stress/tetrahedra.py has their laws.
+
+The scenes are made by code, because a flat or inverted start has no field in a scene.
+"""
 
 from __future__ import annotations
 
@@ -13,8 +15,8 @@ from bench.stress.case import HardCase
 from model.scene.scene import Scene
 
 FRAME = 1 / 60  # s
-BUDGETS: dict[str, tuple[int, int]] = {"xpbd gauss-seidel": (20, 1), "vbd": (4, 20), "newton": (4, 2)}  # of a frame
-LOCKED = BUDGETS | {"xpbd gauss-seidel": (60, 2)}  # at nu 0.499 20 of one sweep leave tetrahedra inside out
+BUDGETS: dict[str, tuple[int, int]] = {"xpbd gauss-seidel": (20, 1), "vbd": (4, 20), "newton": (4, 2)}  # per frame
+LOCKED = BUDGETS | {"xpbd gauss-seidel": (60, 2)}  # at nu 0.499, 20 substeps of one sweep leave inverted tetrahedra
 FEWEST = dict.fromkeys(TETRAHEDRAL, (1, 1))
 CUBE = {"shape": {"name": "box", "sides": [0.3, 0.3, 0.3]}, "edge": 0.1, "young_modulus": 1e5, "poisson_ratio": 0.3,
         "damping": 0.02}  # fmt: skip
@@ -24,23 +26,23 @@ BAR = {"shape": {"name": "box", "sides": [1.0, 0.2, 0.2]}, "edge": 0.1, "young_m
        "pinned": ["left"]}  # fmt: skip
 FLYING = {"shape": {"name": "box", "sides": [0.6, 0.3, 0.2]}, "edge": 0.1, "young_modulus": 1e6, "poisson_ratio": 0.3,
           "velocity": [1.0, 2.0, 0.0], "spin": [0.0, 0.0, 6.283185307179586]}  # fmt: skip
-# of A8
+# reason of a known failure of A8
 SWEPT = "only where the energy is least do a tetrahedron's forces add up to none: what sweeps leave undone is a force on all"
 
 
 def scene(body: dict[str, Any], braked: float = 0.0) -> Scene:
-    """A body alone, without gravity; `braked`: of each particle [N s/m]."""
+    """Return a scene with one body, without gravity; `braked` [N s/m]: damping of each particle."""
     tables: dict[str, Any] = {"body": {"kind": "tetrahedral_body"} | body, "method": {"solver": "xpbd", "dt": FRAME}}
     return Scene(tables | ({"damping": {"coefficient": braked}} if braked else {}))
 
 
 def locking_bar() -> Scene:
-    """The cantilever of `softlab tetrahedra`, two voxels across."""
+    """Return the cantilever of `softlab tetrahedra`, two voxels across."""
     return cantilever(2, tetrahedra.YOUNG, "xpbd", 1, 1).replace({"beam.poisson_ratio": tetrahedra.LOCKING})
 
 
 def tetrahedral_budget(case: HardCase, method: str) -> dict[str, Any]:
-    """The fields of a scene that make it be solved by a method of TETRAHEDRAL."""
+    """Return the fields of a scene that select a method of TETRAHEDRAL."""
     substeps, iterations = {"B22": LOCKED, "B23": FEWEST}.get(case.row, BUDGETS)[method]
     return {
         "method.solver": method.split()[0], "method.substeps": substeps, "method.iterations": iterations

@@ -1,4 +1,4 @@
-"""The verdicts of the hard cases in a table, and what failed and why, for the terminal and for figures."""
+"""Table of the verdicts of the hard cases, and failures with reasons, for the terminal and for figures."""
 
 from __future__ import annotations
 
@@ -12,8 +12,10 @@ from bench.stress.results import CODES, NAMES, STYLES, WORDS, HardRow, HardSumma
 
 
 def cell(rows: Sequence[HardRow]) -> tuple[str, str]:
-    """(verdict, text) of one case and integrator over all backends and precisions: the worst verdict, and in which
-    precisions or on which backends, where not in all."""
+    """Return (verdict, text) of one case and integrator over all backends and precisions.
+
+    It is the worst verdict, with the precisions or backends that have it, unless all do.
+    """
     for verdict in ("fail", "known", "refused", "pass"):
         mine = [row for row in rows if row.verdict == verdict]
         if mine and len(mine) == len(rows):
@@ -27,7 +29,7 @@ def cell(rows: Sequence[HardRow]) -> tuple[str, str]:
 
 
 def table_of(rows: Sequence[HardRow]) -> tuple[list[str], list[tuple[str, str, str, list[tuple[str, str]]]]]:
-    """(integrators, lines) of the verdict table; a line: case, title, what is judged, and a `cell` per integrator."""
+    """Return (integrators, lines) of the verdict table; a line: case, title, decisive check, a `cell` per integrator."""
     names = [name for name in NAMES if any(row.integrator == name for row in rows)]
     lines = []
     for case in dict.fromkeys(row.case for row in rows):
@@ -38,7 +40,7 @@ def table_of(rows: Sequence[HardRow]) -> tuple[list[str], list[tuple[str, str, s
 
 
 def _lead(rows: Sequence[HardRow]) -> str:
-    """The telling check of a case with its bound, and the most that was seen in float64 where it passed."""
+    """Return the decisive check of a case with its bound, and the worst value in float64 of the runs that passed."""
     judged = [r for r in rows if r.checks and r.checks[0].value is not None and r.verdict in ("pass", "refused")]
     judged = [r for r in judged if r.precision == "float64"] or judged
     if not judged:
@@ -59,7 +61,7 @@ def _print_table(console: Console, rows: Sequence[HardRow]) -> None:
 
 
 def print_hard(console: Console, summary: HardSummary) -> None:
-    """The verdict table, what failed and why, and what differs between backends."""
+    """Print the verdict table, failures with reasons, and differences between backends."""
     rows = summary.rows
     for kind in ("sheet", "body", "tetrahedra", "fluid"):
         _print_table(console, [row for row in rows if row.kind == kind])

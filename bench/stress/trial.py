@@ -1,9 +1,8 @@
-"""One hard case under one method, backend and precision: opening, running and judging it without ever hanging or
-handing out a broken state.
+"""One hard case by one method, backend and precision: opened, run and checked without hanging or a broken state.
 
-A case's law returns `Check`s, each a measured number beside its bound. What a run may do instead is refuse to start
-(UnstableTimeStep, SceneError), break with a report (Diverged), or one of the two things that no run may do: end with
-numbers that are not finite and say nothing (`SilentNaN`), or not end (`Endless`).
+A case's law returns `Check`s, each a measured number with its bound. Instead, a run may refuse to start
+(UnstableTimeStep, SceneError) or stop with a report (Diverged). Two outcomes are bugs: to end with numbers that are not
+finite without a report (`SilentNaN`), or not to end (`Endless`).
 """
 
 from __future__ import annotations
@@ -25,16 +24,16 @@ from model.core.families import stability_limit
 from model.core.simulation import Simulation, State
 from model.scene.scene import Scene
 
-PATIENCE = 300.0  # s of wall time for one run; looked at between chunks of steps
+PATIENCE = 300.0  # s of wall time for one run; checked between chunks of steps
 CHUNK = 2000  # steps
-RESIDUAL = 1e-9  # N: the force that may be left on a free mass at rest, in float64
-REST = 60.0  # s: by then almost every damped grid of ten masses a side has settled
-PARTS = 4  # times REST is waited for the others
-STILL = 1e-9  # m/s: the speed that counts as rest, in float64
+RESIDUAL = 1e-9  # N: residual force on a free mass at rest, in float64
+REST = 60.0  # s: almost every damped grid of ten masses per side has settled by then
+PARTS = 4  # largest number of REST periods for the others
+STILL = 1e-9  # m/s: largest speed at rest, in float64
 
 
 class SilentNaN(SoftlabError):
-    """A run ended with numbers that are not finite and reported nothing: a bug of this lab."""
+    """A run ended with numbers that are not finite, without a report: a bug of this lab."""
 
 
 class Endless(SoftlabError):
@@ -43,8 +42,11 @@ class Endless(SoftlabError):
 
 @dataclass(frozen=True)
 class Check:
-    """A measured quantity and its bound. `relation`: `<`, `>`; `aim <=` for a bound that is told, but not part of the
-    verdict (a time, which another program may spoil); empty for a number without a bound."""
+    """A measured quantity and its bound.
+
+    `relation`: `<`, `>`; `aim <=` for a bound that is reported but not part of the verdict (a time, which another
+    program may disturb); empty for a number without a bound.
+    """
 
     name: str
     value: float
@@ -58,7 +60,7 @@ class Check:
 
     @property
     def bound_text(self) -> str:
-        """`< 1e-09 N`; empty for a number that is not judged."""
+        """Text of the bound, e.g. `< 1e-09 N`; empty for a number without one."""
         return f"{self.relation} {self.bound:.3g} {self.unit}".rstrip() if self.relation else ""
 
     def __str__(self) -> str:
@@ -68,9 +70,12 @@ class Check:
 
 
 class Trial:
-    """A scene to be run by a case's law. `live`: compiled in for every opening, so that tests share kernels; `timed`:
-    laws about time are judged. `end`: the positions (particles, dimensions) [m] to be shown, those of the last state unless
-    a law says otherwise, or None; `end_time` [s]: when that was."""
+    """A scene that a case's law runs.
+
+    `live`: fields compiled as live in every opening, so that tests share kernels; `timed`: laws on times are checked.
+    `end`: the positions (particles, dimensions) [m] to draw, those of the last state unless a law chooses others, or
+    None; `end_time` [s]: their time.
+    """
 
     def __init__(
         self,
@@ -97,25 +102,27 @@ class Trial:
 
     @property
     def single(self) -> bool:
-        """Whether it runs in float32."""
+        """True if the run uses float32."""
         return self.precision == "float32"
 
     @property
     def is_lab(self) -> bool:
-        """Whether it runs the hand-out's step, which moves as if masses were double, and so settles half as fast."""
+        """True if the run uses the hand-out's step, which moves as if masses were doubled, and so settles half as fast."""
         return self.scene.method.name == "lab"
 
     def steps(self, seconds: float) -> int:
-        """Whole steps [1] in `seconds` [s]."""
+        """Return the number of whole steps in `seconds` [s]."""
         return max(1, round(seconds / self.dt))
 
     def rest(self) -> np.ndarray:
-        """The drawn sheet (rows, columns, dimensions) float64 [m]."""
+        """Return the sheet's rest positions (rows, columns, dimensions) float64 [m]."""
         return reference.rest(self.scene).astype(np.float64)
 
     def expected(self, steps: int, initial: State | None = None) -> np.ndarray:
-        """The reference's positions (particles, dimensions) [m] after `steps` steps of the scene's method (None: from its
-        own start)."""
+        """Return the reference's positions (particles, dimensions) [m] after `steps` steps of the scene's method.
+
+        `initial` None: from the scene's own start.
+        """
         scene, method = self.scene, self.scene.method
         begin = (None, None) if initial is None else (initial.position, initial.velocity)
         if not method.position_based:
@@ -125,7 +132,10 @@ class Trial:
         return xpbd.simulate(scene, steps, *begin, **how)[0]  # type: ignore[arg-type]
 
     def start(self, position: np.ndarray, velocity: np.ndarray | None = None) -> State:
-        """A state at time 0; `position` [m] and `velocity` [m/s] (None: at rest) of any shape, a number an axis a mass."""
+        """Return a state at time 0.
+
+        `position` [m] and `velocity` [m/s] (None: at rest) may have any shape with one number per axis and mass.
+        """
         position = np.array(position, dtype=np.float64).reshape(-1, self.scene.dimensions)
         velocity = (
             np.zeros_like(position) if velocity is None else np.array(velocity, np.float64).reshape(position.shape)
@@ -140,14 +150,16 @@ class Trial:
         allow_unstable: bool = False,
         scene: Scene | None = None,
     ) -> Simulation:
-        """The simulation, from `initial`. Raises UnstableTimeStep unless `allow_unstable`, and what opening raises."""
+        """Open the simulation from `initial`. Raises UnstableTimeStep unless `allow_unstable`, and other errors of
+        opening.
+        """
         return open_simulation(
             scene or self.scene, self.backend, threads=self.threads, precision=self.precision, math=self.math,
             kernel=self.kernel, live=self.live | set(live), initial=initial, allow_unstable=allow_unstable,
         )  # fmt: skip
 
     def look(self, simulation: Simulation) -> State:
-        """The state. Raises Diverged (the last finite state then is `end`), or SilentNaN."""
+        """Return the checked state. Raises Diverged (with the last finite state as `end`), or SilentNaN."""
         try:
             state = simulation.state()
         except Diverged:
@@ -159,16 +171,16 @@ class Trial:
         return state
 
     def show(self, state: State | None) -> None:
-        """Draw this state, if any, and none before it."""
+        """Draw this state, if any, instead of an earlier one."""
         if state is not None:
             self.end, self.end_time = state.position.astype(np.float64), state.time
 
     def _show_last(self, simulation: Simulation) -> None:
-        """The last finite state of a run that diverged."""
+        """Set `end` to the last finite state of a run that diverged."""
         self.end, self.end_time = simulation.read("position").astype(np.float64), simulation.time
 
     def advance(self, simulation: Simulation, steps: int) -> None:
-        """Step, looking at the clock. Raises Diverged, or Endless."""
+        """Advance by `steps`, within the time limit. Raises Diverged, or Endless."""
         try:
             while steps > 0:
                 batch = min(steps, CHUNK)
@@ -182,21 +194,26 @@ class Trial:
             raise
 
     def watch(self, looks: Iterable[int], initial: State | None = None, **how: Any) -> Iterator[State]:
-        """The states after so many steps each, of one run; `how`: of `open`. Raises what `advance` and `look` raise."""
+        """Yield the states after each number of steps in `looks`, of one run; `how`: options of `open`.
+
+        Raises what `advance` and `look` raise.
+        """
         with self.open(initial, **how) as simulation:
             for step in looks:
                 self.advance(simulation, step - simulation.step)
                 yield self.look(simulation)
 
     def run(self, initial: State | None, seconds: float, *, allow_unstable: bool = False) -> State:
-        """The state after `seconds` [s]; None: from the scene's own start."""
+        """Return the state after `seconds` [s]; `initial` None: from the scene's own start."""
         with self.open(initial, allow_unstable=allow_unstable) as simulation:
             self.advance(simulation, self.steps(seconds))
             return self.look(simulation)
 
     def settle(self, simulation: Simulation) -> tuple[State, list[Check]]:
-        """Go on for 60 s, and where a mode is so soft that the net still moves, up to four times as long: the state at
-        rest, its checks, and the time that it took. Raises what `advance` and `look` raise."""
+        """Continue for 60 s, and up to four times as long if the net still moves because of a soft mode.
+
+        Returns the state at rest and its checks, including the time. Raises what `advance` and `look` raise.
+        """
         for k in range(1, PARTS + 1):
             self.advance(simulation, self.steps(k * REST) - simulation.step)
             state = self.look(simulation)
@@ -205,10 +222,10 @@ class Trial:
                 break
         return state, [*checks, Check("looked at rest after", k * REST, "s", "aim <=", REST)]
 
-    # ------------------------------------------------------------------ what laws ask for
+    # ------------------------------------------------------------------ quantities of laws
 
     def residual(self, position: np.ndarray) -> float:
-        """The largest net force [N] on a free mass of a grid at `position` (particles, 2), by the reference's formulas."""
+        """Largest net force [N] on a free mass of a grid at `position` (particles, 2), by the reference's formulas."""
         grid = self.scene.grid
         force = reference.spring_forces(self.scene, position.astype(np.float64).reshape(grid.rows, grid.columns, 2))
         if self.scene.gravity and self.scene.gravity.enabled:
@@ -216,12 +233,12 @@ class Trial:
         return float(np.abs(force[~reference.pinned_mask(self.scene)]).max(initial=0.0))
 
     def rest_checks(self, state: State) -> list[Check]:
-        """At rest (fact 4 of docs/method.md): slow, and no force left, whatever the shape.
+        """Checks of rest (fact 4 of docs/method.md): slow, and without a residual force, whatever the shape.
 
-        In float32 rounding ends the approach: a coordinate of magnitude `size` has the ulp u, so forces are known to 8 k u
-        (four springs, two ends each); the hand-out's step no longer moves when dt^2 a / 2 < u / 2, a force of m u / dt^2,
-        the steps that store a velocity when dt v < u / 2, whose damper then carries c u / (2 dt). Twice that is allowed, and
-        speeds of 4 u / dt, since the hand-out's are whole multiples of u / dt.
+        In float32 rounding ends the approach to rest. A coordinate of magnitude `size` has the ulp u, so forces have an
+        error of 8 k u (four springs, two ends each). The hand-out's step stops moving when dt^2 a / 2 < u / 2, a force
+        of m u / dt^2; the steps that store a velocity when dt v < u / 2, whose damper then carries c u / (2 dt). Twice
+        that is allowed, and speeds of 4 u / dt, since those of the hand-out are whole multiples of u / dt.
         """
         force, speed = RESIDUAL, STILL
         if self.single:
@@ -237,5 +254,5 @@ class Trial:
         ]
 
     def limit(self) -> float:
-        """The largest dt [s] that holds in any state of the scene."""
+        """Largest dt [s] that is stable in any state of the scene."""
         return stability_limit(self.scene)

@@ -1,4 +1,4 @@
-"""Vessels of fluids: what is in them, and how high: a cup that pours, and two that communicate (F10)."""
+"""Vessels of fluids, their contents and levels: a cup that pours, and two communicating vessels (F10)."""
 
 from __future__ import annotations
 
@@ -12,17 +12,19 @@ from bench.stress.trial import Check, Trial
 from model.geometry.surfaces.cup import HEIGHT, RADIUS, WALL
 from model.scene.scene import Scene
 
-LEVELLED = 6.0  # s: until two vessels are looked at
-PERIODS = 2  # of their swing, over which levels are averaged
+LEVELLED = 6.0  # s: simulated time until the levels are measured
+PERIODS = 2  # periods of their oscillation over which levels are averaged
 POURED = 4.0  # s
-LOOK = 0.5  # s: of a pouring cup
+LOOK = 0.5  # s: interval of the measurements of a pouring cup
 BELOW, OFF = "deepest below the floor", "difference of levels, of a rest distance"
 BIAS = "height off the volume's, of a rest distance"
 
 
 def in_cup(cup: Any, position: np.ndarray, time: float, margin: float = 0.0) -> np.ndarray:
-    """(n,) bool: which of the places (n, 3) [m] lie in a collider of the shape `cup` at `time` [s], up to its rim; `margin`
-    [m]: how far in its walls counts, too."""
+    """Return a mask (n,) of the positions (n, 3) [m] inside a collider of the shape `cup` at `time` [s], up to its rim.
+
+    `margin` [m]: thickness of the walls that counts as inside.
+    """
     scale = cup.shape.scale
     place = (position - np.array(cup.origin) - np.array(cup.velocity) * time) @ cup.turn_at(time)
     far = np.hypot(place[:, 0], place[:, 2])
@@ -31,7 +33,7 @@ def in_cup(cup: Any, position: np.ndarray, time: float, margin: float = 0.0) -> 
 
 
 def in_basin(scene: Scene, position: np.ndarray) -> np.ndarray:
-    """(n,) bool: which lie between the boxes `left` and `right`, `back` and `front` of a scene, no higher than they are."""
+    """Return a mask (n,) of the positions between the boxes `left` and `right`, `back` and `front`, below their top."""
     left, right, back, front = (scene.parts[name] for name in ("left", "right", "back", "front"))
     inside = np.ones(len(position), bool)
     low: Any
@@ -43,7 +45,7 @@ def in_basin(scene: Scene, position: np.ndarray) -> np.ndarray:
 
 
 def basin_area(scene: Scene, keeps: float) -> float:
-    """[m^2]: of its floor, `keeps` [m] less at each wall, its thickness."""
+    """Area of the basin's floor [m^2], reduced by `keeps` [m] at each wall, its thickness."""
     left, right, back, front = (scene.parts[name] for name in ("left", "right", "back", "front"))
     sides = []
     low: Any
@@ -54,7 +56,7 @@ def basin_area(scene: Scene, keeps: float) -> float:
 
 
 def pouring(scene: Scene, seconds: float = POURED, **how: Any) -> Iterator[tuple[float, float, float, np.ndarray]]:
-    """(time [s], share of the particles in the cup, in the basin, positions) every LOOK of a cup that pours."""
+    """Yield (time [s], fraction of the particles in the cup, in the basin, positions) every LOOK of a cup that pours."""
     cup: Any = next(iter(scene.all_of("mesh_collider").values()))
     with open_simulation(scene, **how) as simulation:
         for k in range(1, round(seconds / LOOK) + 1):
@@ -66,9 +68,12 @@ def pouring(scene: Scene, seconds: float = POURED, **how: Any) -> Iterator[tuple
 
 
 def levels_out(trial: Trial) -> list[Check]:
-    """F10: water in two vessels that are joined below, all of it in one at first. In the end it stands as high in both, at
-    the height that its volume gives, but for a part of a layer; it swings with the period of a column as long as the way
-    between the surfaces (Torricelli), over which heights are averaged; nothing passes a wall."""
+    """F10: water in two vessels that are connected below, all of it in one of them at first.
+
+    In the end it has the same level in both, that of its volume, to a fraction of a layer. It oscillates with the
+    period of a column as long as the path between the surfaces (Torricelli), over which levels are averaged; nothing
+    passes a wall.
+    """
     scene = trial.scene
     found, wall = scene.fluid_set, scene.parts["wall"]
     middle, half = wall.center[0], wall.half_size[0]  # type: ignore[attr-defined]

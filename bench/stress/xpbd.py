@@ -1,7 +1,7 @@
-"""Hard cases for position-based solvers: mass ratios, ropes that do not stretch, step sizes that no integrator holds.
+"""Hard cases of position-based solvers: mass ratios, inextensible ropes, step sizes at which integrators are unstable.
 
-bench/stress/laws.py tells what a law is; bench/stress/cases.py gives these their scenes. Published numbers are those of
-M. Macklin et al., "Small Steps in Physics Simulation", SCA 2019, section 6.1, and of bench/reference/xpbd.py.
+bench/stress/laws.py defines a law; bench/stress/cases.py has the scenes. Published numbers are those of M. Macklin et
+al., "Small Steps in Physics Simulation", SCA 2019, section 6.1, and of bench/reference/xpbd.py.
 """
 
 from __future__ import annotations
@@ -13,28 +13,31 @@ from bench.stress.trial import REST, STILL, Check, Trial
 from model.core.energy import energies
 from model.scene.scene import Scene
 
-STRETCH = {"gauss-seidel": 2.0, "jacobi": 5.0}  # %: of B2 with 100 substeps; measured are 1.01 and 4.15
-FRAMES = (20, 40)  # of B2: from the first to the last whose stretch counts
-DEEPEST = (16.0, 1.6)  # s: within which the rope of B3 has swung down, with 100 iterations and with 100 substeps
-RATIO, NEAR = 100.0, 0.03  # of B3's two errors: published 101, measured 99.5 and 99.7
+STRETCH = {"gauss-seidel": 2.0, "jacobi": 5.0}  # %: bound of B2 with 100 substeps; measured are 1.01 and 4.15
+FRAMES = (20, 40)  # of B2: first and last frame whose stretch counts
+DEEPEST = (16.0, 1.6)  # s: time in which the rope of B3 has swung down, with 100 iterations and with 100 substeps
+RATIO, NEAR = 100.0, 0.03  # ratio of B3's two errors: published 101, measured 99.5 and 99.7; allowed deviation
 BOUNDED = 200  # steps of B8
-SWING = 2.0  # s: of B13
+SWING = 2.0  # s: simulated time of B13
 
 
 def _lowest(trial: Trial, scene: Scene, seconds: float, first: int = 0) -> float:
-    """The least y [m] of the last mass from the frame `first` on, until `seconds`; from the scene's own start."""
+    """Smallest y [m] of the last mass from the frame `first` until `seconds`, from the scene's own start."""
     last = round(seconds / scene.method.dt)
     return min(float(state.position[-1, 1]) for state in trial.watch(range(max(1, first), last + 1), scene=scene))
 
 
 def _length(scene: Scene) -> float:
-    """Of the chain at rest [m]."""
+    """Length of the chain at rest [m]."""
     return (scene.grid.rows - 1) * scene.grid.spacing
 
 
 def heavy_end(trial: Trial) -> list[Check]:
-    """B2: the largest stretch of a rope with a mass of 1000 at its end, within the frames FRAMES; and what as many
-    iterations of one substep leave of it, which is no fault of the solver, but why substeps are made."""
+    """B2: largest stretch of a rope with a mass of 1000 at its end, within the frames FRAMES.
+
+    The stretch with as many iterations of one substep is reported too: it is not an error of the solver, but the reason
+    for substeps.
+    """
     scene, length = trial.scene, _length(trial.scene)
     swapped = {"method.substeps": 1, "method.iterations": scene.method.substeps}
     first, last = FRAMES
@@ -49,9 +52,12 @@ def heavy_end(trial: Trial) -> list[Check]:
 
 
 def small_steps_rope(trial: Trial) -> list[Check]:
-    """B3: 1 : 1e5. The error, how far the rope stretches, falls with the square of the substep: 100 substeps of one
-    iteration leave a hundredth of what 100 iterations of one substep do. In float32 gravity moves a mass in such a substep by
-    g h^2, hardly more than the last digit of where it is: the half of that digit which rounding takes or gives is allowed."""
+    """B3: mass ratio 1 : 1e5. The error, the stretch of the rope, falls with the square of the substep.
+
+    100 substeps of one iteration leave a hundredth of the error of 100 iterations of one substep. In float32 gravity
+    moves a mass in such a substep by g h^2, hardly more than the last digit of its coordinate: half of that digit, the
+    rounding error, is allowed.
+    """
     scene, length = trial.scene, _length(trial.scene)
     iterations = scene.replace({"method.substeps": 1, "method.iterations": scene.method.substeps})
     errors = [-_lowest(trial, one, seconds) - length for one, seconds in zip((iterations, scene), DEEPEST, strict=True)]
@@ -67,7 +73,7 @@ def small_steps_rope(trial: Trial) -> list[Check]:
 
 
 def bounded(trial: Trial) -> list[Check]:
-    """B8: at ten times the step size it stays finite, and energy is only taken away: converged, it is implicit Euler."""
+    """B8: at ten times the step size it stays finite, and the energy only falls: converged, it is implicit Euler."""
     begin = trial.start(trial.rest())
     before, most = energies(trial.scene, begin.position, begin.velocity)["total"], -np.inf
     for state in trial.watch(range(1, BOUNDED + 1), begin):
@@ -79,8 +85,11 @@ def bounded(trial: Trial) -> list[Check]:
 
 
 def tethered_chain(trial: Trial) -> list[Check]:
-    """B13: 4096 links without give, let go from the horizontal: iterations that never could hold so long a chain need not, as
-    no mass may be farther from the pin than the chain is long up to it. Known to eight ulp of the farthest coordinate."""
+    """B13: 4096 inextensible links, released from the horizontal.
+
+    Iterations could not converge on so long a chain, but the tethers ensure that no mass is farther from the pin than
+    the length of the chain up to it, to eight ulp of the farthest coordinate.
+    """
     position = trial.rest()[..., ::-1] * (-1, 1)
     reach = trial.scene.grid.spacing * np.arange(1, trial.scene.grid.rows)
     farthest, part = -np.inf, trial.steps(SWING / 4)

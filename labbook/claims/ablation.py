@@ -1,4 +1,4 @@
-"""What the lab book may say about what scenes need (`softlab ablate`); see labbook/claims/claim.py for the rules."""
+"""Claims of the lab book on the parts that scenes need (`softlab ablate`); rules in labbook/claims/claim.py."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from plots.figures.ablation import told_tables
 
 
 def typeset(sentence: str) -> str:
-    """A sentence of the terminal as a book has it: 5.4e-04 as a power of ten."""
+    """Return a sentence of the terminal as the book prints it: 5.4e-04 as a power of ten."""
     return re.sub(r"\b\d\.\de[+-]\d\d\b", lambda found: number(float(found[0]), 2), sentence)
 
 
 def needs(results: Results) -> Claim:
-    """One sentence a scene and backend: the parts that it needs, and what is enough."""
+    """One sentence per scene and backend: the parts that it needs, and the settings that are enough."""
     source, tables = told_tables(results)
     if source is None or not tables:
         return Claim("What the scenes need was not measured.")
@@ -31,7 +31,7 @@ def needs(results: Results) -> Claim:
 
 
 def idle(results: Results) -> Claim:
-    """How much of what was left out was not needed."""
+    """Number of ablated parts and settings that were not needed."""
     _, tables = told_tables(results)
     rows = [(table, row) for table in tables for row in table.rows]
     if not rows:

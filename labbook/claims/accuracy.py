@@ -1,4 +1,4 @@
-"""What the lab book may say about accuracy; see labbook/claims/claim.py for the rules."""
+"""Claims of the lab book on accuracy; rules in labbook/claims/claim.py."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ from plots.core.apart import small
 from plots.core.data import Results, Source
 from plots.figures.work_precision import accurate_source
 
-NEAR = 0.25  # how far an observed order may be from the declared one to count as the same
+NEAR = 0.25  # largest difference between an observed and the declared order that still counts as agreement
 FAMILIES = ("explicit", "position-based", "implicit")
-SCENE = "S1"  # the scene whose numbers the text quotes; tables hold both
+SCENE = "S1"  # the scene whose numbers the text quotes; tables have both
 
 
 def found_points(results: Results) -> list[Point]:
-    """The accuracy runs of the source that the chapter is about, of the scene that the text quotes."""
+    """Return the accuracy runs of the chapter's source, for the scene that the text quotes."""
     source = accurate_source(results)
     return points(source, SCENE) if source else []
 
 
 def lab_newton(results: Results) -> Claim:
-    """The hand-out's step against Newton's law."""
+    """Error and order of the hand-out's step against Newton's law."""
     mine = order_points(found_points(results), "lab")
     order = observed_order([(p.dt, p.error) for p in mine])
     if order is None:
@@ -43,7 +43,7 @@ def lab_newton(results: Results) -> Claim:
 
 
 def lab_half(results: Results) -> Claim:
-    """The hand-out's step against the equation with half the acceleration."""
+    """Error and order of the hand-out's step against the equation with half the acceleration."""
     mine = [p for p in order_points(found_points(results), "lab") if p.half]
     order = observed_order([(p.dt, p.half or 0.0) for p in mine])
     if order is None:
@@ -59,7 +59,7 @@ def lab_half(results: Results) -> Claim:
 
 
 def orders(results: Results) -> Claim:
-    """Observed against declared orders of the integrators that have a declared order."""
+    """Observed and declared orders of the integrators that have a declared order."""
     found = found_points(results)
     parts, numbers, near = [], {}, True
     for name in ("semi-implicit-euler", "velocity-verlet", "rk4"):
@@ -75,7 +75,7 @@ def orders(results: Results) -> Claim:
 
 
 def broken(results: Results) -> Claim:
-    """How many runs diverged, and of which integrators."""
+    """Number of diverged runs, and their integrators."""
     found = found_points(results)
     lost = [p for p in found if p.diverged]
     if not found:
@@ -88,7 +88,7 @@ def broken(results: Results) -> Claim:
 
 
 def float32_floor(results: Results) -> Claim:
-    """Where float32 stops to gain: the least error in float32 against float64 of the same integrator, rk4."""
+    """Resolution of float32: the smallest errors of rk4 in float32 and in float64."""
     found = [p for p in found_points(results) if p.integrator == "rk4" and not p.diverged and p.backend == "cpu"]
     least = {
         precision: min((p for p in found if p.precision == precision), key=lambda p: p.error, default=None)
@@ -108,7 +108,7 @@ def float32_floor(results: Results) -> Claim:
 
 
 def fastest(results: Results, target: float = 1e-3) -> Claim:
-    """The configuration that reaches an error soonest, and whether the next integrator is clearly slower."""
+    """Fastest configuration that reaches an error, and whether the next integrator is clearly slower."""
     able = reaching(found_points(results), target)
     at = f"An error of {number(target, 1)} spacings in {SCENE}"
     if not able:
@@ -135,7 +135,7 @@ def fastest(results: Results, target: float = 1e-3) -> Claim:
 
 
 def equal_error(results: Results, target: float = 1e-3) -> Claim:
-    """GPU against CPU at equal error, without and with the copy of the end state, by size."""
+    """Speed of the GPU over that of the CPU at equal error, without and with the copy of the end state, by size."""
     labels = sorted((SCENE, *SIZES), key=lambda label: SIZES.get(label, (label, SIDE))[1])
     for source in results.everyone:
         rows = {label: ways_to(points(source, label), [target])[0] for label in labels}
@@ -173,7 +173,7 @@ def equal_error(results: Results, target: float = 1e-3) -> Claim:
 
 
 def families(results: Results, scene: str = "S4", target: float = 1e-1) -> Claim:
-    """The soonest method of each family on a stiff cloth, at equal error: explicit, position-based, implicit."""
+    """Fastest explicit, position-based and implicit method on a stiff cloth, at equal error."""
     at = f"An error of {number(target, 1)} spacings in {scene}"
     for source in results.everyone:
         able = reaching(points(source, scene), target)
@@ -204,13 +204,13 @@ def _family(point: Point) -> str:
 
 
 def _machines(source: Source) -> str:
-    """`the NVIDIA H200 and the Intel Xeon, 16 cores (committed)`, of those that were timed."""
+    """Return e.g. `the NVIDIA H200 and the Intel Xeon, 16 cores (committed)`: the processors that were timed."""
     processors = [name for name in (source.gpu, source.processor) if name]
     return " and ".join(f"the {name}" for name in processors) + source.bracket
 
 
 def rope(results: Results, target: float = 1e-1) -> Claim:
-    """GPU against CPU on a stiff rope, which no GPU can share out: at equal error."""
+    """Speed of the GPU over that of the CPU at equal error on a stiff rope, which no GPU can process in parallel."""
     masses = words.masses(load_scene("rope-stiff").grid.particle_count)
     for source in results.everyone:
         (row,) = ways_to(points(source, "S6"), [target])

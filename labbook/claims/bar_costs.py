@@ -1,5 +1,4 @@
-"""What the lab book may say of the time that one bar takes by every method (`softlab bar`); labbook/claims/claim.py has the
-rules."""
+"""Claims of the lab book on the time of one bar by every method (`softlab bar`); rules in labbook/claims/claim.py."""
 
 from __future__ import annotations
 
@@ -14,7 +13,9 @@ from plots.figures.bar_costs import on
 
 
 def costs_of(results: Results) -> Claim:
-    """What a frame costs of each method that is CLOSE to the rod, with the fewest substeps that are; and which never are."""
+    """Time of a frame of each method that is CLOSE to the rod, at the fewest such substeps; and the methods that never
+    are.
+    """
     parts: list[str] = []
     numbers: dict[str, float] = {}
     busy = False
@@ -44,12 +45,12 @@ def costs_of(results: Results) -> Claim:
 
 
 def _named(solvers: list[str]) -> str:
-    """`tetrahedra (newton) and xpbd`: a comma parts methods alone."""
+    """Return e.g. `tetrahedra (newton) and xpbd`, so that commas only separate methods."""
     return words.listed([re.sub(r"^(.*), (.*)$", r"\1 (\2)", name) for name in solvers])
 
 
 def _substeps(cost: Cost) -> str:
-    """`4 substeps`."""
+    """Return e.g. `4 substeps`."""
     return f"{cost.substeps} substep{'' if cost.substeps == 1 else 's'}"
 
 

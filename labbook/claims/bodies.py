@@ -1,4 +1,4 @@
-"""What the lab book may say about three solvers on one bar (`softlab bar`); see labbook/claims/claim.py for the rules."""
+"""Claims of the lab book on three solvers and one bar (`softlab bar`); rules in labbook/claims/claim.py."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ from labbook.words import number, percent
 from plots.core.data import Results
 from plots.figures.bar import bars
 
-NEAR = 1e-4  # what agrees with a closed form to so much follows it
-EQUAL = 1e-6  # relative: of numbers in exact math on two backends
+NEAR = 1e-4  # largest relative difference from a closed form that counts as agreement
+EQUAL = 1e-6  # relative: largest difference between two backends in exact math
 
 
 def measured_bars(results: Results) -> list[Bar]:
-    """The rows that are told of, of one backend."""
+    """Return the rows that the chapter uses, from one backend."""
     found, _ = bars(results)
     return first_backend(found) if found else []
 
@@ -50,7 +50,7 @@ def _off(bar: Bar, name: str, exact: float) -> float:
 
 
 def springs(results: Results) -> Claim:
-    """Mass-spring, and XPBD with iterations to spare, are a chain of springs."""
+    """Agreement of mass-spring, and of XPBD with converged iterations, with a chain of springs."""
     explicit = [bar for bar in _strips(results, "mass-spring") if {SAG, FREQUENCY} <= set(bar.values)]
     refused = [bar for bar in _strips(results, "mass-spring") if bar.refused]
     implicit = [bar for bar in _strips(results, "xpbd, converged") if {SAG, FREQUENCY} <= set(bar.values)]
@@ -82,7 +82,10 @@ def springs(results: Results) -> Claim:
 
 
 def iterations(results: Results) -> Claim:
-    """One iteration of XPBD carries a load on by one mass: too few substeps make it softer, the more the finer it is."""
+    """Error of XPBD with one iteration, which transmits a load by one mass only.
+
+    Too few substeps make the bar softer, and more so the finer it is.
+    """
     found = {name: _strips(results, name) for name in ("xpbd", "xpbd, converged")}
     few = [bar for bar in found["xpbd"] if bar.fine == SOME_LINKS and SAG in bar.values]
     fine = [bar for bar in found["xpbd"] if bar.substeps == FINEST and SAG in bar.values]
@@ -106,18 +109,18 @@ def iterations(results: Results) -> Claim:
 
 
 def substeps_of(bar: Bar) -> str:
-    """`4 substeps`."""
+    """Return e.g. `4 substeps`."""
     return f"{bar.substeps} substep{'' if bar.substeps == 1 else 's'}"
 
 
 def _sag(found: list[Bar], substeps: int) -> float:
-    """Over the chain's, of SOME_LINKS at so many substeps; 1 where it was not measured."""
+    """Return the sag over the chain's, of SOME_LINKS with that many substeps; 1 where it was not measured."""
     bar = _one(found, SOME_LINKS, substeps)
     return bar.values[SAG] / chain_sag(bar.fine) if bar and SAG in bar.values else 1.0
 
 
 def windows(results: Results) -> Claim:
-    """The lattice of clusters is its own linear system; what windows at the ends and too few substeps do to it."""
+    """Agreement of the lattice of clusters with its linear system; effect of cut-off windows and of too few substeps."""
     found = [
         bar for bar in measured_bars(results) if bar.solver == "shape-matching" and {SAG, FREQUENCY} <= set(bar.values)
     ]
@@ -152,7 +155,7 @@ def _window(bar: Bar) -> str:
 
 
 def shear(results: Results) -> Claim:
-    """Held at its side: springs hang down, clusters bend."""
+    """Displacement of a bar that is fixed at its side: springs hang down, clusters bend."""
     hanging: list[Bar] = []
     bending: list[Bar] = []
     for solver, found in (("mass-spring", hanging), ("xpbd", hanging), ("shape-matching", bending)):
@@ -174,7 +177,7 @@ def shear(results: Results) -> Claim:
 
 
 def losses(results: Results) -> Claim:
-    """What each takes from an undamped swing."""
+    """Damping of an undamped vibration by each solver."""
     parts, numbers = [], {}
     for solver, name in (("mass-spring", "mass-spring"), ("xpbd", "XPBD"), ("shape-matching", "shape matching")):
         found = [bar for bar in _strips(results, solver) if bar.fine == SOME_LINKS and DECAY in bar.values]
@@ -192,7 +195,7 @@ def losses(results: Results) -> Claim:
 
 
 def overlap(results: Results) -> Claim:
-    """The jelly bar: what overlap and spacing make of a stiffness, and where clusters make one material."""
+    """Stiffness of the jelly bar against overlap and spacing, and where clusters give one material."""
     found = [bar for bar in measured_bars(results) if bar.solver == JELLY and FREQUENCY in bar.values]
     by_size = [b for b in found if (b.fine, b.substeps) == (SOME_LAYERS, FINEST)]
     if len(by_size) < 2:
@@ -214,7 +217,7 @@ def overlap(results: Results) -> Claim:
 
 
 def jelly_substeps(results: Results) -> Claim:
-    """The jelly bar against substeps."""
+    """Sag and frequency of the jelly bar against substeps."""
     found = series(measured_bars(results), JELLY, lambda b: b.substeps, fine=SOME_LAYERS, size=SOME_OVERLAP)
     found = [bar for bar in found if {SAG, FREQUENCY} <= set(bar.values)]
     if len(found) < 2:
@@ -230,7 +233,7 @@ def jelly_substeps(results: Results) -> Claim:
 
 
 def tetrahedra(results: Results) -> Claim:
-    """The bar of tetrahedra: hung and swung it is a rod's material, bent it is its mesh's."""
+    """Comparison of the bar of tetrahedra with the rod's material in sag and frequency, and with the beam in bending."""
     found = {name: _strips(results, f"tetrahedra, {name}") for name in ("xpbd", "newton")}
     finest = {name: _one(some, SOME_VOXELS, FINEST) for name, some in found.items()}
     few = min(
@@ -258,7 +261,7 @@ def tetrahedra(results: Results) -> Claim:
 
 
 def backends(results: Results) -> Claim:
-    """Whether both backends say the same."""
+    """Largest difference between the results of both backends."""
     held: dict[object, dict[str, Bar]] = {}
     for bar in bars(results)[0]:
         key = (bar.precision, bar.solver, bar.fine, bar.size, bar.substeps, bar.law)

@@ -1,4 +1,4 @@
-"""What the lab book may say about laws of bodies (`softlab bar`); see labbook/claims/claim.py for the rules."""
+"""Claims of the lab book on laws of bodies (`softlab bar`); rules in labbook/claims/claim.py."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from plots.core.data import Results
 
 
 def _laws(results: Results, law: str) -> list[Bar]:
-    """The rows of a law of its first precision, by substeps."""
+    """Return the float64 rows of a law, by substeps."""
     found = [bar for bar in measured_bars(results) if bar.law == law]
     return sorted((b for b in found if b.precision == "float64"), key=lambda b: b.substeps)
 
 
 def spin(results: Results) -> Claim:
-    """S7 and A8: a rigid body loses spin by its law."""
+    """S7 and A8: loss of spin of a rigid body, compared with its law."""
     found = [bar for bar in _laws(results, SPIN) if {KEPT, SPIN_LAW} <= set(bar.values)]
     if not found:
         return Claim("The spin of a rigid body was not measured.")
@@ -32,7 +32,7 @@ def spin(results: Results) -> Claim:
 
 
 def flight(results: Results) -> Claim:
-    """A thrown, spinning soft body: momenta."""
+    """Linear and angular momentum of a thrown, spinning soft body."""
     found = [bar for bar in _laws(results, FLIGHT) if {KEPT, MOMENTUM} <= set(bar.values)]
     if not found:
         return Claim("The momenta of a thrown soft body were not measured.")
@@ -47,7 +47,7 @@ def flight(results: Results) -> Claim:
 
 
 def rest(results: Results) -> Claim:
-    """A dropped soft body lies still."""
+    """Kinetic energy of a dropped soft body, and whether it comes to rest."""
     found = [bar for bar in _laws(results, DROP) if ENERGY in bar.values]
     if not found:
         return Claim("Whether a dropped soft body comes to rest was not measured.")

@@ -1,5 +1,4 @@
-"""What the lab book may say about threads beside another program (`softlab busy`); see labbook/claims/claim.py for the
-rules."""
+"""Claims of the lab book on threads next to another program (`softlab busy`); rules in labbook/claims/claim.py."""
 
 from __future__ import annotations
 
@@ -16,7 +15,7 @@ NAMES = {
 
 
 def busy(results: Results) -> Claim:
-    """The worst scene in each company: its step on all threads over that on one."""
+    """Largest ratio of a step's time on all threads to that on one, for each kind of other program."""
     found: list[BusyPoint] = []
     for source in results.everyone:
         found = found or points(source.measures)

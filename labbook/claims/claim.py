@@ -1,9 +1,10 @@
-"""What the lab book may say: every claim is a function of the results that returns a sentence made from the data.
+"""Claims of the lab book: functions of the results that return a sentence made from the data.
 
-A claim is `supported` when what it compares is apart (plots/core/apart.py), or a number it needs is there at all. Otherwise
-its sentence is neutral: no difference beyond measurement noise, or not measured. Timings whose answer was wrong take no
-part; suspect ones only where there are no others, and then the sentence says so. Every sentence names the machine that its
-numbers are from. Here: threads, and each backend by itself; comparisons and accuracy have files of their own.
+A claim is `supported` if the things it compares differ (plots/core/apart.py), or if the number it needs was measured.
+Otherwise its sentence is neutral: no difference beyond measurement noise, or not measured. Timings with a wrong result
+are not used; suspect ones only where there are no others, and then the sentence says so. Every sentence names the
+machine of its numbers. This file has the claims on threads and on each backend by itself; comparisons and accuracy have
+files of their own.
 """
 
 from __future__ import annotations
@@ -20,23 +21,23 @@ from plots.core.bandwidth import copy_bandwidth, disturbed, fraction
 from plots.core.data import THREAD_WORDS, Results, Source, is_suspect, sound
 from plots.core.pairs import at_one_size, float64_pairs
 
-FLAT = 1.5  # a time that grew by less counts as flat
+FLAT = 1.5  # a time that grew by less than this factor counts as constant
 
 
 @dataclass(frozen=True)
 class Claim:
-    """`sentence`: one or two sentences, whole; `numbers`: what they were made from; `supported`: by the data."""
+    """`sentence`: one or two complete sentences; `numbers`: their input; `supported`: by the data."""
 
     sentence: str
     numbers: Mapping[str, float] = field(default_factory=dict)
     supported: bool = False
 
 
-Claims = dict[str, Callable[[Results], Claim]]  # of a module, by name
+Claims = dict[str, Callable[[Results], Claim]]  # claims of a module by name
 
 
 def cpu_source(results: Results) -> Source | None:
-    """The machine whose CPU times the text quotes: the first featured one that has any, of forced kernels at least."""
+    """Return the machine whose CPU times the text quotes: the first featured one with any, at least of forced kernels."""
     for held in ("timings", "kernels"):
         for source in results.featured:
             if any(timing.backend == "cpu" for timing in getattr(source, held)):
@@ -45,44 +46,46 @@ def cpu_source(results: Results) -> Source | None:
 
 
 def on_gpu(source: Source) -> str:
-    """`On the NVIDIA H200`, and that these are the committed measurements where they are not the reader's own."""
+    """Return e.g. `On the NVIDIA H200`, with a mark if the measurements are the committed ones and not the reader's."""
     return on(source, "gpu")
 
 
 def on(source: Source, backend: str) -> str:
-    """The same of either processor: `On the AMD EPYC, 2 cores`."""
+    """Return the same phrase for either processor, e.g. `On the AMD EPYC, 2 cores`."""
     return f"On the {named(source, backend)}"
 
 
 def named(source: Source, backend: str) -> str:
-    """`NVIDIA H200 (committed)`: the reader's machine and a committed one never share a label."""
+    """Return e.g. `NVIDIA H200 (committed)`: the reader's machine and a committed one never have the same label."""
     return f"{source.device(backend)}{source.bracket}"
 
 
 def where(backend: str, source: Source) -> str:
-    """`the GPU (NVIDIA H200)`."""
+    """Return e.g. `the GPU (NVIDIA H200)`."""
     return f"the {backend.upper()} ({source.device(backend)}{source.label and ', '}{source.label})"
 
 
 def committed_of(sources: Iterable[Source], backend: str) -> str:
-    """` (committed)` where what is told of a backend, by the first of the sources that ran it, is not the reader's."""
+    """Return ` (committed)` if the first source that ran a backend is not the reader's, else an empty string."""
     ran = (source for source in sources if any(measure.backend == backend for measure in source.measures))
     return next((source.bracket for source in ran), "")
 
 
-MARK = " (suspect)"  # of one of several in a sentence
+MARK = " (suspect)"  # for one of several in a sentence
 SUSPECT = " (from times that are marked as suspect)"
 
 
 def trusted(found: Sequence[tuple[Timing, ...]]) -> tuple[list[tuple[Timing, ...]], str]:
-    """Of what is set side by side that in which no time is suspect, and nothing to add; all of it where there is no such,
-    and the words that say so."""
+    """Return the comparisons without a suspect time and an empty string.
+
+    If every comparison has a suspect time: all of them, and the words that say so.
+    """
     clean = [timings for timings in found if not any(is_suspect(timing) for timing in timings)]
     return (clean, "") if clean else (list(found), SUSPECT if found else "")
 
 
 def suspicion(points: Iterable[AccuracyPoint | None], said: str = SUSPECT) -> str:
-    """What is `said` where the time of any of the accuracy runs is suspect, or nothing."""
+    """Return `said` if the time of any of the accuracy runs is suspect, else an empty string."""
     return said if any(point is not None and point.suspect for point in points) else ""
 
 
@@ -90,12 +93,12 @@ def suspicion(points: Iterable[AccuracyPoint | None], said: str = SUSPECT) -> st
 
 
 def thread_pairs(source: Source, word: str) -> list[tuple[Timing, Timing]]:
-    """(1x, `word`) timings of one size, smallest first."""
+    """Return (1x, `word`) timings of one size, smallest first."""
     return at_one_size(sound(source.select("cpu", "1x")), sound(source.select("cpu", word)))
 
 
 def threads_at(results: Results, end: int) -> Claim:
-    """2x and 4x threads against 1x at the smallest (`end` 0) or the largest (-1) size all were measured at."""
+    """2x and 4x threads compared with 1x, at the smallest (`end` 0) or largest (-1) size that all were measured at."""
     source = cpu_source(results)
     found = {word: trusted(thread_pairs(source, word)) for word in THREAD_WORDS[1:]} if source else {}
     found = {word: both for word, both in found.items() if both[0]}
@@ -124,7 +127,7 @@ def threads_at(results: Results, end: int) -> Claim:
 
 
 def threads_best(results: Results) -> Claim:
-    """At how many sizes more threads than cores are clearly faster than as many."""
+    """Number of sizes at which more threads than cores are clearly faster than as many."""
     source = cpu_source(results)
     found = {word: trusted(thread_pairs(source, word)) for word in THREAD_WORDS[1:]} if source else {}
     sizes = sorted({base.particles for both, _ in found.values() for base, _ in both})
@@ -159,7 +162,7 @@ def threads_best(results: Results) -> Claim:
 
 
 def region_cost(results: Results) -> Claim:
-    """What starting and ending a parallel region costs with few and with many threads."""
+    """Cost of an empty parallel region with few and with many threads."""
     source = results.first(lambda s: s.machine.record.get("region_seconds"))
     costs = (source.machine.record.get("region_seconds") if source else None) or {}
     cores = source.machine.record.get("cores") if source else None
@@ -179,7 +182,7 @@ def region_cost(results: Results) -> Claim:
 
 
 def bandwidth_reached(source: Source | None, backend: str, word: str | None) -> Claim:
-    """What share of the copy bandwidth a backend reaches at its largest grid."""
+    """Fraction of the copy bandwidth that a backend reaches at its largest grid."""
     found, suspect = trusted([(t,) for t in sound(source.select(backend, word))]) if source else ([], "")
     largest = [t for (t,) in found][-1:]
     share = fraction(source, largest[0]) if source and largest else None
@@ -203,7 +206,7 @@ def bandwidth_reached(source: Source | None, backend: str, word: str | None) -> 
 
 
 def float64_cost(source: Source | None, backend: str, word: str | None) -> Claim:
-    """float64 against float32 on a backend's largest grid."""
+    """Time of float64 over that of float32 on a backend's largest grid."""
     both, suspect = trusted(float64_pairs(source, backend, word)) if source else ([], "")
     if source is None or not both:
         return Claim(f"What float64 costs on the {backend.upper()} was not measured.")
@@ -223,12 +226,12 @@ def float64_cost(source: Source | None, backend: str, word: str | None) -> Claim
 
 
 def _trusted_curve(source: Source | None) -> list[Timing]:
-    """The GPU's times that are not suspect, smallest grid first."""
+    """Return the GPU's times that are not suspect, smallest grid first."""
     return [t for t in sound(source.select("gpu")) if not is_suspect(t)] if source else []
 
 
 def gpu_flat(results: Results) -> Claim:
-    """Up to which size the GPU's time hardly depends on the number of masses."""
+    """Size up to which the GPU's time hardly depends on the number of masses."""
     source = results.with_gpu()
     curve = _trusted_curve(source)
     if source is None or len(curve) < 2:
@@ -251,7 +254,7 @@ def gpu_flat(results: Results) -> Claim:
 
 
 def gpu_growth(results: Results) -> Claim:
-    """How the GPU's time grows between its two largest squares."""
+    """Growth of the GPU's time between its two largest squares."""
     source = results.with_gpu()
     curve = _trusted_curve(source)
     if source is None or len(curve) < 2:
@@ -266,7 +269,7 @@ def gpu_growth(results: Results) -> Claim:
 
 
 def launch_cost(results: Results) -> Claim:
-    """What one launch from Python costs on the GPU's machine."""
+    """Cost of one launch from Python on the GPU's machine."""
     source = results.with_gpu()
     cost = source.machine.record.get("gpu_launch_seconds") if source else None
     if source is None or not cost:

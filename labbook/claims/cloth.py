@@ -1,4 +1,4 @@
-"""What the lab book may say about position-based cloth (`softlab projections`); see labbook/claims/claim.py for the rules."""
+"""Claims of the lab book on position-based cloth (`softlab projections`); rules in labbook/claims/claim.py."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from labbook.claims.claim import Claim, Claims, where
 from plots.core.data import Results
 from plots.figures.projections import panels
 
-SIZE = 256  # rows and columns that rates are told of
+SIZE = 256  # rows and columns of the sheet whose rates are quoted
 NAMES = {"gauss-seidel": "coloured Gauss-Seidel", "jacobi": "Jacobi"}
 
 
@@ -20,12 +20,12 @@ def _point(found: list[ProjectionPoint], ordering: str, neighbours: int, iterati
 
 
 def _rate(value: float) -> str:
-    """`2 420 million projections a second`."""
+    """Return e.g. `2 420 million projections a second`."""
     return f"{words.number(value / 1e6)} million projections a second"
 
 
 def rates(results: Results) -> Claim:
-    """Projections a second of both orderings on each backend, at one size."""
+    """Projections per second of both orderings on each backend, at one size."""
     parts: list[str] = []
     numbers: dict[str, float] = {}
     for backend, source, found in panels(results):
@@ -48,7 +48,7 @@ def rates(results: Results) -> Claim:
 
 
 def per_projection(results: Results) -> Claim:
-    """What a colour by colour order costs beside one over all constraints at once, a projection, over all sizes."""
+    """Rate of Jacobi, all constraints at once, over that of Gauss-Seidel in colours, over all sizes."""
     parts: list[str] = []
     numbers: dict[str, float] = {}
     for backend, source, found in panels(results):
@@ -72,7 +72,7 @@ def per_projection(results: Results) -> Claim:
 
 
 def published(results: Results) -> Claim:
-    """Published frames over ours, on each backend."""
+    """Times of published frames over the lab's, on each backend."""
     parts: list[str] = []
     told: dict[tuple[str, str], None] = {}
     numbers: dict[str, float] = {}
@@ -95,7 +95,7 @@ def published(results: Results) -> Claim:
 
 
 def discretisation(results: Results) -> Claim:
-    """What cutting a sheet along one diagonal, or along alternating ones, does to it."""
+    """Effect of cutting a sheet along one diagonal, or along alternating ones."""
     for source in results.everyone:
         told = [m for m in source.measures if m.description.get("finding") == FINDING and m.value is not None]
         found = {(m.description["diagonals"], m.name): m.value for m in reversed(told)}

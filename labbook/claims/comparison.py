@@ -1,6 +1,6 @@
-"""What the lab book may say of one thing against another: GPU and CPU, drawing and not, shapes; and how far to trust it.
+"""Claims of the lab book that compare: GPU and CPU, with and without drawing, shapes, peers; and on trust in the times.
 
-See labbook/claims/claim.py for the rules.
+Rules in labbook/claims/claim.py.
 """
 
 from __future__ import annotations
@@ -19,8 +19,11 @@ from plots.figures.peers import square_ratios
 
 
 def compared(results: Results, graphics: bool = False) -> tuple[Source | None, list[Pair], str]:
-    """The first machine that timed both backends with one version of the code, what it timed at one size (without suspect
-    times, if it can be), and what must be said of it."""
+    """Return (machine, pairs of timings at one size, remark on suspect times).
+
+    It is the first machine that timed both backends with one version of the code; suspect times are left out if others
+    remain.
+    """
     for source in results.everyone:
         found = pairs(source, graphics=graphics)
         clean = [pair for pair in found if not (is_suspect(pair.cpu) or is_suspect(pair.gpu))]
@@ -33,7 +36,7 @@ NOT_COMPARED = "no machine in the data has timed both with one version of the co
 
 
 def overtakes(results: Results) -> Claim:
-    """From which size on the GPU is faster than the CPU's fastest thread count, and by how much at the largest."""
+    """Size from which the GPU is faster than the CPU's fastest thread count, and the ratio at the largest size."""
     source, found, suspect = compared(results)
     if source is None:
         return Claim(f"GPU and CPU were not compared: {NOT_COMPARED}.")
@@ -64,7 +67,7 @@ def overtakes(results: Results) -> Claim:
 
 
 def drawing(results: Results) -> Claim:
-    """What drawing costs at the largest grid that was timed with it, on each backend."""
+    """Cost of drawing at the largest grid that was timed with it, on each backend."""
     parts, numbers = [], {}
     for source, backend, word in (
         (cpu_source(results), "cpu", "1x"),
@@ -96,7 +99,7 @@ def drawing(results: Results) -> Claim:
 
 
 def overtakes_drawing(results: Results) -> Claim:
-    """GPU against CPU with graphics: up to which size the CPU is ahead, and the largest."""
+    """GPU compared with CPU with graphics: the size up to which the CPU is ahead, and the largest size."""
     source, found, suspect = compared(results, graphics=True)
     if source is None:
         return Claim("GPU and CPU were not compared with graphics.")
@@ -117,7 +120,7 @@ def overtakes_drawing(results: Results) -> Claim:
 
 
 def shape(results: Results) -> Claim:
-    """Whether long, tall and odd grids cost more than squares, on the CPU with 1x threads."""
+    """Cost of long, tall and odd grids over that of squares, on the CPU with 1x threads."""
     source = cpu_source(results)
     everything = shape_ratios(source, "cpu", "1x") if source else []
     clean = [(timing, square) for timing, square in everything if not is_suspect(timing)]
@@ -135,7 +138,7 @@ def shape(results: Results) -> Claim:
 
 
 def trust(results: Results) -> Claim:
-    """How many of the timings are suspect or wrong."""
+    """Number of timings that are suspect or wrong."""
     everything = [timing for source in results.featured for timing in source.timings]
     if not everything:
         return Claim("Nothing was timed.")
@@ -158,7 +161,7 @@ def trust(results: Results) -> Claim:
 
 
 def peers(results: Results) -> Claim:
-    """What a step of the grid takes by others, over ours: at the largest size that most of them ran on each backend."""
+    """Time of a step of the grid by peers over the lab's, at the largest size that most of them ran on each backend."""
     parts: list[str] = []
     numbers: dict[str, float] = {}
     for backend, source, found in on_backends(results, square_ratios):

@@ -1,4 +1,4 @@
-"""What the lab book may say about position-based solvers; see labbook/claims/claim.py for the rules."""
+"""Claims of the lab book on position-based solvers; rules in labbook/claims/claim.py."""
 
 from __future__ import annotations
 
@@ -11,16 +11,19 @@ from labbook.words import number, seconds
 from plots.core.accuracy_points import Point, observed_order, points, reaching
 from plots.core.data import Results
 
-EQUAL = 0.1  # errors that differ by less of themselves count as the same
-NEAR = 0.25  # how far an observed order may be from 1 to count as it
+EQUAL = 0.1  # largest relative difference of errors that count as equal
+NEAR = 0.25  # largest difference of an observed order from 1 that counts as agreement
 SCENE = "S1"
 PRECISIONS = ("float32", "float64")
-STIFF = "S4"  # the scene that the orderings are compared on
+STIFF = "S4"  # the scene on which the orderings are compared
 ORDERING_TARGETS = (1.0, 0.3, 0.1, 0.03, 0.01)  # spacings
 
 
 def _ways(results: Results, name: str, scene: str = SCENE) -> list[Point]:
-    """The runs in float64 of an ordering, of the first source and backend that has any: an error hangs on no machine."""
+    """Return the float64 runs of an ordering, from the first source and backend that has any.
+
+    An error does not depend on the machine.
+    """
     for source in results.everyone:
         for backend in ("cpu", "gpu"):
             mine = [
@@ -32,7 +35,7 @@ def _ways(results: Results, name: str, scene: str = SCENE) -> list[Point]:
 
 
 def iterations_or_substeps(results: Results) -> Claim:
-    """What more iterations and what smaller steps do to the error against Newton's law."""
+    """Effect of more iterations and of smaller steps on the error against Newton's law."""
     mine = [p for p in _ways(results, XPBD[0]) if not p.diverged and p.iterations]
     at = {(p.dt, p.iterations): p for p in mine}
     counts = sorted({p.iterations or 0 for p in mine})
@@ -63,7 +66,7 @@ def iterations_or_substeps(results: Results) -> Claim:
 
 
 def wrong_ordering(results: Results) -> Claim:
-    """What averaged Jacobi converges to."""
+    """Limit to which averaged Jacobi converges."""
     wrong, right = ([p for p in _ways(results, name) if not p.diverged and p.iterations] for name in (XPBD[2], XPBD[1]))
     if not wrong or not right:
         return Claim("Averaged Jacobi was not held against Newton's law.")
@@ -82,7 +85,7 @@ def wrong_ordering(results: Results) -> Claim:
 
 
 def in_float32(results: Results) -> Claim:
-    """Whether smaller substeps make position-based steps worse in float32: where it shows most."""
+    """Largest loss of accuracy of position-based steps in float32 by smaller substeps."""
     worst: tuple[float, Point, Point, Point] | None = None
     for source in results.everyone:
         found = [
@@ -115,7 +118,7 @@ def in_float32(results: Results) -> Claim:
 
 
 def against_integrators(results: Results, target: float = 1e-2) -> Claim:
-    """The soonest position-based way to an error against the soonest integrator."""
+    """Fastest position-based method that reaches an error, compared with the fastest integrator."""
     parts: list[str] = []
     numbers: dict[str, float] = {}
     for scene in ("S1", "S2", "S4", "S5"):
@@ -136,7 +139,7 @@ def against_integrators(results: Results, target: float = 1e-2) -> Claim:
 
 
 def orderings(results: Results) -> Claim:
-    """Jacobi against coloured Gauss-Seidel on a stiff cloth, at equal error, each by its soonest configuration."""
+    """Jacobi compared with coloured Gauss-Seidel on a stiff cloth, at equal error, each by its fastest configuration."""
     parts: list[str] = []
     numbers: dict[str, float] = {}
     for source in results.everyone:

@@ -1,4 +1,4 @@
-"""What the lab book may say about the costs of looking for divergence and of determinism; see labbook/claims/claim.py."""
+"""Claims of the lab book on the costs of the divergence check and of determinism; rules in labbook/claims/claim.py."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from plots.core.backends import on_backends
 from plots.core.data import Results, Source
 from plots.findings.points import Cost, costs, look_costs
 
-BOUND = 1.0  # per cent of the time: what looking for divergence may cost
+BOUND = 1.0  # per cent of the time: largest cost of the divergence check
 NAMES = {"cpu": "the CPU", "gpu": "the GPU"}
 
 
@@ -19,7 +19,7 @@ def _where(source: Source, backend: str) -> str:
 
 
 def looks_cost(results: Results) -> Claim:
-    """The largest share of a look on each backend, and whether it is under the bound."""
+    """Largest relative cost of a check on each backend, and whether it is below the bound."""
     parts, numbers, busy = [], {}, False
     for backend, source, found in on_backends(results, look_costs):
         worst = max(found, key=lambda cost: cost.share or 0.0)
@@ -33,14 +33,16 @@ def looks_cost(results: Results) -> Claim:
         return Claim("What looking for a diverged state costs was not measured.")
     cheap = 100 * max(numbers.values()) < BOUND
     verdict = f"under {BOUND:g}{words.SPACE}%" if cheap else f"not under {BOUND:g}{words.SPACE}% everywhere"
-    if busy:  # steps that neighbours slow down make looks seem cheap
+    if busy:  # steps that are slowed down by other programs make checks seem cheap
         verdict += ", but some of it was measured on a busy machine"
     return Claim(f"A look costs at most {words.listed(parts)}: {verdict}.", numbers, cheap and not busy)
 
 
 def determinism_cost(results: Results) -> Claim:
-    """Gather against scatter with atomics on the GPU, and against what it would otherwise be on the CPU; float32, the
-    largest grid of each backend."""
+    """Gather compared with scatter by atomics on the GPU, and with its alternatives on the CPU.
+
+    In float32, at the largest grid of each backend.
+    """
     parts, numbers, supported = [], {}, False
     held = on_backends(results, lambda source, backend: costs(source, DETERMINISM, backend))
     of = {backend: (source, found) for backend, source, found in held}
@@ -83,7 +85,7 @@ def determinism_cost(results: Results) -> Claim:
 
 
 def _largest(found: list[Cost]) -> dict[str, Cost]:
-    """The costs in float32 at the largest grid, by way."""
+    """Return the costs in float32 at the largest grid, by variant."""
     single = [cost for cost in found if cost.precision == "float32"]
     most = max((cost.particles for cost in single), default=0)
     return {cost.way: cost for cost in single if cost.particles == most}

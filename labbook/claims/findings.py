@@ -1,5 +1,7 @@
-"""What the lab book may say about single findings (bench/experiments/findings/experiment.py); see labbook/claims/claim.py
-for the rules."""
+"""Claims of the lab book on single findings (bench/experiments/findings/experiment.py).
+
+Rules in labbook/claims/claim.py.
+"""
 
 from __future__ import annotations
 
@@ -21,14 +23,14 @@ from plots.core.backends import on_backends
 from plots.core.data import Results
 from plots.findings.points import Row, exact_pairs, of_finding
 
-NOTHING = 1e-10  # 1/s: rounding of the measurement; rates of dissipation under it are called none
-# The compute-shader cloth (its own constants): stiffness [N/m], mass [kg], damping [N s/m], the step size it runs at [s],
-# and the largest eigenvalue of the Laplacian of a grid with diagonals, which bounds w^2 m / k in any state.
+NOTHING = 1e-10  # 1/s: rounding of the measurement; smaller rates of dissipation are called none
+# The compute-shader cloth (its own constants): stiffness [N/m], mass [kg], damping [N s/m], the step size that it uses
+# [s], and the largest eigenvalue of the Laplacian of a grid with diagonals, which bounds w^2 m / k in any state.
 CLOTH = {"stiffness": 8000.0, "mass": 0.1, "damping": 0.25, "dt": 5e-6, "eigenvalue": 12.0}
 
 
 def verlet_damping(results: Results) -> Claim:
-    """An explicit damper makes velocity Verlet first order, an implicit one does not."""
+    """Order of velocity Verlet with an explicit damper (first) and with an implicit one (second)."""
     _, found = of_finding(results, DAMPING)
     mine = {scheme: [row for row in found if row.scheme == scheme] for scheme in DAMPERS}
     orders = {scheme: observed_order([(row.dt, row.value) for row in rows]) for scheme, rows in mine.items()}
@@ -51,7 +53,7 @@ def verlet_damping(results: Results) -> Claim:
 
 
 def cloth_limit(results: Results) -> Claim:
-    """The compute-shader cloth's step against semi-implicit Euler's with the same springs: from the limits alone."""
+    """Stability limit of the compute-shader cloth's step and of semi-implicit Euler with the same springs."""
     w = math.sqrt(CLOTH["eigenvalue"] * CLOTH["stiffness"] / CLOTH["mass"])
     gamma = CLOTH["damping"] / CLOTH["mass"]
     taylor, better = (INTEGRATORS[name].limit(w, gamma) for name in ("taylor", "semi-implicit-euler"))
@@ -69,7 +71,7 @@ def _least(rows: Sequence[Row], scheme: str, precision: str) -> Row | None:
 
 
 def floor(results: Results) -> Claim:
-    """The least error in float32, and that smaller steps make it worse again."""
+    """Smallest error in float32, and the increase of the error at smaller steps."""
     _, found = of_finding(results, FLOOR)
     parts, numbers, worse = [], {}, True
     for scheme in dict.fromkeys(row.scheme for row in found):
@@ -105,9 +107,9 @@ def far_away(results: Results) -> Claim:
 
 
 def theory(scheme: str, dt: float) -> float:
-    """The rate [1/s] at which the amplitude falls (negative: grows): -ln |eigenvalue of one step| / dt.
+    """Return the rate [1/s] at which the amplitude falls (negative: grows): -ln |eigenvalue of one step| / dt.
 
-    Of the oscillator of bench/experiments/findings/experiment.py, from the step's matrix (model/core/integrators.py).
+    For the oscillator of bench/experiments/findings/experiment.py, from the step's matrix (model/core/integrators.py).
     """
     matrix = amplification_matrix(scheme, dt, _frequency(), 0.0)
     return -math.log(float(np.abs(np.linalg.eigvals(matrix)).max())) / dt
@@ -115,14 +117,14 @@ def theory(scheme: str, dt: float) -> float:
 
 @cache
 def _frequency() -> float:
-    """Of the oscillator [1/s], which is one of the same mass and spring under every scheme."""
+    """Angular frequency [1/s] of the oscillator, which has the same mass and spring under every scheme."""
     scene = oscillator("lab", 0.01)
     assert scene.springs is not None
     return float((scene.springs.stiffness / scene.grid.mass) ** 0.5)
 
 
 def dissipation(results: Results) -> Claim:
-    """What integrators take from an undamped oscillation by themselves, and whether it is what theory says."""
+    """Change of an undamped oscillation by each integrator, compared with theory."""
     _, found = of_finding(results, DISSIPATION)
     if not found:
         return Claim("What a step damps by itself was not measured.")
@@ -157,7 +159,7 @@ def _changes(share: float) -> str:
 
 
 def exact_cost(results: Results) -> Claim:
-    """Time of a step in exact over fast math, by backend, in float32 at the largest size."""
+    """Time of a step in exact math over that in fast math, by backend, in float32 at the largest size."""
     parts, numbers, supported = [], {}, False
     for backend, source, pairs in on_backends(results, exact_pairs):
         fast, exact = pairs[-1]
@@ -175,7 +177,7 @@ def exact_cost(results: Results) -> Claim:
 
 
 def growth(results: Results) -> Claim:
-    """Whether errors of trajectories mean anything: the growth of a disturbance up to the horizon."""
+    """Growth of a disturbance up to the end time, which decides whether errors of trajectories have a meaning."""
     known = [p.growth for p in found_points(results) if p.growth is not None]
     if not known:
         return Claim("How much a disturbance grows was not measured.")

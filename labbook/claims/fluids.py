@@ -1,4 +1,4 @@
-"""What the lab book may say of fluids (`softlab fluids`, `softlab fluids --truth`); labbook/claims/claim.py has the rules."""
+"""Claims of the lab book on fluids (`softlab fluids`, `softlab fluids --truth`); rules in labbook/claims/claim.py."""
 
 from __future__ import annotations
 
@@ -12,12 +12,13 @@ from plots.core.backends import on_backends
 from plots.core.data import Results, Source
 from plots.figures.fluids import phases, truth
 
-BOUNDS = {laws.MEAN: 0.01, laws.LARGEST: 0.03, laws.HEIGHT: 0.01, laws.SPEED: 0.01, laws.PRESSURE: 0.03}  # all at once
-FEWEST = (2, 3)  # substeps, iterations: those of the particle libraries
+# all must hold at once
+BOUNDS = {laws.MEAN: 0.01, laws.LARGEST: 0.03, laws.HEIGHT: 0.01, laws.SPEED: 0.01, laws.PRESSURE: 0.03}
+FEWEST = (2, 3)  # substeps, iterations: those of particle libraries
 
 
 def _held(results: Results, kind: str) -> tuple[str, Source, list[Judged]] | None:
-    """(backend, machine, what was judged of a kind): the first backend that has some."""
+    """Return (backend, machine, rows of a kind) of the first backend that has some."""
     for backend, source, found in on_backends(results, truth.on):
         mine = [row for row in found if row.kind == kind]
         if mine:
@@ -30,7 +31,7 @@ def _all_at_once(row: Judged) -> bool:
 
 
 def column(results: Results) -> Claim:
-    """Which efforts keep a column as it is, in all respects, and how far others sink."""
+    """Efforts that preserve a column in all respects, and the height of the column with others."""
     held = _held(results, COLUMN)
     if held is None:
         return Claim("How a column of water stands was not measured.")
@@ -61,7 +62,7 @@ def column(results: Results) -> Claim:
 
 
 def soonest(results: Results) -> Claim:
-    """The effort that keeps a column as it is soonest, in a line."""
+    """Fastest effort that preserves a column, in one sentence."""
     held = _held(results, COLUMN)
     able = [] if held is None else [r for r in held[2] if _all_at_once(r) and r.frame]
     if held is None or not able:
@@ -75,7 +76,7 @@ def soonest(results: Results) -> Claim:
 
 
 def dam(results: Results) -> Claim:
-    """How far the front is off the experiment, and that its first point is beyond any scheme."""
+    """Error of the front against the experiment, and the first point, which no scheme can reach."""
     held = _held(results, DAM)
     found = [] if held is None else [r for r in held[2] if not r.peer and laws.FRONT in r.numbers]
     if held is None or not found:
@@ -101,7 +102,7 @@ def dam(results: Results) -> Claim:
 
 
 def viscosity(results: Results) -> Claim:
-    """The viscosity that there is where none was asked for, at the finest spacing, and how it falls."""
+    """Numerical viscosity at the finest spacing, where the scene has none, and its fall with the spacing."""
     held = _held(results, VORTICES)
     if held is None:
         return Claim("The viscosity that methods make by themselves was not measured.")
@@ -126,7 +127,7 @@ def viscosity(results: Results) -> Claim:
 
 
 def drop(results: Results) -> Claim:
-    """That cohesion is no surface tension by Laplace: the pressure inside does not fall with the radius."""
+    """Pressure in a drop, which does not fall with the radius: cohesion is not a surface tension by Laplace's law."""
     held = _held(results, DROP)
     told = [] if held is None else [r for r in held[2] if r.numbers.get(laws.INSIDE, 0.0) > 0]
     sizes = [sorted((r for r in told if r.who == who), key=lambda r: r.particles) for who in {r.who: 0 for r in told}]
@@ -146,7 +147,7 @@ def drop(results: Results) -> Claim:
 
 
 def peers(results: Results) -> Claim:
-    """What another program takes for the tank, at its error."""
+    """Time of other programs for the tank, compared with the lab's at equal error."""
     held = _held(results, TANK)
     others = [] if held is None else [r for r in held[2] if r.peer and r.frame and laws.MEAN in r.numbers]
     if held is None or not others:
@@ -177,7 +178,7 @@ def peers(results: Results) -> Claim:
 
 
 def rate(results: Results) -> Claim:
-    """Particle-iterations a second at the largest pool, and which stage takes most."""
+    """Particle-iterations per second at the largest pool, and the stage that takes longest."""
     parts: list[str] = []
     numbers: dict[str, float] = {}
     for backend, source, found in on_backends(results, phases.on):
@@ -194,12 +195,12 @@ def rate(results: Results) -> Claim:
 
 
 def _rate(value: float) -> str:
-    """`4.67 x 10^9`, `13.3 million`."""
+    """Return e.g. `4.67 x 10^9` or `13.3 million`."""
     return words.power(value, 9) if value >= 1e9 else f"{value / 1e6:.3g}{words.SPACE}million"
 
 
 def _share(value: float) -> str:
-    """`5.13 %`."""
+    """Return e.g. `5.13 %`."""
     return f"{100 * value:.3g}{words.SPACE}%"
 
 

@@ -1,4 +1,4 @@
-"""What the lab book may say about several GPUs (`softlab sweep --gpus`); see labbook/claims/claim.py for the rules."""
+"""Claims of the lab book on several GPUs (`softlab sweep --gpus`); rules in labbook/claims/claim.py."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from plots.core.backends import on_backends
 from plots.core.data import Results, Source
 from plots.figures.scaling.gpus import found_by, masses
 
-USUAL = "flags"  # the link that a user gets
+USUAL = "flags"  # the default link
 Told = Sequence[tuple[ScalingPoint, float, float | None]]
 
 
 def _measured(results: Results) -> tuple[Source | None, Sequence[ScalingPoint]]:
-    """The first machine that shared a sheet among GPUs, and its points."""
+    """Return the first machine that distributed a sheet among GPUs, and its points."""
     chosen = on_backends(results, found_by)
     return (chosen[0][1], chosen[0][2]) if chosen else (None, ())
 
@@ -30,7 +30,7 @@ def _of_grids(told: Told, link: str) -> list[tuple[ScalingPoint, float, float | 
 
 
 def strong(results: Results) -> Claim:
-    """One sheet for all: how many times as fast as one GPU."""
+    """Strong scaling: speed-up over one GPU with one sheet for all."""
     source, found = _measured(results)
     told = speedups(found)
     grids, cloths = _of_grids(told, USUAL), [one for one in told if one[0].scene == "xpbd" and one[0].link == USUAL]
@@ -49,7 +49,7 @@ def strong(results: Results) -> Claim:
 
 
 def weak(results: Results) -> Claim:
-    """A grid for each."""
+    """Weak scaling: one grid for each GPU."""
     _, found = _measured(results)
     share = shares(found)
     told = [(p, share[id(p)]) for p in found if id(p) in share and p.link == USUAL and p.scene == "grid"]
@@ -64,7 +64,7 @@ def weak(results: Results) -> Claim:
 
 
 def links(results: Results) -> Claim:
-    """What other ways of sending do, from the smallest to the largest grid of each."""
+    """Speed-up with the other links, from the smallest to the largest grid of each."""
     _, found = _measured(results)
     parts: list[str] = []
     numbers: dict[str, float] = {}
@@ -84,7 +84,7 @@ def links(results: Results) -> Claim:
 
 
 def bits(results: Results) -> Claim:
-    """States that were held against one GPU's."""
+    """Comparison of states with one GPU's."""
     _, found = _measured(results)
     off = [p.difference for p in found if p.gpus > 1 and p.difference is not None]
     if not off:
@@ -95,7 +95,7 @@ def bits(results: Results) -> Claim:
 
 
 def energy(results: Results) -> Claim:
-    """Joules of a step of all, over those of one GPU with the same grid."""
+    """Energy per step of all GPUs over that of one GPU with the same grid."""
     _, found = _measured(results)
     alone = {p.rows: p.joules for p in found if p.gpus == 1 and p.scene == "grid" and p.rows == p.columns and p.joules}
     told = [
@@ -111,7 +111,7 @@ def energy(results: Results) -> Claim:
 
 
 def model(results: Results) -> Claim:
-    """By how much the model is off."""
+    """Error of the model."""
     _, found = _measured(results)
     off = {p.link: [] for p in found if p.gpus > 1}  # type: dict[str, list[float]]
     for p, faster, by_model in speedups(found):

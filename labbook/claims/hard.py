@@ -1,4 +1,4 @@
-"""What the lab book may say about the hard cases, and its tables of them; see labbook/claims/claim.py for the rules."""
+"""Claims of the lab book on the hard cases, and its tables of them; rules in labbook/claims/claim.py."""
 
 from __future__ import annotations
 
@@ -13,21 +13,21 @@ from plots.core.data import Results, Source
 from plots.figures.hard import hard_rows
 
 NOT_RUN = "The hard cases were not run."
-HOME = 1e-6  # m: nearer to the hanging grid counts as having returned to it
+HOME = 1e-6  # m: a smaller distance from the hanging grid counts as having returned to it
 
 
 def found_rows(results: Results) -> list[HardRow]:
-    """The verdicts that the chapter is about."""
+    """Return the verdicts of the chapter."""
     return hard_rows(results)[0]
 
 
 def told(row: HardRow, name: str) -> float | None:
-    """A measured number of a run, by its name; None where the run has none of that name."""
+    """Return a measured number of a run by its name, or None."""
     return next((check.value for check in row.checks if check.name == name), None)
 
 
 def count_verdicts(rows: Sequence[HardRow]) -> Claim:
-    """How many of these runs came to which verdict."""
+    """Number of these runs by verdict."""
     if not rows:
         return Claim(NOT_RUN)
     counts = {verdict: sum(row.verdict == verdict for row in rows) for verdict in CODES}
@@ -50,7 +50,7 @@ def count_verdicts(rows: Sequence[HardRow]) -> Claim:
 
 
 def compare_backends(rows: Sequence[HardRow], sources: Sequence[Source] = ()) -> Claim:
-    """Whether both backends come to the same verdicts in these runs, of these sources."""
+    """Comparison of the verdicts of both backends in these runs, which are from `sources`."""
     if not rows:
         return Claim("The verdicts of the two backends were not compared.")
     names = sorted({row.backend for row in rows})
@@ -76,7 +76,7 @@ def compare_backends(rows: Sequence[HardRow], sources: Sequence[Source] = ()) ->
 
 
 def known(results: Results) -> Claim:
-    """What fails by the nature of its method, and why."""
+    """Failures that are inherent in a method, with the reasons."""
     reasons: dict[str, dict[str, set[str]]] = {}
     for row in found_rows(results):
         if row.verdict == "known":
@@ -93,7 +93,7 @@ def known(results: Results) -> Claim:
 
 
 def far(results: Results) -> Claim:
-    """B14: what is left of a chain far from the origin, in float32."""
+    """B14: distance of a chain far from the origin, in float32, from its run at the origin."""
     rows = [r for r in found_rows(results) if r.case.startswith("B14") and r.precision == "float32"]
     name = "distance from the run at the origin"
     parts, numbers = [], {}
@@ -113,7 +113,7 @@ def far(results: Results) -> Claim:
 
 
 def collapsed(results: Results) -> Claim:
-    """B5: where a grid collapsed to a point ends."""
+    """B5: end states of a grid that was collapsed to a point."""
     rows = [r for r in found_rows(results) if r.case == "B5 point" and r.precision == "float64"]
     away = [v for r in rows if (v := told(r, "distance from the hanging grid")) is not None]
     if not away:
@@ -127,7 +127,7 @@ def collapsed(results: Results) -> Claim:
 
 
 def denormal(results: Results) -> Claim:
-    """B15: what denormal numbers cost."""
+    """B15: cost of denormal numbers."""
     rows = [r for r in found_rows(results) if r.case == "B15"]
     ratios: dict[str, float] = {}
     for row in rows:

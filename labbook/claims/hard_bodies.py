@@ -1,5 +1,4 @@
-"""What the lab book may say about the hard cases of bodies, and its table of them; see labbook/claims/claim.py for the
-rules."""
+"""Claims of the lab book on the hard cases of bodies, and its table of them; rules in labbook/claims/claim.py."""
 
 from __future__ import annotations
 
@@ -14,7 +13,7 @@ from labbook.words import count, number, percent, seconds
 from plots.core.data import Results
 from plots.figures.hard_bodies import body_rows
 
-FEW = 0.02  # of the spin: what rounding may take without being told of
+FEW = 0.02  # fraction of the spin that rounding may take without a remark
 
 
 def _rows(results: Results) -> list[HardRow]:
@@ -22,24 +21,24 @@ def _rows(results: Results) -> list[HardRow]:
 
 
 def verdicts(results: Results) -> Claim:
-    """How many runs came to which verdict."""
+    """Number of runs by verdict."""
     rows = _rows(results)
     return count_verdicts(rows) if rows else Claim("The hard cases of bodies were not run.")
 
 
 def _one(rows: list[HardRow], case: str, precision: str = "float64") -> HardRow | None:
-    """The run of a case in a precision, on the first backend that has it."""
+    """Return the run of a case in a precision, on the first backend that has it."""
     return next((row for row in rows if (row.case, row.precision) == (case, precision)), None)
 
 
 def _values(row: HardRow | None, *names: str) -> list[float]:
-    """The numbers of a run by name; none where one is missing."""
+    """Return the numbers of a run by name, or an empty list if one is missing."""
     found = [told(row, name) for name in names] if row else [None]
     return [value for value in found if value is not None] if None not in found else []
 
 
 def spin(results: Results) -> Claim:
-    """S7 and A8: what a rigid body keeps of its spin, and where float32 stops following the law."""
+    """S7 and A8: remaining spin of a rigid body, and where float32 deviates from the law."""
     rows = _rows(results)
     cases = sorted({row.case for row in rows if row.case.startswith("S7 ")}, key=_substeps)
     found = {case: values for case in cases if (values := _values(_one(rows, case), SPIN_KEPT, OFF_LAW, OFF_NEWTON))}
@@ -71,7 +70,7 @@ def _substeps(case: str) -> int:
 
 
 def shapes(results: Results) -> Claim:
-    """A10: what was squashed or mirrored comes back."""
+    """A10: recovery of squashed and mirrored bodies."""
     rows = [row for row in _rows(results) if row.case.startswith("A10") and told(row, OUT_OF_SHAPE) is not None]
     if not rows:
         return Claim("Bodies were not squashed.")
@@ -85,7 +84,7 @@ def shapes(results: Results) -> Claim:
 
 
 def apart(results: Results) -> Claim:
-    """B17: how fast what begins in another leaves it."""
+    """B17: speed at which bodies that begin inside each other separate."""
     rows = [row for row in _rows(results) if row.case.startswith("B17") and told(row, PARTING) is not None]
     if not rows:
         return Claim("Bodies were not begun inside each other.")
@@ -98,7 +97,7 @@ def apart(results: Results) -> Claim:
 
 
 def load(results: Results) -> Claim:
-    """B18: a stack sinks as the weight above says, and so does what carries a heavy one."""
+    """B18: sinking of a stack and of a brick under a heavy one, compared with the weight above."""
     rows = _rows(results)
     stack, borne = (
         _values(_one(rows, "B18 stack"), SINKING, LOWERED),

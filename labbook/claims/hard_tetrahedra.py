@@ -1,4 +1,4 @@
-"""What the lab book may say about the hard cases of tetrahedra (B21 to B23); see labbook/claims/claim.py for the rules."""
+"""Claims of the lab book on the hard cases of tetrahedra (B21 to B23); rules in labbook/claims/claim.py."""
 
 from __future__ import annotations
 
@@ -17,19 +17,19 @@ def _rows(results: Results) -> list[HardRow]:
 
 
 def _values(rows: list[HardRow], case: str, name: str) -> list[float]:
-    """A number of the runs of a case, or of all cases that begin with it and a space."""
+    """Return a number of the runs of a case, and of all cases that begin with it and a space."""
     mine = [row for row in rows if row.case == case or row.case.startswith(f"{case} ")]
     return [value for row in mine if (value := told(row, name)) is not None]
 
 
 def verdicts(results: Results) -> Claim:
-    """How many runs came to which verdict."""
+    """Number of runs by verdict."""
     rows = _rows(results)
     return count_verdicts(rows) if rows else Claim("The hard cases of tetrahedra were not run.")
 
 
 def laws(results: Results) -> Claim:
-    """B21: what comes back; B22: what volume is lost; B23: that one iteration gains no energy."""
+    """B21: recovery of shape; B22: loss of volume; B23: no gain of energy with one iteration."""
     rows = _rows(results)
     parts: list[str] = []
     numbers: dict[str, float] = {}

@@ -1,5 +1,4 @@
-"""What the lab book may say of the kernels: their choice, ceilings, joules and starts; see
-labbook/claims/claim.py."""
+"""Claims of the lab book on the kernels: choice, ceilings, energy and starts; rules in labbook/claims/claim.py."""
 
 from __future__ import annotations
 
@@ -18,7 +17,7 @@ from plots.figures.roofline import ceilings
 
 
 def choice(results: Results, backend: str) -> Claim:
-    """Whether the kernel that a backend chooses by itself is the fastest."""
+    """Number of sizes at which the kernel that a backend chooses is the fastest."""
     source = machine_of(results, backend)
     chosen = {t.particles: t for t in defaults(source, backend)} if source else {}
     best = [t for t in fastest(source, backend) if t.particles in chosen] if source else []
@@ -44,7 +43,7 @@ def choice(results: Results, backend: str) -> Claim:
 
 
 def roof(results: Results, backend: str) -> Claim:
-    """The largest share of the one-step-per-pass roof that any kernel reaches, and of the arithmetic one."""
+    """Largest fraction of the roof of one step per pass that any kernel reaches, and of the arithmetic roof."""
     source = machine_of(results, backend, lambda s: ceilings(s, backend) is not None and not disturbed(s))
     found = ceilings(source, backend) if source else None
     beyond = [(t,) for t in fastest(source, backend) if from_memory(source, t)] if source else []
@@ -72,7 +71,7 @@ def roof(results: Results, backend: str) -> Claim:
 
 
 def energy(results: Results) -> Claim:
-    """Joules of the thriftiest and of the most wasteful kernel at the largest size of each backend that counts them."""
+    """Energy of the most and the least economical kernel at the largest size of each backend with a counter."""
     parts: list[str] = []
     numbers: dict[str, float] = {}
     for backend, source, counted in on_backends(results, counted_joules):
@@ -96,14 +95,14 @@ def energy(results: Results) -> Claim:
 
 
 def _starts(source: Source, backend: str) -> list[float]:
-    """[cold, warm] [s], or nothing where one of them was not measured."""
+    """Return [cold, warm] [s], or an empty list where one of them was not measured."""
     held = {m.name: m.value for m in source.measures if m.backend == backend}
     found = [value for name in (COLD, WARM) if (value := held.get(name)) is not None]
     return found if len(found) == 2 else []
 
 
 def starts(results: Results) -> Claim:
-    """What a first step takes, cold and warm, on each backend."""
+    """Time to the first step, cold and warm, on each backend."""
     parts: list[str] = []
     numbers: dict[str, float] = {}
     for backend, source, (cold, warm) in on_backends(results, _starts):
@@ -121,8 +120,10 @@ def starts(results: Results) -> Claim:
 
 
 def crowded(results: Results, kernel: str, against: str | None = None) -> Claim:
-    """A kernel with 4x threads against itself with 1x, or (`against`) against another kernel with 4x, on the smallest
-    grid that both ran."""
+    """A kernel with 4x threads compared with itself with 1x, or with kernel `against` with 4x.
+
+    On the smallest grid that both ran.
+    """
     source = machine_of(results, "cpu")
     more = source.ladder("cpu", word="4x").get(kernel, []) if source else []
     other = source.ladder("cpu", word="4x" if against else "1x").get(against or kernel, []) if source else []
@@ -145,7 +146,7 @@ def crowded(results: Results, kernel: str, against: str | None = None) -> Claim:
 
 
 def policies(results: Results) -> Claim:
-    """What an empty region costs where idle threads spin, and where they sleep, with few threads and with many."""
+    """Cost of an empty parallel region with spinning and with sleeping idle threads, with few threads and with many."""
     source = results.first(lambda s: s.machine.record.get("region_policies"))
     costs = (source.machine.record["region_policies"] if source else None) or {}
     spin, sleep = ({int(n): cost for n, cost in (costs.get(p) or {}).items()} for p in ("active", "passive"))

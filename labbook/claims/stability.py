@@ -1,4 +1,4 @@
-"""What the lab book may say about stability; see labbook/claims/claim.py for the rules."""
+"""Claims of the lab book on stability; rules in labbook/claims/claim.py."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ from labbook.words import percent, seconds, times
 from plots.core.data import Results
 from plots.figures.stability import stability_runs
 
-CLOSE = 0.01  # how far a measured edge may be off the analytic one
+CLOSE = 0.01  # largest relative difference of a measured edge from the analytic one
 TRAP, REPAIR = "taylor", "semi-implicit-euler"
 
 
 def found(results: Results) -> tuple[list[MapPoint], list[Edge]]:
-    """The map and the edges that the chapter is about."""
+    """Return the map and the edges of the chapter."""
     points, edges, _ = stability_runs(results)
     return points, edges
 
 
 def _where(results: Results, entries: list[Edge] | list[MapPoint]) -> str:
-    """`on the CPU and the GPU (committed), in float32 and float64`."""
+    """Return e.g. `on the CPU and the GPU (committed), in float32 and float64`."""
     sources = stability_runs(results)[2]
     backends = [
         name.upper() + committed_of(sources, name)
@@ -34,7 +34,7 @@ def _where(results: Results, entries: list[Edge] | list[MapPoint]) -> str:
 
 
 def edges(results: Results) -> Claim:
-    """How far the measured edges of the chain lie off the analytic limits."""
+    """Largest difference of the measured edges of the chain from the analytic limits."""
     chain = [e for e in found(results)[1] if e.place.chain]
     if not chain:
         return Claim("The edges of the linear chain were not measured.")
@@ -55,7 +55,7 @@ def edges(results: Results) -> Claim:
 
 
 def under(results: Results) -> Claim:
-    """Whether anything diverged at or under its limit."""
+    """Runs that diverged at or below their limit."""
     points = found(results)[0]
     if not points:
         return Claim("The map of stability was not measured.")
@@ -72,7 +72,7 @@ def under(results: Results) -> Claim:
 
 
 def over(results: Results) -> Claim:
-    """How much room the bound for any state leaves this grid."""
+    """Runs above the limit that stayed bounded: the margin of the bound for any state on this grid."""
     points = [p for p in found(results)[0] if p.over and p.place.limit > 0]
     lost = [p for p in points if p.lost]
     if not points:
@@ -92,7 +92,7 @@ def over(results: Results) -> Claim:
 
 
 def agreement(results: Results, between: str, words_of: tuple[str, str]) -> Claim:
-    """Whether all backends, or both precisions, say the same of every point."""
+    """Number of points at which backends, or precisions, differ."""
     one, many = words_of
     differing, shared = disagreements(found(results)[0], between)
     if not shared:
@@ -104,7 +104,7 @@ def agreement(results: Results, between: str, words_of: tuple[str, str]) -> Clai
 
 
 def trap(results: Results) -> Claim:
-    """The measured price of the plausible repair: taylor's edge against semi-implicit Euler's, damped."""
+    """Step size at the edge of taylor and of semi-implicit Euler, damped: the cost of the plausible repair."""
     chain = [e for e in found(results)[1] if e.place.chain and e.place.damping > 0]
     first = {name: next((e for e in chain if e.place.integrator == name), None) for name in (TRAP, REPAIR)}
     short, long = first[TRAP], first[REPAIR]
@@ -119,7 +119,7 @@ def trap(results: Results) -> Claim:
 
 
 def first_loss(results: Results) -> Claim:
-    """How soon what diverges does so: the steps until it is found."""
+    """Number of steps until divergence is detected."""
     steps = sorted(p.step for p in found(results)[0] if p.step is not None)
     if not steps:
         return Claim("No run of the map diverged." if found(results)[0] else "No run of the map was made.")

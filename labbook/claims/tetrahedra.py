@@ -1,4 +1,4 @@
-"""What the lab book may say about tetrahedra (`softlab tetrahedra`); see labbook/claims/claim.py for the rules."""
+"""Claims of the lab book on tetrahedra (`softlab tetrahedra`); rules in labbook/claims/claim.py."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from plots.core.backends import on_backends
 from plots.core.data import Results, Source, judgements
 from plots.figures.tetrahedra import middle
 
-ENOUGH = 0.05  # of its way: the error in motion that is asked for
-PRECISION = "float64"  # in which the solver's error is its own
-DESCENT = (1, 30)  # of vertex block descent
-USUAL = (4, 1)  # substeps and sweeps of a frame that programs begin with
+ENOUGH = 0.05  # of the displacement: the requested error in motion
+PRECISION = "float64"  # the precision in which rounding does not add to the solver's error
+DESCENT = (1, 30)  # substeps and sweeps of vertex block descent
+USUAL = (4, 1)  # substeps and sweeps per frame with which programs usually start
 
 
 def _found(source: Source, backend: str) -> list[Bar]:
@@ -26,25 +26,25 @@ def _found(source: Source, backend: str) -> list[Bar]:
 
 
 def _budget(bar: Bar) -> str:
-    """`in 16 substeps of 8 sweeps, as blocks`."""
+    """Return e.g. `in 16 substeps of 8 sweeps, as blocks`."""
     sweeps = f" of {bar.iterations} sweeps" if bar.iterations > 1 else ""
     return f"in {bar.substeps} substeps{sweeps}{', as blocks' * (bar.solver == BLOCKS)}"
 
 
 def _solver(bar: Bar) -> str:
-    """`newton of order 2`."""
+    """Return e.g. `newton of order 2`."""
     return "newton of order 2" if bar.solver == SECOND else bar.solver
 
 
 def _pascal(young: float) -> str:
-    """`10⁷ Pa`."""
+    """Return e.g. `10⁷ Pa`."""
     exponent = round(log10(young))
     power = f"10{str(exponent).translate(words.SUPERSCRIPTS)}" if young == 10.0**exponent else words.number(young)
     return f"{power}{words.SPACE}Pa"
 
 
 def usual(results: Results) -> Claim:
-    """How far bars sag with the usual few substeps: a ratio that hangs on no machine."""
+    """Sag of bars with the usual few substeps over the exact sag, a ratio that does not depend on the machine."""
     chosen = on_backends(results, _found)
     for _, _, found in chosen[:1]:
         mine = {
@@ -61,7 +61,7 @@ def usual(results: Results) -> Claim:
 
 
 def mesh(results: Results) -> Claim:
-    """What the meshes themselves are off by: of all that were measured."""
+    """Error of the meshes themselves, for all that were measured."""
     for source in results.everyone:
         off = {b.elements: b.mesh_error for b in bars(source.measures)}
         if off:
@@ -77,7 +77,7 @@ def mesh(results: Results) -> Claim:
 
 
 def budget(results: Results) -> Claim:
-    """What a frame costs within ENOUGH in motion, by the soonest position-based setting and by the soonest other solver."""
+    """Time of a frame within ENOUGH in motion, by the fastest position-based setting and by the fastest other solver."""
     parts: list[str] = []
     numbers: dict[str, float] = {}
     for backend, source, found in on_backends(results, _found):
@@ -108,8 +108,10 @@ def budget(results: Results) -> Claim:
 
 
 def decided(results: Results) -> Claim:
-    """Whether at the stiffest bars the best solver takes a tenth of the cheapest position-based setting's
-    time, within WITHIN of the mesh's own rest and motion."""
+    """Time of the best solver over that of the cheapest position-based setting, at the stiffest bars.
+
+    Both within WITHIN of the mesh's exact rest state and motion; the target is a tenth.
+    """
     parts: list[str] = []
     numbers: dict[str, float] = {}
     busy = False
@@ -145,7 +147,7 @@ def decided(results: Results) -> Claim:
 
 
 def _shared(found: list[Decision], elements: int) -> bool:
-    """Whether something is held against a position-based setting on that mesh."""
+    """Return True if a position-based setting on that mesh is available for comparison."""
     return any(one.elements == elements and one.share is not None for one in found)
 
 
@@ -154,7 +156,7 @@ def _all(source: Source, backend: str) -> list[Bar]:
 
 
 def creeping(results: Results) -> Claim:
-    """What a solver that begins where the last step ended hides at rest."""
+    """Motion of vertex block descent, whose error does not show at rest, since a step begins where the last one ended."""
     for _, _, found in on_backends(results, _found)[:1]:
         mine = {b.young: b for b in found if b.solver == "vbd" and (b.substeps, b.iterations) == DESCENT}
         if mine:
@@ -169,7 +171,7 @@ def creeping(results: Results) -> Claim:
 
 
 def cuts(results: Results) -> Claim:
-    """Five against six tetrahedra to a voxel."""
+    """Five compared with six tetrahedra per voxel."""
     found, _ = judgements(results, lambda measure: measure.description.get("finding") == MESH)
     parts = {(m.cut, m.poisson, m.across): m for m in meshes(found)}
     across = max((n for _, _, n in parts), default=0)
@@ -188,7 +190,7 @@ def cuts(results: Results) -> Claim:
 
 
 def stepping(results: Results) -> Claim:
-    """What implicit Euler takes from a swing, by whichever solver."""
+    """Damping of a vibration by implicit Euler, with any solver."""
     found, _ = judgements(results, lambda measure: measure.description.get("finding") == STEP)
     exact = [step for step in steps(found) if step.solver == "newton"]
     if not exact:

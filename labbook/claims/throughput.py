@@ -1,4 +1,4 @@
-"""What the lab book may say about how fast bodies are (`softlab throughput`); see labbook/claims/claim.py for the rules."""
+"""Claims of the lab book on the speed of bodies (`softlab throughput`); rules in labbook/claims/claim.py."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from plots.figures.throughput import panels
 
 
 def heaps(results: Results) -> Claim:
-    """Frames a second of heaps that collide, the smallest and the largest."""
+    """Frames per second of heaps that collide, the smallest and the largest."""
     parts: list[str] = []
     numbers: dict[str, float] = {}
     for backend, source, found in panels(results):
@@ -30,7 +30,7 @@ def heaps(results: Results) -> Claim:
 
 
 def clusters(results: Results) -> Claim:
-    """A step of bodies that meet nothing: what clusters cost."""
+    """Time of a step of bodies without contacts: the cost of clusters."""
     parts: list[str] = []
     numbers: dict[str, float] = {}
     for backend, source, found in panels(results):
@@ -47,7 +47,7 @@ def clusters(results: Results) -> Claim:
 
 
 def contacts(results: Results) -> Claim:
-    """What contacts cost: a substep of a heap over one of the same bodies that meet nothing."""
+    """Cost of contacts: a substep of a heap over one of the same bodies without contacts."""
     parts: list[str] = []
     numbers: dict[str, float] = {}
     for backend, source, found in panels(results):
@@ -68,7 +68,7 @@ def _ratio(heap: ThroughputPoint, found: list[ThroughputPoint]) -> float | None:
 
 
 def windows(results: Results) -> Claim:
-    """What a wider cluster costs on a grid: sums along rows are shared, so that it is less than its area."""
+    """Cost of a wider cluster on a grid, which is less than its area because sums along rows are shared."""
     parts: list[str] = []
     numbers: dict[str, float] = {}
     for backend, source, found in panels(results):
@@ -91,7 +91,7 @@ def windows(results: Results) -> Claim:
 
 
 def cubes(results: Results) -> Claim:
-    """What a wider cluster costs in a cube: sums along axes take what they take, whatever their width."""
+    """Cost of a wider cluster in a cube, which hardly depends on its width because of the sums along axes."""
     parts: list[str] = []
     numbers: dict[str, float] = {}
     for backend, source, found in panels(results):

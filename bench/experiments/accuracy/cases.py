@@ -1,4 +1,4 @@
-"""What the accuracy runs judge: the grid of scenes, methods, step sizes, iterations, precisions and backends."""
+"""Cases of the accuracy runs: scenes x methods x step sizes x iterations x precisions x backends."""
 
 from __future__ import annotations
 
@@ -20,20 +20,22 @@ from model.scene.scene import Scene, load_scene
 
 STEP_SIZES = (0.02, 0.01, 0.005, 0.0025)  # s
 CLOTH_STEP_SIZES = (0.004, 0.002, 0.001, 0.0005)  # s
-IMPLICIT_STEP_SIZES = (0.02, 0.01, 0.004, 0.001)  # s: no limit ends them
+IMPLICIT_STEP_SIZES = (0.02, 0.01, 0.004, 0.001)  # s; implicit Euler has no stability limit
 XPBD_STEP_SIZES = (0.01, 0.0025, 0.000625)  # s
-ROPE_STEP_SIZES = {  # s: iterations go along a rope a link at a time, so that it takes substeps
+ROPE_STEP_SIZES = {  # s: an iteration passes a correction on by one link of the rope, so ropes need many substeps
     "S6": (0.0025, 0.000625, 0.00015625, 0.0000390625),
     "S6-still": (0.0025, 0.000625, 0.00015625),
 }
 ITERATIONS = (1, 4, 20)
-SPARED = {(label, 20, 0.000625) for label in ("S4", "S5")}  # four iterations leave under 1e-8 spacings there
+# left out: four iterations leave less than 1e-8 spacings there
+SPARED = {(label, 20, 0.000625) for label in ("S4", "S5")}
 QUICK_XPBD, QUICK_ITERATIONS = XPBD[:1], ITERATIONS[:2]
-WIDE = ("semi-implicit-euler", "velocity-verlet", "rk4")  # of exact math and other sizes: what holds at these steps
+# run in `exact` math and other sizes too: findings that hold at these step sizes
+WIDE = ("semi-implicit-euler", "velocity-verlet", "rk4")
 
 
 class Case(case_timing.Case):
-    """One configuration to judge; `label`: of its scene."""
+    """One configuration whose error is computed; `label`: the label of its scene."""
 
     @property
     def steps(self) -> int:
@@ -55,12 +57,13 @@ def cases(
     methods: Sequence[str] | None = None,
     precisions: Sequence[str] | None = None,
 ) -> list[Case]:
-    """Each scene x backend x precision x method x step size (x iterations), in the order they are measured (None: all).
+    """Return each scene x backend x precision x method x step size (x iterations), in the order of measurement.
 
-    `wide`: also `exact` math, and other sizes (SIZES), of S1 and the integrators WIDE; and, where no methods are named, all
-    orderings of xpbd and all ITERATIONS; else, where neither methods nor precisions are named, no more kernels than the lab
-    book's sentences need. Methods that a scene's sheet does not take are left out of it;
-    what converges to something else, of cloths, in float32.
+    `wide` adds `exact` math and other grid sizes (`SIZES`) for S1 and the integrators `WIDE`, and, if no methods are
+    named, all orderings of xpbd and all `ITERATIONS`. Without `wide`, and if neither methods nor precisions are named,
+    the set has no more kernels than the sentences of the lab book need. `methods` and `precisions`: None for all.
+    Methods that do not support a scene's sheet are left out for that scene, and so are, for cloths in float32, methods
+    that converge to something else (`WRONG`).
     """
     found = []
     every = methods or (*INTEGRATORS, *OF_CLOTHS, *(XPBD if wide else QUICK_XPBD))
@@ -88,14 +91,14 @@ def cases(
 
 
 def _quick(label: str, method: str, precision: str) -> bool:
-    """Whether a quick run has it: all integrators in float64, few in float32; a position-based method on one scene."""
+    """True if a quick run has this case: all integrators in float64, few in float32, position-based methods on S1 only."""
     if position_based(method):
         return label == "S1" and precision == "float64"
     return precision == "float64" or method in QUICK_FLOAT32
 
 
 def _variants(label: str, method: str, iterations: Sequence[int]) -> list[dict[str, Any]]:
-    """What is changed in a scene for each step size and number of iterations of a method."""
+    """Return the changes of a scene's fields for each step size and number of iterations of a method."""
     if position_based(method):
         sizes = ROPE_STEP_SIZES.get(label, XPBD_STEP_SIZES)
         pairs = [(n, dt) for n in iterations for dt in sizes if (label, n, dt) not in SPARED]
@@ -106,11 +109,11 @@ def _variants(label: str, method: str, iterations: Sequence[int]) -> list[dict[s
 
 
 def make_case(label: str, scene: Scene, backend: str, precision: str, math: str = "fast") -> Case:
-    """One configuration, described as the store holds it."""
+    """Return one configuration with its description as the store has it."""
     description = configuration(scene, backend=backend, precision=precision, math=math, **host_of(backend))
     return Case(scene, backend, description, judged_sources(backend), label)
 
 
 def judged_sources(backend: str) -> str:
-    """The hash of what an error depends on: the backend's sources, and the reference's."""
+    """Return the hash of everything that an error depends on: the sources of the backend and of the reference."""
     return f"{source_hash(backend)}-{source_digest(Path(cache.__file__).parent)}"

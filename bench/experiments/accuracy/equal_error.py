@@ -1,6 +1,7 @@
-"""The fastest way to an error, and GPU against CPU at equal error: the only speed-up worth quoting.
+"""Fastest configuration that reaches an error, and the speed-up of the GPU over the CPU at equal error.
 
-Works on anything that is a point of speed against error: those of bench/experiments/accuracy/points.py, and of the figures.
+Only a speed-up at equal error is worth quoting. The functions accept any point that has a speed and an error: the
+points of bench/experiments/accuracy/points.py and those of the figures.
 """
 
 from __future__ import annotations
@@ -13,8 +14,11 @@ TARGETS = (1e-1, 1e-2, 1e-3, 1e-4)  # spacings
 
 
 class Timed(Protocol):
-    """A run that was judged and timed. `seconds`: wall time per simulated second, without copies between host and
-    device; `copied`: with the copy of the end state to the host; None where not measured."""
+    """A run whose error and time were measured.
+
+    `seconds`: wall time per simulated second, without copies between host and device; `copied`: the same with the copy
+    of the end state to the host. None where it was not measured.
+    """
 
     @property
     def backend(self) -> str: ...
@@ -31,7 +35,10 @@ Candidate = TypeVar("Candidate", bound=Timed)
 
 @dataclass(frozen=True)
 class Fastest(Generic[Candidate]):
-    """The fastest ways to an error of `target` spacings: of each backend, without and with the copy; None: none does."""
+    """Fastest configurations with an error of at most `target` spacings, by backend, without and with the copy.
+
+    None where no configuration reaches the error.
+    """
 
     target: float
     cpu: Candidate | None
@@ -41,19 +48,19 @@ class Fastest(Generic[Candidate]):
 
     @property
     def best(self) -> Candidate | None:
-        """The faster of both backends, without copies."""
+        """Faster one of both backends, without copies."""
         return fastest([p for p in (self.cpu, self.gpu) if p is not None], self.target)
 
     @property
     def speed_up(self) -> float | None:
-        """How many times as fast as the CPU the GPU reaches the error, without copies; None where one does not."""
+        """Time of the CPU over that of the GPU at equal error, without copies; None if one of them does not reach it."""
         if self.cpu is None or self.gpu is None:
             return None
         return _ratio(self.cpu.seconds, self.gpu.seconds)
 
     @property
     def speed_up_copied(self) -> float | None:
-        """The same with the copy of the end state to the host in both times."""
+        """Time of the CPU over that of the GPU at equal error, both with the copy of the end state to the host."""
         if self.cpu_copied is None or self.gpu_copied is None:
             return None
         return _ratio(self.cpu_copied.copied, self.gpu_copied.copied)
@@ -64,7 +71,7 @@ def _ratio(cpu: float | None, gpu: float | None) -> float | None:
 
 
 def fastest(points: Iterable[Candidate], target: float, *, copied: bool = False) -> Candidate | None:
-    """The cheapest of the points with at most `target` spacings of error; None where none has, or none was timed."""
+    """Return the cheapest point with at most `target` spacings of error; None if no timed point has so small an error."""
 
     def cost(point: Candidate) -> float | None:
         return point.copied if copied else point.seconds
@@ -74,7 +81,7 @@ def fastest(points: Iterable[Candidate], target: float, *, copied: bool = False)
 
 
 def equal_error(points: Sequence[Candidate], targets: Sequence[float] = TARGETS) -> list[Fastest[Candidate]]:
-    """A row for each target: the fastest ways there, among points of one scene and machine."""
+    """Return a row for each target error: the fastest configurations among points of one scene and machine."""
     rows = []
     for target in targets:
         ways = {

@@ -1,23 +1,24 @@
 """Speed against error: every method, step size, precision and backend on scenes with a converged reference.
 
-Scenes S1 (`lab-curtain`) and S2 (`lab-hammock`) run to 1.5 s, a time at which a perturbation has not yet grown (the
-damped net contracts), so that the distance to the reference means something. Reference: RK4 at h and h/2 with
-Richardson extrapolation in NumPy float64 (bench/reference/), with its own error estimate; a point under ten times that
-is marked as not resolved. A twin of it, disturbed by 1e-9, gives the growth factor that stands beside every error;
-beyond 1e3 the error is refused (bench/measure/growth.py). Runs that diverge are points with an infinite error and a reason:
-where a method breaks is a result.
+S1 (`lab-curtain`) and S2 (`lab-hammock`) run to 1.5 s. The damped net contracts, so no perturbation has grown by then
+and the distance to the reference is meaningful. The reference is RK4 at h and h/2 with Richardson extrapolation in
+NumPy float64 (bench/reference/), with an estimate of its own error; a point whose error is less than ten times that
+estimate is marked as not resolved. A second reference run, disturbed by 1e-9, gives the growth factor that is reported
+beside every error; above 1e3 the error is refused (bench/measure/growth.py). Runs that diverge are points with an
+infinite error and a reason, because where a method breaks is a result.
 
-Scene S4 (`cloth-wind`), a cloth in wind, runs to 1.0 s, S5 (`cloth-drop`), one that falls on a ball, to 0.5 s, both at step
-sizes of their own, and by implicit Euler, too. S6 (`rope-stiff`), a stiff rope with a heavy end, swings down to 1.0 s, and in
-S6-still (`rope-stiff-still`) hangs at rest by 12 s, where a closed form tells how far it stretches; only position-based
-solvers know loads. None of them if quick: references take up to a minute (bench/experiments/accuracy/references.py).
+S4 (`cloth-wind`), a cloth in wind, runs to 1.0 s, and S5 (`cloth-drop`), a cloth that falls on a ball, to 0.5 s; both
+have step sizes of their own and run with implicit Euler too. S6 (`rope-stiff`) is a stiff rope with a heavy end that
+swings down to 1.0 s. In S6-still (`rope-stiff-still`) it hangs at rest by 12 s, where a closed form gives its
+elongation; only position-based solvers support loads. A quick run has none of these scenes, because their references
+take up to a minute (bench/experiments/accuracy/references.py).
 
-The hand-out's step is held against Newton's law like all others, and on grids beside it against x'' = a / 2, which it
-solves. Position-based solvers, of which the number of iterations is varied too, have a second error, to their own scheme
-with its iterations converged, and the residuals of a step (bench/experiments/accuracy/solver_error.py).
+The hand-out's step is compared with Newton's law like all other methods, and on grids with x'' = a / 2 as well, the
+equation that it solves. Position-based solvers are run with several numbers of iterations. They have a second error, to
+their own scheme with converged iterations, and the residuals of a step (bench/experiments/accuracy/solver_error.py).
 
-Error and time of one configuration are had from the same opened simulation; times as bench/measure/timing.py says. Practice:
-Hairer and Wanner, "Solving ODEs II", IV.10; SciML's work-precision diagrams.
+Error and time of a configuration come from the same opened simulation; bench/measure/timing.py defines the times.
+Practice: Hairer and Wanner, "Solving ODEs II", IV.10; work-precision diagrams of SciML.
 """
 
 from __future__ import annotations
@@ -57,9 +58,9 @@ from bench.store.schema import configuration_hash
 from model.core.errors import Diverged
 from model.core.simulation import PRECISIONS, Simulation
 
-HALF_ACCELERATION = 2.0  # inertia of the equation that the hand-out's step converges to
-COPIES = 3  # of the state to the host, of which the median counts
-STAGE = "accuracy"  # of the samples in the store, apart from the sweep's
+HALF_ACCELERATION = 2.0  # inertia factor of the equation that the hand-out's step converges to
+COPIES = 3  # copies of the state to the host; their median is stored
+STAGE = "accuracy"  # stage of the samples in the store, different from the sweep's
 QUICK = Effort(3, 0.015, 0.5)
 FULL = Effort(7, 0.1, 5.0)
 
@@ -75,15 +76,17 @@ def run_accuracy(
     progress: bool = True,
     command: str = "softlab accuracy",
 ) -> AccuracySummary:
-    """Judge what the store lacks of the grid of cases, and return all of its points.
+    """Measure the cases that the store lacks and return all points of the grid of cases.
 
-    `quick`: fewer and shorter samples, neither `exact` math nor other sizes, of xpbd one ordering and few iterations.
-    `scenes`: labels of SCENES and CLOTHS (None: all; no cloth if `quick`). `integrators`: names of METHODS or OF_CLOTHS, or
-    `xpbd` for all of its orderings; they and `precisions`: None: all; parts that are run apart meet in the store. `backends`:
-    cpu, gpu (None: all that are here). References are kept in the folder `references` beside the store. Every number is on
-    disk when it is had; Ctrl-C ends cleanly.
+    `quick`: fewer and shorter samples, no `exact` math, no other sizes, one ordering of xpbd, few iterations. `scenes`:
+    labels of `SCENES` and `CLOTHS` (None: all, without cloths if `quick`). `integrators`: names of `METHODS` or
+    `OF_CLOTHS`, or `xpbd` for all of its orderings (None: all). `precisions`: None for all. Subsets that are run
+    separately are combined in the store. `backends`: cpu, gpu (None: all that are available). References are stored in
+    the folder `references` beside the store. Every number is written to disk as soon as it is measured; Ctrl-C ends the
+    run cleanly.
 
-    Raises SceneError (an unknown name), BackendUnavailable (one asked for that is not here), InputError (the store).
+    Raises SceneError (an unknown name), BackendUnavailable (a requested backend is not available), InputError (the
+    store).
     """
     effort = QUICK if quick else FULL
     names = chosen(integrators, (*METHODS, *OF_CLOTHS), "--integrator", rows=True) if integrators else None
@@ -111,7 +114,9 @@ def run_accuracy(
 
 
 class _Group:
-    """The cases of one scene and backend: judged one after another, then sampled in turn."""
+    """Cases of one scene and backend: their errors are computed one after another, then their times are sampled in
+    turn.
+    """
 
     def __init__(self, store: Store, summary: AccuracySummary, effort: Effort, tell: Tell):
         self.store, self.summary, self.effort, self.tell = store, summary, effort, tell
@@ -135,14 +140,14 @@ class _Group:
                 if broken is None:
                     prepare_run(subject, case.steps, self.effort.seconds, self.effort.most)
                 else:
-                    subject.steps = max(1, broken.step - 1)  # those before it broke
+                    subject.steps = max(1, broken.step - 1)  # the steps before the one that diverged
                 subjects.append(subject)
             self._sample(subjects)
 
     def _judge(
         self, subject: Subject, right: cache.Converged, half: cache.Converged | None, growth: Growth
     ) -> Diverged | None:
-        """Run to the end and store the errors; the error with which it broke, if it did."""
+        """Run the case to its end and store the errors; return the divergence, or None if the run stayed finite."""
         case, simulation = subject.name, subject.simulation
         broken, copying = None, None
         try:
@@ -169,14 +174,14 @@ class _Group:
         for subject, samples in in_turns(store, summary.run, STAGE, subjects, repeats):
             case = subject.name
             median = statistics.median(sample.seconds / (sample.steps * case.scene.method.dt) for sample in samples)
-            cost = median, "s/s", f"median of {repeats}"  # last, so that a case with a cost is complete
+            cost = median, "s/s", f"median of {repeats}"  # stored last, so that a case with a cost is complete
             keep(store, summary.run, case.description, case.sources, {COST: cost})
             summary.measured += 1
             self.tell(f"{case}: timed", 1)
 
 
 def copy_seconds(simulation: Simulation) -> float:
-    """Seconds that the state takes from the device to arrays on the host; the state must be checked already."""
+    """Time [s] that the state takes from the device to arrays on the host; the state must have been checked before."""
     taken = []
     for _ in range(COPIES):
         begin = time.perf_counter()
@@ -186,7 +191,7 @@ def copy_seconds(simulation: Simulation) -> float:
 
 
 def _points(store: Store, machine: str, everything: Sequence[Case]) -> list[AccuracyPoint]:
-    """What the store holds of the cases, in their order."""
+    """Return the points of the cases that the store has results of, in the order of the cases."""
     found = by_configuration(measures_of(store, machine, (case.description for case in everything)))
     named = {next(iter(one.values())).configuration: one for one in found}
     repeats = {timing.configuration: timing for timing in timings(store, machine, STAGE)}

@@ -1,4 +1,4 @@
-"""The error of one run, so that no time is told without one."""
+"""Error of a single run, so that no time is reported without an error."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from model.core.integrators import fastest_damping, frequency_bound, spring_damp
 from model.core.simulation import State
 from model.scene.scene import Scene
 
-# What the reference costs in NumPy, per mass and force evaluation; four evaluations a step, at h and h/2.
+# Cost of the reference in NumPy, per mass and force evaluation; RK4 takes four evaluations a step, at h and at h/2.
 SECONDS_PER_EVALUATION = 1e-7  # s, rounded up
 SECONDS_PER_CLOTH_EVALUATION = 5e-7  # a cloth has three times the springs in three dimensions
 SECONDS_PER_WIND_EVALUATION = 8e-7  # in addition
@@ -20,10 +20,10 @@ STEPS_PER_RADIAN = 4  # as in the reference
 
 
 def judge_run(scene: Scene, state: State, diverged: Diverged | None) -> tuple[float | None, str | None]:
-    """(error, None) or (None, why there is none).
+    """Return (error, None), or (None, the reason why there is no error).
 
     The error is the root mean square over the free masses of the distance to the converged reference at the same
-    physical time, over the spacing. References that would cost over BUDGET seconds are not made.
+    physical time, divided by the spacing. References that would take longer than `BUDGET` seconds are not computed.
     """
     if diverged is not None:
         return None, "diverged"
@@ -38,7 +38,8 @@ def judge_run(scene: Scene, state: State, diverged: Diverged | None) -> tuple[fl
     if scene.external and scene.external.magnitude > 0:
         return None, "a random force is another force at every step size, so no converged reference exists"
     steps = state.time * fastest_rate(scene) * STEPS_PER_RADIAN
-    cost = (3 if smooth(scene) else 7) * steps * 4 * evaluation_seconds(scene)  # h and h/2, and h/4 to see the order
+    # h and h/2, and h/4 to determine the order
+    cost = (3 if smooth(scene) else 7) * steps * 4 * evaluation_seconds(scene)
     if cost > BUDGET:
         short = state.time * BUDGET / cost
         return (
@@ -56,13 +57,13 @@ def judge_run(scene: Scene, state: State, diverged: Diverged | None) -> tuple[fl
 
 
 def fastest_rate(scene: Scene) -> float:
-    """A rate [1/s] that nothing in the scene exceeds: its largest frequency, and what its dampers add."""
+    """Upper bound [1/s] of all rates in the scene: the largest frequency, plus what the dampers add."""
     along = spring_damping_bound(scene) if scene.cloth else 0.0
     return frequency_bound(scene) + fastest_damping(scene) + along
 
 
 def evaluation_seconds(scene: Scene) -> float:
-    """What one evaluation of the forces takes in NumPy, roughly."""
+    """Rough time [s] of one evaluation of the forces in NumPy."""
     if not scene.cloth:
         return scene.grid.particle_count * SECONDS_PER_EVALUATION + 1e-4
     each = SECONDS_PER_CLOTH_EVALUATION + (SECONDS_PER_WIND_EVALUATION if scene.wind else 0.0)
@@ -70,7 +71,9 @@ def evaluation_seconds(scene: Scene) -> float:
 
 
 def distance(position: np.ndarray, reference: np.ndarray, free: np.ndarray, spacing: float) -> tuple[float, float]:
-    """(root mean square, maximum) over the masses `free` of |position - reference| [m], over `spacing` [m]."""
+    """Return (root mean square, maximum) over the masses `free` of |position - reference| [m], divided by `spacing`
+    [m].
+    """
     away = position[free].astype(np.float64) - reference[free]
     squared = np.sum(away * away, axis=1)
     return float(np.sqrt(np.mean(squared)) / spacing), float(np.sqrt(squared.max()) / spacing)

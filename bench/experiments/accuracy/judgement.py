@@ -1,8 +1,8 @@
-"""What is said of the end state of one run: its error, or why there is none, and beside it what a trajectory cannot tell.
+"""Measures of the end state of one run: its error or the reason why there is none, and statistics.
 
-Where the motion is chaotic at that time (bench/measure/growth.py) the distance to the reference is refused: the error is
-infinite, with a reason that begins with REFUSED, and what remains to compare are statistics: the energy, the centre of
-mass, the worst strain, and the momentum, each against the reference's.
+Where the motion is chaotic at that time (bench/measure/growth.py) the distance to the reference is refused: the error
+is infinite, with a reason that begins with `REFUSED`. What can still be compared with the reference are statistics: the
+energy, the centre of mass, the largest strain and the momentum.
 """
 
 from __future__ import annotations
@@ -26,18 +26,18 @@ ENERGY, ENERGY_OFF = "accuracy_energy", "accuracy_energy_off"
 STRAIN, STRAIN_OFF = "accuracy_strain", "accuracy_strain_off"
 MEAN_OFF, MOMENTUM_OFF = "accuracy_mean_off", "accuracy_momentum_off"
 GROWTH = "accuracy_growth"
-SOLVER = "accuracy_solver_error"  # of bench/experiments/accuracy/solver_error.py, as the two residuals
+SOLVER = "accuracy_solver_error"  # defined in bench/experiments/accuracy/solver_error.py, like the two residuals
 CONSTRAINT, BALANCE = "accuracy_residual_constraint", "accuracy_residual_balance"
 UNRESOLVED, ESTIMATE = "unresolved", "reference_estimate"
 
-RESOLVED = 10  # an error under so many times the reference's own is not resolved
-REFUSED = "refused: "  # how the reason of a refused error begins
+RESOLVED = 10  # an error below this multiple of the reference's own error is not resolved
+REFUSED = "refused: "  # prefix of the reason of a refused error
 
 Numbers = dict[str, tuple[float, str, str | None]]  # name -> value, unit, reason
 
 
 def refusal(growth: Growth) -> str:
-    """Why the error of a trajectory is refused at the end of `growth`."""
+    """Return the reason why the error of a trajectory is refused at the end of `growth`."""
     return (
         f"{REFUSED}chaotic by {growth.times[-1]:g} s: a disturbance of {DISTURBANCE:g} spacings grows "
         f"{growth.factor:.1e} times; compare statistics, or judge earlier"
@@ -47,10 +47,10 @@ def refusal(growth: Growth) -> str:
 def judge(
     scene: Scene, outcome: State | Diverged, newton: Converged, growth: Growth, half: Converged | None = None
 ) -> Numbers:
-    """The measures of one run: `outcome` is the state it ended in, or how it broke.
+    """Return the measures of one run; `outcome` is its end state, or its divergence.
 
-    `newton`: the reference at the same time; `half`: that of x'' = a / 2, which `lab` alone is also held against.
-    Errors and MEAN_OFF are in spacings, energies in J, momenta in kg m/s.
+    `newton`: the reference at the same time; `half`: the reference of x'' = a / 2, with which only `lab` is compared
+    too. Errors and `MEAN_OFF` are in spacings, energies in J, momenta in kg m/s.
     """
     spacing = scene.grid.spacing
     estimate = newton.estimate / spacing
@@ -79,7 +79,7 @@ def judge(
 
 
 def _statistics(scene: Scene, state: State, right: Converged, free: np.ndarray) -> Numbers:
-    """What can be compared whether or not the motion is chaotic."""
+    """Return the measures that can be compared even if the motion is chaotic."""
     energy = energies(scene, state.position, state.velocity)["total"]
     its_energy = energies(scene, right.position, right.velocity)["total"]
     strain, its_strain = (

@@ -1,7 +1,7 @@
-"""The methods that are held against each other: integrators of the springs' forces, and position-based solvers.
+"""Methods that are compared with each other: integrators of the springs' forces, and position-based solvers.
 
-A method's name is `Method.name`: an integrator's, or `xpbd jacobi`. A position-based one is a way to solve a scene only with
-its substeps and iterations; what it is held against is the motion of the same scene by Newton's law.
+A method's name is `Method.name`: that of an integrator, or e.g. `xpbd jacobi`. A position-based method is defined only
+together with its substeps and iterations; it is compared with the motion of the same scene by Newton's law.
 """
 
 from __future__ import annotations
@@ -15,32 +15,33 @@ from model.core.integrators import IMPLICIT, INTEGRATORS
 from model.scene.scene import Scene
 
 XPBD = ("xpbd gauss-seidel", "xpbd jacobi", "xpbd averaged-jacobi")
-WRONG = {"xpbd averaged-jacobi": "another stiffness"}  # what a method converges to that is not the scene's
-METHODS = (*INTEGRATORS, *XPBD)  # of every sheet
-MATCHING = "shape-matching"  # of bodies
-TETRAHEDRAL = (XPBD[0], "vbd", "newton")  # of tetrahedral ones
-FLUIDS = ("pbf macklin", "pbf averaged", "pbf divergence-free")  # of fluids
+WRONG = {"xpbd averaged-jacobi": "another stiffness"}  # method -> what it converges to instead of the scene's motion
+METHODS = (*INTEGRATORS, *XPBD)  # for every sheet
+MATCHING = "shape-matching"  # for bodies
+TETRAHEDRAL = (XPBD[0], "vbd", "newton")  # for tetrahedral bodies
+FLUIDS = ("pbf macklin", "pbf averaged", "pbf divergence-free")  # for fluids
 OF_CLOTHS = tuple(IMPLICIT)
-XPBD_ORDER = 1  # of the error at a fixed time: converged, it is implicit Euler
+XPBD_ORDER = 1  # order of the error at a fixed time: with converged iterations xpbd is implicit Euler
 
 
 def position_based(name: str) -> bool:
-    """Whether a method of that name has iterations."""
+    """True if the method of that name has iterations."""
     return name in XPBD
 
 
-QUICK_FLOAT32 = ("lab", "velocity-verlet", "rk4")  # if quick; in float64 all: each more is machine code of its own
+# if quick; float64 has all: each further one is machine code of its own
+QUICK_FLOAT32 = ("lab", "velocity-verlet", "rk4")
 
 
 def fits(scene: Scene, name: str) -> bool:
-    """Whether the scene's sheet can be stepped by a method of that name: implicit Euler takes a cloth, a load xpbd."""
+    """True if the method can step the scene's sheet: implicit Euler needs a cloth, a load needs xpbd."""
     if scene.loads and not position_based(name):
         return False
     return name not in OF_CLOTHS or scene.cloth is not None
 
 
 def changes(name: str, iterations: int = 1, substeps: int = 1) -> dict[str, Any]:
-    """The fields of a scene, by dotted path, that make it be solved so, whichever solver it names itself."""
+    """Return the fields of a scene, by dotted path, that select this method, whatever solver the scene itself names."""
     if not position_based(name):
         return {"method.solver": "mass-spring", "method.integrator": name}
     solver, ordering = name.split()
@@ -49,22 +50,23 @@ def changes(name: str, iterations: int = 1, substeps: int = 1) -> dict[str, Any]
 
 
 def name_of(method: Mapping[str, Any]) -> str:
-    """The name of a method from its table, as stores hold it."""
+    """Return the name of a method from its table, as stores have it."""
     ordering = method.get("scheme") or method.get("ordering")
     return str(method.get("integrator") or (f"{method['solver']} {ordering}" if ordering else method["solver"]))
 
 
 def efforts(method: Mapping[str, Any]) -> tuple[int | None, int | None]:
-    """(iterations, substeps) of a method's table; None each where it has none."""
+    """Return (iterations, substeps) of a method's table; None for one that it does not have."""
     return method.get("iterations"), method.get("substeps")
 
 
 def why_unknown(scene: Scene) -> str | None:
-    """Why there is no converged reference of the scene's motion, and what to do; None where there is one, because Newton's
-    law tells that motion, and bench/reference/ knows all of its parts. What any command says of an error hangs on it.
+    """Return the reason why the scene's motion has no converged reference and what to do; None if it has one.
 
-    Constraints must be springs: what does not give has no force by a law, a pbd's stiffness is that of its step size and
-    iterations, and clusters are another material."""
+    A reference exists if Newton's law determines the motion and bench/reference/ supports all parts of the scene. Every
+    command that reports an error depends on this function. Constraints must be springs: an inextensible constraint has
+    no force law, the stiffness of pbd depends on its step size and iterations, and clusters are another material.
+    """
     family = family_of(scene)
     if family.unknown is not None:
         return family.unknown
@@ -83,8 +85,11 @@ def why_unknown(scene: Scene) -> str | None:
 
 
 def newton(scene: Scene) -> Scene:
-    """The same scene for the solver mass-spring: what references are made for. Raises SceneError, with what to ask instead,
-    by `why_unknown`; also for loads, which references know, but not that solver."""
+    """Return the same scene for the solver mass-spring, from which references are made.
+
+    Raises SceneError, with what to request instead, where `why_unknown` gives a reason; also for loads, which the
+    references support but that solver does not.
+    """
     why = why_unknown(scene)
     if why is None and scene.loads:
         why = (
@@ -96,10 +101,10 @@ def newton(scene: Scene) -> Scene:
 
 
 def sweeps(name: str, iterations: int = 1, substeps: int = 1) -> int:
-    """What a step costs in sweeps over all springs: force evaluations, or iterations."""
+    """Return the cost of a step in sweeps over all springs: force evaluations, or iterations."""
     return substeps * iterations if position_based(name) else INTEGRATORS[name].forces
 
 
 def order_of(name: str) -> int:
-    """Of the error at a fixed time, as far as iterations leave none over."""
+    """Return the order of the error at a fixed time, if the iterations are converged."""
     return XPBD_ORDER if position_based(name) else INTEGRATORS[name].order

@@ -1,4 +1,4 @@
-"""What the accuracy runs say: points of speed against error, their Pareto front, and the names of their measures."""
+"""Results of the accuracy runs: points of speed against error, their Pareto front, and the names of their measures."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ from bench.store.schema import tables_by_kind
 from model.core.errors import SceneError
 
 SCENES = {"S1": "lab-curtain", "S2": "lab-hammock"}
-SIZES = {"S1-16": ("S1", 16), "S1-64": ("S1", 64)}  # the same scene with other rows and columns
+SIZES = {"S1-16": ("S1", 16), "S1-64": ("S1", 64)}  # the same scene with other numbers of rows and columns
 CLOTHS = {"S4": "cloth-wind", "S5": "cloth-drop", "S6": "rope-stiff", "S6-still": "rope-stiff-still"}
-AT_REST = ("S6-still",)  # by then at rest, and judged against the closed form of that
-FAR = 1.0  # spacings: an error beyond it is no answer, at any price
-END = 1.5  # s: the horizon of grids
-CLOTH_ENDS = {"S4": 1.0, "S5": 0.5, "S6": 1.0, "S6-still": 12.0}  # s: of cloths and ropes
+AT_REST = ("S6-still",)  # at rest at its end time, and compared with the closed form of the rest state
+FAR = 1.0  # spacings: a larger error is no solution of the scene, at any price
+END = 1.5  # s: end time of grids
+CLOTH_ENDS = {"S4": 1.0, "S5": 0.5, "S6": 1.0, "S6-still": 12.0}  # s: end times of cloths and ropes
 
 COST = "seconds_per_simulated_second"
 SUSPECT_NOTE = "?: suspect, see docs/method.md"
-COPY = "copy_seconds"  # of the whole state, from the device to the host
-MEASURED = {  # field of a point -> the measure that it is
+COPY = "copy_seconds"  # copy of the whole state from the device to the host
+MEASURED = {  # field of a point -> its measure
     "largest": judgement.LARGEST, "half": judgement.HALF, "growth": judgement.GROWTH, "energy": judgement.ENERGY,
     "energy_off": judgement.ENERGY_OFF, "strain": judgement.STRAIN, "strain_off": judgement.STRAIN_OFF,
     "mean_off": judgement.MEAN_OFF, "momentum_off": judgement.MOMENTUM_OFF, "copy_seconds": COPY,
@@ -36,12 +36,14 @@ MEASURED = {  # field of a point -> the measure that it is
 
 
 def end_of(label: str) -> float:
-    """The time [s] at which runs of a scene are judged."""
+    """Return the time [s] at which the runs of a scene are compared with the reference."""
     return CLOTH_ENDS.get(label, END)
 
 
 def labels_of(names: Iterable[str]) -> list[str]:
-    """The labels of scenes that are named by label or as in the catalogue, each once. Raises SceneError for others."""
+    """Return the labels of scenes that are named by label or by catalogue name, each once. Raises SceneError for
+    others.
+    """
     known, found = SCENES | CLOTHS, []
     for name in names:
         mine = [label for label, scene in known.items() if name.lower() in (label.lower(), scene)]
@@ -58,19 +60,22 @@ def labels_of(names: Iterable[str]) -> list[str]:
 
 @dataclass(frozen=True)
 class AccuracyPoint:
-    """One configuration. `scene`: of SCENES, CLOTHS or SIZES; `integrator`: the method's name
-    (bench/experiments/accuracy/methods.py);
-    `error`, `largest`: root mean square and maximum over the free masses, in spacings, against Newton's law, infinite when
-    it diverged or was refused; `half`: against half the acceleration (`lab` alone); `growth`: of a disturbance of 1e-9 up to
-    then; `energy` [J]; `strain`: the worst; how far they, the centre of mass [spacings] and the momentum [kg m/s] are off
-    the reference's; `seconds`: wall time per simulated second, None if not timed; `low`, `high`: the least and greatest of
-    its repeats; `suspect`: something is wrong with them (other programs ran, they spread, they are short);
-    `copy_seconds` [s]: of the state to the host, once a run; `resolved`: the
-    reference is good enough to tell; `note`: how, or why not.
+    """Result of one configuration.
 
-    Of position-based methods alone: `iterations`, `substeps`; `solver` [spacings]: the error to the same scheme with its
-    iterations converged; residuals of one substep more, `constraint` [m] and `balance` [kg m]
-    (bench/experiments/accuracy/solver_error.py)."""
+    `scene`: a label of `SCENES`, `CLOTHS` or `SIZES`. `integrator`: the method's name
+    (bench/experiments/accuracy/methods.py). `error`, `largest` [spacings]: root mean square and maximum over the free
+    masses of the distance to Newton's law, infinite if the run diverged or its error was refused. `half`: the error
+    against half the acceleration (`lab` only). `growth`: the factor by which a disturbance of 1e-9 has grown by then.
+    `energy` [J]; `strain`: the largest. `energy_off`, `strain_off`, `mean_off` (centre of mass, spacings),
+    `momentum_off`: differences from the reference. `seconds`: wall time per simulated second, None if not timed; `low`,
+    `high`: the smallest and largest of its repeats; `suspect`: the times are doubtful (other programs ran, the samples
+    vary, they are short). `copy_seconds` [s]: copy of the state to the host, once per run. `resolved`: the reference is
+    accurate enough for this error. `note`: how the error was computed, or why there is none.
+
+    Only for position-based methods: `iterations`, `substeps`; `solver` [spacings]: the error to the same scheme with
+    converged iterations; `constraint` [m] and `balance` [kg m]: residuals of one further substep
+    (bench/experiments/accuracy/solver_error.py).
+    """
 
     scene: str
     integrator: str
@@ -104,7 +109,7 @@ class AccuracyPoint:
 
     @property
     def refused(self) -> bool:
-        """The motion is chaotic by then, and no error of a trajectory means anything."""
+        """True if the motion is chaotic by then, so that the error of a trajectory has no meaning."""
         return (self.note or "").startswith(judgement.REFUSED)
 
     @property
@@ -113,14 +118,14 @@ class AccuracyPoint:
 
     @property
     def copied(self) -> float | None:
-        """`seconds` with the copy of the end state to the host in it."""
+        """`seconds` including the copy of the end state to the host."""
         if self.seconds is None or self.copy_seconds is None:
             return None
         return self.seconds + self.copy_seconds / end_of(self.scene)
 
     @property
     def mark(self) -> str:
-        """Behind a time that is suspect."""
+        """Suffix of a suspect time."""
         return "?" if self.suspect else ""
 
     @property
@@ -135,7 +140,10 @@ class AccuracyPoint:
 
 
 def method_words(name: str, iterations: int | None) -> str:
-    """`xpbd jacobi, 4 iterations`; an integrator is its name. A method that converges to something else says so."""
+    """Return e.g. `xpbd jacobi, 4 iterations`; an integrator has its name only.
+
+    A method that converges to something else is marked as such.
+    """
     if iterations is None:
         return name
     wrong = f" (to {WRONG[name]})" if name in WRONG else ""
@@ -143,7 +151,7 @@ def method_words(name: str, iterations: int | None) -> str:
 
 
 class Judged(Protocol):
-    """What can stand in a Pareto front."""
+    """Interface of an entry of a Pareto front."""
 
     @property
     def error(self) -> float: ...
@@ -157,10 +165,10 @@ Candidate = TypeVar("Candidate", bound=Judged)
 
 
 def pareto_front(points: Iterable[Candidate]) -> list[Candidate]:
-    """The points that no other beats in both error and seconds, cheapest first (and so by falling error).
+    """Return the points that no other point beats in both error and seconds, cheapest first (by falling error).
 
-    Points that diverged, were not timed or are not resolved do not compete, nor do those farther off than FAR, however
-    cheap: they tell nothing of the scene. Of equal points the first one stands.
+    Points that diverged, were not timed or are not resolved do not compete, nor do points with an error beyond `FAR`,
+    which say nothing about the scene. Of equal points the first one is returned.
     """
     entered = [p for p in points if p.seconds is not None and p.error <= FAR and p.resolved]
     front: list[Candidate] = []
@@ -172,7 +180,7 @@ def pareto_front(points: Iterable[Candidate]) -> list[Candidate]:
 
 @dataclass
 class AccuracySummary(Summary):
-    """What `run_accuracy` did. `points`: all of the grid of cases, those `held` in the store from before included."""
+    """Summary of `run_accuracy`; `points`: the whole grid of cases, with those that the store had before."""
 
     points: list[AccuracyPoint] = field(default_factory=list)
 
@@ -188,7 +196,7 @@ class AccuracySummary(Summary):
 
 
 def summary_lines(label: str, points: list[AccuracyPoint]) -> list[str]:
-    """What is told of the points of one scene: how many broke, the Pareto front, the fastest way to each error."""
+    """Return the lines about one scene: how many runs diverged, the Pareto front, the fastest method at each error."""
     name = SCENES[SIZES[label][0]] if label in SIZES else (SCENES | CLOTHS)[label]
     sized = f", {SIZES[label][1]} x {SIZES[label][1]}" if label in SIZES else ""
     refused, broken = sum(p.refused for p in points), sum(p.diverged for p in points)
@@ -205,7 +213,7 @@ def summary_lines(label: str, points: list[AccuracyPoint]) -> list[str]:
 
 
 def fastest_line(row: Fastest[AccuracyPoint]) -> str:
-    """`1e-03  cpu 1.2 ms (1.2) velocity-verlet ...; gpu ...; at equal error the gpu is 2.1 times as fast (2.0)`."""
+    """Return `1e-03 cpu 1.2 ms (1.2) velocity-verlet ...; gpu ...; at equal error the gpu is 2.1 times as fast (2.0)`."""
     ways = []
     for way, copied in ((row.cpu, row.cpu_copied), (row.gpu, row.gpu_copied)):
         if way is not None:
@@ -220,7 +228,7 @@ def fastest_line(row: Fastest[AccuracyPoint]) -> str:
 
 
 def _statistics(p: AccuracyPoint) -> str:
-    """Of a refused run: what is compared instead of the trajectory."""
+    """Return the text of a refused run: the statistics that are compared instead of the trajectory."""
     told = ((p.energy_off, "J energy"), (p.mean_off, "spacings centre of mass"), (p.strain_off, "worst strain"))
     parts = [f"{value:+.2e} {what}" for value, what in told if value is not None]
     return f"off by {', '.join(parts)}  {p.name}" if parts else f"{p.note}  {p.name}"
@@ -229,10 +237,11 @@ def _statistics(p: AccuracyPoint) -> str:
 def point(
     label: str, description: Mapping[str, Any], named: Mapping[str, Any], repeats: Timing | None
 ) -> AccuracyPoint | None:
-    """The point of one configuration from its measures by name (bench.store.results.Measure); None where it has no error.
+    """Return the point of one configuration from its measures by name (bench.store.results.Measure), or None without
+    error.
 
-    `label`: as in AccuracyPoint; `description`: as bench.store.results.configuration makes it;
-    `repeats`: the samples of it, of those that are not marked where there are enough; None: it was not timed.
+    `label`: as in `AccuracyPoint`; `description`: as bench.store.results.configuration returns it; `repeats`: its
+    samples, without the marked ones if enough others are left; None if it was not timed.
     """
     error = named.get(judgement.ERROR)
     if error is None or error.value is None:
@@ -256,7 +265,7 @@ def point(
 
 
 def _times(repeats: Timing | None, dt: float) -> dict[str, Any]:
-    """The fields that come from the samples. The stored median is of all of them, disturbed ones included."""
+    """Return the fields that come from the samples. The stored median is over all samples, disturbed ones included."""
     if repeats is None:
         return {"seconds": None, "copy_seconds": None, "low": None, "high": None}
     per_second = {"seconds": repeats.median / dt, "low": repeats.low / dt, "high": repeats.high / dt}

@@ -1,18 +1,19 @@
-"""What runs are held against, and how much a disturbance of their motion grows: a reference for every kind of scene.
+"""Converged references of runs, and the growth of a disturbance of their motion, for every kind of scene.
 
-Of the accuracy scenes: grids, and the cloth that touches nothing: RK4 and Richardson in NumPy (bench/reference/). A cloth
-that touches something: the lab's own semi-implicit Euler at tiny steps, since a contact is a jump, after which RK4 has no
-order to extrapolate by (bench/reference/richardson.py), and NumPy would take minutes for the steps that first order needs. A
-loaded rope: RK4 in NumPy, too, whose steps are short enough to be stable on its fastest vibrations; they hardly move. Runs
-judged at rest: the closed form of that, with twins by implicit Euler.
+Accuracy scenes. Grids, and the cloth without contacts: RK4 and Richardson in NumPy (bench/reference/). A cloth with
+contacts: semi-implicit Euler of this lab at tiny steps. A contact is a jump, after which RK4 has no order to
+extrapolate by (bench/reference/richardson.py), and NumPy would take minutes for the steps that first order needs. A
+loaded rope: RK4 in NumPy, with steps short enough to be stable at its fastest vibrations, which hardly move. Runs that
+end at rest: the closed form of the rest state, with disturbed runs by implicit Euler.
 
-Of any grid: NumPy's where that is affordable, else the lab's own RK4. Of a random force: for the draws of one step size, each
-held over its step. At another step size the force is another one, so that halving the step of a run converges to nothing;
-but between two draws it is constant: with the draws of the scene's own step size the motion is an ordinary one, which RK4
-solves by whole fractions of that step. NumPy float64, as all of bench/reference/ whose force it uses.
+Any grid: NumPy where it is affordable, else the RK4 of this lab. A random force: the draws of one step size, each
+constant over its step. At another step size the force is another one, so halving the step of a run converges to
+nothing. Between two draws the force is constant: with the draws of the scene's own step size the motion is an ordinary
+one, which RK4 solves with whole fractions of that step, in NumPy float64, with the force of bench/reference/.
 
-The lab's own are in float64 and exact math on the CPU: not independent of what they judge; tests hold those very
-configurations against bench/reference/ to rounding. Whoever uses one says so.
+References by solvers of this lab use float64 and exact math on the CPU. They are not independent of what they are
+compared with; tests compare those very configurations with bench/reference/ to rounding. Callers state which reference
+they use.
 """
 
 from __future__ import annotations
@@ -38,33 +39,33 @@ from model.core.integrators import damping_rate, frequency_bound
 from model.core.simulation import Simulation, State
 from model.scene.scene import Scene
 
-CLOTH_TOLERANCE = 2e-7  # spacings; RK4 at dt 0.0005 on S4 is at 3e-6, and shall be resolved tenfold
+CLOTH_TOLERANCE = 2e-7  # spacings; RK4 at dt 0.0005 on S4 has an error of 3e-6, which shall be resolved tenfold
 ROPE_TOLERANCE = 2e-6
-ROPE_STEPS_PER_RADIAN = 0.4  # RK4 holds from 0.36 on
-STILL_STEPS_PER_RADIAN = 0.002  # no step is too long for implicit Euler; its end swings at 1.75 rad/s
-LEFT = 1e-8  # m: of the swing, at the time of S6-still
-FINER = 128  # steps of the lab's own reference of contacts to one at the limit
-OWN_SECONDS = 6e-9  # s a mass and force evaluation, rounded up
+ROPE_STEPS_PER_RADIAN = 0.4  # RK4 is stable from 0.36 on
+STILL_STEPS_PER_RADIAN = 0.002  # implicit Euler is stable at any step; the rope's end swings at 1.75 rad/s
+LEFT = 1e-8  # m: what is left of the swing at the time of S6-still
+FINER = 128  # steps of the contact reference to one step at the stability limit
+OWN_SECONDS = 6e-9  # s per mass and force evaluation, rounded up
 MAX_NUMPY_SECONDS = 20.0
 MAX_HALVINGS = 5
-SECONDS_PER_STEP = 1e-3  # s, of NumPy's calls under a random force, rounded up
+SECONDS_PER_STEP = 1e-3  # s: overhead of the NumPy calls under a random force, rounded up
 
 
 def references(store: Store) -> Path | None:
-    """The folder of the converged references that belong to a store; None for one in memory."""
+    """Return the folder of the converged references that belong to a store; None for a store in memory."""
     return None if store.path == ":memory:" else Path(store.path).absolute().parent / "references"
 
 
-# ---------------------------------------------------------------------- of the accuracy scenes
+# ---------------------------------------------------------------------- references of the accuracy scenes
 
 
 def motion_of(scene: Scene) -> Scene:
-    """The scene that references are made of: for the solver mass-spring, but where that does not know its loads."""
+    """Return the scene that references are made of: for the solver mass-spring, unless it does not support the loads."""
     return scene if scene.loads and why_unknown(scene) is None else newton(scene)
 
 
 def converged_for(label: str, scene: Scene, end: float, folder: Path | None) -> cache.Converged:
-    """The state of an accuracy scene's motion (`motion_of`) at `end` [s], kept in `folder` (None: not at all)."""
+    """Return the state of an accuracy scene's motion (`motion_of`) at `end` [s], stored in `folder` (None: not stored)."""
     if label in AT_REST:
         position = rope.hanging(scene)
         return cache.Converged(position, np.zeros_like(position), LEFT)
@@ -78,7 +79,7 @@ def converged_for(label: str, scene: Scene, end: float, folder: Path | None) -> 
 
 
 def growth_for(label: str, scene: Scene, end: float, folder: Path | None) -> Growth:
-    """How much a disturbance of that motion has grown by then."""
+    """Return the growth of a disturbance of that motion up to `end` [s]."""
     if label in AT_REST:
         return kept_growth(scene, end, folder, "implicit-euler", STILL_STEPS_PER_RADIAN)
     if scene.loads:
@@ -87,8 +88,11 @@ def growth_for(label: str, scene: Scene, end: float, folder: Path | None) -> Gro
 
 
 def contact_converged(scene: Scene, time: float, folder: Path | None) -> cache.Converged:
-    """The end state at `time` [s] with steps of half of limit / FINER; the estimate [m] is the largest difference to twice
-    such steps, which of a method of first order is the error of the finer. Kept in `folder` (None: not at all)."""
+    """Return the end state at `time` [s] with steps of half of limit / `FINER`, stored in `folder` (None: not stored).
+
+    The estimate [m] is the largest difference to the state with twice that step, which for a first-order method is the
+    error of the finer one.
+    """
 
     def make() -> cache.Converged:
         stepped = scene.replace({"method.integrator": "semi-implicit-euler"})
@@ -108,36 +112,38 @@ def _end(scene: Scene, time: float, steps: int) -> tuple[np.ndarray, np.ndarray]
     return state.position, state.velocity
 
 
-# ---------------------------------------------------------------------- of any grid
+# ---------------------------------------------------------------------- references of any grid
 
 
 def _evaluations(scene: Scene, time: float) -> float:
-    """Force evaluations of reference and twins, roughly: RK4 at h, h/2 and h/4, and twice at h."""
+    """Return the rough number of force evaluations of reference and disturbed runs: RK4 at h, h/2 and h/4, and twice at
+    h.
+    """
     return 9 * 4 * 4 * time * fastest_rate(scene)
 
 
 def numpy_seconds(scene: Scene, time: float) -> float:
-    """What reference and twins of a scene take in NumPy, roughly."""
+    """Rough time [s] of the reference and the disturbed runs of a scene in NumPy."""
     return _evaluations(scene, time) * evaluation_seconds(scene)
 
 
 def own_seconds(scene: Scene, time: float) -> float:
-    """What they take here, roughly."""
+    """Rough time [s] of the reference and the disturbed runs of a scene by the RK4 of this lab."""
     return _evaluations(scene, time) * (scene.grid.particle_count * OWN_SECONDS + 2e-5)
 
 
 def by_numpy(scene: Scene, time: float) -> bool:
-    """Whether the independent reference is affordable."""
+    """True if the independent reference, by NumPy, is affordable."""
     return numpy_seconds(scene, time) <= MAX_NUMPY_SECONDS
 
 
 def growth_of(scene: Scene, time: float, folder: Path | None) -> Growth:
-    """The growth of a disturbance, from NumPy (kept in `folder`) where that is affordable, else by the lab's own RK4."""
+    """Return the growth of a disturbance, from NumPy (stored in `folder`) if affordable, else by the RK4 of this lab."""
     return kept_growth(scene, time, folder) if by_numpy(scene, time) else own_growth(scene, time)
 
 
 def converged_of(scene: Scene, time: float, folder: Path | None) -> cache.Converged:
-    """The converged reference, from NumPy (kept in `folder`) where that is affordable, else by the lab's own RK4."""
+    """Return the converged reference, from NumPy (stored in `folder`) if affordable, else by the RK4 of this lab."""
     return cache.kept(scene, time, folder) if by_numpy(scene, time) else own_converged(scene, time)
 
 
@@ -147,7 +153,7 @@ def _opened(scene: Scene, dt: float) -> Simulation:
 
 
 def own_converged(scene: Scene, time: float, tolerance: float = cache.TOLERANCE) -> cache.Converged:
-    """RK4 at h and h/2 with Richardson, as bench.reference.mass_spring.converged does it. Raises Diverged."""
+    """Return the state by RK4 at h and h/2 with Richardson, as bench.reference.mass_spring.converged. Raises Diverged."""
 
     def solve(count: int) -> tuple[np.ndarray, np.ndarray]:
         with _opened(scene, time / count) as simulation:
@@ -161,7 +167,7 @@ def own_converged(scene: Scene, time: float, tolerance: float = cache.TOLERANCE)
 
 
 def own_growth(scene: Scene, time: float) -> Growth:
-    """As bench.measure.growth.measure_growth, by the lab's own solver."""
+    """Return the growth like bench.measure.growth.measure_growth, by this lab's own solver."""
     velocity, inverse_mass = start(scene)[1], build(scene).inverse_mass
 
     def path(position: np.ndarray, count: int) -> list[np.ndarray]:
@@ -176,24 +182,25 @@ def own_growth(scene: Scene, time: float) -> Growth:
     return growth_along(scene, time, path)
 
 
-# ---------------------------------------------------------------------- of a random force
+# ---------------------------------------------------------------------- references under a random force
 
 
 def _first_fractions(scene: Scene) -> int:
-    """Fractions of a step to begin with: h w = 1/4, as everywhere."""
+    """Return the first number of fractions of a step: h w = 1/4, as for all references."""
     return max(1, ceil(4 * scene.method.dt * (frequency_bound(scene) + damping_rate(scene))))
 
 
 def held_seconds(scene: Scene, steps: int) -> float:
-    """What the reference takes, roughly: at h, h/2 and h/4."""
+    """Rough time [s] of the reference, at h, h/2 and h/4."""
     each = 4 * scene.grid.particle_count * SECONDS_PER_EVALUATION + SECONDS_PER_STEP
     return 7 * steps * _first_fractions(scene) * each
 
 
 def held_converged(scene: Scene, steps: int, folder: Path | None) -> cache.Converged:
-    """The motion after `steps` steps of `method.dt` under the draws of exactly those steps, by RK4 and Richardson.
+    """Return the motion after `steps` steps of `method.dt` under the draws of exactly those steps, by RK4 and
+    Richardson.
 
-    As bench.reference.mass_spring.converged, from `folder` where it is kept there (None: nothing is kept).
+    The result is that of bench.reference.mass_spring.converged, from `folder` if it is stored there (None: not stored).
     """
     dt = scene.method.dt
 
@@ -202,7 +209,7 @@ def held_converged(scene: Scene, steps: int, folder: Path | None) -> cache.Conve
         state = start(scene)
         for step in range(steps):
             for _ in range(fractions):
-                state = simulate(finer, 1, *state, step)  # `step` numbers the draw
+                state = simulate(finer, 1, *state, step)  # `step` is the number of the draw
         return state
 
     def make() -> cache.Converged:

@@ -1,10 +1,10 @@
-"""How far a position-based run is from its own scheme, converged in its iterations: the solver's error beside the model's.
+"""Distance of a position-based run from its own scheme with converged iterations: the solver's error.
 
-The error against Newton's law (bench/experiments/accuracy/judgement.py) is that of the scheme, implicit Euler, and what its
-iterations left over. The second alone is the distance to the same scheme, step size and ordering with so many iterations
-that twice as many change less than SHARE of it, in float64 and exact math on the CPU. Orderings converge to slightly
-different states: a projection goes along its constraint as that iterate has it (Macklin et al., XPBD, 2016, section 4),
-which is why the balance below does not vanish with the iterations.
+The error against Newton's law (bench/experiments/accuracy/judgement.py) is that of the scheme, implicit Euler, plus
+what its iterations leave over. The second part alone is the distance to the same scheme, step size and ordering with so
+many iterations that twice as many change less than `SHARE` of it, in float64 and exact math on the CPU. Orderings
+converge to slightly different states, because a projection goes along the constraint's direction in that iterate
+(Macklin et al., XPBD, 2016, section 4). For the same reason the balance below does not vanish with the iterations.
 """
 
 from __future__ import annotations
@@ -24,10 +24,10 @@ from bench.reference.steps import masses
 from model.core.simulation import State
 from model.scene.scene import Scene
 
-SHARE = 1e-3  # of the solver's error: what twice the iterations may still change
-FLOOR = 1e-9  # spacings: below what references resolve, and over the rounding of float64 in thousands of steps
+SHARE = 1e-3  # fraction of the solver's error that doubling the iterations may still change
+FLOOR = 1e-9  # spacings: below the resolution of the references, above the rounding of float64 in thousands of steps
 MAX_ITERATIONS = 5120
-ORDERINGS = {"jacobi": "weighted-jacobi"}  # what bench/reference/xpbd.py calls it
+ORDERINGS = {"jacobi": "weighted-jacobi"}  # the name of this ordering in bench/reference/xpbd.py
 
 
 def _end(scene: Scene, steps: int) -> np.ndarray:
@@ -37,14 +37,14 @@ def _end(scene: Scene, steps: int) -> np.ndarray:
 
 
 class Iterated:
-    """End states by their number of iterations, kept in `folder` as references are (None: in memory alone)."""
+    """End states by their number of iterations, stored in `folder` like references (None: in memory only)."""
 
     def __init__(self, folder: Path | None):
         self.folder = folder
         self._held: dict[str, np.ndarray] = {}
 
     def end(self, scene: Scene, steps: int) -> np.ndarray:
-        """(particles, dimensions) float64 [m]: where the masses are after `steps` steps, in exact math on the CPU."""
+        """Return the positions after `steps` steps in exact math on the CPU: (particles, dimensions) float64 [m]."""
         text = f"{scene.canonical()} {steps} {source_hash('cpu')}"
         key = hashlib.sha256(text.encode()).hexdigest()[:16]
         if key not in self._held:
@@ -54,7 +54,7 @@ class Iterated:
         return self._held[key]
 
     def converged(self, scene: Scene, steps: int, free: np.ndarray) -> tuple[np.ndarray, float, int]:
-        """(positions [m] of the scene's scheme with its iterations converged; the last change [spacings]; iterations)."""
+        """Return (positions [m] of the scheme with converged iterations, the last change [spacings], iterations)."""
         iterations, spacing = scene.method.iterations, scene.grid.spacing
         mine = before = self.end(scene, steps)
         while True:
@@ -69,11 +69,12 @@ class Iterated:
 def solver_numbers(
     scene: Scene, state: State, steps: int, iterated: Iterated, rest: np.ndarray | None = None
 ) -> Numbers:
-    """The measures of a position-based run that ended in `state` after `steps` steps.
+    """Return the measures of a position-based run that ended in `state` after `steps` steps.
 
-    SOLVER [spacings], root mean square over the free masses; and of one more step from there, by NumPy, the largest
-    CONSTRAINT |C + a~ lambda| [m] and BALANCE |M (x - x~) - grad C' lambda| [kg m] (XPBD 2016, eq. 9 and 8). `rest`
-    (particles, dimensions) [m]: where the motion is at rest by then; the converged scheme is there, too, at any step size.
+    `SOLVER` [spacings]: root mean square over the free masses. Of one further step, by NumPy, the largest `CONSTRAINT`
+    |C + a~ lambda| [m] and the largest `BALANCE` |M (x - x~) - grad C' lambda| [kg m] (XPBD 2016, eq. 9 and 8). `rest`
+    (particles, dimensions) [m]: the rest state, if the motion is at rest by then; the converged scheme ends there too,
+    at any step size.
     """
     free = state.inverse_mass > 0
     if not free.any():
@@ -93,7 +94,7 @@ def solver_numbers(
 
 
 def next_residuals(scene: Scene, state: State) -> tuple[float, float]:
-    """bench.reference.xpbd.residuals of the substep that follows `state`, where the motion is known (`why_unknown`)."""
+    """Return bench.reference.xpbd.residuals of the substep after `state`, where the motion is known (`why_unknown`)."""
     method = scene.method
     h, inverse_mass = method.dt / method.substeps, state.inverse_mass.astype(np.float64)
     p, v = state.position.astype(np.float64), state.velocity.astype(np.float64)

@@ -1,12 +1,13 @@
-"""What does a scene need? One part at a time is dropped, one setting at a time made cheaper, and both sides measured.
+"""`softlab ablate`: drop one part of a scene or make one setting cheaper at a time, and measure both sides.
 
-The error of every run is that against the full scene's converged reference, with the growth of a disturbance beside it
-(bench/measure/growth.py). What counts is the change, the distance to the full scene's own run at the same time: where it is
-less than the full scene's own error, nobody could tell the part from the method's mistake, and it is not needed at this
-step size. Where the motion is chaotic by then nothing is told, and statistics are shown instead.
+The error of every run is that against the full scene's converged reference, reported with the growth of a disturbance
+(bench/measure/growth.py). The verdict depends on the change, the distance to the full scene's own run at the same time:
+if it is less than the full scene's own error, the effect of the part cannot be distinguished from the method's error,
+and the part is not needed at this step size. If the motion is chaotic by then there is no verdict, and statistics are
+shown instead.
 
-All runs of a backend are timed side by side with the full scene (A B A B ...), each from the scene's start; the least of
-the repeats counts, since what disturbs a sample only ever makes it longer. What is had goes into the store at once.
+All runs of a backend are timed in turn with the full scene (A B A B ...), each from the scene's start. The minimum of
+the repeats counts, since disturbances only make a sample longer. Every result is stored as soon as it is measured.
 """
 
 from __future__ import annotations
@@ -56,17 +57,17 @@ from model.core.families import stability_limit
 from model.core.simulation import State
 from model.scene.scene import Scene
 
-VERSION = 1  # part of every resume key: raise it when what is measured changes
-STAGE = "ablate"  # of the samples in the store
+VERSION = 1  # part of every resume key: raise it when the measurement changes
+STAGE = "ablate"  # stage of the samples in the store
 REPEATS, SAMPLE_SECONDS, MAX_SAMPLE = 9, 0.03, 1.0
-MAX_ROUNDS, DISTURBED = 3, 1.5  # of samples, while a median is over so many times the least
-FOR_STATISTICS = 1e-3  # spacings: of a chaotic motion, whose reference would take minutes to be any better
-RUN_SECONDS = 60.0  # the most that one run up to the time of judgement may take, estimated
+MAX_ROUNDS, DISTURBED = 3, 1.5  # rounds of samples, repeated while a median is above this multiple of the minimum
+FOR_STATISTICS = 1e-3  # spacings: for a chaotic motion, whose reference would take minutes to be more accurate
+RUN_SECONDS = 60.0  # longest estimated time of one run up to the time of judgement
 
 
 @dataclass(frozen=True)
 class Variant:
-    """One run: the `ablation` and the `case` by which the store knows it, in `steps` steps."""
+    """One run of `steps` steps: its `ablation`, and the `case` by which the store identifies it."""
 
     ablation: Ablation
     case: Case
@@ -82,13 +83,13 @@ def ablate(
     progress: bool = True,
     command: str = "softlab ablate",
 ) -> AblationSummary:
-    """What each part of the scene, its arithmetic, integrator and step size are good for, judged at `time` [s] (None: 1.5).
+    """Measure the effect of each part of the scene, its arithmetic, integrator and step size at `time` [s] (None: 1.5).
 
-    `backends`: None: all that are here. Measures what the store lacks; Ctrl-C ends cleanly.
+    `backends`: None for all that are available. Only what the store lacks is measured; Ctrl-C ends the run cleanly.
 
-    Raises SceneError (a time that cannot be, a step size over the limit, nothing that moves, a reference or a run that would
-    take too long, a manufactured scene, constraints that Newton's law does not tell the motion of), BackendUnavailable,
-    InputError (the store), Diverged (the full scene).
+    Raises SceneError (an impossible time, a step size above the limit, no moving mass, a reference or run that would
+    take too long, a manufactured scene, constraints without a force law), BackendUnavailable, InputError (the store),
+    Diverged (the full scene).
     """
     wanted = END if time is None else time
     steps, chosen = _check(scene, wanted), backends_here(backends)
@@ -103,7 +104,8 @@ def ablate(
         work.measure(group, tell)
 
     how: dict[str, Any] = {"progress": progress, "command": command, "worth": lambda variant: 2}
-    resume(store, summary, groups, held, measure, whole=True, **how)  # whole: times count only side by side
+    # whole: times are comparable only if sampled in turn
+    resume(store, summary, groups, held, measure, whole=True, **how)
     descriptions = [variant.case.description for group in groups for variant in group]
     summary.tables = tables_of(measures_of(store, summary.machine, descriptions))
     summary.notes += _notes(scene, wanted, work.end, summary)
@@ -112,7 +114,7 @@ def ablate(
 
 
 def _check(scene: Scene, end: float) -> int:
-    """The steps up to `end` [s], an even number; refuse what has no answer before anything is measured."""
+    """Return the number of steps up to `end` [s], an even number; refuse scenes without an answer before measuring."""
     dt = scene.method.dt
     if not 0 < end < math.inf:
         raise SceneError("--time", end, "must be greater than 0 and finite")
@@ -165,7 +167,7 @@ def _notes(scene: Scene, wanted: float, end: float, summary: AblationSummary) ->
 
 
 class _Work:
-    """The measuring of one scene. `end` [s]: when it is judged."""
+    """Measurement of one scene; `end` [s]: the time of judgement."""
 
     def __init__(self, store: Store, scene: Scene, steps: int, summary: AblationSummary):
         self.store, self.scene, self.steps, self.summary = store, scene, steps, summary
@@ -173,7 +175,7 @@ class _Work:
         self._full: State
 
     def variants(self, backend: str) -> list[Variant]:
-        """The full scene, and everything that can be left out of it."""
+        """Return the full scene and everything that can be left out of it."""
         key = ""
         found = []
         for ablation in (FULL, *ablations(self.scene)):
@@ -189,7 +191,7 @@ class _Work:
 
     @cached_property
     def right(self) -> tuple[Converged, Growth]:
-        """The reference, and how much a disturbance grows."""
+        """Reference, and growth of a disturbance."""
         folder, motion = references(self.store), newton(self.scene)
         growth = growth_of(motion, self.end, folder)
         if random_force(motion):
@@ -201,7 +203,9 @@ class _Work:
         return own_converged(motion, self.end, FOR_STATISTICS), growth
 
     def measure(self, group: Sequence[Variant], tell: Tell) -> None:
-        """Judge each of a group, then sample those that held in turn. Raises Diverged where the full scene does."""
+        """Compute the errors of a group, then sample those that did not diverge in turn. Raises Diverged if the full
+        scene does.
+        """
         tell("converged reference", 0)
         right = self.right
         with ExitStack() as stack:
@@ -221,7 +225,7 @@ class _Work:
         keep(self.store, self.summary.run, variant.case.description, variant.case.sources, numbers)
 
     def _judge(self, subject: Subject, right: tuple[Converged, Growth]) -> bool:
-        """Run to the end and store errors and change; whether it held."""
+        """Run to the end and store errors and change; return False if the run diverged."""
         variant, simulation = subject.name, subject.simulation
         outcome: State | Diverged
         try:
@@ -234,7 +238,7 @@ class _Work:
         if variant.ablation is FULL:
             assert isinstance(outcome, State)
             self._full = outcome
-        judged = judge(self.scene, outcome, *right)  # by the energy of the full scene
+        judged = judge(self.scene, outcome, *right)  # uses the energy of the full scene
         numbers: dict[str, tuple[Any, str, str | None]] = {
             PREFIX + name.removeprefix("accuracy_"): told for name, told in judged.items()
         }
@@ -251,7 +255,7 @@ class _Work:
         return distance(state.position, theirs, free, self.scene.grid.spacing)[0]
 
     def _time(self, subjects: Sequence[Subject], tell: Tell) -> None:
-        """Sample in turn, again while disturbed, and store the least of each."""
+        """Sample in turn, again while the samples are disturbed, and store the minimum of each."""
         taken: dict[int, list[float]] = {id(subject): [] for subject in subjects}
         marks: dict[int, list[str]] = {id(subject): [] for subject in subjects}
         for _ in range(MAX_ROUNDS):

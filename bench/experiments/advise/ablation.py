@@ -1,10 +1,8 @@
-"""What can be left out of a scene, or done more cheaply, one thing at a time: the table behind `softlab ablate`.
+"""Parts of a scene that can be left out, and settings that can be cheaper, one at a time: input of `softlab ablate`.
 
-Everything is derived from the scene. Each optional part of it that is a force or a constraint, and that does anything, can
-be dropped; what it is solved with can be cheaper. A new part needs nothing here; a new setting of `[method]` is one more
-function in ENTRIES.
-
-The full scene is run in float64 and exact math: the most that the lab has.
+Everything is derived from the scene. Each optional force or constraint that has an effect can be dropped; method and
+arithmetic can be made cheaper. A new part needs no change here; a new setting of `[method]` is one more function in
+`ENTRIES`. The full scene runs in float64 and exact math, the highest accuracy of the lab.
 """
 
 from __future__ import annotations
@@ -19,8 +17,9 @@ from model.core.integrators import INTEGRATORS
 from model.scene.scene import Scene
 
 FULL_PRECISION, FULL_MATH = "float64", "exact"
-KEPT = ("method", "perturbation", "manufactured")  # kinds that are no force and no constraint: how, from which start; a
-# manufactured force is made from the other parts, and holds the motion whichever is dropped
+# kinds that are neither force nor constraint: the method and the start; a
+KEPT = ("method", "perturbation", "manufactured")
+# manufactured force is computed from the other parts, and keeps the motion whichever of them is dropped
 PART, INTEGRATOR, ARITHMETIC, COARSER, FINER = (
     "part",
     "integrator",
@@ -32,9 +31,12 @@ PART, INTEGRATOR, ARITHMETIC, COARSER, FINER = (
 
 @dataclass(frozen=True)
 class Ablation:
-    """One thing less. `name`: of the run, `without gravity`; `why` it may be cheaper; `kind`: of PART ... FINER; `spares`:
-    what of the full scene it does without, `gravity`; `drop`: the name of a part, empty for none; `changes`: of other
-    fields, by dotted path."""
+    """One change of a scene.
+
+    `name`: of the run, e.g. `without gravity`; `why`: the reason why it may be cheaper; `kind`: `PART` ... `FINER`;
+    `spares`: what the run does without, e.g. `gravity`; `drop`: the name of a part, or empty; `changes`: of other
+    fields, by dotted path.
+    """
 
     name: str
     why: str
@@ -46,7 +48,7 @@ class Ablation:
     math: str = FULL_MATH
 
     def of(self, scene: Scene) -> Scene:
-        """The scene with one thing less. Raises SceneError where it cannot do without."""
+        """Return the scene with this change. Raises SceneError if the scene is invalid without the part."""
         tables = {name: table for name, table in scene.as_dict().items() if name != self.drop}
         return Scene(tables, scene.name).replace(self.changes)
 
@@ -61,9 +63,9 @@ def _parts(scene: Scene) -> Iterator[Ablation]:
         part = Ablation(f"without {name}", "no stage of it", PART, name, drop=name)
         try:
             without = part.of(scene)
-        except SceneError:  # the masses, or what another part stands on: not optional
+        except SceneError:  # a required part: the masses, or what another part depends on
             continue
-        if scene_plan(without) != scene_plan(scene):  # one that is switched off is not there to be dropped
+        if scene_plan(without) != scene_plan(scene):  # a part that is switched off has no stage to drop
             yield part
 
 
@@ -95,7 +97,7 @@ def _arithmetic(_: Scene) -> Iterator[Ablation]:
 
 
 def _step_sizes(scene: Scene) -> Iterator[Ablation]:
-    if random_force(scene):  # which is another force at every step size
+    if random_force(scene):  # a random force is another force at every step size
         return
     dt = scene.method.dt
     yield Ablation(f"dt {2 * dt:g} s", "half the steps", COARSER, f"dt {dt:g} s", changes={"method.dt": 2 * dt})
@@ -112,10 +114,10 @@ ENTRIES: tuple[Callable[[Scene], Iterable[Ablation]], ...] = (
 
 
 def ablations(scene: Scene) -> list[Ablation]:
-    """Everything that can be left out of the scene or made cheaper, and the step size halved."""
+    """Return all parts that can be left out, all settings that can be cheaper, and the halved step size."""
     return [ablation for entry in ENTRIES for ablation in entry(scene)]
 
 
 def random_force(scene: Scene) -> bool:
-    """Whether the scene has a random force, which is drawn anew every step."""
+    """True if the scene has a random force, which is drawn anew every step."""
     return scene.external is not None and scene.external.magnitude > 0

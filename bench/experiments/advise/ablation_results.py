@@ -1,4 +1,4 @@
-"""What `softlab ablate` found: a verdict on each thing left out, as a table and as one sentence."""
+"""Results of `softlab ablate`: a verdict on each change, as a table and as one sentence."""
 
 from __future__ import annotations
 
@@ -23,23 +23,28 @@ from bench.store.results import Measure
 from bench.store.schema import tables_by_kind
 
 PREFIX = "ablation_"
-CHANGE = "ablation_change"  # spacings: root mean square over the free masses, to the end of the full scene's own run
-SECONDS = "ablation_seconds"  # of wall time a simulated second, the least of the repeats
+# spacings: root mean square over the free masses, to the end state of the full scene's own run
+CHANGE = "ablation_change"
+SECONDS = "ablation_seconds"  # s of wall time per simulated second, the minimum of the repeats
 SUSPECT = "ablation_suspect"
-NEEDED, NOT_NEEDED, UNTOLD, GAINS = "needed", "not needed", "unknown", "finer"  # verdicts, on what was spared
-REPLACED = {NEEDED: "not enough", NOT_NEEDED: "enough"}  # the same, on what stands in its place
+NEEDED, NOT_NEEDED, UNTOLD, GAINS = "needed", "not needed", "unknown", "finer"  # verdicts on what was left out
+REPLACED = {NEEDED: "not enough", NOT_NEEDED: "enough"}  # the same verdicts, on the replacement
 FINER_STEP = {GAINS: "more accurate", NOT_NEEDED: "gains nothing"}
-WIDE = 100  # columns of a terminal that has place for the reasons
+WIDE = 100  # columns; wider terminals show the reasons
 STYLES = {NEEDED: "bold", NOT_NEEDED: "green", UNTOLD: "yellow", GAINS: "cyan"}
 
 
 @dataclass(frozen=True)
 class AblationRow:
-    """One thing less. `name`, `kind`, `spares`: of the Ablation, `why`: its, or how the run broke; `error` [spacings]: root
-    mean square over the free masses, against the full scene's converged reference, infinite where it broke or the motion
-    is chaotic; `change` [spacings]: to the full scene's own run; `estimate` [spacings]: of the reference's own error;
-    `growth`: of a disturbance; `energy_off` [J], `mean_off` [spacings]: energy and centre of mass against the
-    reference's; `seconds`: wall time a simulated second, None where it broke; `suspect`: why that may be wrong."""
+    """Result of one change.
+
+    `name`, `kind`, `spares`: as in `Ablation`; `why`: as there, or how the run diverged. `error` [spacings]: root mean
+    square over the free masses, against the full scene's converged reference, infinite if the run diverged or the
+    motion is chaotic. `change` [spacings]: distance to the full scene's own run. `estimate` [spacings]: the reference's
+    own error. `growth`: factor of a disturbance. `energy_off` [J], `mean_off` [spacings]: energy and centre of mass
+    minus the reference's. `seconds`: wall time per simulated second, None if the run diverged. `suspect`: why that time
+    may be wrong.
+    """
 
     name: str
     kind: str
@@ -65,8 +70,10 @@ class AblationRow:
 
 @dataclass(frozen=True)
 class Ablated:
-    """All rows of one scene on one backend, `full` and those with one thing less, the most saving first. `title`, `dt`
-    [s] and `integrator`: of the full scene, judged at `end` [s]."""
+    """All rows of one scene on one backend: `full`, and `rows`, those that save most first.
+
+    `title`, `dt` [s] and `integrator` are those of the full scene; `end` [s] is the time of judgement.
+    """
 
     title: str
     dt: float
@@ -78,20 +85,25 @@ class Ablated:
 
     @property
     def floor(self) -> float:
-        """The change [spacings] under which nothing is needed: the method's own error, or what references resolve."""
+        """Largest change [spacings] of a part that is not needed: the method's own error, or the resolution of the
+        reference.
+        """
         return max(self.full.error, RESOLVED * max(self.full.estimate, TOLERANCE))
 
     def saving(self, row: AblationRow) -> float | None:
-        """How many times as fast as the full scene; None where it was not timed."""
+        """Return the full scene's time over that of the row; None if it was not timed."""
         return self.full.seconds / row.seconds if self.full.seconds and row.seconds else None
 
     def told_saving(self, row: AblationRow) -> float | None:
-        """The saving, where neither time is suspect: what a sentence may say."""
+        """Return the saving, or None if one of the two times is suspect and must not be quoted."""
         return None if row.suspect or self.full.suspect else self.saving(row)
 
     def verdict(self, row: AblationRow) -> str:
-        """Needed: without it the run breaks, or ends further off than the full scene's own error. Of a finer step: what
-        it gains. Of a chaotic motion nothing is told."""
+        """Return the verdict on a row.
+
+        A part is needed if the run without it diverges, or differs by more than the full scene's own error. A finer
+        step gets a verdict on the accuracy that it gains. A chaotic motion has no verdict.
+        """
         if row.broke:
             return NEEDED
         if self.full.chaotic:
@@ -102,15 +114,15 @@ class Ablated:
         return NEEDED if row.change > self.floor else NOT_NEEDED
 
     def printed_verdict(self, row: AblationRow) -> str:
-        """The verdict on what the row is called after: on the part left out, else on the cheaper thing in its place."""
+        """Return the verdict on what the row is named after: the part left out, or the cheaper replacement."""
         words = {PART: {}, FINER: FINER_STEP}.get(row.kind, REPLACED)
         verdict = self.verdict(row)
         return words.get(verdict, verdict)
 
-    # ------------------------------------------------------------------ words
+    # ------------------------------------------------------------------ sentences
 
     def sentence(self) -> str:
-        """What the scene needs, from the data."""
+        """Return a sentence on what the scene needs, from the data."""
         head = f"{self.title} at dt {self.dt:g} s with {self.integrator}, on the {self.backend.upper()}"
         if self.full.chaotic:
             broke = [row.name for row in self.rows if row.broke]
@@ -164,7 +176,7 @@ class Ablated:
         return "; ".join(told)
 
     def _price(self, row: AblationRow) -> str:
-        """`changes 3.1e-06, 1.4 times as fast`."""
+        """Return e.g. `changes 3.1e-06, 1.4 times as fast`."""
         return f"changes {row.change:.1e}{_speed(self.told_saving(row))}"
 
     @staticmethod
@@ -181,20 +193,20 @@ def _speed(saving: float | None) -> str:
 
 
 def _listed(names: Sequence[str]) -> str:
-    """`a`, `a and b`, `a, b and c`."""
+    """Return `a`, `a and b`, or `a, b and c`."""
     return " and ".join(filter(None, [", ".join(names[:-1]), *names[-1:]]))
 
 
 @dataclass
 class AblationSummary(Summary):
-    """What `ablate` did. `tables`: one a backend; `notes`: what to know beside them."""
+    """Summary of `ablate`; `tables`: one per backend; `notes`: remarks on the results."""
 
     tables: list[Ablated] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
 
 
 def tables_of(measures: Iterable[Measure]) -> list[Ablated]:
-    """The ablations among the measures of one machine, one for each full scene and backend, newest last."""
+    """Return the ablations among the measures of one machine, one for each full scene and backend, newest last."""
     groups: dict[str, dict[str, dict[str, Measure]]] = {}
     for measure in measures:
         told = measure.description.get("ablation")
@@ -206,7 +218,7 @@ def tables_of(measures: Iterable[Measure]) -> list[Ablated]:
 
 
 def _table(group: Mapping[str, Mapping[str, Measure]]) -> Ablated | None:
-    """One full scene's; None where it is not complete, or of several sources."""
+    """Return the table of one full scene; None if it is incomplete, or from several versions of the sources."""
     rows = [_row(named) for named in group.values() if CHANGE in named]
     full = next((row for row in rows if row.name == FULL.name), None)
     if full is None:
@@ -239,7 +251,7 @@ def _row(named: Mapping[str, Measure]) -> AblationRow:
 
 
 def print_ablation(console: Console, summary: AblationSummary) -> None:
-    """A table for each backend, sorted by what is saved, and its sentence."""
+    """Print a table for each backend, sorted by saving, and its sentence."""
     for found in summary.tables:
         growth = f"a perturbation {growth_words(found.full.growth)} by then"
         console.print(
@@ -256,7 +268,9 @@ def print_ablation(console: Console, summary: AblationSummary) -> None:
 
 
 def _printed(found: Ablated, wide: bool) -> Table:
-    """The table of one backend; of a chaotic motion with statistics in the place of error and change. `wide`: with why."""
+    """Return the table of one backend. A chaotic motion has statistics instead of error and change. `wide`: with
+    reasons.
+    """
     chaotic = found.full.chaotic
     heads = ("energy off, J", "centre off, spacings") if chaotic else ("error, spacings", "change, spacings")
     numeric = (Column(head, justify="right") for head in ("times as fast", "ms a simulated s", *heads))

@@ -1,4 +1,4 @@
-"""What `softlab advise` answers: the fastest configuration for an error, the second, and why others were rejected."""
+"""Answer of `softlab advise`: the fastest configuration for an error, the second, and the rejected ones with reasons."""
 
 from __future__ import annotations
 
@@ -10,16 +10,19 @@ from bench.experiments.accuracy.points import method_words
 from bench.measure.growth import DISTURBANCE, growth_words
 from model.scene.scene import Scene
 
-NOISE = 1.1  # times that are nearer than that are called equal
+NOISE = 1.1  # times whose ratio is smaller are called equal
 
 
 @dataclass(frozen=True)
 class Choice:
-    """One configuration that reaches the error, timed. `dt` [s] is the largest found to reach it, in `steps` steps up to
-    the time of judgement; `error` in spacings; `seconds`: wall time of a simulated second, the least of the repeats
-    (what disturbs a sample only ever makes it longer), `median` of them beside it; `copy_seconds` [s]: of the state to
-    the host, once; `limit` [s]: the largest stable step size in any state of the net; `suspect`: why its times may be
-    wrong, or None; `iterations` of a position-based method, by whose name `integrator` goes."""
+    """One configuration that reaches the error and was timed.
+
+    `dt` [s]: the largest step size found to reach it, in `steps` steps up to the time of judgement. `error`: spacings.
+    `seconds`: wall time per simulated second, the minimum of the repeats, since disturbances only make a sample longer;
+    `median`: their median. `copy_seconds` [s]: one copy of the state to the host. `limit` [s]: the largest stable step
+    size in any state of the net. `suspect`: why the times may be wrong, or None. `integrator`: the name of the method;
+    `iterations`: of a position-based one.
+    """
 
     integrator: str
     dt: float
@@ -39,7 +42,7 @@ class Choice:
 
     @property
     def share(self) -> float:
-        """The step size over its stability limit."""
+        """Step size as a fraction of the stability limit."""
         return self.dt / self.limit
 
     @property
@@ -49,20 +52,23 @@ class Choice:
 
     @property
     def changes(self) -> dict[str, Any]:
-        """The fields of a scene, by dotted path, that make it be solved so."""
+        """Fields of a scene, by dotted path, that select this configuration."""
         return changes(self.integrator, self.iterations or 1) | {"method.dt": self.dt}
 
     def copied(self, time: float) -> float:
-        """Wall time of a simulated second, a copy of the state to the host every `time` seconds [s] included."""
+        """Return the wall time per simulated second with a copy of the state to the host every `time` seconds [s]."""
         return self.seconds + self.copy_seconds / time
 
 
 @dataclass(frozen=True)
 class Advice:
-    """The answer. `scene` as asked about, `error` [spacings] asked for at `time` [s]; `growth`: of a disturbance of 1e-9
-    up to then; `choices`: every configuration that reaches the error and was timed, fastest first; `beaten`: (method in
-    words, why it was not timed); `why`: why there is no answer, with what to do, None where there is one; `notes`: what
-    to know beside it; `seconds` that the search took."""
+    """Answer for one scene and error.
+
+    `scene`: as requested; `error` [spacings]: requested at `time` [s]. `growth`: the factor by which a disturbance of
+    1e-9 has grown by then. `choices`: every configuration that reaches the error and was timed, fastest first.
+    `beaten`: (method in words, why it was not timed). `why`: why there is no answer and what to do, None if there is
+    one. `notes`: remarks on the answer. `seconds`: duration of the search.
+    """
 
     scene: Scene
     error: float
@@ -81,23 +87,25 @@ class Advice:
 
     @property
     def runner_up(self) -> Choice | None:
-        """The second fastest."""
+        """Second fastest choice."""
         return self.choices[1] if len(self.choices) > 1 else None
 
     def configured(self) -> Scene:
-        """The scene with the method and step size of the best choice. Raises ValueError where there is none."""
+        """Return the scene with the method and step size of the best choice. Raises ValueError if there is none."""
         if self.best is None:
             raise ValueError(self.why or "no choice")
         return self.scene.replace(self.best.changes)
 
     def options(self) -> str:
-        """What to pass to `softlab run` beside a scene that is configured so: a scene does not hold it."""
+        """Return the options of `softlab run` for the settings that a scene file does not contain."""
         best = self.best
         assert best is not None
         return f"--backend {best.backend} --precision {best.precision}"
 
     def heading(self) -> str:
-        """For the file that the scene is written to: what was found, and what a scene does not hold."""
+        """Return the heading of the scene file that is written: the result, and the settings that a scene does not
+        contain.
+        """
         best = self.best
         assert best is not None
         return "\n".join(
@@ -134,9 +142,10 @@ class Advice:
         return "\n".join(lines)
 
     def _settings(self, choice: Choice) -> str:
-        """What to add to the command line, for a scene that is as it was asked about."""
+        """Return the options that change the requested scene to this choice."""
         held = {f"method.{field}": value for field, value in self.scene.method.model_dump().items()}
-        same = ("method.solver", "method.substeps", "method.iterations")  # not told where they are so already
+        # left out where the scene has these values already
+        same = ("method.solver", "method.substeps", "method.iterations")
         told = {path: value for path, value in choice.changes.items() if path not in same or held.get(path, 1) != value}
         return " ".join(f"--set {path}={value}" for path, value in told.items())
 

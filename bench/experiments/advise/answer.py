@@ -1,5 +1,8 @@
-"""Who answers `softlab advise`: a search that measures errors, the laws of tetrahedral bodies, which have no reference, or a
-search for what keeps a fluid's density."""
+"""Choice of the search behind `softlab advise`.
+
+Errors of grids and cloths are measured, tetrahedral bodies have no reference and use error laws, and fluids are
+searched for the settings that keep their density.
+"""
 
 from __future__ import annotations
 
@@ -27,7 +30,10 @@ def answer(
     check: bool = False,
     **how: Any,
 ) -> Advice | TetrahedraAdvice | FluidAdvice:
-    """See `advise`, `advise_tetrahedra`, `advise_fluids`, which take `how`. Raises SceneError, too, for options of others."""
+    """Return the advice of `advise`, `advise_tetrahedra` or `advise_fluids`, which take `how`.
+
+    Raises SceneError for options that do not apply to the kind of scene.
+    """
     if scene.fluids:
         if check:
             raise SceneError(
@@ -54,6 +60,6 @@ def answer(
 
 
 def checked(store: Store, advice: Advice | TetrahedraAdvice | FluidAdvice, **how: Any) -> str:
-    """What brute force says of an advice. See `brute_force`."""
+    """Return the result of `brute_force` for an advice."""
     assert isinstance(advice, Advice)
     return str(brute_force(store, advice, progress=True, **how))

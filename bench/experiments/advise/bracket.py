@@ -1,20 +1,21 @@
-"""Between which numbers of steps an error is reached, and which to try next."""
+"""Bracketing of the number of steps that reaches an error, and the next number to try."""
 
 from __future__ import annotations
 
 from math import ceil, isfinite, log, sqrt
 
-TIGHT = 1.03  # a step size is found when one so many times as large misses the error
-MAX_STRIDE = 64.0  # times the steps, from one run to the next
+TIGHT = 1.03  # a step size is accepted if one this many times as large misses the error
+MAX_STRIDE = 64.0  # largest factor of steps from one run to the next
 
 Tried = tuple[int, float]  # steps, error [spacings]
 
 
 def next_steps(low: Tried | None, high: Tried | None, target: float, order: int, least: int, turn: int) -> int:
-    """The number of steps to try next, between the most that miss the target (`low`) and the fewest that reach it.
+    """Return the number of steps to try next, between the most that miss the target (`low`) and the fewest that reach
+    it.
 
-    With one of them known, the order tells how far to go; with both, log error is taken as linear in log steps, a little
-    to one side and then the other, so that both ends close in. One of them must be given.
+    With one of them known, the order determines the next number. With both, log error is taken as linear in log steps,
+    slightly shifted to either side in turn, so that both ends close in. One of them must be given.
     """
     if low is not None and high is not None:
         (few, worse), (many, better) = low, high

@@ -1,4 +1,4 @@
-"""What answers of `softlab advise` share whose choices are budgets of a scene's own solvers, timed on the scene itself."""
+"""Base of the answers of `softlab advise` whose choices are budgets of a scene's own solvers, timed on the scene."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from model.scene.scene import Scene
 
 
 class Timed(Protocol):
-    """A budget: `backend`, `precision`, and the `seconds` of a step of the scene."""
+    """A budget: `backend`, `precision`, and `seconds` per step of the scene."""
 
     @property
     def backend(self) -> str: ...
@@ -24,7 +24,7 @@ class Timed(Protocol):
 
     @property
     def changes(self) -> dict[str, Any]:
-        """The fields of a scene, by dotted path, that make it be solved so."""
+        """Fields of a scene, by dotted path, that select this budget."""
 
 
 B = TypeVar("B", bound=Timed)
@@ -32,8 +32,11 @@ B = TypeVar("B", bound=Timed)
 
 @dataclass(frozen=True)
 class BudgetAdvice(Generic[B]):
-    """The answer. `error`: relative, as asked for; `time` [s]: until then; `choices`: the budgets that reach it, timed, the
-    fastest first; `beaten`: (what, why it is none); `notes`; `seconds` that it took."""
+    """Answer for one scene and error.
+
+    `error`: relative, as requested; `time` [s]: the end time; `choices`: the budgets that reach the error, timed,
+    fastest first; `beaten`: (name, why it was rejected); `notes`: remarks; `seconds`: duration of the search.
+    """
 
     scene: Scene
     error: float
@@ -48,18 +51,20 @@ class BudgetAdvice(Generic[B]):
         return self.choices[0] if self.choices else None
 
     def configured(self) -> Scene:
-        """The scene with the best budget. Raises ValueError where there is none."""
+        """Return the scene with the best budget. Raises ValueError if there is none."""
         if self.best is None:
             raise ValueError("no configuration reaches this error")
         return self.scene.replace(self.best.changes)
 
     def options(self) -> str:
-        """What to pass to `softlab run` beside a scene that is configured so: a scene does not hold it."""
+        """Return the options of `softlab run` for the settings that a scene file does not contain."""
         assert self.best is not None
         return f"--backend {self.best.backend} --precision {self.best.precision}"
 
     def _told(self, asked: str, bases: Sequence[str], limits: str) -> str:
-        """All of it: what was `asked`, choices, what they are based on, what is none, notes, the `limits` of the answer."""
+        """Return the whole text: the request `asked`, choices, what they are based on, rejections, notes, and the
+        `limits`.
+        """
         lines = [asked]
         if not self.choices:
             lines.append(
@@ -78,11 +83,11 @@ class BudgetAdvice(Generic[B]):
         return "\n".join([*lines, f"the search took {self.seconds:.0f} s"])
 
     def _errors(self, one: B) -> str:
-        """What a budget leaves."""
+        """Return the remaining error of a budget, in words."""
         raise NotImplementedError
 
     def _fields(self, one: B) -> dict[str, Any]:
-        """What of the scene has to be set for a budget."""
+        """Return the fields of the scene that have to be set for a budget."""
         return one.changes
 
     def _over(self, one: B) -> str:

@@ -1,7 +1,8 @@
-"""Whether an advice is right, by brute force: the whole grid of methods and step sizes, judged, and the best of it timed.
+"""Check of an advice by brute force: run the whole grid of methods and step sizes, and time the best of it.
 
-Slow on purpose, and without what `softlab advise` takes for granted (that errors fall by their order, that a method with
-many more forces cannot win): every integrator and precision at step sizes a fixed factor apart, up to the stability limit.
+It is slow on purpose and does not use the assumptions of `softlab advise` (that errors fall by their order, that a
+method with many more forces cannot win): every integrator and precision runs at step sizes a fixed factor apart, up to
+the stability limit.
 """
 
 from __future__ import annotations
@@ -23,8 +24,11 @@ from model.core.simulation import PRECISIONS
 
 @dataclass(frozen=True)
 class Check:
-    """`judged` configurations of the grid, `reaching` of which reach the error; `advised`: the advice, timed beside
-    `rivals`, the largest step size of each method that reaches it, fastest first."""
+    """Result: `judged` configurations, `reaching` of which reach the error.
+
+    `advised`: the advice, timed in turn with `rivals`, the largest step size of each method that reaches the error,
+    fastest first.
+    """
 
     judged: int
     reaching: int
@@ -32,7 +36,7 @@ class Check:
     rivals: tuple[Choice, ...]
 
     def cheaper(self, factor: float = NOISE) -> list[Choice]:
-        """The rivals that reach the error in less time than the advised configuration's over `factor`."""
+        """Return the rivals that take less than 1 / `factor` of the advised configuration's time."""
         return [rival for rival in self.rivals if rival.seconds < self.advised.seconds / factor]
 
     def __str__(self) -> str:
@@ -49,7 +53,7 @@ class Check:
 
 
 def grid_steps(least: int, per_octave: int, octaves: int) -> list[int]:
-    """Steps from the fewest that are stable to 2^octaves times as many, `per_octave` to a doubling."""
+    """Return numbers of steps from the fewest stable one to 2^octaves times as many, `per_octave` to a doubling."""
     return sorted({ceil(least * 2 ** (k / per_octave)) for k in range(per_octave * octaves + 1)})
 
 
@@ -64,7 +68,7 @@ def brute_force(
     octaves: int = 5,
     progress: bool = False,
 ) -> Check:
-    """Judge the whole grid at the time of the advice, and time what reaches the error beside what was advised.
+    """Run the whole grid up to the time of the advice, and time what reaches the error in turn with the advice.
 
     Raises ValueError for an advice without an answer, BackendUnavailable, SceneError.
     """

@@ -1,12 +1,11 @@
-"""Which method, step size, precision and backend reaches an error fastest on this machine: measured, not looked up.
+"""`softlab advise`: measure which method, step size, precision and backend reaches an error fastest on this machine.
 
-The error at a step size is the same story for every backend, and falls by a known power of it; so no full grid is run.
-For each integrator the largest step size that reaches the error is closed in on by its order from one or two coarse
-runs; an integrator that already needs many times the forces of the best so far is not even compiled. What is found in
-float64 is where the search in float32 and on the other backends begins; every answer was reached by the very
-configuration it names. Those are then timed side by side. Step sizes over the stability limit are not advised.
-
-Everything goes into the store as it is had, so that asking again, or for less, costs little.
+The error at a step size is nearly the same on every backend and falls by a known power of it, so the full grid is not
+run. For each integrator the largest step size that reaches the error is bracketed by its order from one or two coarse
+runs; an integrator that already needs many times the forces of the best so far is not even compiled. The search in
+float32 and on the other backends begins with the result in float64. Every answer was reached by the very configuration
+that it names; these are then timed in turn. Step sizes above the stability limit are not advised. Everything is stored
+as soon as it is measured, so that a repeated request costs little.
 """
 
 from __future__ import annotations
@@ -41,10 +40,10 @@ from model.core.errors import SceneError
 from model.core.simulation import PRECISIONS
 from model.scene.scene import Scene
 
-REFERENCE_SECONDS = 60.0  # the most that a reference may take, estimated
+REFERENCE_SECONDS = 60.0  # longest estimated time of a reference
 TOTAL_SECONDS = 180.0
-ADVISED = tuple(name for name in METHODS if name not in XPBD[1:])  # of the orderings, the one that converges fastest
-ITERATIONS = (1, 4)  # of a position-based method that are tried
+ADVISED = tuple(name for name in METHODS if name not in XPBD[1:])  # only the ordering that converges fastest
+ITERATIONS = (1, 4)  # numbers of iterations that are tried with a position-based method
 
 
 def advise(
@@ -60,15 +59,15 @@ def advise(
     progress: bool = True,
     command: str = "softlab advise",
 ) -> Advice:
-    """The fastest way to at most `error` spacings (root mean square over the free masses) at `time` [s] (None: 1.5).
+    """Find the fastest configuration with at most `error` spacings (RMS over the free masses) at `time` [s] (None:
+    1.5).
 
-    `integrators`: names of bench.experiments.accuracy.methods.METHODS. `backends`: None: all that are here.
-    `total_seconds`: after it no new search is begun; what was found is told.
+    `integrators`: names of bench.experiments.accuracy.methods.METHODS. `backends`: None for all that are available.
+    `total_seconds`: no new search begins after it; the results so far are returned.
 
-    Raises SceneError (an error or time that cannot be, a scene with a random force, nothing that moves, a reference that
-    would take too long, constraints that Newton's law does not tell the motion of), BackendUnavailable, InputError (the
-    store). Chaos, and an error that nothing reaches, are
-    answers: `why` says so.
+    Raises SceneError (an impossible error or time, a scene with a random force, no moving mass, a reference that would
+    take too long, constraints without a force law), BackendUnavailable, InputError (the store). A chaotic motion, and
+    an error that nothing reaches, are answers with a reason in `why`.
     """
     begin = clock.perf_counter()
     end = END if time is None else time
@@ -115,12 +114,12 @@ def advise(
 
 
 def iterations_of(name: str) -> tuple[int | None, ...]:
-    """The numbers of iterations with which a method is tried; an integrator has none."""
+    """Return the numbers of iterations with which a method is tried; (None,) for an integrator."""
     return ITERATIONS if position_based(name) else (None,)
 
 
 def _check(scene: Scene, error: float, end: float, total_seconds: float) -> None:
-    """Refuse what has no answer before anything is measured."""
+    """Refuse requests without an answer before anything is measured."""
     for name, value in (("--time", end), ("--total-seconds", total_seconds)):
         if not 0 < value < inf:
             raise SceneError(name, value, "must be a finite number of seconds greater than 0")

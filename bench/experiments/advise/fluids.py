@@ -1,9 +1,10 @@
-"""`softlab advise` of fluids: which scheme, how many substeps and iterations keep the density of a scene fastest.
+"""`softlab advise` of fluids: the scheme, substeps and iterations that keep the density of a scene fastest.
 
-A fluid's motion has no converged reference; what is asked for is its density: the mean of what densities exceed that at rest
-by, over it, of the last LOOKS steps until a time. Every scheme goes up a ladder of efforts on the scene itself until it is
-reached, or until a step takes several times as long as the best so far. What reached it is then timed side by side. What
-else the store knows of fluids (`softlab fluids --truth`: fronts, spacings) is told beside it.
+A fluid's motion has no converged reference. The requested error is one of density: the mean of the relative excess over
+the rest density, in the last `LOOKS` steps before a time. Every scheme is run on the scene itself with rising effort
+until it reaches the error, or until a step takes several times as long as that of the best so far. Those that reach it
+are then timed in turn. Other results of the store on fluids (`softlab fluids --truth`: fronts, spacings) are reported
+as notes.
 """
 
 from __future__ import annotations
@@ -37,18 +38,18 @@ from model.fluid.family import comes_to_rest
 from model.fluid.measure import compression
 from model.scene.scene import Scene
 
-FINDING, DENSITY = "advise fluids", "advise_density"  # value of `finding`; the measure
+FINDING, DENSITY = "advise fluids", "advise_density"  # value of `finding`; name of the measure
 LADDER = ((1, 2), (1, 4), (2, 3), (2, 6), (4, 5), (4, 10), (8, 5), (8, 10), (16, 10), (32, 10))  # substeps, iterations
-UNTIL = 1.0  # s, unless told
+UNTIL = 1.0  # s, default of the end time
 LOOKS = 10
-LEAST, LARGEST = 1e-5, 0.2  # errors that can be asked for
-SLOWER = 4.0  # times the best: a scheme that takes longer is not followed further
-FRONT = 0.05  # of the front of a dam, what is told of the store
+LEAST, LARGEST = 1e-5, 0.2  # range of errors that can be requested
+SLOWER = 4.0  # times the best: a scheme that takes longer is not tried with more effort
+FRONT = 0.05  # error of the front of a dam below which a row of the store is reported
 
 
 @dataclass
 class _Search:
-    """`end` [s], `error`: as asked for; `deadline`: of time.perf_counter."""
+    """Search with `end` [s] and `error` as requested; `deadline`: in time.perf_counter."""
 
     scene: Scene
     error: float
@@ -56,8 +57,10 @@ class _Search:
     deadline: float
 
     def climb(self, budget: FluidBudget, best: float) -> Iterator[FluidBudget]:
-        """What was run of a scheme, up to the first that reaches the error. Efforts at which water would not come to rest
-        are left out."""
+        """Yield the runs of a scheme, up to the first that reaches the error.
+
+        Efforts at which water would not come to rest are left out.
+        """
         for substeps, iterations in LADDER:
             wanted = replace(budget, substeps=substeps, iterations=iterations)
             if not comes_to_rest(self.scene.replace(wanted.changes)):
@@ -68,11 +71,11 @@ class _Search:
                 return
 
     def run(self, budget: FluidBudget) -> FluidBudget:
-        """The same with its density error and the time of a step, until `end`."""
+        """Return the budget with its density error and the time of a step, measured until `end`."""
         scene = self.scene.replace(budget.changes)
         steps = max(LOOKS, round(self.end / scene.method.dt))
         with open_simulation(scene, budget.backend, precision=budget.precision) as simulation:
-            simulation.advance(1)  # compiles
+            simulation.advance(1)  # compiles the kernels
             simulation.reset()
             simulation.synchronize()
             begin = clock.perf_counter()
@@ -104,8 +107,11 @@ def advise_fluids(
     progress: bool = True,
     command: str = "softlab advise",
 ) -> FluidAdvice:
-    """The fastest way to a mean density error of at most `error` at `time` [s] (None: 1), a step of the scene's dt. Raises
-    SceneError (an error or a time that cannot be), BackendUnavailable, InputError (the store)."""
+    """Find the fastest budget with a mean density error of at most `error` at `time` [s] (None: 1), with the scene's
+    dt.
+
+    Raises SceneError (an impossible error or time), BackendUnavailable, InputError (the store).
+    """
     end = UNTIL if time is None else time
     if not LEAST <= error <= LARGEST:
         raise SceneError("--error", error, f"must be a relative density error from {LEAST:g} to {LARGEST:g}")
@@ -138,7 +144,7 @@ def advise_fluids(
 
 
 def _kept(store: Store, run: str, scene: Scene, tried: Sequence[FluidBudget]) -> None:
-    """What was found, in the store."""
+    """Store the density errors of the budgets that were tried."""
     for one in tried:
         told = described(scene.replace(one.changes), one.backend, FINDING, precision=one.precision)
         value = one.density if isfinite(one.density) else None
@@ -150,7 +156,7 @@ def _sources(backend: str) -> str:
 
 
 def _nearest(tried: Sequence[FluidBudget], backend: str, scheme: str, error: float) -> tuple[str, str] | None:
-    """(words, why not) of a scheme that did not reach the error."""
+    """Return (words, reason) of a scheme that did not reach the error, else None."""
     mine = [one for one in tried if (one.backend, one.scheme) == (backend, scheme)]
     if not mine or min(one.density for one in mine) <= error:
         return None
@@ -164,7 +170,7 @@ def _nearest(tried: Sequence[FluidBudget], backend: str, scheme: str, error: flo
 
 
 def _timed(store: Store, run: str, scene: Scene, able: Sequence[FluidBudget]) -> Iterator[FluidBudget]:
-    """Those that reach it, with the time of a step from the scene's start, sampled in turn."""
+    """Yield the budgets that reach the error with the time of a step from the scene's start, sampled in turn."""
     with ExitStack() as stack:
         subjects = []
         for one in able:
@@ -173,7 +179,7 @@ def _timed(store: Store, run: str, scene: Scene, able: Sequence[FluidBudget]) ->
             try:
                 simulation = stack.enter_context(open_simulation(asked, one.backend, precision=one.precision))
                 subjects.append((one, prepare(Subject(simulation, told), QUICK.seconds, QUICK.most)))
-            except SoftlabError:  # it ran a moment ago; what it took then stands
+            except SoftlabError:  # it ran before; that time stays
                 yield one
         if subjects:
             record = Record(store, run, cost_sources(subjects[0][0].backend, str(Path(__file__))))
@@ -183,7 +189,7 @@ def _timed(store: Store, run: str, scene: Scene, able: Sequence[FluidBudget]) ->
 
 
 def _beside(store: Store, machine: str, scene: Scene) -> Iterator[str]:
-    """What the store's dams say of spacing and fronts."""
+    """Yield sentences on the dam breaks of the store: spacing and error of the front."""
     dams = [row for row in rows(measures(store, machine=machine)) if row.kind == DAM and row.frame and not row.peer]
     if not dams:
         yield "no dam break was measured on this machine; softlab fluids --truth measures its front"

@@ -1,9 +1,9 @@
-"""`softlab ablate` of fluids: one thing less at a time, and what it does to density and motion.
+"""`softlab ablate` of fluids: leave out one thing at a time and measure the effect on density and motion.
 
-Particles of a fluid part from each other in any motion, so that no distance of states says anything. What is compared is what
-a fluid is judged by: the mean density error, the centre of mass, the height, at one time. A twin whose particles start
-DISTURBED spacings off tells how far two runs of the same scene lie apart by then: what changes less than CLEAR times that,
-and less than what would be seen, is not needed. All are timed side by side, from the scene's start.
+Particles of a fluid separate in any motion, so the distance of two states is meaningless. The runs are compared by the
+mean density error, the centre of mass and the height at one time. A second run whose particles start `DISTURBED`
+spacings off shows how far two runs of the same scene differ by then. A part that changes less than `CLEAR` times that,
+and less than what is visible, is not needed. All runs are timed in turn, from the scene's start.
 """
 
 from __future__ import annotations
@@ -34,9 +34,9 @@ from model.scene.scene import Scene
 
 FINDING = "ablate fluids"  # value of `finding`
 OPTIONS = ("viscosity", "cohesion", "surface_tension", "vorticity_confinement", "drag", "free_surface_drag")
-DISTURBED, SEED = 1e-6, 1  # spacings, of the twin's start
-CLEAR = 3.0  # times what two runs of one scene differ by
-SEEN_PRESSED, SEEN_MOVED = 1.25, 0.25  # times the density error; spacings: less would not be seen
+DISTURBED, SEED = 1e-6, 1  # spacings, of the start of the disturbed run
+CLEAR = 3.0  # multiple of the difference between two runs of one scene
+SEEN_PRESSED, SEEN_MOVED = 1.25, 0.25  # times the density error; spacings: smaller changes are not visible
 PRESSES, RELIEVES, MOVES = "presses the fluid", "relieves the fluid", "changes the motion"  # verdicts
 NOT_NEEDED, BREAKS = "not needed", "diverges"
 DENSITY, CENTRE, HEIGHT = "ablation_density", "ablation_centre", "ablation_height"
@@ -44,8 +44,11 @@ DENSITY, CENTRE, HEIGHT = "ablation_density", "ablation_centre", "ablation_heigh
 
 @dataclass(frozen=True)
 class Left:
-    """One thing less. `density`: the mean density error; `centre` [spacings]: how far the centre of mass is off that of the
-    full scene; `height` [m]; `seconds` of wall time a simulated one, None where it diverged."""
+    """Result of leaving out one thing.
+
+    `density`: the mean density error; `centre` [spacings]: distance of the centre of mass from that of the full scene;
+    `height` [m]; `seconds`: wall time per simulated second, None if the run diverged.
+    """
 
     name: str
     kind: str
@@ -56,7 +59,7 @@ class Left:
     seconds: float | None = None
 
     def verdict(self, full: Left, twin: Left, spacing: float) -> str:
-        """What it does to the full scene, by more than a disturbed twin of that does."""
+        """Return the effect on the full scene, if it exceeds the difference of a disturbed run."""
         if not isfinite(self.density):
             return BREAKS
         higher, noisy = (abs(one.height - full.height) / spacing for one in (self, twin))
@@ -70,7 +73,7 @@ class Left:
 
 @dataclass
 class FluidAblation(Summary):
-    """What was done. `tables`: of each backend the full scene, its twin, and what has one thing less."""
+    """Summary; `tables`: for each backend the full scene, its disturbed run, and the runs without one thing."""
 
     title: str = ""
     spacing: float = 1.0  # m
@@ -79,7 +82,7 @@ class FluidAblation(Summary):
 
 
 def left_out(scene: Scene) -> Iterator[Ablation]:
-    """What any scene can do without or more cheaply, and each of what its fluids do beside keeping their density."""
+    """Yield what any scene can leave out or make cheaper, and each effect of its fluids beside keeping their density."""
     yield from (one for one in ablations(scene) if one.kind != FINER)
     for name, part in scene.fluids.items():
         for option in OPTIONS:
@@ -97,9 +100,12 @@ def ablate_fluids(
     progress: bool = True,
     command: str = "softlab ablate",
 ) -> FluidAblation:
-    """What each thing of a scene of fluids is good for, judged at `time` [s] (None: 1). In float32 and fast math, as fluids
-    are run; `float64` and `exact math` are rows. Ctrl-C ends cleanly. Raises SceneError (a time that cannot be),
-    BackendUnavailable, InputError (the store), Diverged (the full scene)."""
+    """Measure the effect of each part of a scene of fluids at `time` [s] (None: 1).
+
+    Runs use float32 and fast math, as is usual for fluids; `float64` and `exact math` are rows. Ctrl-C ends cleanly.
+
+    Raises SceneError (an impossible time), BackendUnavailable, InputError (the store), Diverged (the full scene).
+    """
     end = UNTIL if time is None else time
     if not (isfinite(end) and end >= scene.method.dt):
         raise SceneError(
@@ -120,7 +126,7 @@ def ablate_fluids(
 
 
 def _usual(one: Ablation) -> Ablation:
-    """In float32 and fast math; what is cheaper in arithmetic becomes what is dearer."""
+    """Return the ablation in float32 and fast math; cheaper arithmetic becomes the more expensive one."""
     if one.kind != ARITHMETIC:
         return replace(one, precision="float32", math="fast")
     if one.precision == "float32":
@@ -137,7 +143,7 @@ class _Work:
     tell: Any
 
     def measured(self, usual: Sequence[Ablation]) -> tuple[Left, Left, list[Left]]:
-        """(full, twin, one thing less each). Raises Diverged where the full scene does."""
+        """Return (full scene, disturbed run, the runs without one thing). Raises Diverged if the full scene does."""
         found: list[Left] = []
         with ExitStack() as stack:
             subjects: list[tuple[int, Subject]] = []
@@ -175,7 +181,7 @@ class _Work:
     def _run(
         self, simulation: Simulation, one: Ablation, centre: np.ndarray | None, disturbed: float = 0.0
     ) -> tuple[Left, np.ndarray | None]:
-        """To the end: (what is told, the centre of mass, None where it diverged); the simulation is then at its start."""
+        """Run to the end, then reset; return (result, centre of mass, None if it diverged)."""
         scene = simulation.scene
         simulation.reset()
         if disturbed:
@@ -197,7 +203,7 @@ class _Work:
 
 
 def print_fluid_ablation(console: Console, summary: FluidAblation) -> None:
-    """A table for each backend, and a sentence."""
+    """Print a table for each backend, and a sentence."""
     for full, twin, some in summary.tables:
         lines = []
         for one in (full, twin, *some):

@@ -1,4 +1,4 @@
-"""What `softlab advise` answers of fluids: configurations that keep a density, the fastest first."""
+"""Answer of `softlab advise` for fluids: configurations that keep a density, fastest first."""
 
 from __future__ import annotations
 
@@ -11,8 +11,10 @@ from bench.experiments.advise.budgets import BudgetAdvice
 
 @dataclass(frozen=True)
 class FluidBudget:
-    """A scheme with `substeps` of a step and `iterations` of each; `density`: the mean density error that it left, `seconds`
-    of a step of the scene; inf before."""
+    """A scheme with `substeps` per step and `iterations` per substep.
+
+    `density`: the mean density error that it leaves; `seconds`: per step of the scene; inf before it was run.
+    """
 
     scheme: str
     substeps: int
@@ -23,17 +25,17 @@ class FluidBudget:
     seconds: float = inf
 
     def with_(self, density: float, seconds: float) -> FluidBudget:
-        """The same, once it was run."""
+        """Return the same budget with its results."""
         return replace(self, density=density, seconds=seconds)
 
     @property
     def effort(self) -> str:
-        """`4 x 5`"""
+        """Text of the effort, e.g. `4 x 5`."""
         return f"{self.substeps} x {self.iterations}"
 
     @property
     def changes(self) -> dict[str, Any]:
-        """The fields of a scene, by dotted path, that make it be solved so."""
+        """Fields of a scene, by dotted path, that select this budget."""
         return {"method.scheme": self.scheme, "method.substeps": self.substeps, "method.iterations": self.iterations}
 
     def __str__(self) -> str:
@@ -42,10 +44,10 @@ class FluidBudget:
 
 @dataclass(frozen=True)
 class FluidAdvice(BudgetAdvice[FluidBudget]):
-    """The answer; `error`: of the mean density."""
+    """Answer for a fluid; `error`: of the mean density."""
 
     def heading(self) -> str:
-        """For the file that the scene is written to."""
+        """Return the heading of the scene file that is written."""
         best = self.best
         assert best is not None
         return "\n".join([

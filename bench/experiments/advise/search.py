@@ -1,4 +1,4 @@
-"""The search of `softlab advise`: the largest step size of each method that reaches an error, then all of them timed."""
+"""Search of `softlab advise`: the largest step size of each method that reaches an error, then the times of all."""
 
 from __future__ import annotations
 
@@ -32,36 +32,36 @@ from model.core.families import stability_limit
 from model.core.simulation import Simulation, State
 from model.scene.scene import Scene
 
-STAGE = "advise"  # of its samples in the store
-MAX_RUNS = 12  # of one integrator, precision and backend, to find it
-FLOOR = 0.75  # an error that twice the steps leave above so much of it has stopped to fall
+STAGE = "advise"  # stage of the samples in the store
+MAX_RUNS = 12  # largest number of runs of one integrator, precision and backend
+FLOOR = 0.75  # an error has stopped falling if twice the steps leave more than this fraction of it
 HOPELESS = 10  # times the forces of the best so far: not compiled, not run
-REPEATS, SAMPLE_SECONDS, MAX_SAMPLE = 9, 0.02, 1.0  # many and short: the least of them counts
-MAX_ROUNDS = 3  # of samples, while they are disturbed
-DISTURBED = 1.5  # a median over so many times the least: other programs had the cores
-MIN_STEPS = 4  # where nothing limits the step size
+REPEATS, SAMPLE_SECONDS, MAX_SAMPLE = 9, 0.02, 1.0  # many short samples: their minimum counts
+MAX_ROUNDS = 3  # rounds of samples, while they are disturbed
+DISTURBED = 1.5  # a median above this multiple of the minimum: other programs used the cores
+MIN_STEPS = 4  # if the step size has no limit
 
 
 @dataclass(frozen=True)
 class Kind:
-    """What is searched for a step size."""
+    """Method, precision, backend and iterations whose step size is searched."""
 
     integrator: str  # the method's name
     precision: str
     backend: str
-    iterations: int | None = None  # of a position-based one
+    iterations: int | None = None  # of a position-based method
 
     def __str__(self) -> str:
         return f"{self.method}, {self.precision}, {self.backend}"
 
     @property
     def method(self) -> str:
-        """In words."""
+        """Name of the method in words."""
         return method_words(self.integrator, self.iterations)
 
     @property
     def sweeps(self) -> int:
-        """What a step of it costs in force evaluations, or as much."""
+        """Cost of a step in force evaluations or their equivalent."""
         return sweeps(self.integrator, self.iterations or 1)
 
     @property
@@ -69,14 +69,16 @@ class Kind:
         return order_of(self.integrator)
 
     def changes(self, dt: float) -> dict[str, Any]:
-        """The fields of a scene that make it be solved so."""
+        """Return the fields of a scene that select this kind with step size `dt` [s]."""
         return changes(self.integrator, self.iterations or 1) | {"method.dt": dt}
 
 
 @dataclass(frozen=True)
 class Task:
-    """What is asked: at most `error` spacings at `end` [s], against `newton`; where it is stored (`machine`, `run`);
-    nothing new is begun after `deadline` (time.perf_counter)."""
+    """Request: at most `error` spacings at `end` [s], against the reference `newton`.
+
+    `machine`, `run`: where it is stored; nothing new begins after `deadline` (time.perf_counter).
+    """
 
     scene: Scene
     error: float
@@ -93,21 +95,24 @@ class _OutOfTime(Exception):
 
 
 class Search:
-    """The search under way. `reached`: (steps, error) of what reaches the error, with the fewest steps found; `beaten`:
-    (method, why it was left out)."""
+    """State of the search.
+
+    `reached`: kind -> (steps, error) with the fewest steps found to reach the error; `beaten`: (method, why it was left
+    out).
+    """
 
     def __init__(self, store: Store, task: Task):
         self.store, self.task = store, task
         self.reached: dict[Kind, Tried] = {}
         self.beaten: list[tuple[str, str]] = []
         self._closest: tuple[float, str] = (inf, "")
-        self._seconds: dict[Kind, float] = {}  # of a step, from the runs so far
+        self._seconds: dict[Kind, float] = {}  # per step, from the runs so far
         self._held = {
             (m.configuration, m.sources): m.value for m in measures(store, ERROR, task.machine) if m.value is not None
         }
 
     def case(self, kind: Kind, steps: int) -> Case:
-        """The configuration, described with the time it is judged at, which is no part of the scene."""
+        """Return the configuration, whose description includes the time of judgement, which is not part of the scene."""
         scene = self.task.scene.replace(kind.changes(self.task.end / steps))
         made = make_case("", scene, kind.backend, kind.precision)
         return replace(made, description=made.description | {"end": self.task.end})
@@ -116,7 +121,7 @@ class Search:
         return stability_limit(self.task.scene.replace(kind.changes(self.task.end)))
 
     def find(self, kind: Kind) -> None:
-        """Add the kind to `reached` with the fewest steps that do, or to `beaten` with the reason."""
+        """Add the kind to `reached` with the fewest steps that reach the error, or to `beaten` with the reason."""
         limit = self.limit(kind)
         if limit == 0:
             self._leave(kind.method, "unstable at every step size in this scene")
@@ -144,7 +149,7 @@ class Search:
     def _close_in(self, kind: Kind, least: int, most: int | None, seed: int | None) -> None:
         order = kind.order
         low: Tried | None = None  # most steps that miss the error
-        high: Tried | None = None  # fewest that reach it
+        high: Tried | None = None  # fewest steps that reach it
         steps = max(least, seed or least)
         for turn in range(MAX_RUNS):
             error = self.error(kind, steps)
@@ -171,7 +176,7 @@ class Search:
             self._leave(str(kind), f"did not reach the error in {MAX_RUNS} runs, the last of {steps} steps")
 
     def error(self, kind: Kind, steps: int) -> float:
-        """The error [spacings] at the end; from the store, where it holds it. Infinite where the run diverged."""
+        """Return the error [spacings] at the end, from the store if it is there; infinite if the run diverged."""
         case = self.case(kind, steps)
         key = self._key(case)
         if key not in self._held:
@@ -205,17 +210,17 @@ class Search:
         keep(self.store, self.task.run, case.description, case.sources, numbers)
         return numbers[ERROR][0]
 
-    # ------------------------------------------------------------------ timing
+    # ------------------------------------------------------------------ times
 
     def timed(self) -> list[Choice]:
-        """What reaches the error, fastest first; all of it timed side by side, unless the store holds all of it."""
+        """Return the choices that reach the error, fastest first, timed in turn unless the store has the times of all."""
         return self.time([(kind, *tried) for kind, tried in self.reached.items()])
 
     def time(self, wanted: Sequence[tuple[Kind, int, float]]) -> list[Choice]:
-        """Time each (kind, steps, error) side by side, unless the store holds sound samples of all; fastest first.
+        """Time each (kind, steps, error) in turn, unless the store has sound samples of all; fastest first.
 
-        Samples that other programs disturbed (by the cores' load, or because they differ much) are taken again: the least
-        of all counts, so that more of them can only mend it.
+        Samples that other programs disturbed (shown by the cores' load, or by their spread) are repeated: the minimum
+        of all samples counts, so more samples can only improve it.
         """
         cases = [self.case(kind, steps) for kind, steps, _ in wanted]
         found = self._timings()
@@ -259,16 +264,16 @@ class Search:
                 self.store.add_measure(run, case.description, case.sources, "kernel", None, "", kernel)
             list(in_turns(self.store, run, STAGE, subjects, REPEATS))
 
-    # ------------------------------------------------------------------ words
+    # ------------------------------------------------------------------ texts
 
     def failure(self) -> str:
-        """Why nothing reaches the error."""
+        """Return the reason why nothing reaches the error."""
         error, name = self._closest
         closest = f"the closest is {name} with {error:.1e}" if isfinite(error) else "every run diverged"
         return f"no configuration reaches {self.task.error:g} spacings: {closest}; ask for a larger --error"
 
     def notes(self) -> list[str]:
-        """What to know beside the answer."""
+        """Return remarks on the answer."""
         task = self.task
         way = np.linalg.norm(task.newton.position - start(task.scene)[0], axis=1)
         moved = way.max() / task.scene.grid.spacing
@@ -278,7 +283,7 @@ class Search:
 
 
 def _compile(simulation: Simulation) -> None:
-    """Do a step and take it back: what its kernels take to compile is no step's time."""
+    """Run a step and restore the state, so that compile time is not part of a step's time."""
     begin = simulation.state()
     with suppress(Diverged):
         simulation.advance(1)
@@ -286,7 +291,7 @@ def _compile(simulation: Simulation) -> None:
 
 
 def disturbed(choices: Sequence[Choice]) -> list[str]:
-    """A note where other programs ran while the choices were timed."""
+    """Return a note if other programs ran while the choices were timed, else nothing."""
     if any("load" in (c.suspect or "") or c.median > DISTURBED * c.seconds for c in choices):
         return ["other programs ran during the timing; repeat it on a quiet machine before relying on close times"]
     return []

@@ -1,10 +1,10 @@
-"""`softlab advise` of tetrahedral bodies: which solver, how many substeps and iterations reach a relative error fastest.
+"""`softlab advise` of tetrahedral bodies: the solver, substeps and iterations that reach a relative error fastest.
 
-A body has no converged reference. What is asked for is the error of the solver, on the very mesh that the scene has: of the
-sag at rest, and of the way made in half of its slowest vibration. The budgets follow from laws with measured constants
-(bench/experiments/advise/tetrahedra_laws.py) and the frequencies of the scene's own meshes; what they promise is then timed
-on the scene itself, side by side. Bars that the store has of `softlab tetrahedra` are told beside it: what the law says of
-them, and what was measured. The mesh's own error is not in it.
+A body has no converged reference. The requested error is that of the solver on the scene's own mesh: of the sag at
+rest, and of the displacement in half of its slowest vibration. The budgets follow from laws with measured constants
+(bench/experiments/advise/tetrahedra_laws.py) and from the frequencies of the scene's own meshes, and are then timed in
+turn on the scene itself. Bars that the store has from `softlab tetrahedra` are reported too: the law's error and the
+measured one. The error of the mesh is not included.
 """
 
 from __future__ import annotations
@@ -50,9 +50,9 @@ from model.scene.checks.tetrahedra import NOT_SMOOTH, unsteady
 from model.scene.scene import Scene
 
 FINDING = "advise tetrahedra"  # value of `finding`
-FACTORED = 20_000  # tetrahedra of a body whose frequency is asked of its own mesh: a few seconds
-RIGID = 1e-4  # of the frequency of waves along a body: a motion without strain
-PER_VOXEL = 5  # tetrahedra, for which the laws were measured
+FACTORED = 20_000  # tetrahedra of the largest body whose frequency is computed from its own mesh: a few seconds
+RIGID = 1e-4  # fraction of the frequency of waves along a body: slower modes are motions without strain
+PER_VOXEL = 5  # tetrahedra per voxel with which the laws were measured
 SWEEPS = {1: "one sweep", 2: "two sweeps"}
 
 
@@ -65,8 +65,12 @@ def advise_tetrahedra(
     precisions: Sequence[str] = tuple(PRECISIONS),
     command: str = "softlab advise",
 ) -> TetrahedraAdvice:
-    """The fastest way to at most `error` of the sag at rest and of the way made in motion, both relative, a step of the
-    scene's dt. Raises SceneError (an error that the laws were not held against), BackendUnavailable, InputError (the store).
+    """Find the fastest budget with at most `error`, relative, of the sag at rest and of the displacement in motion.
+
+    Every step is one of the scene's dt.
+
+    Raises SceneError (an error outside the range in which the laws were checked), BackendUnavailable, InputError (the
+    store).
     """
     begin = clock.perf_counter()
     if not LEAST <= error <= LARGEST:
@@ -100,7 +104,7 @@ def advise_tetrahedra(
 
 
 def bodies(scene: Scene) -> tuple[list[Stiff], str]:
-    """(the scene's bodies as the laws see them, where their frequencies are from)."""
+    """Return (the scene's bodies as input of the laws, a sentence on how their frequencies were computed)."""
     found = scene.tetrahedra_set
     fixed = np.zeros(found.particle_count, bool)
     fixed[found.pinned_vertices] = True
@@ -112,7 +116,8 @@ def bodies(scene: Scene) -> tuple[list[Stiff], str]:
         own = found.body == number
         mesh = found.position[first:last], found.tetrahedra[own] - first
         inside = found.fraction[own]
-        waves = sqrt(part.young_modulus / part.density) / float(np.ptp(mesh[0], axis=0).max())  # 1/s, from end to end
+        # 1/s: rate of waves from end to end
+        waves = sqrt(part.young_modulus / part.density) / float(np.ptp(mesh[0], axis=0).max())
         frequency = pi * waves
         if own.sum() <= FACTORED:
             some = mode_shapes(
@@ -135,11 +140,11 @@ def bodies(scene: Scene) -> tuple[list[Stiff], str]:
     return result, basis
 
 
-# ---------------------------------------------------------------------- what the laws ask for
+# ---------------------------------------------------------------------- budgets by the laws
 
 
 def budgets_by_law(scene: Scene, stiff: Sequence[Stiff], error: float) -> Iterator[Budget | tuple[str, str]]:
-    """What reaches the error by the laws, and (words, why not) of what does not."""
+    """Yield the budgets that reach the error by the laws, and (words, reason) of those that do not."""
     dt = scene.method.dt
     quick, rows = max(stiff, key=lambda one: one.frequency), None
     wave = f"w = {quick.frequency:.3g} 1/s, the lowest frequency of the stiffest body"
@@ -175,7 +180,7 @@ def budgets_by_law(scene: Scene, stiff: Sequence[Stiff], error: float) -> Iterat
 
 
 def _second(scene: Scene, error: float, damped: Any, wave: str) -> Budget | tuple[str, str]:
-    """Newton's method of second order, which some parts of a scene do not go with."""
+    """Return the budget of Newton's method of second order, which does not support some parts of a scene."""
     against = unsteady(scene)
     if against:
         return SECOND, f"{', '.join(against)}: {NOT_SMOOTH}"
@@ -187,7 +192,10 @@ def _second(scene: Scene, error: float, damped: Any, wave: str) -> Budget | tupl
 
 
 def _descent(dt: float, stiff: Sequence[Stiff], error: float, damped: Any) -> Budget | tuple[str, str]:
-    """Vertex block descent: half of the error for its damping, half for what sweeps leave; the fewest sweeps of all."""
+    """Return the budget of vertex block descent with the fewest sweeps in total.
+
+    Half of the error is allowed for its damping, half for unfinished sweeps.
+    """
     best = least_descent(stiff, dt, error)
     if best is None:
         return "vbd", f"needs more than {MOST} substeps per step"
@@ -197,7 +205,7 @@ def _descent(dt: float, stiff: Sequence[Stiff], error: float, damped: Any) -> Bu
 
 
 def _outside(scene: Scene) -> str:
-    """Why the laws of rows do not hold for a scene; or nothing."""
+    """Return the reason why the laws of rows do not hold for a scene, or an empty string."""
     cuts = {part.tetrahedra for part in scene.tetrahedra.values()} - {PER_VOXEL}
     if cuts:
         return f"its error law holds for {PER_VOXEL} tetrahedra per voxel, not for {', '.join(map(str, cuts))}"
@@ -205,7 +213,7 @@ def _outside(scene: Scene) -> str:
 
 
 def _place(scene: Scene) -> float:
-    """[m]: how far from 0 along gravity particles are."""
+    """Largest distance [m] of a particle from 0 along gravity."""
     return float(np.abs(scene.tetrahedra_set.position[:, 1]).max())
 
 
@@ -224,13 +232,13 @@ def _loses(scene: Scene, budget: Budget, lost: float, error: float) -> str:
     )
 
 
-# ---------------------------------------------------------------------- what it costs, and what was measured
+# ---------------------------------------------------------------------- times and measured bars
 
 
 def _timed(
     store: Store, run: str, scene: Scene, budgets: Sequence[Budget]
 ) -> tuple[list[Budget], list[tuple[str, str]]]:
-    """(the budgets with the time of a step, (words, why not) of those that cannot be run here)."""
+    """Return (the budgets with the time of a step, (words, reason) of those that cannot be run here)."""
     failed, ready = [], []
     with ExitStack() as stack:
         for budget in budgets:
@@ -259,14 +267,14 @@ def _timed(
 
 
 def _law_of(bar: Bar) -> float:
-    """What the laws say of a measured bar at rest."""
+    """Return the error of a measured bar at rest by the laws."""
     across = round(sqrt(bar.elements / PER_VOXEL / (LENGTH / SIDE)) ** (2 / 3))
     stiff = Stiff(bar.young, POISSON, DENSITY, SIDE / across, 0.0, 0.0, across == 1)
     return stiff.excess(FRAME / bar.substeps, bar.iterations)
 
 
 def _beside(store: Store, machine: str) -> Iterator[str]:
-    """What the store's own bars say of the law of rows: the most of them that it promises too little for."""
+    """Yield a sentence on the store's own bars: the one whose error exceeds the law of rows most."""
     rows = [b for b in bars(measures(store, machine=machine)) if b.solver == "xpbd" and b.iterations in SWEEPS]
     held = [(bar.solver_error, _law_of(bar), bar) for bar in rows if bar.precision == "float64"]
     held = [one for one in held if one[1] <= LARGEST and isfinite(one[0])]

@@ -1,5 +1,4 @@
-"""What `softlab advise` answers of tetrahedral bodies: budgets that reach an error, the fastest first, and where each number
-is from."""
+"""Answer of `softlab advise` for tetrahedral bodies: budgets that reach an error, fastest first, with their basis."""
 
 from __future__ import annotations
 
@@ -14,8 +13,11 @@ from model.formulas.elastic.stages import STAGE
 
 @dataclass(frozen=True)
 class Budget:
-    """A solver, of an `order` in time, with `substeps` of a step and `iterations` of each, what it leaves `at_rest` and
-    `in_motion` (relative), and `basis`: which laws say so. `seconds`: of a step of the scene, timed; inf before."""
+    """A solver of an `order` in time, with `substeps` per step and `iterations` per substep.
+
+    `at_rest`, `in_motion`: its relative errors; `basis`: the laws that they follow from; `seconds`: of a step of the
+    scene, inf before it was timed.
+    """
 
     solver: str
     substeps: int
@@ -29,25 +31,25 @@ class Budget:
     order: int = 1
 
     def on(self, backend: str, precision: str) -> Budget:
-        """The same there."""
+        """Return the same budget on another backend and precision."""
         return replace(self, backend=backend, precision=precision)
 
     def taking(self, seconds: float) -> Budget:
-        """The same with the time of a step [s]."""
+        """Return the same budget with the time of a step [s]."""
         return replace(self, seconds=seconds)
 
     @property
     def name(self) -> str:
-        """`newton`, or `newton order 2`."""
+        """Name of the solver, `newton` or `newton order 2`."""
         return SECOND if self.order > 1 else self.solver
 
     def solve(self, dt: float) -> float:
-        """[s]: what one solve of a step of `dt` [s] takes."""
+        """Return the time [s] that one solve of a step of `dt` [s] spans."""
         return dt / self.substeps * (STAGE if self.order > 1 else 1)
 
     @property
     def words(self) -> str:
-        """`newton, 8 substeps of 1 iteration`."""
+        """Text of the budget, e.g. `newton, 8 substeps of 1 iteration`."""
         some = "substep" if self.substeps == 1 else "substeps"
         return f"{self.name}, {self.substeps} {some} of {self.iterations} iteration{'s' * (self.iterations > 1)}"
 
@@ -56,21 +58,21 @@ class Budget:
 
     @property
     def changes(self) -> dict[str, Any]:
-        """The fields of a scene, by dotted path, that make it be solved so."""
+        """Fields of a scene, by dotted path, that select this budget."""
         budget = {
             "method.solver": self.solver, "method.substeps": self.substeps, "method.iterations": self.iterations
         }  # fmt: skip
-        if self.solver == "newton":  # also 1, where a scene says 2
+        if self.solver == "newton":  # order 1 too, where a scene sets 2
             return budget | {"method.order": self.order}
         return budget | {"method.rows": "scalar"} if self.solver == "xpbd" else budget
 
 
 @dataclass(frozen=True)
 class TetrahedraAdvice(BudgetAdvice[Budget]):
-    """The answer; `time` [s]: half of the slowest vibration."""
+    """Answer for tetrahedral bodies; `time` [s]: half of the slowest vibration."""
 
     def heading(self) -> str:
-        """For the file that the scene is written to."""
+        """Return the heading of the scene file that is written."""
         best = self.best
         assert best is not None
         return "\n".join([
@@ -89,7 +91,7 @@ class TetrahedraAdvice(BudgetAdvice[Budget]):
         return self._told(asked, bases, limits)
 
     def _fields(self, one: Budget) -> dict[str, Any]:
-        """What differs from the scene as it was asked about."""
+        """Return the fields that differ from the requested scene."""
         held = {f"method.{field}": value for field, value in self.scene.method.model_dump().items()}
         return {path: value for path, value in one.changes.items() if held.get(path) != value}
 

@@ -1,2 +1,5 @@
-"""Small experiments behind single sentences of the lab book: `experiment` most of them, `costs` and `determinism` of what the
-lab's own care costs; the rest is what they are timed against."""
+"""Small experiments behind single sentences of the lab book.
+
+`experiment` has most of them, `costs` and `determinism` the costs of checks and of a fixed order; the other files are
+what they are timed against.
+"""

@@ -1,9 +1,9 @@
-"""What the lab's own care costs: looking for a diverged state (here), and adding forces in a fixed order
-(bench/experiments/findings/determinism.py). Ratios of times sampled in turn in one process, kept in the store, resumable.
+"""Costs of the lab's safeguards: the check for a diverged state (here), and adding forces in a fixed order
+(bench/experiments/findings/determinism.py). Ratios of times sampled in turn in one process, stored, resumable.
 
-A look costs little beside the steps between two looks, often less than the repeats scatter. So it is measured twice: as
-the ratio of the same steps with looks at their real interval and without any, and as the time of a look by itself over
-that of the steps between two, these at their quickest.
+A check costs little compared with the steps between two checks, often less than the scatter of the repeats. It is
+therefore measured twice: as the ratio of the same steps with checks at their real interval and without any, and as the
+time of one check over the minimum time of the steps between two.
 """
 
 from __future__ import annotations
@@ -25,19 +25,19 @@ from model.core.simulation import PRECISIONS, Simulation
 from model.scene.scene import Scene, load_scene
 
 LOOKS = "looks"  # value of `finding`
-SHARE = "cost_share"  # of LOOKS: time of a look over that of the steps between two
-INTERVAL = "cost_interval"  # steps between two looks
+SHARE = "cost_share"  # of LOOKS: time of a check over that of the steps between two
+INTERVAL = "cost_interval"  # steps between two checks
 LOOK_SCENE = "lab-grid"
 LOOK_SIZES = {"cpu": (8, 32, 128, 512, 1024), "gpu": (16, 32, 128, 512, 1024, 2048, 4096)}
-QUICK_MOST = 512  # masses a side of what `quick` measures
-LOOK_REPEATS = 15  # of a look by itself, of which the median counts
+QUICK_MOST = 512  # largest number of masses per side that `quick` measures
+LOOK_REPEATS = 15  # repeats of a single check; their median counts
 NEVER = 2**62  # steps
 
 
 def groups(store: Store, backends: Sequence[str], quick: bool) -> list[Group]:
-    """All costs; `quick`: no grid wider than QUICK_MOST, fewer and shorter samples."""
+    """Return the groups of all costs; `quick`: no grid wider than QUICK_MOST, fewer and shorter samples."""
     from bench.experiments.findings.determinism import determinism
-    from bench.measure.vertex_timing import vertex_groups  # draws: not loaded before it is used
+    from bench.measure.vertex_timing import vertex_groups  # imported late, because it loads the drawing code
 
     effort, most = (QUICK, QUICK_MOST) if quick else (FULL, None)
     found = [g for backend in backends for g in (*looks(backend, effort, most), *determinism(backend, effort, most))]
@@ -47,11 +47,11 @@ def groups(store: Store, backends: Sequence[str], quick: bool) -> list[Group]:
 run_costs = Items("costs", groups, "softlab accuracy", "costs: ")
 
 
-# ---------------------------------------------------------------------- what looking for a diverged state costs
+# ---------------------------------------------------------------------- cost of the check for a diverged state
 
 
 class _Looking(Subject):
-    """Stepping with looks every so many steps."""
+    """Subject that is stepped with a check every `interval` steps."""
 
     interval: int = NEVER
 
@@ -61,7 +61,9 @@ class _Looking(Subject):
 
 
 def looks(backend: str, effort: Effort, most: int | None = None) -> list[Group]:
-    """The lab's grid at several sizes, both precisions, the backend's own kernel: (without looks, with looks)."""
+    """Return groups for the lab's grid at several sizes, both precisions, default kernel: (without checks, with
+    checks).
+    """
     sources = cost_sources(backend, str(stepping.__file__))
     found = []
     for n in LOOK_SIZES[backend]:
@@ -85,7 +87,9 @@ def _measure(scene: Scene, ways: Sequence[dict[str, Any]], effort: Effort, recor
 def _look_costs(
     record: Record, simulation: Simulation, ways: Sequence[dict[str, Any]], effort: Effort
 ) -> list[Measures]:
-    """Of the same steps without and with looks. A sample is whole intervals, so that each has its look."""
+    """Measure the same steps without and with checks. A sample is a whole number of intervals, so that each has its
+    check.
+    """
     interval = simulation.check_interval
     without, looking = (_Looking(simulation, way) for way in ways)
     looking.interval = interval
@@ -95,7 +99,8 @@ def _look_costs(
         subject.wanted_seconds = without.wanted_seconds
     plain, looked = in_turn(record, (without, looking), effort.repeats)
     look = _one_look(simulation)
-    step, _, reason = plain[QUICKEST]  # not the median: neighbours that slow the steps down would make looks seem cheap
+    # not the median: other programs that slow the steps down would make checks seem cheap
+    step, _, reason = plain[QUICKEST]
     assert step is not None
     share = look / (interval * step)
     told = f"a look of {look * 1e6:.3g} us every {interval} steps; {reason}"
@@ -104,7 +109,7 @@ def _look_costs(
 
 
 def _one_look(simulation: Simulation) -> float:
-    """Seconds of a look by itself, its putting the state aside included: the median."""
+    """Return the median time [s] of a single check, including the copy of the state that it makes."""
     simulation.check_interval = NEVER
     taken = []
     for _ in range(LOOK_REPEATS):

@@ -1,18 +1,18 @@
-"""What determinism costs: the same step with each mass gathering its pulls in a fixed order, and with springs scattering
+"""Cost of determinism: the same step with each mass gathering its forces in a fixed order, and with springs scattering
 them.
 
-All kernels of the lab gather. That repeats bit for bit, whatever the number of threads and however they are scheduled,
-and a mass is written by one thread alone; but a spring's pull is wanted at both of its ends. What it is held against:
+All kernels of the lab gather. The result repeats bit for bit, whatever the number of threads and their scheduling, and
+a mass is written by one thread only; but the force of a spring is needed at both of its ends. Compared with:
 
-- on the GPU a scatter with atomic additions, which evaluates each spring once and does not repeat, and the same with
-  springs in four colours, which does (bench/experiments/findings/scatter_gpu.py). The gather is the lab's `graph`, a launch
-  a step as theirs.
-- on the CPU a scatter in four colours (bench/experiments/findings/scatter_cpu.py), and a gather that evaluates each spring
-  twice (bench/experiments/findings/gather_cpu.py). The lab's `fused` carries a pull to the other end, so that it does so
-  once.
+- on the GPU, a scatter with atomic additions, which evaluates each spring once and does not repeat, and the same with
+  springs in four colours, which does (bench/experiments/findings/scatter_gpu.py). The gather is the lab's `graph`, with
+  one launch per step like those.
+- on the CPU, a scatter in four colours (bench/experiments/findings/scatter_cpu.py), and a gather that evaluates each
+  spring twice (bench/experiments/findings/gather_cpu.py). The lab's `fused` carries a force to the other end and
+  evaluates each spring once.
 
-First each is held against the lab's CPU in float64 `exact` math; a wrong answer gets no ratio. How often `RUNS` runs from
-one start ended in other bits than the first is counted.
+Each is first compared with the lab's CPU in float64 `exact` math; a wrong result gets no ratio. The number of `RUNS`
+runs from one start whose end state differs in bits from the first is counted.
 """
 
 from __future__ import annotations
@@ -34,19 +34,19 @@ from model.core.simulation import PRECISIONS, Simulation, State
 from model.scene.scene import Scene, load_scene
 
 DETERMINISM = "determinism"  # value of `finding`
-DIFFERENT = "cost_different"  # runs that ended in other bits than the first
+DIFFERENT = "cost_different"  # runs whose end state differs in bits from the first
 DISTANCE = "cost_distance"  # spacings, root mean square, from the lab's CPU in float64 `exact` math
-GATHER = "gather"  # the lab's own, of the field `sums`; the others are the kernels' names
+GATHER = "gather"  # value of the field `sums` for the lab's own kernel; the others are kernel names
 SCENE = "lab-grid"
 SIZES = {"cpu": (32, 256, 1024), "gpu": (32, 256, 1024, 4096)}
 OTHERS = {"cpu": (scatter_cpu.COLOURS, gather_cpu.TWICE), "gpu": ("atomics", "colours")}
 RUNS, RUN_STEPS = 10, 100
-FEW_STEPS = 10  # of the check of grids over MANY_STEPS_UP_TO, which the CPU has to follow
+FEW_STEPS = 10  # of the check of grids above MANY_STEPS_UP_TO, which the CPU has to run too
 MANY_STEPS_UP_TO = 512 * 512  # masses
 
 
 def determinism(backend: str, effort: Effort, most: int | None = None) -> list[Group]:
-    """The lab's grid at several sizes, both precisions: (gather, the others), all in `fast` math."""
+    """Return groups for the lab's grid at several sizes, both precisions: (gather, the others), all in `fast` math."""
     files = [checks.__file__, scatter_cpu.__file__, gather_cpu.__file__]
     if backend == "gpu":
         from bench.experiments.findings import scatter_gpu
@@ -69,7 +69,7 @@ def determinism(backend: str, effort: Effort, most: int | None = None) -> list[G
 
 
 def open_way(scene: Scene, backend: str, precision: str, how: str) -> Simulation:
-    """The scene, opened to be summed in the way `how`: GATHER, or of OTHERS."""
+    """Open the scene with the summation `how`: GATHER, or one of OTHERS."""
     if how == GATHER:
         return open_simulation(scene, backend, precision=precision, kernel=_own_kernel(backend))
     if backend == "gpu":
@@ -81,7 +81,7 @@ def open_way(scene: Scene, backend: str, precision: str, how: str) -> Simulation
 
 
 def _own_kernel(backend: str) -> str:
-    """The lab's kernel of one pass a step."""
+    """Return the lab's kernel with one pass per step."""
     if backend == "cpu":
         return "fused"
     from gpu_backend.core.launch import can_capture
@@ -115,7 +115,7 @@ def _costs(scene: Scene, ways: tuple[dict[str, Any], ...], effort: Effort, recor
 
 
 def _expected(scene: Scene, steps: int) -> tuple[State, Any]:
-    """(a displaced start, the positions after `steps` steps) of the lab's CPU in float64 `exact` math."""
+    """Return (a displaced start, the positions after `steps` steps) by the lab's CPU in float64 `exact` math."""
     with open_simulation(scene, "cpu", precision="float64", math="exact") as judge:
         start = displaced(judge)
         judge.load(start)
@@ -124,7 +124,7 @@ def _expected(scene: Scene, steps: int) -> tuple[State, Any]:
 
 
 def different_runs(simulation: Simulation, start: State, runs: int, steps: int) -> int:
-    """How many of `runs` runs of `steps` steps from `start` end in other bits than the first."""
+    """Count the runs, of `runs` runs of `steps` steps from `start`, whose end state differs in bits from the first."""
     ends = []
     for _ in range(runs):
         simulation.load(start)

@@ -1,9 +1,10 @@
-"""Small experiments behind single sentences of the lab book: what damping costs velocity Verlet, where float32 stops, how
-much amplitude a step invents or loses by itself, what `exact` math costs. Seconds each, kept in the store, resumable.
+"""Small experiments behind single sentences of the lab book: the effect of an explicit damper on velocity Verlet, the
+resolution of float32, the amplitude that a step gains or loses by itself, the cost of `exact` math. Each takes seconds;
+stored, resumable.
 
-Each measure is of one configuration, described as everywhere plus the field `finding` (and what the experiment varies). The
-orders of the integrators and the equation that the hand-out's step solves come from
-bench/experiments/accuracy/experiment.py's runs.
+Each measure is of one configuration, with the usual description plus the field `finding` (and the varied quantity). The
+orders of the integrators and the equation that the hand-out's step solves come from the runs of
+bench/experiments/accuracy/experiment.py.
 """
 
 from __future__ import annotations
@@ -47,14 +48,14 @@ OFFSETS = (0.0, 1e3, 1e4, 1e5)  # m
 AWAY_METHODS = ("lab", "velocity-verlet")
 AWAY_STEPS, AWAY_DT = 100, 0.01  # s
 RATE_STEPS = tuple(0.02 / 2**k for k in range(5))  # s
-RATE_COUNT = 64  # steps that an amplitude is followed
+RATE_COUNT = 64  # steps over which an amplitude is followed
 RATE_OPTIONS: dict[str, Any] = {"precision": "float64", "math": "exact", "kernel": "stages"}
 EXACT_SIZES = (32, 256, 1024)
 EXACT_METHOD = "velocity-verlet"
 
 
 def items(store: Store, backends: Sequence[str], quick: bool) -> list[Item]:
-    """All; `quick`: `exact` math is not timed at the largest size, with fewer repeats."""
+    """Return all experiments; `quick`: `exact` math is not timed at the largest size, and with fewer repeats."""
     found: list[Item] = [*_damping(store), *(e for backend in backends for e in _experiments(store, backend))]
     return found + [StepTimes(EXACT, pair, quick) for backend in backends for pair in exact_pairs(backend, quick)]
 
@@ -74,15 +75,17 @@ def _experiments(store: Store, backend: str) -> list[Experiment]:
 def _finding(
     name: str, finding: str, scene: Scene, backend: str | None, measure: Callable[[], Measures], **how: Any
 ) -> Experiment:
-    """`backend` None: of the reference alone."""
+    """Return an experiment; `backend` None: it uses the reference alone."""
     return Experiment(name, described(scene, backend or "reference", finding, **how), _sources(backend), measure)
 
 
-# ---------------------------------------------------------------------- what an explicit damper costs
+# ---------------------------------------------------------------------- effect of an explicit damper
 
 
 def _damping(store: Store) -> list[Experiment]:
-    """S2 in NumPy: velocity Verlet with the damper implicit in the second half kick, and plain, with it explicit."""
+    """Return runs of S2 in NumPy: velocity Verlet with the damper implicit in the second half kick, and with it
+    explicit.
+    """
     base, found = load_scene(SCENES["S2"]), []
     for method, dt in product(DAMPERS, STEP_SIZES):
         scene = base.replace({"method.integrator": "velocity-verlet", "method.dt": dt})
@@ -102,11 +105,11 @@ def _error(scene: Scene, position: np.ndarray, right: np.ndarray) -> float:
     return distance(position, right, free, scene.grid.spacing)[0]
 
 
-# ---------------------------------------------------------------------- where float32 stops
+# ---------------------------------------------------------------------- resolution of float32
 
 
 def _floor(store: Store, backend: str) -> list[Experiment]:
-    """S1 at ever smaller steps, in both precisions."""
+    """Return runs of S1 at ever smaller steps, in both precisions."""
     base, found = load_scene(SCENES["S1"]), []
     for precision, method, dt in product(PRECISIONS, FLOOR_METHODS, FLOOR_STEPS):
         scene = base.replace({"method.integrator": method, "method.dt": dt})
@@ -123,7 +126,7 @@ def _floor_error(store: Store, scene: Scene, backend: str, precision: str) -> Me
 
 
 def _end(scene: Scene, backend: str, steps: int, **options: Any) -> State | None:
-    """The state after `steps`; None where it diverged."""
+    """Return the state after `steps`, or None if it diverged."""
     with open_simulation(scene, backend, **options) as simulation:
         try:
             simulation.advance(steps)
@@ -133,7 +136,9 @@ def _end(scene: Scene, backend: str, steps: int, **options: Any) -> State | None
 
 
 def _far_away(backend: str) -> list[Experiment]:
-    """B14: a ten-link chain let go far from the origin, in float32, against itself at the origin in float64."""
+    """Return the runs of B14: a ten-link chain released far from the origin, float32, against itself at the origin in
+    float64.
+    """
     base = load_scene("lab-grid").replace({"grid.rows": 11, "grid.columns": 1, "grid.pinned": "top"})
     found = []
     for method, offset in product(AWAY_METHODS, OFFSETS):
@@ -153,11 +158,11 @@ def _away_error(scene: Scene, backend: str, offset: float) -> Measures:
     return {ERROR: (largest / scene.grid.spacing, "spacing", "largest over masses and axes")}
 
 
-# ---------------------------------------------------------------------- what a step damps by itself
+# ---------------------------------------------------------------------- damping of the step itself
 
 
 def oscillator(method: str, dt: float) -> Scene:
-    """A3: a mass on one undamped spring without rest length, so that it is exactly linear; w = sqrt(k/m)."""
+    """Return scene A3: a mass on one undamped spring without rest length, exactly linear with w = sqrt(k/m)."""
     return Scene(
         {
             "grid": {"rows": 2, "columns": 1, "pinned": "top"},
@@ -168,10 +173,10 @@ def oscillator(method: str, dt: float) -> Scene:
 
 
 def amplitude_rate(positions: np.ndarray, dt: float) -> float:
-    """The rate [1/s] at which the amplitude of x (samples,), one a step, falls (negative: grows).
+    """Return the rate [1/s] at which the amplitude of x (samples,), one per step, falls (negative: grows).
 
-    A linear step obeys x'' = s x' - d x exactly, d the squared modulus of its eigenvalues (Prony 1795); s and d by least
-    squares over all steps, each weighed by its size.
+    A linear step obeys x'' = s x' - d x exactly, d the squared modulus of its eigenvalues (Prony 1795). s and d are
+    fitted by least squares over all steps, each weighted by the inverse of its size.
     """
     now, last, following = positions[1:-1], positions[:-2], positions[2:]
     weight = 1 / np.hypot(now, last)
@@ -181,7 +186,7 @@ def amplitude_rate(positions: np.ndarray, dt: float) -> float:
 
 
 def _dissipation(backend: str) -> list[Experiment]:
-    """One undamped oscillator under every integrator: what of its amplitude a second of each takes or adds."""
+    """Return one undamped oscillator for every integrator: the rate at which its amplitude changes."""
     return [
         _finding(RATE, DISSIPATION, scene, backend, partial(_rate, scene, backend), **RATE_OPTIONS)
         for scene in (oscillator(method, dt) for method, dt in product(INTEGRATORS, RATE_STEPS))
@@ -199,11 +204,11 @@ def _rate(scene: Scene, backend: str) -> Measures:
     return {RATE: (amplitude_rate(np.array(positions), scene.method.dt), "1/s", f"{RATE_COUNT} steps")}
 
 
-# ---------------------------------------------------------------------- what exact math costs
+# ---------------------------------------------------------------------- cost of exact math
 
 
 def exact_pairs(backend: str, quick: bool) -> list[list[Case]]:
-    """S1 with EXACT_METHOD at several sizes, in `fast` and in `exact` math, of both precisions, to be timed side by side."""
+    """Return S1 with EXACT_METHOD at several sizes, in `fast` and in `exact` math and both precisions, timed in turn."""
     base, pairs = load_scene(SCENES["S1"]).replace({"method.integrator": EXACT_METHOD}), []
     for n in EXACT_SIZES[:-1] if quick else EXACT_SIZES:
         scene = base.replace({"grid.rows": n, "grid.columns": n})

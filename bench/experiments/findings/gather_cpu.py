@@ -1,7 +1,7 @@
-"""The lab's step as a plain gather, on CPU threads: for bench/experiments/findings/determinism.py, not for users.
+"""The lab's step as a plain gather on CPU threads, for bench/experiments/findings/determinism.py, not for users.
 
-Each mass sums the pulls of its own four springs, so that each spring is evaluated twice, once for either mass, and nothing
-is shared. The lab's kernel `fused` gathers, too, but carries a pull from mass to mass and from row to row.
+Each mass sums the forces of its own four springs, so each spring is evaluated twice, once for either mass, and nothing
+is shared. The lab's kernel `fused` gathers too, but carries a force from mass to mass and from row to row.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ TWICE = "twice"  # the kernel's name
 
 
 def _make_row(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
-    """The step of `count` masses of a row. Neighbours are arrays of their own, so that the loop is whole vectors."""
+    """Make the step of `count` masses of a row. Neighbours are separate arrays, so that the loop vectorises fully."""
     spring_acceleration_2d, damped = springs.make(real, compiler.compiled)
     lab = integrators.make(real, compiler.compiled).lab
     has_gravity, has_damping = "gravity" in parts, "damping" in parts
@@ -55,16 +55,21 @@ def _make_row(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
 
 @cache
 def make_gather(real: Any, math: str, parts: frozenset[str]) -> Any:
-    """advance(steps, states, current, rows, columns, parameters, pin_start, pin_column): `steps` steps, ping-pong between the
-    two states (4 planes of rows x columns each) that the flat array `states` holds."""
+    """Make advance(steps, states, current, rows, columns, parameters, pin_start, pin_column).
+
+    It does `steps` steps, alternating between the two states (4 planes of rows x columns each) in the flat array
+    `states`.
+    """
     compiler = Compiler(variant_name(TWICE, real, math, "lab", parts), math)
     gather_row = _make_row(compiler, real, parts)
     zero = real(0)
 
     @compiler.compiled
     def part_of_row(count, here, left, right, above, below, plane, source, target, parameters):
-        """`count` masses from `here` on; at the grid's edges a mass stands in for the neighbour it lacks, since coincident
-        masses do not pull."""
+        """Step `count` masses from `here` on.
+
+        At the grid's edges a mass replaces its own missing neighbour, since coincident masses exert no force.
+        """
         gather_row(
             count, row_at(source, here), row_at(source, here + plane), row_at(source, here + 2 * plane),
             row_at(source, here + 3 * plane), row_at(source, left), row_at(source, left + plane),
@@ -105,13 +110,15 @@ def make_gather(real: Any, math: str, parts: frozenset[str]) -> Any:
 
 
 class GatherGrid(MassSpring):
-    """See model/core/simulation.py. Scenes of the lab's grid alone (bench/peers/base.py: grid_refusal). `way`: the kernel's
-    name; `make`: what makes it."""
+    """Simulation (model/core/simulation.py) for scenes of the lab's grid (bench/peers/base.py: grid_refusal).
+
+    `way`: the kernel's name; `make`: the function that makes it.
+    """
 
     way, make = TWICE, staticmethod(make_gather)
 
     def __init__(self, scene: Scene, precision: str, math: str = "fast", threads: str | int = "1x"):
-        super().__init__(scene, Options(precision, math, "stages"), threads)  # `stages`: rows that are not padded
+        super().__init__(scene, Options(precision, math, "stages"), threads)  # `stages`: rows without padding
 
     def _make_executor(self) -> Executor:
         self.kernel = self.way
@@ -120,7 +127,7 @@ class GatherGrid(MassSpring):
         return Executor(self.plan, {}, self._advance_own)
 
     def _arrays(self) -> tuple[np.ndarray, ...]:
-        """What the kernel needs beside the states."""
+        """Return further arrays of the kernel."""
         return ()
 
     def _advance_own(self, step: int, steps: int) -> None:

@@ -1,10 +1,11 @@
-"""The lab's step as a scatter over springs, on CPU threads: for bench/experiments/findings/determinism.py, not for users.
+"""The lab's step as a scatter over springs on CPU threads, for bench/experiments/findings/determinism.py, not for
+users.
 
-Each spring is evaluated once and added to both of its masses. Two threads must not add to one mass at a time, so the
-springs are taken in four colours, no two of which meet in a mass: along a row the even ones, then the odd ones (a row
-belongs to one thread, so that both are one parallel region); down the columns those below even rows, then those below odd
-ones. The order in which a mass's pulls are added is fixed, so that any number of threads gives the same bits. The price
-is memory: sums that every colour reads and writes, and a region for each.
+Each spring is evaluated once and added to both of its masses. Two threads must not add to one mass at the same time, so
+the springs are processed in four colours, within which no two share a mass: along a row the even ones, then the odd
+ones (a row belongs to one thread, so both are one parallel region); down the columns those below even rows, then those
+below odd ones. The forces on a mass are added in a fixed order, so any number of threads gives the same bits. The price
+is memory traffic, for sums that every colour reads and writes, and a parallel region per colour.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ COLOURS = "colours"  # the kernel's name
 
 
 def _make_rows(compiler: Compiler, real: Any, parts: frozenset[str]) -> tuple[Any, Any, Any]:
-    """(along, down, finish): the springs of a row of one parity, those between two rows, and the step of a row."""
+    """Make (along, down, finish): every other spring of a row, the springs between two rows, and the step of a row."""
     spring_acceleration_2d, damped = springs.make(real, compiler.compiled)
     lab = integrators.make(real, compiler.compiled).lab
     has_gravity, has_damping = "gravity" in parts, "damping" in parts
@@ -33,7 +34,7 @@ def _make_rows(compiler: Compiler, real: Any, parts: frozenset[str]) -> tuple[An
 
     @compiler.row
     def along(count, x, y, parameters, sum_x, sum_y):
-        """Every other spring of a part of a row of `count` springs."""
+        """Add every other spring of a part of a row with `count` springs."""
         stiffness, rest = parameters.stiffness, parameters.stiffness_rest
         for j in range(0, count, 2):
             pull_x, pull_y = spring_acceleration_2d(x[j + 1] - x[j], y[j + 1] - y[j], stiffness, rest)
@@ -54,7 +55,7 @@ def _make_rows(compiler: Compiler, real: Any, parts: frozenset[str]) -> tuple[An
 
     @compiler.row
     def finish(columns, x, y, vx, vy, parameters, sum_x, sum_y, new_x, new_y, new_vx, new_vy):
-        """The step of a row; its sums are left at 0."""
+        """Step a row and reset its sums to 0."""
         dt, half_dt_squared = parameters.dt, parameters.half_dt_squared
         for j in range(columns):
             ax, ay = sum_x[j], sum_y[j]
@@ -72,8 +73,11 @@ def _make_rows(compiler: Compiler, real: Any, parts: frozenset[str]) -> tuple[An
 
 @cache
 def make_coloured(real: Any, math: str, parts: frozenset[str]) -> Any:
-    """advance(steps, states, current, rows, columns, parameters, pin_start, pin_column, sums): `steps` steps, ping-pong
-    between the two states (4 planes of rows x columns each) that the flat array `states` holds. `sums`: 2 planes of 0."""
+    """Make advance(steps, states, current, rows, columns, parameters, pin_start, pin_column, sums).
+
+    It does `steps` steps, alternating between the two states (4 planes of rows x columns each) in the flat array
+    `states`. `sums`: 2 planes of 0.
+    """
     compiler = Compiler(variant_name(COLOURS, real, math, "lab", parts), math)
     along, down, finish = _make_rows(compiler, real, parts)
     zero = real(0)
@@ -131,7 +135,7 @@ def make_coloured(real: Any, math: str, parts: frozenset[str]) -> Any:
 
 
 class ColouredGrid(GatherGrid):
-    """The same, by scattering in colours."""
+    """The same simulation by scattering in colours."""
 
     way, make = COLOURS, staticmethod(make_coloured)
 

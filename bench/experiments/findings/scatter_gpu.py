@@ -1,12 +1,12 @@
-"""The lab's step as a scatter over springs, on CUDA: for bench/experiments/findings/determinism.py, not for users.
+"""The lab's step as a scatter over springs on CUDA, for bench/experiments/findings/determinism.py, not for users.
 
-One thread a spring evaluates it once and adds the pull to both of its masses; a second kernel, one thread a mass, does the
-step and clears the sums. Two ways to keep two threads from adding to one mass at a time:
+One thread per spring evaluates it once and adds the force to both of its masses; a second kernel, one thread per mass,
+does the step and clears the sums. Two variants keep two threads from adding to one mass at the same time:
 
-- `atomics`: one launch for all springs, floating-point atomic additions. In which order a mass's pulls arrive is up to the
-  scheduler, and rounding depends on it: a run need not repeat.
-- `colours`: four launches (even and odd springs along rows, then down columns), no two springs of one meeting in a mass.
-  Plain additions in a fixed order: a run repeats bit for bit.
+- `atomics`: one launch for all springs, floating-point atomic additions. The order in which the forces on a mass are
+  added depends on the scheduler, and rounding depends on the order: a run may not repeat.
+- `colours`: four launches (even and odd springs along rows, then down columns), in each of which no two springs share a
+  mass. Plain additions in a fixed order: a run repeats bit for bit.
 
 Formulas, storage and the replayed CUDA graph are those of the lab's kernel `graph`, which gathers.
 """
@@ -33,13 +33,15 @@ from model.core.simulation import Options
 from model.formulas import springs
 from model.scene.scene import Scene
 
-cuda: Any = numba_cuda  # kernels are typed by numba when they are compiled
+cuda: Any = numba_cuda  # numba infers the types of kernels when they are compiled
 ATOMICS, COLOURS = "atomics", "colours"  # the kernels' names
 
 
 class ScatterGrid(MassSpring):
-    """See model/core/simulation.py. `how`: ATOMICS or COLOURS. Scenes of the lab's grid alone (bench/peers/base.py:
-    grid_refusal). The state stays in one buffer: springs are done before a mass moves."""
+    """Simulation (model/core/simulation.py) for scenes of the lab's grid (bench/peers/base.py: grid_refusal).
+
+    `how`: ATOMICS or COLOURS. The state stays in one buffer, because all springs are done before a mass moves.
+    """
 
     def __init__(self, scene: Scene, precision: str, how: str, math: str = "fast"):
         self._how = how
@@ -56,7 +58,7 @@ class ScatterGrid(MassSpring):
         self._launch = self._launch_scatter
         self._executor = Executor(self.plan, {}, self._advance_steps)
         if can_capture():
-            self._advance_steps(0, 1)  # nothing may be loaded while a graph is captured
+            self._advance_steps(0, 1)  # no module may be loaded while a graph is captured
             cuda.synchronize()
             self._graphs = Graphs(self.stream, self._launch, self._count_on)
 
@@ -80,8 +82,11 @@ class ScatterGrid(MassSpring):
 
 @cache
 def make_scatter(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
-    """The kernels `atomics`, `colours` (four of them) and `move`. `position`, `velocity`: complex (particles,); `sums`
-    (2 particles,): the pulls over mass along x, then those along y, all 0 between steps."""
+    """Make the kernels `atomics`, `colours` (four of them) and `move`.
+
+    `position`, `velocity`: complex (particles,); `sums` (2 particles,): the forces over mass along x, then those along
+    y, all 0 between steps.
+    """
 
     def kernel(function: Any, *words: str) -> Any:
         return make_kernel(function, variant_name(real, math, parts, *words), **kernel_options(math))

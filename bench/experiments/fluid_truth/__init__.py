@@ -1,1 +1,1 @@
-"""Fluids against what is known of them, and what the answers cost: `softlab fluids --truth`."""
+"""Comparison of fluids with known results, and the cost of the runs: `softlab fluids --truth`."""

@@ -1,8 +1,8 @@
-"""Every setting of scenes.py judged by laws.py, and what a frame of it takes, sampled in turn from the state that was judged:
-`softlab fluids --truth`, with `--peers` other programs on the same scenes.
+"""`softlab fluids --truth`: the error of every setting of scenes.py by laws.py, and the time of a frame of it.
 
-A group is a kind of scene on a backend. Peers are in the group of the lab's, as ways of their own; one that is not here, or
-that cannot run the scene, leaves its reason.
+Frames are sampled in turn from the state whose error was computed. `--peers` adds other programs on the same scenes. A
+group is a kind of scene on a backend. Peers are in the group of the lab's settings, as entries of their own; one that
+is not installed, or cannot run the scene, leaves its reason.
 """
 
 from __future__ import annotations
@@ -31,8 +31,8 @@ from model.core.errors import SoftlabError
 from model.core.simulation import State
 from model.scene.scene import Scene
 
-FINDING = "fluid: "  # how `finding` begins; then the kind
-PEERS: dict[str, tuple[Peer, ...]] = {  # by kind; its PBF takes seconds a frame in the tank
+FINDING = "fluid: "  # prefix of `finding`, followed by the kind
+PEERS: dict[str, tuple[Peer, ...]] = {  # by kind; the PBF of this program takes seconds per frame in the tank
     TANK: (SplishSplash("DFSPH"),),
     DAM: (SplishSplash("DFSPH"), SplishSplash("PBF")),
 }
@@ -40,7 +40,7 @@ PEERS: dict[str, tuple[Peer, ...]] = {  # by kind; its PBF takes seconds a frame
 
 @dataclass(frozen=True)
 class Way:
-    """A setting by the lab (`peer` None) or by another program."""
+    """A setting, run by the lab (`peer` None) or by another program."""
 
     setting: Setting
     backend: str
@@ -54,7 +54,7 @@ class Way:
 
 
 def groups(store: Store, backends: Sequence[str], quick: bool, peers: bool = False) -> list[Group]:
-    """What is judged, and then sampled in turn: a kind of scene on a backend."""
+    """Return the groups: a kind of scene on a backend, whose errors are computed and whose times are sampled in turn."""
     found = []
     some = list(settings(quick))
     for backend in backends:
@@ -85,7 +85,7 @@ def _measured(ways: Sequence[Way], told: Sequence[dict[str, Any]], effort: Effor
                 found[number] |= judged(simulation, scene, way.setting.kind)
                 subject = Subject(simulation, one, start=_state(simulation, scene))
                 ready.append((number, prepare(subject, effort.seconds, effort.most)))
-            except (SoftlabError, PeerError) as reason:  # diverged; not here; refused
+            except (SoftlabError, PeerError) as reason:  # diverged, not installed, or refused
                 found[number] |= {name: (None, "", str(reason)) for name in (SECONDS, RATIO)}
         timed = in_turn(record, [subject for _, subject in ready], effort.repeats) if ready else []
     for (number, _), numbers in zip(ready, timed, strict=True):
@@ -94,7 +94,7 @@ def _measured(ways: Sequence[Way], told: Sequence[dict[str, Any]], effort: Effor
 
 
 def _opened(way: Way, stack: ExitStack) -> Any:
-    """A context manager. Raises SoftlabError, PeerError."""
+    """Open a setting as a context manager. Raises SoftlabError, PeerError."""
     scene = way.setting.scene
     if way.peer is None:
         return open_simulation(scene, way.backend)
@@ -117,7 +117,7 @@ class _Entered(Beside):
 
 
 def _state(simulation: Any, scene: Scene) -> State:
-    """The state to sample from."""
+    """Return the state to sample from."""
     if hasattr(simulation, "state"):
         found: State = simulation.state()
         return found

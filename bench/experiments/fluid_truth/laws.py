@@ -1,15 +1,19 @@
-"""What is known of the scenes of scenes.py, and how far a motion is off it. Independent of the solver: positions and
-velocities alone, in float64, but for pressures, which a solver tells.
+"""Known results for the scenes of scenes.py, and the error of a motion against them.
 
-- A column (tank) at rest: its height, the density at rest anywhere, no motion, the pressure rho g z. All at once: a fluid
-  that boils has the right height, one that has sunk is still.
+Independent of the solver: only positions and velocities, in float64, and pressures where a solver reports them.
+
+- A column (tank) at rest: its height, the rest density everywhere, no motion, the pressure rho g z. All four are needed:
+  a fluid that boils has the right height, and one that has sunk is still.
 - A dam: the front of J. C. Martin and W. J. Moyce, Phil. Trans. R. Soc. A 244 (1952), table 2, n^2 = 2. Their gate opens
-  slowly, so that one shift of time is chosen, the one whose worst point is best. The first point is told apart: it lies as
-  far above the parabola that the next two make from rest (`start_off`), so that no flow that begins at rest meets all three.
-- Vortices (G. I. Taylor and A. E. Green, 1937): their energy goes as exp(-16 pi^2 nu t / L^2): the viscosity that there is.
-- A drop: its centre rests, its momentum stays 0, it becomes a ball. Laplace's pressure of a drop of radius R is 2 sigma / R,
-  in a plane sigma / R, on top of that by which cohesion holds particles together anywhere: so of drops of several sizes a
-  straight line in 1 / R, whose slope is the surface tension that there is (`tensions` of rows.py).
+  slowly, so one shift of time is fitted, the one with the smallest largest error. The first point is reported
+  separately: it lies above the parabola from rest through the next two points (`start_off`), so that no flow that
+  begins at rest passes through all three.
+- Vortices (G. I. Taylor and A. E. Green, 1937): their energy decays as exp(-16 pi^2 nu t / L^2), which gives the
+  effective viscosity.
+- A drop: its centre rests, its momentum stays 0, it becomes a ball. Laplace's pressure of a drop of radius R is
+  2 sigma / R, in a plane sigma / R, in addition to the pressure by which cohesion holds particles together anywhere.
+  Drops of several sizes therefore give a straight line in 1 / R whose slope is the effective surface tension
+  (`tensions` of rows.py).
 - Two fluids: the light one ends above the heavy one, each in its own depth.
 """
 
@@ -33,21 +37,23 @@ FRONT, FRONT_LATER, FRONT_MEAN, SHIFT = "fluid_front", "fluid_front_later", "flu
 VISCOSITY = "fluid_numerical_viscosity"
 ASPECT, DRIFT, MOMENTUM, INSIDE = "fluid_drop_aspect", "fluid_drop_drift", "fluid_momentum", "fluid_drop_pressure"
 LEVEL, MIXED = "fluid_level_off", "fluid_mixed"
-REST, LOOKS = 3.0, 30  # s until something is at rest; steps over which it is looked at
+REST, LOOKS = 3.0, 30  # s until a scene is at rest; steps over which the measures are averaged
 DAM_SECONDS, VORTEX_SECONDS, DROP_SECONDS, TWO_SECONDS = 0.21, 0.5, 4.0, 6.0
-SETTLED = 0.05  # s: after which the vortices' lattice is no more
+SETTLED = 0.05  # s, after which the initial lattice of the vortices is gone
 MOYCE = np.array(
     [
         (0.41, 1.11), (0.84, 1.22), (1.19, 1.44), (1.43, 1.67), (1.63, 1.89), (1.83, 2.11), (1.98, 2.33), (2.20, 2.56),
         (2.32, 2.78), (2.51, 3.00), (2.65, 3.22), (2.83, 3.44), (2.98, 3.67), (3.11, 3.89), (3.33, 4.11),
     ]
 )  # fmt: skip  # t sqrt(2 g / a), front / a
-Tell = Callable[[float], None]  # the part of a run that is done
+Tell = Callable[[float], None]  # argument: the fraction of a run that is done
 
 
 def judged(simulation: Any, scene: Scene, kind: str, tell: Tell = lambda part: None) -> Measures:
-    """How far a simulation of a scene, at its start, is off the law of its `kind`; it is left at the end. `simulation`:
-    advance(steps) and read(name), the lab's or a peer's."""
+    """Return the errors of a simulation, at its start, against the law of its `kind`; it is left at the end.
+
+    `simulation`: has advance(steps) and read(name), the lab's or a peer's.
+    """
     laws = {COLUMN: _at_rest, TANK: _at_rest, DAM: _front, VORTICES: _slowed, DROP: _drop, TENSION: _drop, TWO: _levels}
     return laws[kind](simulation, scene, tell)
 
@@ -57,7 +63,7 @@ def _steps(scene: Scene, seconds: float) -> int:
 
 
 def _on(simulation: Any, steps: int, tell: Tell, total: int, done: int = 0) -> None:
-    """So many steps, a sixteenth of all at a time."""
+    """Advance that many steps, a sixteenth of `total` at a time."""
     part = max(1, total // 16)
     for begin in range(0, steps, part):
         simulation.advance(min(part, steps - begin))
@@ -101,12 +107,12 @@ def _at_rest(simulation: Any, scene: Scene, tell: Tell) -> Measures:
 def _pressure(simulation: Any) -> np.ndarray | None:
     try:
         return np.asarray(simulation.read("pressure"), np.float64)
-    except (SoftlabError, ValueError):  # a peer, or a scheme that tells none
+    except (SoftlabError, ValueError):  # a peer or a scheme without pressures
         return None
 
 
 def _pressure_off(above: np.ndarray, pressure: np.ndarray, depth: float, weight: float) -> np.ndarray:
-    """(layers,): means of what it is off rho g z by, over that at the floor, in nine layers, the free surface's left out."""
+    """Return the mean difference from rho g z, over its value at the floor, in nine layers below the free surface's."""
     layer = np.clip((10 * above / depth).astype(int), 0, 9)
     off = pressure - weight * (depth - above)
     count = np.maximum(np.bincount(layer, minlength=10), 1)
@@ -114,7 +120,7 @@ def _pressure_off(above: np.ndarray, pressure: np.ndarray, depth: float, weight:
 
 
 def start_off() -> float:
-    """By how much Martin and Moyce's first front lies over x = a + c (t - t0)^2 through their second and third."""
+    """Return the relative height of Martin and Moyce's first front over x = a + c (t - t0)^2 through the next two."""
     (t1, x1), (t2, x2), (t3, x3) = MOYCE[:3]
     root = (np.sqrt(x3 - 1) - np.sqrt(x2 - 1)) / (t3 - t2)
     return float(x1 / (1 + (np.sqrt(x2 - 1) - root * (t2 - t1)) ** 2) - 1)
@@ -155,7 +161,7 @@ def _slowed(simulation: Any, scene: Scene, tell: Tell) -> Measures:
 
 
 def radius_of(scene: Scene) -> float:
-    """[m]: of a ball, or a disc, of all that a scene's fluids have at rest."""
+    """Return the radius [m] of a ball, or a disc, with the volume of all fluids of a scene at rest."""
     found = scene.fluid_set
     if scene.dimensions == 2:
         return float(np.sqrt(found.particle_count / np.pi)) * found.spacing
@@ -194,7 +200,7 @@ def _levels(simulation: Any, scene: Scene, tell: Tell) -> Measures:
     above = place[:, 1] - found.position[:, 1].min() + found.spacing / 2
     depth = float(np.ptp(found.position[:, 1])) + found.spacing
     heavy = np.argsort([part.density for part in found.parts])[-1] == found.fluid
-    level = depth * heavy.mean()  # where the two meet
+    level = depth * heavy.mean()  # the interface
     wrong = np.where(heavy, above > level + found.spacing / 2, above < level - found.spacing / 2)
     off = max(abs(above[heavy].mean() - level / 2), abs(above[~heavy].mean() - (level + depth) / 2)) / depth
     return {

@@ -1,4 +1,4 @@
-"""What the store says of fluids: errors beside the time of a frame, by kind of scene; tables of it."""
+"""Rows of the store on fluids: errors and the time of a frame, by kind of scene; tables of them."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from bench.store.results import Measure, by_configuration, measures
 from bench.store.tables import columns, print_table
 from model.scene.scene import Scene
 
-NUMBERS: dict[str, dict[str, str]] = {  # of each kind: measures, and how a table calls them
+NUMBERS: dict[str, dict[str, str]] = {  # kind -> measures and their column titles
     COLUMN: {
         laws.MEAN: "density, mean %", laws.LARGEST: "largest %", laws.HEIGHT: "height %", laws.SPEED: "speed %",
         laws.PRESSURE: "pressure %",
@@ -45,10 +45,13 @@ TITLES = {
 
 @dataclass(frozen=True)
 class Judged:
-    """One setting: `who`: a scheme, or a peer's label; `spacing` [m]; `radius` [m]: of a ball, or a disc, of all particles in
-    so many `dimensions`; `coefficient` [N/m]: its surface tension's; `numbers`: measures by name, without what was not had;
-    `frame`: 1/60 s of the scene, in seconds of wall time, None where it was not timed; `suspect` or not; `reason`: why there
-    is nothing."""
+    """One setting.
+
+    `who`: a scheme, or a peer's label; `spacing` [m]; `radius` [m]: of a ball, or a disc, of all particles in that many
+    `dimensions`; `coefficient` [N/m]: of its surface tension; `numbers`: measures by name, without missing ones;
+    `frame`: wall time [s] of 1/60 s of the scene, None where it was not timed; `suspect`: whether that time is marked;
+    `reason`: why there are no numbers.
+    """
 
     kind: str
     machine: str
@@ -69,12 +72,14 @@ class Judged:
 
     @property
     def effort(self) -> str:
-        """`8 x 10`, of a step; of a peer its own."""
+        """Text of the effort per step, e.g. `8 x 10`; of a peer `its own`."""
         return "its own" if self.peer else f"{self.substeps} x {self.iterations}"
 
 
 def rows(found: Iterable[Measure]) -> list[Judged]:
-    """Of every setting that was judged: kinds in the order of NUMBERS, schemes, then spacings and efforts."""
+    """Return a row for every setting that was measured: kinds in the order of NUMBERS, schemes, then spacings and
+    efforts.
+    """
     labels = {peer.name: peer.label for peers in PEERS.values() for peer in peers}
     result = []
     mine = (m for m in found if str(m.description.get("finding", "")).startswith(FINDING))
@@ -105,9 +110,11 @@ def rows(found: Iterable[Measure]) -> list[Judged]:
 
 @dataclass(frozen=True)
 class Tension:
-    """By the drops of one scheme, in so many dimensions, with cohesion and surface tension of one coefficient [N/m]: `sigma`
-    [N/m] of Laplace's law, pressure = `held` + (dimensions - 1) sigma / radius; `off`: of the pressure, how far the worst of
-    the `drops` lies off that line."""
+    """Surface tension from the drops of one scheme, with cohesion and surface tension of one coefficient [N/m].
+
+    `sigma` [N/m]: of Laplace's law, pressure = `held` + (dimensions - 1) sigma / radius; `off`: the largest relative
+    deviation of the pressure of one of the `drops` from that line.
+    """
 
     backend: str
     who: str
@@ -120,7 +127,7 @@ class Tension:
 
 
 def tensions(found: Iterable[Judged]) -> list[Tension]:
-    """Of all schemes of which there are three drops at least: two make a line by themselves."""
+    """Return a row for each scheme with at least three drops; two always lie on a line."""
     drops: dict[tuple[str, str, int, float], list[Judged]] = {}
     for row in found:
         if row.kind == TENSION and laws.INSIDE in row.numbers:
@@ -137,7 +144,7 @@ def tensions(found: Iterable[Judged]) -> list[Tension]:
 
 
 def print_truth(console: Console, store: Store, machine: str) -> None:
-    """A table of each kind of what was judged on a machine."""
+    """Print a table for each kind of scene that was measured on a machine."""
     held = rows(measures(store, machine=machine))
     for kind, names in NUMBERS.items():
         mine = [row for row in held if row.kind == kind]

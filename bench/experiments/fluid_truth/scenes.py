@@ -1,6 +1,6 @@
-"""The scenes that fluids are judged on, each at several settings. What is known of each: laws.py.
+"""Scenes with known results for fluids, each at several settings; laws.py has the results.
 
-Schemes are those that a scene file can name: one that comes to be is measured without a change here.
+The schemes are those that a scene file can name, so that a new one is measured without a change here.
 """
 
 from __future__ import annotations
@@ -16,21 +16,21 @@ from model.scene.scene import Scene, load_scene
 COLUMN, TANK, DAM, VORTICES, DROP, TWO = "column", "tank", "dam", "vortices", "drop", "two fluids"
 TENSION = "surface tension"
 SCHEMES: tuple[str, ...] = get_args(SchemeName)
-EFFORTS = ((2, 3), (4, 5), (8, 5), (8, 10))  # substeps of a frame, iterations of each
-DAM_EFFORTS = ((1, 3), (2, 5), (4, 5))  # of a step of DAM_STEP
+EFFORTS = ((2, 3), (4, 5), (8, 5), (8, 10))  # substeps per frame, iterations per substep
+DAM_EFFORTS = ((1, 3), (2, 5), (4, 5))  # the same per step of DAM_STEP
 DAM_STEP, WIDTH = 0.002, 0.05715  # s; m: a, of Martin and Moyce (n^2 = 2: twice as high)
 ACROSS = (10, 20, 40)  # particles along a
 DAM_VISCOSITY = 0.5  # Pa s
-TANK_PARTICLES, TANK_VISCOSITY = 1000, 4.0  # Pa s: the column's by Froude's law, a tenth as high
-SPACINGS = (0.04, 0.02, 0.01)  # m, of the vortices in their box of 1 m
+TANK_PARTICLES, TANK_VISCOSITY = 1000, 4.0  # Pa s: of the column by Froude's law, at a tenth of its height
+SPACINGS = (0.04, 0.02, 0.01)  # m: spacings of the vortices in their box of 1 m
 DROPS = (8, 12)  # particles along a cube that becomes a drop
 COHESION = 5.0  # N/m
-TENSIONS = {3: (8, 12, 16), 2: (16, 24, 32)}  # by dimensions: particles along a block that becomes a drop
+TENSIONS = {3: (8, 12, 16), 2: (16, 24, 32)}  # dimensions -> particles along a block that becomes a drop
 
 
 @dataclass(frozen=True)
 class Setting:
-    """One scene of a `kind`; `beside`: whether peers are held beside it."""
+    """One scene of a `kind`; `beside`: peers run it too."""
 
     kind: str
     scene: Scene
@@ -38,7 +38,7 @@ class Setting:
 
 
 def settings(quick: bool = False, schemes: tuple[str, ...] = SCHEMES) -> Iterator[Setting]:
-    """All that is measured; `quick`: one effort of each scheme, at one spacing."""
+    """Yield all settings; `quick`: one effort of each scheme, at one spacing."""
     for scheme in schemes:
         for substeps, iterations in EFFORTS[1:2] if quick else EFFORTS:
             how = _how(scheme, substeps, iterations)
@@ -65,12 +65,12 @@ def _how(scheme: str, substeps: int, iterations: int) -> dict[str, Any]:
 
 
 def tank() -> Scene:
-    """Water at rest between four walls: the column, where nothing need repeat."""
+    """Return water at rest between four walls: the column without periodic sides."""
     return pool(TANK_PARTICLES).replace({"water.viscosity": TANK_VISCOSITY})
 
 
 def dam(across: int) -> Scene:
-    """Martin and Moyce's column in the plane, `across` particles wide, without a gate; nothing stands in its way."""
+    """Return Martin and Moyce's column in the plane, `across` particles wide, without a gate or an obstacle."""
     wall = {"kind": "plane", "thickness": 0.0}
     water = {"kind": "fluid", "dimensions": 2, "size": [WIDTH, 2 * WIDTH], "rest_distance": WIDTH / across}
     return Scene(
@@ -83,7 +83,7 @@ def dam(across: int) -> Scene:
 
 
 def drop(side: int, axes: int = 3, tension: float = 0.0) -> Scene:
-    """A cube, or a square, of particles that draw one another, without weight."""
+    """Return a cube, or a square, of particles with cohesion, without weight."""
     distance = 0.05
     water = {
         "kind": "fluid", "dimensions": axes, "size": [side * distance] * axes, "rest_distance": distance, "viscosity": 20.0,
@@ -94,5 +94,5 @@ def drop(side: int, axes: int = 3, tension: float = 0.0) -> Scene:
 
 
 def tense_drop(side: int, axes: int) -> Scene:
-    """The same with as much surface tension as cohesion."""
+    """Return the same drop with as much surface tension as cohesion."""
     return drop(side, axes, COHESION)

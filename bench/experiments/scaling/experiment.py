@@ -1,6 +1,8 @@
-"""How much faster several GPUs are than one: `softlab sweep --gpus 1 --gpus 2 --gpus 4`, one sheet for all (strong scaling),
-or a sheet for each (`--weak`). All numbers of GPUs and links of a size are sampled in turn; each is held against one GPU's
-bits first, in `exact` math."""
+"""`softlab sweep --gpus 1 --gpus 2 --gpus 4`: speed-up of several GPUs over one.
+
+One sheet for all GPUs (strong scaling), or one for each (`--weak`). All numbers of GPUs and links of a size are sampled
+in turn; each state is first compared bit by bit with that of one GPU, in `exact` math.
+"""
 
 from __future__ import annotations
 
@@ -27,29 +29,29 @@ from model.core.simulation import Simulation
 from model.domains.decomposition import Reach, decompose
 from model.scene.scene import Scene, load_scene
 
-STAGE = "shared"  # of the samples
+STAGE = "shared"  # stage of the samples
 STEP = "shared_step"  # s: the median of a step
 RATE = "shared_masses_per_second"
-KERNEL = "shared_kernel"  # its name is the reason
-DIFFERENCE = "shared_difference"  # m: the largest from one GPU's state, in exact math
-JOULES = "shared_joules"  # J: what all GPUs take for a step
-SCENES = {  # sheets that are shared, by the word of `--scene`: catalogue name, ordering of constraints
+KERNEL = "shared_kernel"  # the name of the kernel is stored as the reason
+DIFFERENCE = "shared_difference"  # m: largest difference from one GPU's state, in exact math
+JOULES = "shared_joules"  # J: energy of all GPUs per step
+SCENES = {  # word of `--scene` -> catalogue name, ordering of constraints, of sheets that can be partitioned
     "grid": ("lab-grid", None),
     "xpbd": ("cloth-small-steps", "gauss-seidel"),
     "xpbd-jacobi": ("cloth-small-steps", "jacobi"),
 }
 SIZES, QUICK_SIZES = (2048, 8192, 16384), (512,)
-CHECKED = 4096 * 4096  # masses up to which the bits are compared
+CHECKED = 4096 * 4096  # largest number of masses at which the bits are compared
 CHECK_STEPS, CHECK_SUBSTEPS = (
     69,
     90,
-)  # with two exchanges and a rest of a grid, at the usual steps; of 30 substeps a step
-BY_TURNS = " by turns"  # of a link: there were fewer GPUs than windows
+)  # two exchanges and a remainder of a grid, at the usual number of steps; with 30 substeps per step
+BY_TURNS = " by turns"  # suffix of a link if there were fewer GPUs than windows
 
 
 @dataclass(frozen=True)
 class SharedCase(Case):
-    """A sheet on `gpus` GPUs, linked as `link` says."""
+    """A sheet on `gpus` GPUs that exchange by `link`."""
 
     gpus: int = 1
     link: str = "flags"
@@ -63,8 +65,10 @@ class SharedCase(Case):
 
 
 def shared_case(scene: Scene, precision: str, gpus: int, link: str, exchange_every: int | None) -> SharedCase:
-    """One configuration, described as the store holds it: one GPU is the same whatever the link, and windows that take turns
-    on a GPU are no GPUs of their own."""
+    """Return one configuration with its description as the store has it.
+
+    One GPU has the same description for any link, and windows that take turns on a GPU do not count as GPUs.
+    """
     from gpu_backend.domains.devices import devices_for
 
     description = configuration(scene, backend="gpu", precision=precision) | {"gpus": gpus}
@@ -87,9 +91,11 @@ def groups(
     weak: bool = False,
     scene: str = "grid",
 ) -> list[list[Case]]:
-    """What is timed in turn: all numbers of GPUs and links of a size; `weak`: so many masses for each GPU, rows on rows;
-    `scene`: one of SCENES. Raises SceneError for a backend without GPUs, a number that is none, a scene that is none, and
-    BackendUnavailable for more GPUs than there are."""
+    """Return the groups timed in turn: all numbers of GPUs and links of a size.
+
+    `weak`: `size` x `size` masses for each GPU, stacked in rows; `scene`: one of SCENES. Raises SceneError for a
+    backend without GPUs, an invalid number or an unknown scene, and BackendUnavailable for more GPUs than there are.
+    """
     from gpu_backend.domains.devices import devices_for
 
     if "gpu" not in backends:
@@ -113,7 +119,7 @@ def groups(
 
 
 def sheet_of(scene: str, rows: int, columns: int) -> Scene:
-    """One of SCENES with so many masses."""
+    """Return one of SCENES with that many masses."""
     name, ordering = SCENES[scene]
     kind = "cloth" if ordering else "grid"
     changes: dict[str, Any] = {f"{kind}.rows": rows, f"{kind}.columns": columns}
@@ -121,7 +127,7 @@ def sheet_of(scene: str, rows: int, columns: int) -> Scene:
 
 
 def word_of(scene: Scene) -> str:
-    """Which of SCENES it is."""
+    """Return the key of SCENES that the scene belongs to."""
     ordering = scene.method.ordering if scene.cloth else None
     return next(word for word, (_, known) in SCENES.items() if known == ordering)
 
@@ -131,10 +137,10 @@ def _check_steps(scene: Scene) -> int:
 
 
 class SharedRates(Rates):
-    """Rates whose states are held against one GPU's before they are timed, and which tell joules beside time."""
+    """Rates whose states are compared with one GPU's before they are timed; energy is measured with the time."""
 
     def _time(self, store: Store, summary: Summary, group: Sequence[Case], repeats: int) -> None:
-        ends: dict[Scene, np.ndarray | None] = {}  # of one GPU
+        ends: dict[Scene, np.ndarray | None] = {}  # end positions on one GPU
         for case in group:
             assert isinstance(case, SharedCase)
             if case.gpus == 1:
@@ -160,7 +166,7 @@ class SharedRates(Rates):
 
 
 def _end_of(case: SharedCase) -> np.ndarray | None:
-    """Positions after some steps in exact math; None of a sheet that is too large."""
+    """Return the positions after some steps in exact math, or None for a sheet that is too large."""
     if case.scene.grid.particle_count > CHECKED:
         return None
     with case.open("exact") as simulation:
@@ -169,7 +175,7 @@ def _end_of(case: SharedCase) -> np.ndarray | None:
 
 
 def masses(scene: Scene) -> int:
-    """Of a step."""
+    """Return the number of masses per step."""
     return scene.grid.particle_count
 
 
@@ -178,8 +184,10 @@ RATES = run_scaling = SharedRates("sweep", STAGE, STEP, RATE, KERNEL, masses, gr
 
 @dataclass(frozen=True)
 class ScalingPoint(RatePoint):
-    """Of a sheet on `gpus` GPUs, one of SCENES. `exchange_every`: steps, as asked for; `difference` [m] from one GPU's state,
-    `joules` of a step; None: not told."""
+    """A sheet, one of SCENES, on `gpus` GPUs.
+
+    `exchange_every`: steps, as requested; `difference` [m] from one GPU's state, `joules` per step; None: not measured.
+    """
 
     scene: str
     rows: int
@@ -192,7 +200,7 @@ class ScalingPoint(RatePoint):
 
 
 def points(held: Iterable[Measure]) -> list[ScalingPoint]:
-    """What the measures tell, smallest first."""
+    """Return the points from the measures, smallest first."""
     held = list(held)
     off, joules = (
         {(m.machine, m.configuration): m.value for m in held if m.name == name} for name in (DIFFERENCE, JOULES)
@@ -211,18 +219,20 @@ def points(held: Iterable[Measure]) -> list[ScalingPoint]:
 
 
 def _every(p: ScalingPoint) -> int:
-    """Steps between two exchanges: as asked for, or as the lab chooses."""
+    """Return the steps between two exchanges: as requested, or as the lab chooses."""
     return p.exchange_every or decompose(p.rows, p.columns, p.gpus, Reach()).steps
 
 
 def _sheet(p: ScalingPoint) -> tuple[Any, ...]:
-    """What two points have in common that may be compared, but for their rows."""
+    """Return the key that two comparable points have in common, without the rows."""
     return p.machine, p.scene, p.precision, p.columns
 
 
 def speedups(found: Sequence[ScalingPoint]) -> list[tuple[ScalingPoint, float, float | None]]:
-    """(point, how many times as fast as one GPU, how many times the model says, None where it knows nothing) of points of
-    more than one GPU whose one was measured, too; not of windows that took turns."""
+    """Return (point, speed-up over one GPU, speed-up by the model or None) of points of more than one GPU.
+
+    Only points whose sheet was measured on one GPU too, without windows that took turns.
+    """
     alone = {(*_sheet(p), p.rows): p for p in found if p.gpus == 1}
     result = []
     for p in found:
@@ -240,8 +250,10 @@ def speedups(found: Sequence[ScalingPoint]) -> list[tuple[ScalingPoint, float, f
 
 
 def shares(found: Sequence[ScalingPoint]) -> dict[int, float]:
-    """{id of a point: masses a second of each of its GPUs, over those of one GPU with such a share alone} (weak scaling), of
-    points whose share was measured on one."""
+    """Return {id of a point: rate per GPU over that of one GPU with such a partition alone} (weak scaling).
+
+    Only points whose partition was measured on one GPU; rates in masses/s.
+    """
     alone = {(*_sheet(p), p.rows): p for p in found if p.gpus == 1}
     result = {}
     for p in found:
@@ -252,7 +264,7 @@ def shares(found: Sequence[ScalingPoint]) -> dict[int, float]:
 
 
 def print_scaling(console: Console, store: Store, machine: str) -> None:
-    """A table of what was timed on a machine, beside what the model says."""
+    """Print a table of what was timed on a machine, with the model's speed-up."""
     found = points(measures(store, machine=machine))
     told, weak = {id(p): (faster, model) for p, faster, model in speedups(found)}, shares(found)
     rows = []

@@ -1,8 +1,8 @@
-"""What many GPUs would do with a grid, by a small model: the steps of a window, an exchange, neighbours that wait for one
-another, files to restart from, and a GPU that fails.
+"""Model of a grid on many GPUs: the steps of a window, exchanges, waiting for neighbours, checkpoint files, failures.
 
-A step of the largest window is taken from the table of kernels (gpu_backend/mass_spring/grid/choice.py), an exchange from a
-link (model/domains/link.py). What may be hidden behind what, and what the host takes, hangs on the way of sending (WAYS).
+The time of a step of the largest window comes from the table of kernels (gpu_backend/mass_spring/grid/choice.py), that
+of an exchange from a link (model/domains/link.py). The way of sending (WAYS) determines what can be overlapped and the
+time on the host.
 """
 
 from __future__ import annotations
@@ -16,19 +16,22 @@ import numpy as np
 from model.domains.decomposition import Decomposition, Reach, decompose
 from model.domains.link import NETWORK, NVLINK, Link
 
-MASS_BYTES = 16  # of a mass's state in float32
-PASS = 4  # steps of the kernel `tiles` in a pass
-CYCLES = 400  # of `waiting`
-EVERY = (1, 2, 4, 8, 16, 32, 64)  # steps between exchanges, of which the quickest is taken
+MASS_BYTES = 16  # state of a mass in float32
+PASS = 4  # steps of the kernel `tiles` per pass
+CYCLES = 400  # cycles that `waiting` simulates
+EVERY = (1, 2, 4, 8, 16, 32, 64)  # steps between exchanges, of which the fastest is chosen
 SEED = 1
 Seconds = Callable[[int, int], float]
 
 
 @dataclass(frozen=True)
 class Way:
-    """How windows exchange. `hidden`: behind a pass over the inner rows, which goes on. `host` [s]: what a cycle cannot be
-    shorter than, since it is asked for from Python; of two windows and an exchange, as measured where these took longer than
-    their GPUs (2048 x 2048 on two H100s)."""
+    """Variant of the exchange between windows.
+
+    `hidden`: overlapped with a pass over the inner rows. `host` [s]: shortest duration of a cycle, since Python
+    requests it; of two windows and an exchange, measured where these took longer than their GPUs (2048 x 2048 on two
+    H100s).
+    """
 
     hidden: bool
     host: float
@@ -39,16 +42,17 @@ WAYS = {"flags": Way(True, 0.0), "peer": Way(False, 3.0e-4), "nccl": Way(False, 
 
 @dataclass(frozen=True)
 class Cluster:
-    """GPUs in hosts of `per_host`, linked by `inside`, the hosts by `across`. `launches` [s] and `copying` [B/s]: what an
-    exchange costs besides its message, its kernels and the way out of the inbox; `ends` [s]: what it costs that all blocks of
-    a cycle end before the next begin, where nothing is hidden. `jitter`: how much longer a cycle takes at random, of its own
-    time, the mean of an exponential. `files` [B/s]: to the file system, of all together. `mean_life` [h]: of a GPU between
-    failures.
+    """GPUs in hosts of `per_host`, linked by `inside`, the hosts by `across`.
 
-    `launches` and `copying` are from exchanges alone between two H100s, which took 8.0 us for 0.5 MB and 13.2 us for 2.1 MB,
-    `ends` from passes of one launch and in bands there, which differ by 20 to 26 us. `jitter` and `files` are assumptions.
-    `mean_life`: 419 unexpected interruptions in 54 days on 16 384 GPUs (A. Dubey and others, "The Llama 3 Herd of Models",
-    2024, section 3.3.4).
+    `launches` [s] and `copying` [B/s]: cost of an exchange besides its message, its kernels and the copy from the
+    inbox. `ends` [s]: cost of all blocks of a cycle ending before the next cycle begins, where nothing is overlapped.
+    `jitter`: random delay of a cycle relative to its own time, the mean of an exponential distribution. `files` [B/s]:
+    bandwidth of the file system for all together. `mean_life` [h]: of a GPU between failures.
+
+    `launches` and `copying` are from exchanges alone between two H100s, which took 8.0 us for 0.5 MB and 13.2 us for
+    2.1 MB. `ends` is from passes of one launch and in bands there, which differ by 20 to 26 us. `jitter` and `files`
+    are assumptions. `mean_life`: 419 unexpected interruptions in 54 days on 16 384 GPUs (A. Dubey and others, "The
+    Llama 3 Herd of Models", 2024, section 3.3.4).
     """
 
     per_host: int = 8
@@ -62,18 +66,20 @@ class Cluster:
     mean_life: float = 54 * 24 * 16384 / 419
 
     def link(self, count: int) -> Link:
-        """The slowest that `count` GPUs exchange by."""
+        """Return the slowest link among `count` GPUs."""
         return self.inside if count <= self.per_host else self.across
 
     def exchange(self, count: int, size: int) -> float:
-        """Seconds of one of `size` bytes each way, among `count` GPUs."""
+        """Return the time [s] of an exchange of `size` bytes in each direction among `count` GPUs."""
         return self.link(count).seconds(size) + self.launches + size / self.copying
 
 
 @dataclass(frozen=True)
 class Predicted:
-    """Of a grid on several GPUs, a step [s]: `compute` of the largest window, `exchange`; `waiting`: for neighbours that take
-    longer than it does itself."""
+    """Predicted times [s] per step of a grid on several GPUs.
+
+    `compute`: of the largest window; `exchange`; `waiting`: for neighbours that take longer than the window itself.
+    """
 
     decomposition: Decomposition
     compute: float
@@ -86,12 +92,12 @@ class Predicted:
 
     @property
     def rate(self) -> float:
-        """Masses a second."""
+        """Masses per second."""
         return self.decomposition.rows * self.decomposition.columns / self.step
 
 
 def window_seconds(rows: int, columns: int) -> float:
-    """A step of a float32 window on one GPU [s], by the table of kernels and on the GPU that it was measured on."""
+    """Return the time [s] of a step of a float32 window, by the table of kernels, on the GPU of that table."""
     from gpu_backend.mass_spring.grid.choice import MEASURED_LIMITS, step_seconds
 
     return step_seconds(rows, columns, np.float32, MEASURED_LIMITS)
@@ -106,8 +112,11 @@ def predicted(
     seconds: Seconds = window_seconds,
     way: Way = WAYS["flags"],
 ) -> Predicted:
-    """A step of a grid on `count` GPUs that exchange every `steps` steps (None: whatever of EVERY is quickest, of whole
-    passes where shares have rows for them). Raises SceneError where its rows do not do."""
+    """Return the times of a step of a grid on `count` GPUs that exchange every `steps` steps.
+
+    `steps` None: the fastest of EVERY, among whole passes if the partitions have enough rows. Raises SceneError if the
+    grid has too few rows.
+    """
     if count > 1 and steps is None:
         able = [n for n in EVERY if n == 1 or Reach().halo(n) <= rows // count]
         able = [n for n in able if n >= PASS] or able[-1:]
@@ -128,8 +137,11 @@ def predicted(
 def waiting(
     count: int, cycle: float, exchange: float, jitter: float, *, together: bool = False, cycles: int = CYCLES
 ) -> float:
-    """Seconds of a cycle of `count` domains in a row, each of which takes `cycle` [s] and now and then longer, and begins the
-    next one when it and its neighbours have done this one and exchanged. `together`: when all have, as with a collective."""
+    """Return the time [s] of a cycle of `count` domains in a row.
+
+    Each takes `cycle` [s] plus a random delay, and begins the next cycle when it and its neighbours have finished this
+    one and exchanged. `together`: when all have, as with a collective.
+    """
     random = np.random.default_rng(SEED)
     done = np.zeros(count)
     for _ in range(cycles):
@@ -144,8 +156,11 @@ def waiting(
 
 @dataclass(frozen=True)
 class Restart:
-    """Of a run on many GPUs: `write` [s] of a file with all masses, `life` [s] until one of the GPUs fails, `interval` [s]
-    between files, `lost`: the share of time that writing, and doing again what was lost, takes."""
+    """Checkpoints of a run on many GPUs.
+
+    `write` [s]: time of a file with all masses; `life` [s]: until one of the GPUs fails; `interval` [s]: between files;
+    `lost`: fraction of the time for writing and for repeating lost work.
+    """
 
     write: float
     life: float
@@ -154,8 +169,10 @@ class Restart:
 
 
 def restart(masses: int, count: int, cluster: Cluster) -> Restart:
-    """The interval that loses least: sqrt(2 write life) (J. W. Young, "A first order approximation to the optimum checkpoint
-    interval", 1974)."""
+    """Return the interval with the smallest loss, sqrt(2 write life).
+
+    J. W. Young, "A first order approximation to the optimum checkpoint interval", 1974.
+    """
     write, life = masses * MASS_BYTES / cluster.files, 3600 * cluster.mean_life / count
     interval = sqrt(2 * write * life)
     return Restart(write, life, interval, write / interval + interval / (2 * life))

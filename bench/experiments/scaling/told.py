@@ -1,4 +1,4 @@
-"""The tables of `softlab scale`."""
+"""Tables of `softlab scale`."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from bench.store.tables import print_table
 from model.core.errors import SceneError
 
 HEADS = "GPUs", "rows each", "every", "step / us", "exchange", "waiting", "T masses / s", "x one", "of ideal"
-MOST = 16_384  # GPUs: of more each line takes seconds
+MOST = 16_384  # GPUs: with more, each line takes seconds
 
 
 def counts(most: int) -> list[int]:
-    """1, 2, 4 ... and `most`. Raises SceneError."""
+    """Return 1, 2, 4 ... and `most`. Raises SceneError."""
     if most < 1:
         raise SceneError("--gpus", most, "must be at least 1")
     return sorted({*(1 << k for k in range(most.bit_length())), most})
@@ -27,8 +27,11 @@ def counts(most: int) -> list[int]:
 def table(
     size: int, most: int, cluster: Cluster, every: int | None, weak: bool, seconds: Seconds = window_seconds
 ) -> list[tuple[int, Predicted, float]]:
-    """(GPUs, what is predicted, how much of ideal) of a grid of size x size, or (`weak`) of as many such as there are GPUs,
-    one below another; as far as there are rows enough. Raises SceneError where two have not, exchanging so seldom."""
+    """Return (GPUs, prediction, fraction of ideal) of a grid of size x size, or (`weak`) of one such grid per GPU,
+    stacked.
+
+    The list ends where there are too few rows. Raises SceneError if two GPUs have too few for that exchange interval.
+    """
     found = []
     one = predicted(size, size, 1, cluster, seconds=seconds)
     for count in counts(most):
@@ -43,7 +46,7 @@ def table(
 
 
 def print_predicted(console: Console, most: int, size: int, cluster: Cluster, every: int | None) -> None:
-    """Strong and weak scaling, and what a failure costs. Raises SceneError where not even one GPU can have the grid."""
+    """Print strong and weak scaling and the cost of failures. Raises SceneError if the grid has fewer than 2 rows."""
     if size < 2:
         raise SceneError("--size", size, "must be at least 2")
     rows: list[tuple[int, Predicted, float]] = []
@@ -78,7 +81,7 @@ def print_predicted(console: Console, most: int, size: int, cluster: Cluster, ev
 
 
 def print_checked(console: Console, store: Path) -> None:
-    """The model against what the store holds, with its error."""
+    """Print the model's speed-ups and errors against those in the store."""
     if not store.exists():
         console.print("nothing was measured here yet: softlab sweep --gpus 1 --gpus 2 measures", soft_wrap=True)
         return

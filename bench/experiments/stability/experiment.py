@@ -1,13 +1,13 @@
-"""Where each integrator breaks: outcomes over step size, stiffness and damping, and the edge found by bisection.
+"""Stability of each integrator: outcomes over step size, stiffness and damping, and the edge found by bisection.
 
-The map: an 8 x 8 curtain (hung by its top row, gravity, a small perturbation) is run at every step size and stiffness, and
-at every step size and damping, to one of three outcomes (bench/experiments/stability/runs.py). Beside it stands the
-analytic limit, which holds for any state of the grid; springs near their rest length leave it some room.
+The map: an 8 x 8 curtain (hung by its top row, gravity, a small perturbation) is run at every step size and stiffness,
+and at every step size and damping, to one of the outcomes of bench/experiments/stability/runs.py. It is compared with
+the analytic limit, which holds for any state of the grid; springs near their rest length have a larger limit.
 
 The edges: of the same grid without rest lengths, where the equation is linear and the limit is sharp, and of a chain of
 ten links, whose largest frequency is 2 sqrt(k/m) sin((2n-1) pi / (2 (2n+1))).
 
-One opened simulation does all points of an integrator, backend and precision: what changes is live.
+One opened simulation does all points of an integrator, backend and precision: the varied fields are live.
 """
 
 from __future__ import annotations
@@ -40,16 +40,19 @@ from model.core.simulation import PRECISIONS, Simulation
 from model.core.stability.limit import scene_frequency
 from model.scene.scene import Scene, load_scene
 
-MEANING = 1  # of what is stored; changed when an outcome or an edge comes to mean something else
+MEANING = 1  # version of what is stored; raise it when the meaning of an outcome or an edge changes
 ROWS = COLUMNS = 8
 LINKS = 10
-EDGE_WORTH = 20  # of the progress bar: an edge takes as long as so many points
+EDGE_WORTH = 20  # weight in the progress bar: an edge takes as long as that many points
 
 
 @dataclass(frozen=True)
 class Extent:
-    """What is run: `steps` [s], `stiffnesses` [N/m], `dampings` [N s/m] of the map, those of the grid's edges, and the
-    dampings of the chain's."""
+    """Values that are run.
+
+    `steps` [s], `stiffnesses` [N/m], `dampings` [N s/m] of the map, those of the grid's edges, and the dampings of the
+    chain's.
+    """
 
     steps: tuple[float, ...]
     stiffnesses: tuple[float, ...]
@@ -60,7 +63,7 @@ class Extent:
 
 
 def _decades(first: int, last: int, parts: int) -> tuple[float, ...]:
-    """10^first to 10^last, `parts` values a decade, to three digits (equal numbers in every extent)."""
+    """Return 10^first to 10^last, `parts` values per decade, to three digits (so that extents have equal numbers)."""
     return tuple(float(f"{10 ** (k / parts):.3g}") for k in range(first * parts, last * parts + 1))
 
 
@@ -79,7 +82,7 @@ class Case(case_timing.Case):
 
     @property
     def done(self) -> str:
-        """The measure that a finished case has."""
+        """Name of the measure that a finished case has."""
         return EDGE if self.edge else OUTCOME
 
     @property
@@ -88,7 +91,7 @@ class Case(case_timing.Case):
 
     @property
     def simulation_kind(self) -> tuple[Any, ...]:
-        """What the cases have in common that share an opened simulation."""
+        """Key of the cases that share an opened simulation."""
         grid = self.scene.grid
         return self.backend, self.precision, self.scene.method.integrator, self.edge, grid.rows, grid.columns
 
@@ -96,14 +99,14 @@ class Case(case_timing.Case):
         return f"{self.scene.method.integrator} {self.precision} {self.backend}{' edge' if self.edge else ''}"
 
     def open(self) -> Simulation:
-        """One thread: the grid is tiny, and nothing is timed."""
+        """Open the simulation on one thread: the grid is tiny, and nothing is timed."""
         return open_simulation(
             self.scene, self.backend, threads=1, precision=self.precision, live=LIVE, allow_unstable=True
         )
 
 
 def chain(damping: float) -> Scene:
-    """Ten links of no rest length, hung at the top, free below: exactly linear."""
+    """Return ten links without rest length, hung at the top, free below: exactly linear."""
     return linear(
         Scene(
             {
@@ -117,7 +120,7 @@ def chain(damping: float) -> Scene:
 
 
 def cases(extent: Extent, backends: Sequence[str], integrators: Sequence[str] | None = None) -> list[Case]:
-    """Each backend x precision x integrator (None: all): the map's points, then the edges, in the order they are run."""
+    """Return the cases of each backend x precision x integrator (None: all), first the map, then the edges."""
     curtain = load_scene("lab-curtain").replace({"grid.rows": ROWS, "grid.columns": COLUMNS})
     rows = [(k, DAMPING) for k in extent.stiffnesses] + [(STIFFNESS, c) for c in extent.dampings if c != DAMPING]
     edges = [(k, DAMPING) for k in extent.edge_stiffnesses] + [(STIFFNESS, c) for c in extent.edge_dampings]
@@ -136,7 +139,7 @@ def cases(extent: Extent, backends: Sequence[str], integrators: Sequence[str] | 
                 nets += [chain(c) for c in extent.chain_dampings]
                 for net in nets:
                     scene = net.replace({"method.integrator": name})
-                    if analytic(scene) > 0:  # else it grows at every step size, and there is no edge
+                    if analytic(scene) > 0:  # otherwise it grows at every step size, and there is no edge
                         scenes.append((scene, True))
                 for scene, edge in scenes:
                     threads = 1 if backend == "cpu" else None
@@ -146,7 +149,7 @@ def cases(extent: Extent, backends: Sequence[str], integrators: Sequence[str] | 
 
 
 def analytic(scene: Scene) -> float:
-    """The limit [s] of a linear net at its own largest frequency."""
+    """Return the limit [s] of a linear net at its own largest frequency."""
     return INTEGRATORS[scene.method.integrator].limit(scene_frequency(scene).estimate, damping_rate(scene))
 
 
@@ -159,13 +162,15 @@ def run_stability(
     progress: bool = True,
     command: str = "softlab stability",
 ) -> StabilitySummary:
-    """Run what the store lacks of the map and the edges, and return all of them; `print(summary)` is a table.
+    """Run the points and edges that the store lacks, and return all of them; `print(summary)` is a table.
 
-    `quick`: a coarser map, fewer edges, few integrators in float32, all of which the whole one has, too. `integrators`:
-    None: all; parts that are run apart meet in the store. `backends`: cpu, gpu (None: all that are here). Every number is
-    on disk when it is had, so that the same command resumes; Ctrl-C ends cleanly.
+    `quick`: a coarser map, fewer edges, few integrators in float32, all of which are part of the full set.
+    `integrators`: None for all; subsets that are run separately are combined in the store. `backends`: cpu, gpu (None:
+    all that are available). Every number is written to disk as soon as it is measured, so that the same command
+    resumes; Ctrl-C ends cleanly.
 
-    Raises SceneError (an unknown name), BackendUnavailable (one asked for that is not here), InputError (the store).
+    Raises SceneError (an unknown name), BackendUnavailable (a requested backend is not available), InputError (the
+    store).
     """
     names, here = chosen(integrators, list(INTEGRATORS), "--integrator"), backends_here(backends)
     summary = StabilitySummary.begun(store, "stability")
@@ -190,7 +195,7 @@ def run_stability(
 
 
 def _measure(store: Store, summary: StabilitySummary, group: Sequence[Case], tell: Tell) -> None:
-    """The cases of one opened simulation, each stored when it is done."""
+    """Run the cases of one opened simulation, each stored when it is done."""
     with ExitStack() as stack:
         tell(f"{group[0]}: opening", 0)
         simulation = stack.enter_context(group[0].open())
@@ -212,7 +217,8 @@ def _map_numbers(simulation: Simulation, case: Case) -> Numbers:
     numbers: Numbers = {}
     if found.code == DIVERGED and found.step is not None:
         numbers[STEP] = (found.step, "", None)
-    numbers[OUTCOME] = (found.code, "", _marked(case, found.note))  # last, so that a case with an outcome is complete
+    # stored last, so that a case with an outcome is complete
+    numbers[OUTCOME] = (found.code, "", _marked(case, found.note))
     return numbers
 
 

@@ -1,4 +1,4 @@
-"""What the stability runs say: points of the map, measured edges, and the names of their measures in the store."""
+"""Results of the stability runs: points of the map, measured edges, and the names of their measures in the store."""
 
 from __future__ import annotations
 
@@ -21,13 +21,16 @@ OUTCOME, STEP = "stability_outcome", "stability_step"
 EDGE, LIMIT = "stability_edge", "stability_limit"
 NAMES = (OUTCOME, STEP, EDGE, LIMIT)
 
-STIFFNESS, DAMPING = 10.0, 0.03  # N/m and N s/m: held while the other one is varied
+STIFFNESS, DAMPING = 10.0, 0.03  # N/m and N s/m: constant while the other one is varied
 
 
 @dataclass(frozen=True)
 class Place:
-    """What was run: `chain`: the chain of the tests, else the grid of the map; `dt` [s], `stiffness` [N/m], `damping`
-    [N s/m]; `limit` [s]: for any state of the grid."""
+    """Configuration of a run.
+
+    `chain`: the chain of the tests, else the grid of the map; `dt` [s], `stiffness` [N/m], `damping` [N s/m]; `limit`
+    [s]: for any state of the grid.
+    """
 
     integrator: str
     backend: str
@@ -45,8 +48,10 @@ class Place:
 
 @dataclass(frozen=True)
 class MapPoint:
-    """One point of the map. `code` as in bench/experiments/stability/runs.py; `step`: the first bad one of a run that
-    diverged."""
+    """One point of the map; `code` as in bench/experiments/stability/runs.py.
+
+    `step`: the first bad step of a run that diverged.
+    """
 
     place: Place
     code: int
@@ -58,12 +63,12 @@ class MapPoint:
 
     @property
     def lost(self) -> bool:
-        """Whether it diverged, or was on the way."""
+        """True if the run diverged or was growing."""
         return self.code in (GROWS, DIVERGED)
 
     @property
     def over(self) -> bool:
-        """Whether the step size is over the analytic limit."""
+        """True if the step size exceeds the analytic limit."""
         return self.place.dt > self.place.limit
 
 
@@ -77,16 +82,16 @@ class Edge:
 
     @property
     def off(self) -> float:
-        """measured / analytic - 1."""
+        """Relative error, measured / analytic - 1."""
         return self.measured / self.analytic - 1 if self.analytic > 0 and isfinite(self.analytic) else inf
 
 
 def place_of(description: Mapping[str, Any]) -> Place:
-    """The place of a configuration, as bench.store.results.configuration describes it."""
+    """Return the place of a configuration, as bench.store.results.configuration describes it."""
     return _place(canonical(description["scene"]), description["backend"], description["precision"])
 
 
-@lru_cache(maxsize=16384)  # figures, tables and claims all ask
+@lru_cache(maxsize=16384)  # figures, tables and claims all call it
 def _place(scene_text: str, backend: str, precision: str) -> Place:
     scene = Scene.stored(json.loads(scene_text))
     assert scene.springs is not None
@@ -103,7 +108,7 @@ def _place(scene_text: str, backend: str, precision: str) -> Place:
 
 
 def stability_of(found: Iterable[Measure]) -> tuple[list[MapPoint], list[Edge]]:
-    """The map's points and the edges among measures of one machine, in a fixed order."""
+    """Return the map's points and the edges among measures of one machine, in a fixed order."""
     points, edges = [], []
     for measures in by_configuration(measure for measure in found if measure.name in NAMES):
         place = place_of(next(iter(measures.values())).description)
@@ -123,10 +128,10 @@ def stability_of(found: Iterable[Measure]) -> tuple[list[MapPoint], list[Edge]]:
 
 
 def disagreements(points: Sequence[MapPoint], between: str = "backend") -> tuple[int, int]:
-    """(places where one diverged and another did not, places that were run by more than one), `between` backends or
-    precisions, all else being equal.
+    """Count (places where one diverged and another did not, places that were run by more than one).
 
-    The other outcomes differ by thresholds on speeds and count as one here: what matters is what diverged.
+    Compares backends or precisions, as `between` says, all else being equal. The other outcomes differ by thresholds on
+    speeds and count as one here.
     """
     groups: dict[Place, dict[str, bool]] = {}
     for point in points:
@@ -139,13 +144,13 @@ def disagreements(points: Sequence[MapPoint], between: str = "backend") -> tuple
 
 @dataclass
 class StabilitySummary(Summary):
-    """What `run_stability` did. `points`, `edges`: of all cases, those `held` in the store from before included."""
+    """Summary of `run_stability`; `points`, `edges`: of all cases, with those that the store had before."""
 
     points: list[MapPoint] = field(default_factory=list)
     edges: list[Edge] = field(default_factory=list)
 
     def rows(self) -> list[list[str]]:
-        """A line for each integrator, backend and precision, as cells: see HEAD."""
+        """Return a line of cells for each integrator, backend and precision; HEAD has the titles."""
         found = []
         for who in dict.fromkeys([*(p.place.who for p in self.points), *(e.place.who for e in self.edges)]):
             mine = [p for p in self.points if p.place.who == who]

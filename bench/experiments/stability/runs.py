@@ -1,17 +1,17 @@
-"""One point of the stability map, and one measured edge: how an opened simulation behaves at a step size.
+"""One point of the stability map, and one measured edge: the behaviour of an opened simulation at a step size.
 
-Outcomes are of a damped grid under gravity, some of whose masses are off their places, over END seconds:
+Outcomes of a damped grid under gravity, some of whose masses are displaced, over END seconds:
 
-    settles    it ends at less than SETTLED of the greatest speed it had
-    moving     it ends finite, and moves on: bounded, but not at rest
-    grows      it is finite so far, but faster in the second half of the time, even after LONGER times as long
-    diverged   it left the finite world, with the step at which it did (model/core/stepping.py says how that is found)
+ settles    it ends at less than SETTLED of its largest speed
+ moving     it ends finite and still moves: bounded, but not at rest
+ grows      it is finite so far, but faster in the second half of the time, even after LONGER times as long
+ diverged   it is no longer finite, with the step of the divergence (model/core/stepping.py defines the check)
 
 Speeds are root mean squares over the masses.
 
 Edges are measured on a net whose springs have no rest length. Its equation is exactly linear, x'' = -A x - gamma x', so
-that the largest frequency of A decides (model/core/stability/limit.py) and the step size at which growth begins is had by
-bisection of "does it grow?", knowing nothing of the integrator.
+that the largest frequency of A decides (model/core/stability/limit.py). The step size at which growth begins is found
+by bisection of "does it grow?", without knowledge of the integrator.
 """
 
 from __future__ import annotations
@@ -30,31 +30,34 @@ from model.scene.scene import Scene
 
 SETTLES, MOVING, GROWS, DIVERGED = 0, 1, 2, 3  # as stored
 OUTCOMES = ("settles", "moving", "grows", "diverged")
-LIVE = ("gravity", "dt", "stiffness", "damping")  # so that one opened simulation does a whole map
+LIVE = ("gravity", "dt", "stiffness", "damping")  # live, so that one opened simulation does a whole map
 
 END = 6.0  # s: nine times the time in which a damping rate of 3/s takes amplitudes to 1/e
-MIN_STEPS = 400  # of a point, so that large steps, too, have the time to grow
-LONGER = 16  # a run whose speeds rise goes on for up to so many times as long, to see where it ends
-RISING, RISEN = 1.1, 1.5  # of the greatest speed in the second half of the steps over the first's: goes on, has grown
+MIN_STEPS = 400  # smallest number of steps of a point, so that there is time to grow at large steps too
+LONGER = 16  # a run with rising speeds continues for up to this many times as long
+RISING, RISEN = 1.1, 1.5  # largest speed in the second half of the steps over the first's: continue above, grown above
 SETTLED = 0.05
-LOOK, LOOKS = 256, 32  # the most steps between two looks, and the fewest looks
-QUIET_LOOKS = 8  # looks in a row at a speed under a hundredth of SETTLED end a run early
+LOOK, LOOKS = 256, 32  # the most steps between two checks, and the fewest checks
+QUIET_LOOKS = 8  # consecutive checks at a speed below a hundredth of SETTLED that end a run early
 
-TOLERANCE = 1e-3  # relative width of the interval that an edge is found in
-GROWN, DECAYED = 1e4, 1e-3  # of the amplitude at the start: decided
-RISE = 1.02  # of the second half's largest amplitude over the first half's: growth, where neither was reached
-RISE_UNDAMPED = 2.0  # without damping amplitudes wobble under the edge, and grow fast over it
-FALL, FALL_STEPS = 0.9, 2**12  # a fall by so much after so many steps: decay, decided early
-UNDAMPED_STEPS = 2**13  # without damping the slowest growth, of rk4, is 0.7 % a step at a thousandth over the edge
-DAMPED_STEPS = 2**17  # with it that of explicit Euler, gamma dt / 2 times the excess: one millionth a step
-STRAY = 1e-3  # of every other mode in the start, should one of these be the first to grow
-SMALLEST, LARGEST = 1e-3, 1e3  # of dt w, between which an edge is looked for
+TOLERANCE = 1e-3  # relative width of the interval in which an edge is found
+GROWN, DECAYED = 1e4, 1e-3  # ratio to the initial amplitude at which growth or decay is decided
+RISE = 1.02  # ratio of the second half's largest amplitude to the first half's: growth, if neither was reached
+RISE_UNDAMPED = 2.0  # without damping, amplitudes fluctuate below the edge and grow fast above it
+FALL, FALL_STEPS = 0.9, 2**12  # a fall to this ratio after that many steps: decay, decided early
+UNDAMPED_STEPS = 2**13  # without damping the slowest growth, of rk4, is 0.7 % per step at 1e-3 above the edge
+DAMPED_STEPS = 2**17  # with damping that of explicit Euler, gamma dt / 2 times the excess: 1e-6 per step
+STRAY = 1e-3  # amplitude of every other mode in the start, in case one of them grows first
+SMALLEST, LARGEST = 1e-3, 1e3  # range of dt w in which an edge is searched
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """`code`: SETTLES, MOVING, GROWS or DIVERGED; `step`: the first bad one, None where there was none; `steps` that were
-    asked for in the end; `speed`: the last over the greatest; `note`: in words."""
+    """Result of a point.
+
+    `code`: SETTLES, MOVING, GROWS or DIVERGED; `step`: the first bad one, or None; `steps`: requested in the end;
+    `speed`: the last over the largest; `note`: in words.
+    """
 
     code: int
     step: int | None
@@ -64,7 +67,7 @@ class Outcome:
 
 
 def steps_of(dt: float) -> int:
-    """Steps of a point at step size `dt` [s]."""
+    """Return the steps of a point at step size `dt` [s]."""
     return max(MIN_STEPS, ceil(END / dt - 1e-9))
 
 
@@ -99,15 +102,18 @@ def outcome(simulation: Simulation, dt: float, stiffness: float, damping: float)
 
 
 def linear(scene: Scene) -> Scene:
-    """The scene's net without rest length, gravity, and start: exactly linear."""
+    """Return the scene's net without rest length, gravity and perturbation: exactly linear."""
     return scene.replace(
         {"springs.rest_length": 0.0, "gravity.enabled": False, "external.magnitude": 0.0, "perturbation.amplitude": 0.0}
     )
 
 
 def edge_start(scene: Scene) -> tuple[np.ndarray, float]:
-    """(particles, 2) [m]: the fastest mode and STRAY of everything else, with its pins at the origin; and the largest
-    frequency [1/s]. Raises SceneError for a grid too large to find its fastest mode."""
+    """Return (positions (particles, 2) [m], largest frequency [1/s]) to start from.
+
+    The positions are the fastest mode plus STRAY of everything else, with the pins at the origin. Raises SceneError for
+    a grid too large to compute its fastest mode.
+    """
     found = scene_frequency(scene)
     if found.mode is None:
         count = scene.grid.particle_count
@@ -120,10 +126,11 @@ def edge_start(scene: Scene) -> tuple[np.ndarray, float]:
 
 
 def measured_edge(simulation: Simulation, tolerance: float = TOLERANCE) -> float:
-    """The step size [s] at which a linear net (opened with LIVE on its `linear` scene) begins to grow; 0: it does at the
-    smallest; infinite: it never did. Found by doubling from a small step size, then by bisection to `tolerance`.
+    """Return the step size [s] above which a linear net (opened with LIVE on its `linear` scene) grows.
 
-    Of use for schemes that hold at some step size: explicit Euler without a damper grows at all, in the end.
+    0: it grows at the smallest step; infinite: it never grew. Found by doubling from a small step size, then by
+    bisection to `tolerance`. Only meaningful for schemes that are stable at some step size: explicit Euler without a
+    damper always grows.
     """
     scene = simulation.scene
     shape, w = edge_start(scene)
@@ -144,21 +151,21 @@ def measured_edge(simulation: Simulation, tolerance: float = TOLERANCE) -> float
 
 
 def grows(simulation: Simulation, start: State, dt: float, w: float, gamma: float) -> bool:
-    """Whether amplitudes grow at step size `dt` [s], from `start`; `w`: the net's largest frequency, `gamma`: damping
-    rate [1/s].
+    """Return True if amplitudes grow at step size `dt` [s], from `start`.
 
-    Amplitude: the root of v^2 + gamma x v + w^2 x^2 summed over the masses, which falls as exp(-gamma t / 2) in the
-    fastest mode without wobble, so that a slow rise is seen. Ends as soon as it is decided.
+    `w`: the net's largest frequency, `gamma`: damping rate [1/s]. The amplitude is the root of v^2 + gamma x v + w^2
+    x^2 summed over the masses. It falls as exp(-gamma t / 2) in the fastest mode without fluctuation, so that slow
+    growth is visible. The run ends as soon as it is decided.
     """
     simulation.load(start)
     simulation.set("method.dt", dt)
-    simulation.check_interval = 2 * DAMPED_STEPS  # the amplitude itself is looked at
-    cross = gamma if gamma < 1.8 * w else 0.0  # an overdamped mode: the form would not be positive
+    simulation.check_interval = 2 * DAMPED_STEPS  # this function checks the amplitude itself
+    cross = gamma if gamma < 1.8 * w else 0.0  # an overdamped mode, for which the form would not be positive
     first = _amplitude(simulation, w, cross)
     most = DAMPED_STEPS if gamma > 0 else UNDAMPED_STEPS
     looks: list[tuple[int, float]] = []
     while simulation.step < most:
-        # few at first: far over the edge a step multiplies by thousands, and float32 ends at 3e38
+        # few steps at first: far above the edge a step multiplies by thousands, and float32 ends at 3e38
         batch = max(4, min(simulation.step // 8, most // 64))
         simulation.advance(min(batch, most - simulation.step))
         amplitude = _amplitude(simulation, w, cross)
@@ -173,7 +180,9 @@ def grows(simulation: Simulation, start: State, dt: float, w: float, gamma: floa
 
 
 def _rise(looks: list[tuple[int, float]]) -> float:
-    """The largest of the second half of (step, amplitude) over that of the first; 0 where it cannot be told."""
+    """Return the largest amplitude of the second half of (step, amplitude) over that of the first; 0 if it is
+    undefined.
+    """
     half = looks[-1][0] / 2
     early = max((amplitude for step, amplitude in looks if step <= half), default=0.0)
     return max(amplitude for step, amplitude in looks if step > half) / early if early > 0 else 0.0

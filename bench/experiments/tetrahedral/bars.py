@@ -1,4 +1,4 @@
-"""What the store says of bars of tetrahedra (`softlab tetrahedra`): a row a setting."""
+"""Rows of the store on bars of tetrahedra (`softlab tetrahedra`): one per setting."""
 
 from __future__ import annotations
 
@@ -16,9 +16,12 @@ from bench.store.schema import tables_by_kind
 
 @dataclass(frozen=True)
 class Bar:
-    """One setting of one bar: `elements` tetrahedra of `young` [Pa]; a frame takes `seconds`; errors are relative, that of
-    the solver at rest (not a number where that would have taken too long) and in motion. `suspect`: the time has a mark;
-    `wrong`: one that says that the state was wrong or incomplete, so that the time wins nothing."""
+    """One setting of one bar.
+
+    `elements` tetrahedra of `young` [Pa]; `seconds`: of a frame. Errors are relative: that of the solver at rest (NaN
+    if it would have taken too long), that in motion, and that of the mesh. `suspect`: the time has a mark; `wrong`: the
+    mark says that the state was wrong or incomplete, so that the time does not compete.
+    """
 
     elements: int
     young: float
@@ -36,7 +39,7 @@ class Bar:
 
 
 def bars(held: Sequence[Measure]) -> list[Bar]:
-    """What the measures tell, coarse meshes and soft bars first."""
+    """Return the bars from the measures, coarse meshes and soft bars first."""
     found = []
     for numbers in by_configuration(m for m in held if m.description.get("finding") == TETRAHEDRA):
         value = {name: one.value for name, one in numbers.items() if one.value is not None}

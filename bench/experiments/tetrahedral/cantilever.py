@@ -1,6 +1,9 @@
-"""The bar of `softlab tetrahedra`: its scene, and what is known of it without a solver of the lab: its rest and its first
-half vibration on the same mesh. Gravity grows with Young's modulus, so that its rest is the same for all of them, and its
-frequencies grow with the root of it: both are made once a mesh, and kept among the references of the user's cache."""
+"""The bar of `softlab tetrahedra`: its scene, and its rest state and first half vibration without a solver of the lab.
+
+Both references are computed on the same mesh. Gravity grows with Young's modulus, so the rest state is the same for all
+moduli, and frequencies grow with the root of the modulus: both are computed once per mesh, and stored among the
+references of the user's cache.
+"""
 
 from __future__ import annotations
 
@@ -19,26 +22,26 @@ from model.core.disk_cache import cache_folder
 from model.scene.scene import Scene
 
 LENGTH, SIDE, DENSITY, POISSON = 1.0, 0.1, 1000.0, 0.3  # m, m, kg/m^3
-WEIGHT = 0.1 / 1e6  # m/s^2 of gravity per Pa of Young's modulus
-SHEAR = 0.849673  # of a square section's area that resists shear, at this Poisson's ratio
+WEIGHT = 0.1 / 1e6  # gravity [m/s^2] per Pa of Young's modulus
+SHEAR = 0.849673  # fraction of a square section's area that resists shear, at this Poisson's ratio
 FRAME = 1 / 60  # s
-MODES = 16  # of the lowest ones, which the tip follows
-BLOCKS = "xpbd blocks"  # a name of SETTINGS: position-based, the shape as one block
+MODES = 16  # number of lowest modes, which the motion of the tip consists of
+BLOCKS = "xpbd blocks"  # a name of SETTINGS: position-based, the element as one block
 SECOND = "newton order 2"  # likewise: of second order in time
 REFERENCE = 1e6  # Pa: of the bars that references are made of
 
-_MASSES: dict[int, float] = {}  # kg, of a particle, by voxels across: known without cutting each bar anew
+_MASSES: dict[int, float] = {}  # kg: mass of a particle by voxels across, so that a bar is not cut again to know it
 
 
 def setting_of(method: Mapping[str, Any]) -> str:
-    """The name in SETTINGS of a table `method`."""
+    """Return the name in SETTINGS of a table `method`."""
     if method.get("rows") == "blocks":
         return BLOCKS
     return SECOND if method.get("order") == 2 else str(method["solver"])
 
 
 def cantilever(across: int, young: float, solver: str, substeps: int, iterations: int) -> Scene:
-    """The bar, held at its left end, braked critically for its first bending vibration."""
+    """Return the bar, fixed at its left end, critically braked for its first bending vibration."""
     beam = {
         "kind": "tetrahedral_body", "shape": {"name": "box", "sides": [LENGTH, SIDE, SIDE]}, "edge": SIDE / across,
         "young_modulus": young, "poisson_ratio": POISSON, "density": DENSITY, "pinned": ["left"],
@@ -56,26 +59,28 @@ def cantilever(across: int, young: float, solver: str, substeps: int, iterations
 
 
 def bending_frequency(young: float) -> float:
-    """The first one of the clamped bar [Hz], by Euler and Bernoulli: 1.8751^2 / (2 pi L^2) sqrt(E I / (rho A))."""
+    """First bending frequency [Hz] of the clamped bar, by Euler and Bernoulli: 1.8751^2 / (2 pi L^2) sqrt(E I / (rho
+    A)).
+    """
     return float(1.8751040687**2 / (2 * pi * LENGTH**2) * sqrt(young * SIDE**2 / (12 * DENSITY)))
 
 
 def continuum_sag(young: float, poisson: float = POISSON) -> float:
-    """Of the tip [m]: q L^4 / (8 E I) + q L^2 / (2 kappa G A), q the weight of a metre."""
+    """Sag of the tip [m], q L^4 / (8 E I) + q L^2 / (2 kappa G A), with q the weight per metre."""
     area, second = SIDE**2, SIDE**4 / 12
     load, shear = DENSITY * area * WEIGHT * young, young / (2 * (1 + poisson))
     return load * LENGTH**4 / (8 * young * second) + load * LENGTH**2 / (2 * SHEAR * shear * area)
 
 
 def sag(scene: Scene, position: np.ndarray) -> float:
-    """How far the end that is not held is below where it was cut [m]: the mean of its vertices."""
+    """Return the downward displacement [m] of the free end: the mean of its vertices."""
     rest = scene.tetrahedra_set.position
     end = rest[:, 0] > rest[:, 0].max() - 1e-6 * LENGTH
     return float((rest[end, 1] - position[end, 1]).mean())
 
 
 def _bar(across: int) -> tuple[Scene, np.ndarray]:
-    """The bar that references are made of, and which of its particles are held."""
+    """Return the bar that references are made of, and a mask of its fixed particles."""
     scene = cantilever(across, REFERENCE, "xpbd", 1, 1)
     fixed = np.zeros(scene.tetrahedra_set.particle_count, bool)
     fixed[scene.tetrahedra_set.pinned_vertices] = True
@@ -85,7 +90,7 @@ def _bar(across: int) -> tuple[Scene, np.ndarray]:
 def _kept(
     what: str, across: int, shapes: dict[str, tuple[int, ...]], make: Callable[[], dict[str, np.ndarray]]
 ) -> Mapping[str, np.ndarray]:
-    """What is known of a mesh, from the user's cache or made now."""
+    """Return arrays of a mesh from the user's cache, or make them."""
     found = _bar(across)[0].tetrahedra_set
     mesh = found.position.tobytes() + found.tetrahedra.tobytes() + found.masses.tobytes()
     told = f"{what} {across} {WEIGHT} {POISSON} {DENSITY} {REFERENCE} {MODES} ".encode()
@@ -95,7 +100,7 @@ def _kept(
 
 @cache
 def exact_rest(across: int) -> np.ndarray:
-    """(particles, 3) [m]: where the bar is at rest on its own mesh, whatever solves it and whatever its Young's modulus."""
+    """Return the rest state of the bar on its own mesh, for any solver and Young's modulus: (particles, 3) [m]."""
     scene, fixed = _bar(across)
     found = scene.tetrahedra_set
 
@@ -113,7 +118,7 @@ def exact_rest(across: int) -> np.ndarray:
 
 @cache
 def _modes(across: int) -> tuple[np.ndarray, np.ndarray]:
-    """(frequency (m,) [Hz], shapes (m, particles, 3)) of the MODES lowest ones."""
+    """Return (frequency (m,) [Hz], shapes (m, particles, 3)) of the MODES lowest modes."""
     scene, fixed = _bar(across)
     found = scene.tetrahedra_set
 
@@ -127,8 +132,11 @@ def _modes(across: int) -> tuple[np.ndarray, np.ndarray]:
 
 @cache
 def exact_drop(across: int, young: float) -> tuple[int, float]:
-    """(frames to half of the first period, how far down the tip then is [m]) of the bar let go from its unloaded shape: the
-    sum over the modes of phi (phi' M g) / (phi' M phi w^2) (1 - cos w t)."""
+    """Return (frames to half of the first period, displacement of the tip then [m]) after release from the unloaded
+    shape.
+
+    It is the sum over the modes of phi (phi' M g) / (phi' M phi w^2) (1 - cos w t).
+    """
     scene, _ = _bar(across)
     found = scene.tetrahedra_set
     frequency, shapes = _modes(across)

@@ -1,8 +1,8 @@
-"""Which solver is soonest within a hundredth of the answer of its own mesh, at each Young's modulus and size; and the
-target that a solver beside the position-based ones is held to: a tenth of their time.
+"""Fastest solver within 1 % of the exact result of its own mesh, for each Young's modulus and size, and a target.
 
-At rest a solver that begins each step where the last one ended stands still where it was let go, however little it does: so
-a setting counts there only if in motion it makes MOVES of its way, too.
+The target of a solver that is not position-based is a tenth of the time of the position-based ones. At rest a solver
+that begins each step where the last one ended stands still where it was released, however little it does. A setting
+therefore counts there only if in motion it makes MOVES of the displacement, too.
 """
 
 from __future__ import annotations
@@ -19,28 +19,31 @@ from bench.store.database import Store
 from bench.store.results import measures
 from bench.store.tables import print_table
 
-MOVES = 0.75  # of its way in half a vibration
-STIFF = 1e7  # Pa, of the bars that the target is for
-TARGET = 0.1  # of the cheapest position-based setting's time, which the best solver is to take at most
+MOVES = 0.75  # fraction of the displacement in half a vibration
+STIFF = 1e7  # Pa, of the bars that the target applies to
+TARGET = 0.1  # largest time of the best solver over that of the cheapest position-based setting
 AT_REST, IN_MOTION = "at rest", "in motion"
 
 
 def within(bar: Bar, where: str) -> bool:
-    """Whether a setting is within WITHIN of the mesh's own answer, `where` AT_REST or IN_MOTION."""
+    """True if a setting is within WITHIN of the mesh's exact result, `where` AT_REST or IN_MOTION."""
     if where == AT_REST:
         return abs(bar.solver_error) <= WITHIN and bar.motion_error >= MOVES - 1
     return abs(bar.motion_error) <= WITHIN
 
 
 def positional(bar: Bar) -> bool:
-    """Whether it is position-based."""
+    """True if the setting is position-based."""
     return bar.solver.startswith("xpbd")
 
 
 @dataclass(frozen=True)
 class Decision:
-    """Of one mesh of `elements` tetrahedra of `young` [Pa] on a backend: the soonest setting of all within WITHIN `where`,
-    and the cheapest position-based one; None where none that was measured is."""
+    """Result for one mesh of `elements` tetrahedra of `young` [Pa] on a backend.
+
+    `best`: the fastest setting within WITHIN `where`; `rows`: the cheapest position-based one; None where none that was
+    measured is within it.
+    """
 
     elements: int
     young: float
@@ -51,12 +54,12 @@ class Decision:
 
     @property
     def share(self) -> float | None:
-        """The best one's time over the cheapest position-based one's."""
+        """Time of the best setting over that of the cheapest position-based one."""
         return self.best.seconds / self.rows.seconds if self.best and self.rows else None
 
 
 def decisions(found: Sequence[Bar]) -> list[Decision]:
-    """Of all meshes, at rest and in motion; of each the times that are not suspect, if there are such."""
+    """Return the decisions of all meshes, at rest and in motion, from times that are not suspect if there are any."""
     result = []
     for backend, elements, young in sorted({(b.backend, b.elements, b.young) for b in found}):
         mine = [b for b in found if (b.backend, b.elements, b.young) == (backend, elements, young)]
@@ -69,7 +72,7 @@ def decisions(found: Sequence[Bar]) -> list[Decision]:
 
 
 def setting(bar: Bar | None) -> str:
-    """`newton 4 x 1, float64: 2.1 ms`."""
+    """Return e.g. `newton 4 x 1, float64: 2.1 ms`."""
     if bar is None:
         return "none measured"
     told = f"{bar.solver} {bar.substeps} x {bar.iterations}, {bar.precision}"
@@ -77,7 +80,7 @@ def setting(bar: Bar | None) -> str:
 
 
 def targets(found: Sequence[Bar]) -> list[str]:
-    """A sentence for each mesh of the stiffest bars: whether the target is reached there, at rest and in motion."""
+    """Return a sentence for each mesh of the stiffest bars: whether the target is reached, at rest and in motion."""
     told = []
     for one in decisions(found):
         if one.young != STIFF or one.best is None:
@@ -99,7 +102,7 @@ def targets(found: Sequence[Bar]) -> list[str]:
 
 
 def print_decisions(console: Console, found: Sequence[Bar]) -> None:
-    """Which setting is soonest, a line a mesh; and the target."""
+    """Print the fastest setting of each mesh on a line, and the target."""
     lines = []
     by_mesh: dict[tuple[str, int, float], dict[str, Decision]] = {}
     for one in decisions(found):
@@ -123,7 +126,7 @@ def print_decisions(console: Console, found: Sequence[Bar]) -> None:
 
 
 def print_tetrahedra(console: Console, store: Store, machine: str) -> None:
-    """A table of what was measured on a machine."""
+    """Print a table of what was measured on a machine."""
     found = bars(measures(store, machine=machine))
     rows = [
         (

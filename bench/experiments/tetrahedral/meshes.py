@@ -1,13 +1,14 @@
-"""What tetrahedra do to a bar whatever solves them, and what steps in time do to its swing: parts of `softlab tetrahedra`.
+"""Error of a tetrahedral mesh with any solver, and damping of the time step: parts of `softlab tetrahedra`.
 
-The mesh: the cantilever of bench/experiments/tetrahedra.py under a small tip load, solved to the end by finite elements, with
-five and six tetrahedra to a voxel, 1, 2 and 4 voxels across, at three Poisson's ratios, over the continuum's sag (CONTINUUM:
-27-node hexahedra, three across). Linear tetrahedra cannot bend, and lock where they must keep their volume.
+The mesh: the cantilever of bench/experiments/tetrahedra.py under a small tip load, solved to convergence by finite
+elements, with five and six tetrahedra per voxel, 1, 2 and 4 voxels across, at three Poisson's ratios; its sag over the
+continuum's (CONTINUUM: 27-node hexahedra, three across). Linear tetrahedra cannot bend, and lock at constant volume.
 
-The step: the same bar without a load, let go in its first bending vibration, a hundredth of its width out. All solvers but
-one are implicit Euler: a vibration w loses log(1 + w^2 h^2) / (2 h) of its amplitude a second, w^2 h / 2 of slow ones,
-whatever the solver, if it is given enough to do; that is damping which nobody asked for. One that is not is softer, and so
-loses less. Of Newton's method of order 2 (model/formulas/elastic/stages.py) the loss goes with the third power of h.
+The step: the same bar without a load, released in the shape of its first bending vibration, a hundredth of its width
+out. All solvers but one are implicit Euler: a vibration w loses log(1 + w^2 h^2) / (2 h) of its amplitude per second,
+w^2 h / 2 for slow ones, whatever the solver, if its iterations converge. This is numerical damping. A solver that has
+not converged is softer, and loses less. With Newton's method of order 2 (model/formulas/elastic/stages.py) the loss is
+of order h^3.
 """
 
 from __future__ import annotations
@@ -45,16 +46,16 @@ MESH, STEP = "tetrahedra: mesh", "tetrahedra: step"  # values of `finding`
 PART, TETRAHEDRA = "tetrahedra_mesh_part", "tetrahedra_mesh_count"  # sag over the continuum's
 DECAY, LAW, FREQUENCY = "tetrahedra_decay", "tetrahedra_decay_law", "tetrahedra_swing"  # 1/s, 1/s, Hz
 CONTINUUM = {0.3: 3.99879e-4, 0.45: 3.9447e-4, 0.499: 3.8831e-4}  # Poisson's ratio -> m
-CUTS = (5, 6)  # tetrahedra to a voxel
+CUTS = (5, 6)  # tetrahedra per voxel
 LOAD, YOUNG = 0.01, 1e6  # N at the tip; Pa
-SUBSTEPS = (1, 2, 4, 8, 16, 32)  # of a frame
-OF_SECOND = (1,)  # of order 2, which in shorter ones loses less than can be seen
+SUBSTEPS = (1, 2, 4, 8, 16, 32)  # per frame
+OF_SECOND = (1,)  # of order 2; shorter substeps lose less than is measurable
 SOLVERS = {"xpbd": 1, "vbd": 100, "newton": 1, SECOND: 1}  # -> iterations
-SWING, FRAMES = 1e-3, 96  # m, of the tip; what is followed
+SWING, FRAMES = 1e-3, 96  # m, of the tip; frames that are followed
 
 
 def mesh_items(store: Store, backends: Sequence[str], quick: bool) -> list[Experiment]:
-    """The meshes, once, and the steps of each backend; `quick`: few of both."""
+    """Return the experiments on meshes, once, and those on steps for each backend; `quick`: few of both."""
     own = source_digest(Path(__file__), Path(str(finite_elements.__file__)))
     found = []
     for cut in CUTS:
@@ -78,20 +79,20 @@ run_meshes = Items("meshes of tetrahedra", mesh_items, "softlab tetrahedra")
 
 
 def bar(across: int, cut: int, poisson: float) -> Scene:
-    """The cantilever, so cut and of such a material."""
+    """Return the cantilever with that many tetrahedra per voxel and that Poisson's ratio."""
     made = cantilever(across, YOUNG, "xpbd", 1, 1)
     return made.replace({"beam.tetrahedra": cut, "beam.poisson_ratio": poisson})
 
 
 def mesh_part(scene: Scene) -> Measures:
-    """PART: the exact sag of a scene's mesh under LOAD, spread evenly over its end, over the continuum's."""
+    """Measure PART: the exact sag of a scene's mesh under LOAD, spread evenly over its end, over the continuum's."""
     found, part = scene.tetrahedra_set, scene.tetrahedra_set.parts[0]
     fixed = np.zeros(found.particle_count, bool)
     fixed[found.pinned_vertices] = True
     end = found.position[:, 0] > found.position[:, 0].max() - 1e-9
     force = spread_evenly(found.position, found.tetrahedra, end, (0.0, -LOAD, 0.0))
     moved = linear_static(found.position, found.tetrahedra, part.young_modulus, part.poisson_ratio, fixed, force)
-    work = float((force * moved).sum()) / LOAD  # the sag, weighted as the load is
+    work = float((force * moved).sum()) / LOAD  # the sag, weighted like the load
     return {
         TETRAHEDRA: (float(len(found.tetrahedra)), "", None),
         PART: (work / CONTINUUM[part.poisson_ratio], "", "of 27-node hexahedra's sag"),
@@ -99,13 +100,13 @@ def mesh_part(scene: Scene) -> Measures:
 
 
 def swinging(solver: str, substeps: int, iterations: int) -> Scene:
-    """The coarsest bar without a load and as good as without a brake."""
+    """Return the coarsest bar without a load and practically without a brake."""
     made = cantilever(1, YOUNG, solver, substeps, iterations)
     return made.replace({"gravity.enabled": False, "damping.coefficient": FREE * made.damping.coefficient})  # type: ignore[union-attr]
 
 
 def first_mode(scene: Scene) -> tuple[float, np.ndarray]:
-    """(frequency [Hz], shape (particles, 3), 1 at the tip) of its slowest vibration up and down, masses lumped."""
+    """Return (frequency [Hz], shape (particles, 3), 1 at the tip) of its slowest bending vibration, masses lumped."""
     found = scene.tetrahedra_set
     fixed = np.zeros(found.particle_count, bool)
     fixed[found.pinned_vertices] = True
@@ -113,22 +114,26 @@ def first_mode(scene: Scene) -> tuple[float, np.ndarray]:
     some, shapes = mode_shapes(
         found.position, found.tetrahedra, part.young_modulus, part.poisson_ratio, DENSITY, fixed, 2
     )  # fmt: skip
-    shape = shapes[0] / np.abs(shapes[0]).max()  # of a square section two are alike, in any plane
+    shape = shapes[0] / np.abs(shapes[0]).max()  # a square section has two equal modes, in any plane
     return float(some[0]), shape
 
 
 def law(frequency: float, h: float, order: int = 1) -> float:
-    """[1/s]: what implicit Euler takes of a vibration's amplitude in steps of h [s], or the two stages of `order` 2:
-    -log |R(i w h)| / h, R(z) = 1 / (1 - z), or (1 + (1 - 2 g) z) / (1 - g z)^2 with g = STAGE."""
+    """Return the loss of a vibration's amplitude [1/s] by implicit Euler in steps of h [s], or by the two stages of
+    `order` 2.
+
+    It is -log |R(i w h)| / h, with R(z) = 1 / (1 - z), or (1 + (1 - 2 g) z) / (1 - g z)^2 with g = STAGE.
+    """
     z = 2 * pi * frequency * h
     if order == 1:
         return log(1 + z**2) / (2 * h)
-    return log1p((STAGE * z) ** 4 / (1 + ((1 - 2 * STAGE) * z) ** 2)) / (2 * h)  # 2 g^2 = (1 - 2 g)^2: nothing cancels
+    # 2 g^2 = (1 - 2 g)^2, so that there is no cancellation
+    return log1p((STAGE * z) ** 4 / (1 + ((1 - 2 * STAGE) * z) ** 2)) / (2 * h)
 
 
 @told(LAW, FREQUENCY, DECAY)
 def decay(scene: Scene, backend: str) -> Measures:
-    """DECAY of the first mode, beside what the LAW says; and its FREQUENCY."""
+    """Measure DECAY of the first mode, with the LAW's value, and its FREQUENCY."""
     frequency, shape = first_mode(scene)
     rest = scene.tetrahedra_set.position
     begin = State(rest + SWING * shape, np.zeros_like(rest), build(scene).inverse_mass, 0.0, 0)
@@ -142,12 +147,12 @@ def decay(scene: Scene, backend: str) -> Measures:
     }
 
 
-# ---------------------------------------------------------------------- what the store says
+# ---------------------------------------------------------------------- results from the store
 
 
 @dataclass(frozen=True)
 class Mesh:
-    """`cut` tetrahedra to a voxel, `across` voxels: `count` tetrahedra, which sag `part` of what the continuum does."""
+    """`cut` tetrahedra per voxel, `across` voxels: `count` tetrahedra, whose sag is `part` of the continuum's."""
 
     cut: int
     across: int
@@ -158,8 +163,7 @@ class Mesh:
 
 @dataclass(frozen=True)
 class Step:
-    """Substeps of `h` [s]: the amplitude lost a second, `decay` [1/s], and what its scheme should lose, `law`; swings a
-    second, `frequency` [Hz]."""
+    """Substeps of `h` [s]: loss of amplitude `decay` [1/s], that of its scheme `law`, and `frequency` [Hz]."""
 
     backend: str
     solver: str
@@ -176,7 +180,7 @@ def _told(held: Iterable[Measure], finding: str) -> Iterator[tuple[dict[str, Any
 
 
 def meshes(held: Iterable[Measure]) -> list[Mesh]:
-    """What the measures tell of meshes: by cut, Poisson's ratio and voxels."""
+    """Return the meshes from the measures: by cut, Poisson's ratio and voxels."""
     found = []
     for description, value in _told(held, MESH):
         body = tables_by_kind(description["scene"])["tetrahedral_body"]
@@ -188,7 +192,7 @@ def meshes(held: Iterable[Measure]) -> list[Mesh]:
 
 
 def steps(held: Iterable[Measure]) -> list[Step]:
-    """What they tell of steps, long ones last."""
+    """Return the steps from the measures, long ones last."""
     found = []
     for description, value in _told(held, STEP):
         method = tables_by_kind(description["scene"])["method"]
@@ -200,7 +204,7 @@ def steps(held: Iterable[Measure]) -> list[Step]:
 
 
 def print_meshes(console: Console, store: Store, machine: str) -> None:
-    """Two tables of what was measured on a machine: of meshes, a line a cut and Poisson's ratio; of steps."""
+    """Print two tables of what was measured on a machine: meshes, a line per cut and Poisson's ratio; and steps."""
     held = list(measures(store, machine=machine))
     found = meshes(held)
     sizes = sorted({mesh.across for mesh in found})

@@ -1,18 +1,24 @@
-"""Budgets of a bar by the laws of `softlab advise` (bench/experiments/advise/tetrahedra_laws.py): what should come within an
-error soonest, by each solver, so that fine meshes are measured there and not everywhere."""
+"""Budgets of a bar by the laws of `softlab advise` (bench/experiments/advise/tetrahedra_laws.py).
+
+They are the settings of each solver that should be fastest within an error, so that fine meshes are measured only
+there.
+"""
 
 from __future__ import annotations
 
 from bench.experiments.advise.tetrahedra_laws import Stiff, fewest, least_descent
 from bench.experiments.tetrahedral.cantilever import SECOND
 
-WITHIN = 0.01  # of the way, or of the sag: the error that is asked for
-SAFE = 0.7  # of the substeps that the law of rows asks for: in fine meshes it asks for too many
+WITHIN = 0.01  # of the displacement, or of the sag: the requested error
+SAFE = 0.7  # fraction of the substeps that the law of rows requires: in fine meshes it requires too many
 
 
 def promised(stiff: Stiff, dt: float, error: float = WITHIN) -> list[tuple[str, int, int]]:
-    """(solver, substeps, iterations) of a step of dt [s]: rows of one sweep, also with SAFE as many substeps, and of two,
-    vertex block descent, and Newton's method of both orders; none that the laws do not promise."""
+    """Return (solver, substeps, iterations) of a step of dt [s] within `error` by the laws.
+
+    Rows of one sweep, also with SAFE as many substeps, and of two sweeps, vertex block descent, and Newton's method of
+    both orders; none that the laws exclude.
+    """
     found: list[tuple[str, int, int]] = []
     for sweeps in (1, 2):
         substeps = fewest(lambda n, sweeps=sweeps: max(stiff.excess(dt / n, sweeps), stiff.damped(dt / n)) <= error)  # type: ignore[misc]

@@ -1,7 +1,8 @@
-"""A sampled signed distance as a collider, in slow, plain NumPy float64: weights of eight samples, mass by mass.
+"""Sampled signed distance as a collider, in slow, plain NumPy float64: weights of eight samples, mass by mass.
 
-From what model/geometry/distance_field.py says of it, without model/formulas: in the body's frame a way that enters the
-body ends there; then a mass nearer than the thickness is pushed along the gradient by what it lacks, four times at most.
+From the description in model/geometry/distance_field.py, without model/formulas. In the body's frame a path that enters
+the body ends there; then a mass nearer than the thickness is pushed along the gradient by what is missing, at most four
+times.
 """
 
 from __future__ import annotations
@@ -14,15 +15,18 @@ import numpy as np
 from model.geometry.distance_field import DistanceField, Field
 
 ROUNDS, STEPS = 4, 64
-SETTLED = 1 - 1 / 64  # of the thickness: a mass that was moved and is farther than that stays
-FLAT = 1 / 1024  # a slope that leads nowhere
+SETTLED = 1 - 1 / 64  # of the thickness: a mass that was moved and is farther away than this stays
+FLAT = 1 / 1024  # a smaller slope has no direction
 
-Touched = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]  # velocity, normal, surface's velocity -> velocity
+# (velocity, normal, surface's velocity) -> velocity
+Touched = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 
 
 def sample(field: Field, point: np.ndarray) -> tuple[float, np.ndarray]:
-    """(distance [m], gradient (3,)) at a point (3,), by the weights of the samples around it; outside the grid a bound, and
-    no gradient."""
+    """Return (distance [m], gradient (3,)) at a point (3,), by the weights of the samples around it.
+
+    Outside the grid: a lower bound of the distance, and no gradient.
+    """
     place, last = (point - field.low) / field.spacing, np.array(field.distance.shape) - 1
     outside = float(np.max([-place, place - last]))
     if outside > 0:
@@ -39,7 +43,7 @@ def sample(field: Field, point: np.ndarray) -> tuple[float, np.ndarray]:
 
 
 def entered(field: Field, p: np.ndarray, q: np.ndarray) -> np.ndarray:
-    """(3,): where the way from p to q (3,) enters the body, q where it does not, or began in it."""
+    """Return the point (3,) where the path from p to q (3,) enters the body; q if it does not, or began inside."""
     length = float(np.linalg.norm(q - p))
     gone, old = 0.0, (0.0, np.inf)
     for _ in range(STEPS):
@@ -60,8 +64,10 @@ def collide(
     body: DistanceField, before: np.ndarray, position: np.ndarray, velocity: np.ndarray, begin: float, end: float,
     touched: Touched, in_place: bool = False,
 ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
-    """(position, velocity) (n, 3) of masses that were at `before` at the time `begin` [s] and come to `position` at `end`;
-    `in_place`: friction takes back what a mass slid by whose way did not enter the body."""
+    """Return (position, velocity) (n, 3) of masses that move from `before` at time `begin` [s] to `position` at `end`.
+
+    `in_place`: friction reverts the sliding of masses whose path did not enter the body.
+    """
     field, drift, spin = body.field, np.array(body.velocity), np.array(body.spin)
     then, now = body.turn_at(begin), body.turn_at(end)
     old = (before - body.origin - drift * begin) @ then

@@ -1,8 +1,9 @@
-"""A mesh as a collider, in slow, plain NumPy float64: every triangle is looked at, mass by mass, without a tree.
+"""Mesh as a collider, in slow, plain NumPy float64: all triangles for each mass, without a tree.
 
-From what model/contact/mesh_collider.py says of it, without model/formulas: in the mesh's frame the first triangle between
-where a mass was and where it is puts it at the thickness on the side it came from; else the nearest point pushes it out to
-there. Four times at most; a mass that has a triangle in its way even then stays where it was.
+From the description in model/contact/mesh_collider.py, without model/formulas. In the mesh's frame the first triangle
+between the previous and the new place of a mass puts it at the thickness on the side it came from; otherwise the
+nearest point pushes it out to there. At most four times; a mass whose path still crosses a triangle then stays where it
+was.
 """
 
 from __future__ import annotations
@@ -14,14 +15,15 @@ import numpy as np
 from model.contact.mesh_collider import MeshCollider
 
 ROUNDS = 4
-SETTLED = 1 - 1 / 64  # of the thickness: a mass that was moved and is farther than that stays
-EDGE = 1e-12  # of a triangle's coordinates: what counts as on its edge
+SETTLED = 1 - 1 / 64  # of the thickness: a mass that was moved and is farther away than this stays
+EDGE = 1e-12  # of a triangle's coordinates: distance from its edge that counts as on it
 
-Touched = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]  # velocity, normal, surface's velocity -> velocity
+# (velocity, normal, surface's velocity) -> velocity
+Touched = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 
 
 def first_crossing(corners: np.ndarray, p: np.ndarray, q: np.ndarray) -> tuple[float, np.ndarray] | None:
-    """(part of the way from p to q (3,), unit normal (3,) to p's side) of the first triangle `corners` (n, 3, 3) on it."""
+    """Return (fraction of the path from p to q (3,), unit normal (3,) on p's side) at the first of `corners` (n, 3, 3)."""
     a, one, two = corners[:, 0], corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     normal = np.cross(one, two)
     before, after = (((point - a) * normal).sum(axis=1) for point in (p, q))
@@ -40,7 +42,7 @@ def first_crossing(corners: np.ndarray, p: np.ndarray, q: np.ndarray) -> tuple[f
 
 
 def nearest_point(corners: np.ndarray, q: np.ndarray) -> np.ndarray:
-    """(3,): of all triangles `corners` (n, 3, 3) the point nearest to q (3,)."""
+    """Return the point (3,) of all triangles `corners` (n, 3, 3) nearest to q (3,)."""
     a, one, two = corners[:, 0], corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     normal = np.cross(one, two)
     square = (normal**2).sum(axis=1, keepdims=True)
@@ -62,8 +64,10 @@ def collide(
     mesh: MeshCollider, before: np.ndarray, position: np.ndarray, velocity: np.ndarray, begin: float, end: float,
     touched: Touched, in_place: bool = False,
 ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
-    """(position, velocity) (n, 3) of masses that were at `before` at the time `begin` [s] and come to `position` at `end`;
-    `in_place`: friction takes back what a mass slid by that the nearest point pushed out."""
+    """Return (position, velocity) (n, 3) of masses that move from `before` at time `begin` [s] to `position` at `end`.
+
+    `in_place`: friction reverts the sliding of masses that the nearest point pushed out.
+    """
     corners, drift, spin = mesh.position[mesh.triangles], np.array(mesh.velocity), np.array(mesh.spin)
     then, now = mesh.turn_at(begin), mesh.turn_at(end)
     old = (before - mesh.origin - drift * begin) @ then

@@ -1,6 +1,6 @@
-"""Contacts between particles in NumPy, float64, all pairs by brute force: none of the lab's formulas or records.
+"""Contacts between particles in NumPy, float64, all pairs by brute force, without the lab's formulas or records.
 
-See model/scene/particle_contact.py for what they are, and model/formulas/particle_contact.py for where from.
+model/scene/particle_contact.py describes them, model/formulas/particle_contact.py has the sources.
 """
 
 from __future__ import annotations
@@ -9,14 +9,14 @@ import numpy as np
 
 from model.scene.scene import Scene
 
-MARGIN = 0.2  # of the distance: how much farther neighbours are looked for
-BESIDE = 1.001  # distances: nearer than that at the substep's end they touch
-LEFT = 2.0**-8  # of the speed at which bodies settle: what two that were pushed apart may part with
-REST = 1.25  # distances: particles of a body nearer than that at rest do not meet
+MARGIN = 0.2  # of the distance: margin of the neighbour search
+BESIDE = 1.001  # of the distance: particles nearer than this at the end of the substep are in contact
+LEFT = 2.0**-8  # of the speed at which bodies settle: largest speed of separation of two that were pushed apart
+REST = 1.25  # of the distance: particles of one body nearer than this at rest have no contact
 
 
 class Contacts:
-    """The contacts of a scene's bodies. `weight` (particles,): inverse masses [1/kg], which may be 0."""
+    """Contacts of a scene's bodies; `weight` (particles,): inverse masses [1/kg], which may be 0."""
 
     def __init__(self, scene: Scene):
         part, body_set = scene.contact, scene.body_set
@@ -38,12 +38,12 @@ class Contacts:
         self.active = self.distance * (1 + part.adhesion_reach * (self.pull > 0))
         self.gravity = scene.gravity.acceleration if scene.gravity and scene.gravity.enabled else 0.0
         self.pairs = np.zeros((0, 2), np.int64)
-        self.pressed = np.zeros((0, 0))  # what pairs (i, j) were pushed apart with in the substep so far, times h
+        self.pressed = np.zeros((0, 0))  # accumulated push of pairs (i, j) in the substep so far, times h
         self.asked = np.zeros(len(body_set.position))
         self.couples = np.zeros_like(body_set.position)  # of the substep so far, per unit of mass, times h
 
     def find(self, predicted: np.ndarray) -> None:
-        """Keep who may meet whom within the substep, each pair once. `predicted` (particles, 3) [m]."""
+        """Store the pairs that may have contact within the substep, each once; `predicted` (particles, 3) [m]."""
         between = np.linalg.norm(predicted[:, None] - predicted, axis=2)
         self.couples[:] = 0.0
         self.pressed = np.zeros((len(predicted), len(predicted)))
@@ -51,14 +51,17 @@ class Contacts:
         self.pairs = np.stack([one, other], axis=1)
 
     def sweep(self, before: np.ndarray, now: np.ndarray) -> np.ndarray:
-        """The positions [m] after all sweeps of an iteration."""
+        """Return the positions [m] after all sweeps of an iteration."""
         for _ in range(self.part.sweeps):
             now = self.project(before, now)
         return now
 
     def project(self, before: np.ndarray, now: np.ndarray) -> np.ndarray:
-        """The positions [m] after one sweep over all contacts at once; no two may be in one place. `before`: at the
-        substep's beginning."""
+        """Return the positions [m] after one sweep over all contacts at once; `before`: at the beginning of the
+        substep.
+
+        No two particles may coincide.
+        """
         i, j = self.pairs.T
         d = now[i] - now[j]
         length = np.linalg.norm(d, axis=1)
@@ -80,7 +83,7 @@ class Contacts:
         moved = now.copy()
         np.add.at(moved, i, self.weight[i][:, None] * way)
         np.add.at(moved, j, -self.weight[j][:, None] * way)
-        couple = -np.cross(d / 2, way)  # takes an impulse from a middle to the place half way between both
+        couple = -np.cross(d / 2, way)  # moves an impulse from a particle's centre to the midpoint between both
         np.add.at(self.couples, i, self.weight[i][:, None] * couple)
         np.add.at(self.couples, j, self.weight[j][:, None] * couple)
         return moved
@@ -88,10 +91,12 @@ class Contacts:
     def given(
         self, now: np.ndarray, old: np.ndarray, velocity: np.ndarray, scale: np.ndarray, rigid: np.ndarray | None = None
     ) -> np.ndarray:
-        """What particles get [m/s] so that those that touch at `now` part with the restitution of the speed at which they
-        came near, all at once. `old`: with which the substep began; `scale` (particles, 3): the most that its impulses
-        are multiplied by, what its body asked for and makes of it. Two
-        `rigid` (particles,) ones part no faster than that, or than they did, by what they were pushed apart with."""
+        """Return the changes of velocity [m/s] after which particles in contact at `now` separate by the restitution.
+
+        All contacts act at once. `old`: velocities at the beginning of the substep. `scale` (particles, 3): the largest
+        factor of the particle's impulses, and the required and the resulting energy of its body. Two `rigid`
+        (particles,) ones separate no faster than that, or than before, because they were pushed apart.
+        """
         i, j = self.pairs.T
         d = now[i] - now[j]
         length = np.linalg.norm(d, axis=1)
@@ -112,14 +117,14 @@ class Contacts:
         share = self.factor(scale[i], scale[j]) * lack / (self.weight[i] * number[i] + self.weight[j] * number[j])
         share = np.maximum(share, np.minimum(-pressed / self.h, 0.0))
         found, self.asked = np.zeros_like(velocity), np.zeros(len(now))
-        for k in (i, j):  # of each particle, over its mass: what its contacts ask of it by themselves
+        for k in (i, j):  # for each particle, over its mass: the impulses that its contacts require by themselves
             np.add.at(self.asked, k, self.weight[k] ** 2 * number[k] * share**2)
         np.add.at(found, i, (self.weight[i] * share)[:, None] * normal)
         np.add.at(found, j, -(self.weight[j] * share)[:, None] * normal)
         return found
 
     def factor(self, one: np.ndarray, other: np.ndarray) -> np.ndarray:
-        """(n,): what the impulses of pairs are multiplied by, of (n, 3) of either: see `given`."""
+        """Return the factor (n,) of the impulses of pairs, from the `scale` (n, 3) of either particle (see `given`)."""
         least, worth = np.minimum(one[:, 0], other[:, 0]), one[:, 2] + other[:, 2]
         two = (one[:, 2] > 0) & (other[:, 2] > 0)
         worth = np.where(two, worth, 1.0)
@@ -128,7 +133,7 @@ class Contacts:
         return np.asarray(np.where(two, np.minimum(np.minimum(best, mean), most), least))
 
     def ended(self, before: np.ndarray, now: np.ndarray) -> np.ndarray:
-        """The positions [m] at the substep's end: nobody went faster than allowed, and what hardly moved stays."""
+        """Return the positions [m] at the end of the substep, with limited speed and with slow particles at rest."""
         way = now - before
         length = np.linalg.norm(way, axis=1)[:, None]
         if self.part.maximum_speed is not None:

@@ -1,11 +1,11 @@
-"""A cloth's contacts with itself in slow, plain NumPy float64, every mass against every triangle: the judge of both backends.
+"""Contacts of a cloth with itself in slow, plain NumPy float64, every mass against every triangle: the reference.
 
-From the papers, without model/formulas or a backend. The nearest point of a triangle is the projection into its plane where
-that lies inside, else the nearest point of its three sides. A contact holds n . (p - sum of b_k q_k) >= d with n and the b_k
-as they were when the substep began (C. Lewin, "Cloth Self Collision with Predictive Contacts", GDC 2018); one sweep
-projects all contacts that are too near at once, each divided by the bound of its row in the contacts' system (Gershgorin;
-R. Tonge et al., "Mass Splitting for Jitter-Free Parallel Rigid Body Simulation", SIGGRAPH 2012); friction as in M. Macklin
-et al., "Unified Particle Physics for Real-Time Applications", SIGGRAPH 2014, eq. 24.
+From the papers, without model/formulas or a backend. The nearest point of a triangle is the projection into its plane
+where that lies inside, else the nearest point of its three sides. A contact requires n . (p - sum of b_k q_k) >= d with
+n and the b_k of the beginning of the substep (C. Lewin, "Cloth Self Collision with Predictive Contacts", GDC 2018). One
+sweep projects all contacts that are too near at once, each divided by the bound of its row in the contacts' system
+(Gershgorin; R. Tonge et al., "Mass Splitting for Jitter-Free Parallel Rigid Body Simulation", SIGGRAPH 2012). Friction
+as in M. Macklin et al., "Unified Particle Physics for Real-Time Applications", SIGGRAPH 2014, eq. 24.
 """
 
 from __future__ import annotations
@@ -21,41 +21,46 @@ from model.core.errors import SceneError
 from model.scene.scene import Scene
 from model.scene.self_collision import SelfCollision
 
-# thicknesses: what a contact is made for beyond the predicted motion; ...
+# of the thickness: margin of the contact search beyond the predicted motion; distance below which the triangle's normal
+# replaces the vector from the nearest point; height over the plane below which a mass is on neither side
 MARGIN, FLAT, COINCIDENT = 0.1, 0.0625, 1e-3
 
 
 @dataclass(frozen=True)
 class Found:
-    """Contacts, (n,) each, by mass, then by distance, then by triangle; `corners` and `weights` (n, 3), `normal` (n, 3)."""
+    """Contacts, (n,) each, by mass, then by distance, then by triangle; `corners` and `weights` (n, 3), `normal` (n,
+    3).
+    """
 
     mass: np.ndarray
     triangle: np.ndarray
     corners: np.ndarray
     weights: np.ndarray
     normal: np.ndarray
-    held: np.ndarray  # m, the distance that is kept
-    distance: np.ndarray  # m, at the substep's beginning
+    held: np.ndarray  # m, the required distance
+    distance: np.ndarray  # m, at the beginning of the substep
 
     def kept(self, most: int) -> Found:
-        """The `most` nearest of every mass."""
+        """Return the `most` nearest contacts of every mass."""
         rank = np.arange(len(self.mass)) - np.searchsorted(self.mass, self.mass)
         return self.where(rank < most)
 
     def where(self, chosen: np.ndarray) -> Found:
-        """Those of which `chosen` (n,) bool is true."""
+        """Return the contacts whose entry in `chosen` (n,) is true."""
         return Found(*(getattr(self, name)[chosen] for name in self.__dataclass_fields__))
 
 
 def triangles(rows: int, columns: int) -> np.ndarray:
-    """(2 (rows - 1) (columns - 1), 3) masses: of a cell A B over C D first (A, C, D), then (A, D, B)."""
+    """Return (2 (rows - 1) (columns - 1), 3) masses: of a cell A B over C D first (A, C, D), then (A, D, B)."""
     number = np.arange(rows * columns).reshape(rows, columns)
     a, b, c, d = number[:-1, :-1], number[:-1, 1:], number[1:, :-1], number[1:, 1:]
     return np.stack([np.stack([a, c, d], -1), np.stack([a, d, b], -1)], axis=2).reshape(-1, 3)
 
 
 def nearest_weights(p: np.ndarray, q: np.ndarray) -> np.ndarray:
-    """(n, 3) barycentric weights of the point of triangles (n, 3, 3) nearest to (n, 3) points; exactly 0 off a feature."""
+    """Return barycentric weights (n, 3) of the point of triangles (n, 3, 3) nearest to (n, 3) points; exactly 0 off a
+    feature.
+    """
     u, v, r = q[:, 1] - q[:, 0], q[:, 2] - q[:, 0], p - q[:, 0]
     gram = np.stack([np.einsum("nk,nk->n", x, y) for x, y in ((u, u), (u, v), (v, v), (r, u), (r, v))])
     uu, uv, vv, ru, rv = gram
@@ -79,7 +84,7 @@ def nearest_weights(p: np.ndarray, q: np.ndarray) -> np.ndarray:
 
 
 def _answers(rows: int, columns: int, corners: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    """(n,) bool by triangle: whether it is the first of all triangles that have the corners of non-zero weight."""
+    """Return a mask (n,) of triangles that are the first of all with the corners of non-zero weight."""
     every = triangles(rows, columns)
     holders: dict[int, set[int]] = {}
     for number, own in enumerate(every.tolist()):
@@ -96,10 +101,12 @@ def _answers(rows: int, columns: int, corners: np.ndarray, weights: np.ndarray) 
 def find(
     part: SelfCollision, rows: int, columns: int, spacing: float, before: np.ndarray, predicted: np.ndarray, h: float
 ) -> Found:
-    """What may touch within a substep of `h` [s] from (particles, 3) `before` to `predicted` [m].
+    """Return the contacts that are possible within a substep of `h` [s] from `before` to `predicted` (particles, 3)
+    [m].
 
-    A triangle that a mass is no corner of, whose nearest point is less than the thickness, a margin, and the largest motion
-    of the mass relative to one of its corners away; of triangles that share the feature with that point only the first.
+    A contact is a mass and a triangle without it as a corner, whose nearest point is nearer than the thickness, a
+    margin, and the largest motion of the mass relative to one of the corners. Of triangles that share the feature with
+    that point only the first counts.
     """
     every = triangles(rows, columns)
     mass, triangle = (a.ravel() for a in np.meshgrid(np.arange(rows * columns), np.arange(len(every)), indexing="ij"))
@@ -127,8 +134,11 @@ def find(
 def _normals(
     thickness: float, before: np.ndarray, mass: np.ndarray, corners: np.ndarray, r: np.ndarray, distance: np.ndarray
 ) -> np.ndarray:
-    """(n, 3): from the nearest point to the mass; where that is too short to tell, the triangle's normal on the mass's side;
-    where there is no side, up for the mass of a number above the triangle's first corner, down for the others."""
+    """Return normals (n, 3) from the nearest point to the mass.
+
+    Where that vector is too short, the triangle's normal on the mass's side; where the mass is on neither side, up for
+    a mass whose number is above that of the triangle's first corner, down for the others.
+    """
     q = before[corners]
     normal = np.cross(q[:, 1] - q[:, 0], q[:, 2] - q[:, 0])
     size = np.linalg.norm(normal, axis=1, keepdims=True)
@@ -150,8 +160,11 @@ def project(
     weight: np.ndarray,
     surfaces: Any = None,
 ) -> np.ndarray:
-    """(particles, 3) [m]: `position` after one sweep; `weight` (particles,): inverse masses, 0 where pinned; `surfaces`: the
-    module surface_contacts where contacts are those of surfaces."""
+    """Return `position` after one sweep: (particles, 3) [m].
+
+    `weight` (particles,): inverse masses, 0 where pinned; `surfaces`: the module surface_contacts for contacts of
+    surfaces.
+    """
 
     def offset(p: np.ndarray) -> np.ndarray:
         return p[found.mass] - np.einsum("nk,nkd->nd", found.weights, p[found.corners])
@@ -184,8 +197,11 @@ def project(
 def simulate(
     scene: Scene, steps: int, position: np.ndarray, velocity: np.ndarray, most: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """(position, velocity) (particles, 3) float64 after `steps` steps of a cloth under xpbd with gravity and colliders, its
-    contacts with itself projected in every iteration after the springs. Raises SceneError for what is not known here."""
+    """Return (position, velocity) (particles, 3) float64 after `steps` steps of a cloth under xpbd.
+
+    With gravity and colliders; contacts with itself are projected in every iteration after the springs. Raises
+    SceneError for parts that are not supported here.
+    """
     if scene.wind or scene.external or scene.attachments or scene.loads or not scene.self_collision:
         raise SceneError("scene", scene.name, "the reference of contacts knows springs, gravity, dampers and colliders")
     grid, method, part = scene.grid, scene.method, scene.self_collision

@@ -1,11 +1,11 @@
-"""Contacts of surfaces of tetrahedral bodies, and of a cloth beside them, in slow, plain NumPy float64, every vertex against
-every triangle: the judge of both backends.
+"""Contacts of the surfaces of tetrahedral bodies and of a cloth beside them, in slow, plain NumPy float64.
 
-As self_contacts.py, which projects them, with two things that a closed surface has and a sheet has not. The side: the
-nearest triangle of another body tells whether a vertex lies inside, by the way from its nearest point, which is along the
-triangle's normal or against it (J. A. Baerentzen, H. Aanaes, IEEE TVCG 11 (2005), without their weighted normals: behind is
-what is more than BEHIND of the way against it). And what follows: inside a body its nearest triangle alone leads out,
-outside of it what is seen from behind is none. A cloth has neither: a vertex is held on the side where it is.
+Every vertex against every triangle: the reference of both backends. Like self_contacts.py, which projects them, with
+two additions for closed surfaces. The side: a vertex lies inside another body if the vector from its nearest point on
+the body's nearest triangle is against that triangle's normal (J. A. Baerentzen, H. Aanaes, IEEE TVCG 11 (2005), without
+their weighted normals: against it by more than BEHIND of the vector's length). The consequence: inside a body only its
+nearest triangle leads out, and outside of it a triangle that is seen from behind is not a contact. A cloth has neither:
+a vertex stays on its side.
 """
 
 from __future__ import annotations
@@ -19,14 +19,15 @@ from model.scene.scene import Scene
 from model.tetrahedra.attachments import attachment_sets
 
 BEHIND = 0.25
-SHARE = 0.25  # of a corner in what its particle's mass is split by, beside its weight: where that is 0, levers act, too
-UPRIGHT = 0.99999  # cosine of a contact's normal with the triangle's, from which it holds wherever the vertex slides
-PAST = 1 / 16  # of a triangle beyond its edges, where what comes through its plane is held to come through it
+SHARE = 0.25  # added to a corner's weight when its particle's mass is split, so that levers act where the weight is 0
+# cosine of a contact's normal with the triangle's, above which the contact holds wherever the vertex slides
+UPRIGHT = 0.99999
+# of a triangle: margin beyond its edges within which a path through its plane counts as through the triangle
+PAST = 1 / 16
 
 
 def _heights(p: np.ndarray, q: np.ndarray) -> np.ndarray:
-    """(n, 4): the weights of the three corners of triangles (n, 3, 3) at the foot of p (n, 3) in their planes, and the height
-    over it [m]."""
+    """Return (n, 4): weights of the corners of triangles (n, 3, 3) at the foot of p (n, 3), and the height [m] of p."""
     u, v, r = q[:, 1] - q[:, 0], q[:, 2] - q[:, 0], p - q[:, 0]
     normal = np.cross(u, v)
     normal = normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
@@ -37,9 +38,11 @@ def _heights(p: np.ndarray, q: np.ndarray) -> np.ndarray:
 
 
 def depth(found: Found, r: np.ndarray, before: np.ndarray, now: np.ndarray, deep: np.ndarray) -> np.ndarray:
-    """(n,) [m]: what of the depth `deep` that planes tell is left where the triangle is `now`: of a plane that leans, no more
-    than the vertex lacks of the distance, unless it began inside (`r`, of the substep's start, against the normal), or has
-    come through the triangle."""
+    """Return the remaining part of the planes' depth `deep` with the triangles at `now`: (n,) [m].
+
+    For a tilted plane it is at most what the vertex lacks of the distance, unless the vertex began inside (`r`, at the
+    beginning of the substep, against the normal), or has passed through the triangle.
+    """
     old, new = before[found.corners], now[found.corners]
     normal, p = np.cross(old[:, 1] - old[:, 0], old[:, 2] - old[:, 0]), now[found.mass]
     lean = np.abs((found.normal * normal).sum(axis=1)) / np.maximum(np.linalg.norm(normal, axis=1), 1e-300)
@@ -57,9 +60,11 @@ def depth(found: Found, r: np.ndarray, before: np.ndarray, now: np.ndarray, deep
 
 
 def force_matrices(corners: np.ndarray, weights: np.ndarray, r: np.ndarray) -> np.ndarray:
-    """(n, 3, 3, 3): A_k of each corner, which gets A_k f of a force f that acts at `r` (n, 3) [m] from the triangle's point
-    of the `weights` (n, 3): forces add up to f and have its moment, unless r is longer than the triangle `corners` (n, 3, 3)
-    is high, which leaves a part of the moment."""
+    """Return matrices A_k (n, 3, 3, 3) of each corner, which gets A_k f of a force f acting at offset `r` (n, 3) [m].
+
+    The offset is from the triangle's point with the `weights` (n, 3). The corner forces add up to f and have its
+    moment, unless r is longer than the height of the triangle `corners` (n, 3, 3), which reduces the moment.
+    """
     result = weights[:, :, None, None] * np.eye(3)
     for n, (q, way) in enumerate(zip(corners, r, strict=True)):
         normal = np.cross(q[1] - q[0], q[2] - q[0])
@@ -80,10 +85,11 @@ def force_matrices(corners: np.ndarray, weights: np.ndarray, r: np.ndarray) -> n
 def rub(
     part: Any, found: Found, before: np.ndarray, position: np.ndarray, weight: np.ndarray, deep: np.ndarray
 ) -> np.ndarray:
-    """(particles, 3): how the contacts `found`, `deep` [m], move particles, for a weight of 1.
+    """Return the displacements of particles by the contacts `found` of depth `deep` [m], for a weight of 1: (particles,
+    3).
 
-    A particle's mass is split among its contacts. Of each contact first the normal impulse acts, at the triangle's point;
-    then friction, on what is left of the slip where it acts: along that slip, as much as stops it, or as Coulomb allows.
+    A particle's mass is split among its contacts. The normal impulse of each contact acts first, at the triangle's
+    point. Then friction acts against the remaining slip at that point, as much as stops it, or as Coulomb's law allows.
     """
     parts = found.weights + SHARE
     load = np.zeros(len(position))
@@ -115,7 +121,7 @@ def rub(
 
 
 def _answers(every: np.ndarray, corners: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    """(n,) bool: whether a triangle is the first of all that have its corners of non-zero weight."""
+    """Return a mask (n,) of triangles that are the first of all with their corners of non-zero weight."""
     holders: dict[int, set[int]] = {}
     for number, own in enumerate(every.tolist()):
         for vertex in own:
@@ -130,7 +136,7 @@ def _answers(every: np.ndarray, corners: np.ndarray, weights: np.ndarray) -> np.
 def _outward(
     distance: np.ndarray, q: np.ndarray, r: np.ndarray, length: np.ndarray, closed: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """(inside (n,), way out (n, 3)); `distance` (n,) [m]; `closed` (n,): of a surface that has an inside."""
+    """Return (inside (n,), direction out (n, 3)); `distance` (n,) [m]; `closed` (n,): the surface has an inside."""
     normal = np.cross(q[:, 1] - q[:, 0], q[:, 2] - q[:, 0])
     size = np.linalg.norm(normal, axis=1, keepdims=True)
     normal = np.divide(normal, size, out=np.zeros_like(normal), where=size > 0)
@@ -144,10 +150,12 @@ def _outward(
 
 
 def find(scene: Scene, distance: float, before: np.ndarray, predicted: np.ndarray) -> Found:
-    """What may touch within a substep from (particles, 3) `before` to `predicted` [m], of bodies that do not meet themselves:
-    a triangle of another body whose nearest point is less than the distance, a margin and the largest motion of the vertex
-    relative to one of its corners away, the first of those that share the feature. Where bodies are attached to one another,
-    triangles are left out."""
+    """Return the possible contacts within a substep from `before` to `predicted` (particles, 3) [m].
+
+    Bodies have no contact with themselves. A contact is a triangle of another body whose nearest point is nearer than
+    the distance, a margin and the largest motion of the vertex relative to one of its corners; of triangles that share
+    the feature only the first. Triangles at attachments between bodies are left out.
+    """
     part, bodies = scene.contact, scene.tetrahedra_set
     assert part is not None
     first = np.append(bodies.first_particle, bodies.particle_count)
@@ -168,9 +176,11 @@ def among(
     every: np.ndarray, vertex: np.ndarray, triangle: np.ndarray, body: np.ndarray, is_closed: np.ndarray,
     distance: np.ndarray, push: float, before: np.ndarray, predicted: np.ndarray,
 ) -> Found:  # fmt: skip
-    """`find`, of pairs of a `vertex` (n,) and a `triangle` (n,) of `every` (triangles, 3): particles. `body` (particles,);
-    `is_closed` (bodies,) bool: which have an inside; `distance` (particles,) [m]: what a vertex keeps; `push` [m]: how far an
-    overlap is undone."""
+    """Return the contacts like `find`, for pairs of a `vertex` (n,) and a `triangle` (n,) of `every` (triangles, 3).
+
+    `body` (particles,); `is_closed` (bodies,): whether the body has an inside; `distance` (particles,) [m]: required of
+    a vertex; `push` [m]: how far an overlap is reverted.
+    """
     corners = every[triangle]
     weights = nearest_weights(before[vertex], before[corners])
     r = before[vertex] - np.einsum("nk,nkd->nd", weights, before[corners])

@@ -1,10 +1,11 @@
-"""A fluid that meets solids, in slow, plain NumPy float64: the judge of both backends' coupling.
+"""Fluid coupled with solids in slow, plain NumPy float64: the reference of both backends.
 
-From the papers, without model/formulas or a backend: samples of volume psi count in the density constraint (N. Akinci et al.,
-"Versatile Rigid-Fluid Coupling for Incompressible SPH", SIGGRAPH 2012), and their
-corrections go to the particles that carry them by inverse masses (M. Macklin et al., "Unified Particle Physics for
-Real-Time Applications", SIGGRAPH 2014). The order of a substep is in model/fluid/plan.py. What a fluid does by itself is
-bench/reference/fluid.py's."""
+From the papers, without model/formulas or a backend: samples of volume psi count in the density constraint (N. Akinci
+et al., "Versatile Rigid-Fluid Coupling for Incompressible SPH", SIGGRAPH 2012), and their corrections are distributed
+to the particles that carry them by inverse masses (M. Macklin et al., "Unified Particle Physics for Real-Time
+Applications", SIGGRAPH 2014). The order of a substep is in model/fluid/plan.py; the fluid itself in
+bench/reference/fluid.py.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +20,7 @@ from model.scene.scene import Scene
 
 
 class FluidAmongSolids:
-    """The fluids of a scene among `samples`, substep by substep: `begin`, `correct` in each iteration, `end`."""
+    """Fluids of a scene among `samples` of solids; per substep `begin`, `correct` in each iteration, `end`."""
 
     def __init__(self, scene: Scene, samples: Samples):
         self.world, self.samples = _World(scene), samples
@@ -33,13 +34,14 @@ class FluidAmongSolids:
         self.viscosity = np.append(np.minimum(nu, 1), 0 * volume)
 
     def lighten(self, lightness: np.ndarray) -> None:
-        """From now on the solids' particles have another lightness (particles,)."""
+        """Set the relative inverse masses of the solids' particles (particles,)."""
         self.samples = replace(self.samples, lightness=lightness)
         self.weight[self.count :] = self.samples.own_lightness
 
     def begin(self, number: int, x: np.ndarray, v: np.ndarray, before: np.ndarray, position: np.ndarray) -> None:
-        """A substep from (x, v) of the fluid, where the solids' particles come from `before` and are predicted at
-        `position`."""
+        """Begin a substep from (x, v) of the fluid; the solids' particles move from `before` to the predicted
+        `position`.
+        """
         world = self.world
         gravity = world.scene.gravity.acceleration if world.scene.gravity and world.scene.gravity.enabled else 0.0
         self.fastest = np.minimum(world.of("maximum_speed"), world.kernels.h / 2 / world.h)
@@ -58,7 +60,7 @@ class FluidAmongSolids:
         return velocity * np.where(speed > self.fastest, self.fastest / np.where(speed > 0, speed, 1), 1)[:, None]
 
     def _among_itself(self) -> _Pairs:
-        """Of the pairs that were neighbours as the substep began, those of two particles of the fluid."""
+        """Return the pairs of two fluid particles among the neighbours at the beginning of the substep."""
         found = _Pairs(self.world, self.p)
         found.pairs = self.pairs.pairs[(self.pairs.pairs < self.count).all(axis=1)]
         found.i, found.j = found.pairs.T
@@ -83,7 +85,7 @@ class FluidAmongSolids:
         self.factor = method.part_of_the_way / (below + method.softness / world.kernels.h**2)
 
     def correct(self, position: np.ndarray) -> np.ndarray:
-        """An iteration, with the solids' particles at `position`; where they are then."""
+        """Do an iteration with the solids' particles at `position`, and return their corrected positions."""
         world, pairs, i, j = self.world, self.pairs, self.pairs.i, self.pairs.j
         method, count = world.scene.method, self.count
         joined = np.concatenate([self.p, self.samples.points(position)])
@@ -117,7 +119,7 @@ class FluidAmongSolids:
         return found
 
     def end(self) -> tuple[np.ndarray, np.ndarray]:
-        """(position, velocity) of the fluid after the substep."""
+        """Return (position, velocity) of the fluid after the substep."""
         world = self.world
         v = velocities(world, self.number, self.x, self.u, self.p, self.multiplier)
         p, v = world.collide(self.number, self.x, self.p, v)
