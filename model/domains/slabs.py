@@ -80,8 +80,8 @@ def slabs_of(scene: Scene, position: np.ndarray, count: int, halo: float) -> Sla
 def slabs_at_start(scene: Scene, count: int, steps: int | None, option: str) -> Slabs:
     """Return the slabs of the scene's start.
 
-    Raises SceneError, naming the `option`, for scenes that cannot be shared, or not by so many, and for `steps` between
-    two exchanges other than one.
+    Raises SceneError, naming the `option`, for scenes that cannot be shared, or not by so many, and for any `steps`
+    between two exchanges: a fluid exchanges in each substep.
     """
     halo = fluid_halo_of(scene)
     if steps is not None:

@@ -25,7 +25,7 @@ def shift_by_gravity(scene: Scene) -> float:
 
 def comes_to_rest(scene: Scene) -> bool:
     """True if water in a tank comes to rest with the scene's scheme at its substep (tests/public/test_still_water.py).
-    `averaged` and `divergence-free` start each substep without pressure, and need short substeps for it."""
+    `averaged` and `divergence-free` start each substep without pressure, and need short substeps to come to rest."""
     return scene.method.scheme == "macklin" or shift_by_gravity(scene) <= RESTS
 
 

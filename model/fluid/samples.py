@@ -105,8 +105,8 @@ def triangle_samples(position: np.ndarray, triangles: np.ndarray, apart: float) 
 
 
 def thinned(points: np.ndarray, least: float) -> np.ndarray:
-    """Return indices (kept,) int64, ascending, of `points` (n, 3) that are at least `least` [m] from every one selected
-    before them."""
+    """Return the indices of `points` (n, 3) at least `least` [m] from every one selected before them, (kept,) int64,
+    ascending."""
     pairs = cKDTree(points).query_pairs(least * (1 - 1e-9), output_type="ndarray")
     later = grouped(pairs.min(axis=1), pairs.max(axis=1), len(points))
     kept = np.ones(len(points), bool)
