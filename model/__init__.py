@@ -1,1 +1,2 @@
-"""What is simulated: scenes, their arrays, the formulas, the contract of a solver. No numba, no OpenGL, no timing."""
+"""The simulated model: scenes, their arrays, formulas, and the interface of a solver. No numba, no OpenGL, no
+timing."""

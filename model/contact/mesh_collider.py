@@ -1,4 +1,4 @@
-"""What masses cannot pass that is a surface of triangles: the part of a scene, its triangles, and how they are stored."""
+"""The part `mesh_collider`: a surface of triangles that masses cannot pass, and its storage for kernels."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from model.geometry.mesh_files import read_arrays
 from model.geometry.topology import mesh_path
 from model.geometry.triangle_tree import order_of, tree_numbers
 
-MIN_AREA = 5e-18  # m^2: the square of a smaller one is nothing in float32
+MIN_AREA = 5e-18  # m^2: the square of a smaller area is 0 in float32
 
 
 class MeshCollider(SurfaceCollider):
@@ -46,7 +46,7 @@ class MeshCollider(SurfaceCollider):
 
     @cached_property
     def corners(self) -> np.ndarray:
-        """(n, 3, 3) float64 [m]: triangles by their corners, in the order of the tree. Raises InputError."""
+        """Triangles by their corners, (n, 3, 3) float64 [m], in the order of the tree. Raises InputError."""
         corners = self.position[self.triangles]
         ordered: np.ndarray = corners[order_of(corners)]
         return ordered
@@ -57,22 +57,25 @@ class MeshCollider(SurfaceCollider):
         return self.numbers(np.float64)
 
     def numbers(self, real: Any) -> np.ndarray:
-        """Of the tree, see model/geometry/triangle_tree.py."""
+        """Return the numbers of the tree, see model/geometry/triangle_tree.py."""
         return tree_numbers(self.corners, real)
 
     @property
     def number_count(self) -> int:
-        """How many numbers the tree has."""
+        """Number of the tree's numbers."""
         return NODE * (2 * len(self.triangles) - 1) + CORNERS * len(self.triangles)
 
     def too_many(self) -> tuple[str, object, str]:
-        """See SurfaceCollider."""
+        """Return the error's fields, see SurfaceCollider."""
         field = "file" if self.file else "shape"
         return field, f"{len(self.triangles)} triangles", "a triangle takes 25 numbers: decimate it"
 
 
 def _with_area(position: np.ndarray, triangles: np.ndarray, told: list[str]) -> np.ndarray:
-    """Without triangles that are nothing in float32; how many is added to `told`. Raises InputError where none is left."""
+    """Return the triangles without those that vanish in float32, whose number is added to `told`.
+
+    Raises InputError where none is left.
+    """
     large = triangle_areas(position, triangles) > MIN_AREA
     if not large.any():
         raise InputError(

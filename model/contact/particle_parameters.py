@@ -1,4 +1,4 @@
-"""The constants that the kernels of contacts between particles read, and what of contacts needs code."""
+"""Constants for the kernels of contacts between particles, and the features of contacts that need code."""
 
 from __future__ import annotations
 
@@ -8,44 +8,44 @@ from model.core.parameters import rounded_record
 from model.scene.scene import Scene
 
 MAX_NEIGHBOURS = 32  # of one particle; those beyond are counted as lost
-MARGIN = 0.2  # of the distance: how much farther neighbours are searched, as iterations may bring them near
-FARTHEST = 2**30  # cells from the origin, along an axis: what is beyond has left the world, and meets nobody
-REST = 1.25  # distances: particles of a body nearer than that at rest are neighbours, and do not meet
+MARGIN = 0.2  # of the distance: additional search distance, as iterations may bring particles nearer
+FARTHEST = 2**30  # cells from the origin, along an axis: particles beyond have no contacts
+REST = 1.25  # distances: particles of a body nearer than that at rest are neighbours and do not collide
 
 PARTICLE_CONTACT_PARAMETERS = (
     "inverse_cell",  # 1/m, of the cells of space
     "push",  # m: how far an overlap is reduced within a substep
     "static_friction",
     "dynamic_friction",
-    "fastest",  # m: what a particle may go in a substep
-    "asleep",  # m: what goes less in a substep stays
+    "fastest",  # m: largest displacement of a particle in a substep
+    "asleep",  # m: particles with a smaller displacement in a substep stay in place
     "restitution",
-    "settling",  # m/s: who comes no faster does not bounce
+    "settling",  # m/s: slower impacts do not bounce
     "inverse_substep",  # 1/s
 )
 (
     H_INVERSE_CELL, H_PUSH, H_STATIC, H_DYNAMIC, H_FASTEST, H_ASLEEP, H_RESTITUTION, H_SETTLING,
     H_INVERSE_SUBSTEP,
 ) = range(len(PARTICLE_CONTACT_PARAMETERS))  # fmt: skip
-# After them a row for each pair of kinds of bodies, kind i's with kind j in place i * kinds + j:
-PAIRS = len(PARTICLE_CONTACT_PARAMETERS)  # where the first one begins
+# Then a row for each pair of kinds of bodies, kind i with kind j at i * kinds + j:
+PAIRS = len(PARTICLE_CONTACT_PARAMETERS)  # index of the first row
 PAIR_FIELDS = 6
 (
-    G_DISTANCE,  # m, between two bodies; 0: they do not meet
-    G_OWN,  # m, within one body; 0 likewise
-    G_REACH,  # m: how far neighbours are searched
-    G_ACTIVE,  # m: nearer than that it is a contact: the distance, or with adhesion the farthest that it pulls
-    G_PULL,  # m: how far adhesion moves both together in a projection, its share of that of a substep
-    G_NEIGHBOURS,  # m: nearer than that at rest they are neighbours
+    G_DISTANCE,  # m, between two bodies; 0: no contact
+    G_OWN,  # m, within one body; 0: no contact
+    G_REACH,  # m: search distance of neighbours
+    G_ACTIVE,  # m: contact distance, or with adhesion the largest distance at which it pulls
+    G_PULL,  # m: displacement of both by adhesion in one projection, a fraction of that of a substep
+    G_NEIGHBOURS,  # m: pairs nearer than that at rest are neighbours
 ) = range(PAIR_FIELDS)
 
 
 def pair_rows(scene: Scene) -> np.ndarray:
-    """(kinds, kinds, PAIR_FIELDS) float64: of the scene's bodies in its order. Symmetric."""
+    """Return the rows of all pairs of the scene's bodies, (kinds, kinds, PAIR_FIELDS) float64, symmetric."""
     part, bodies = scene.contact, list(scene.bodies.values())
     assert part is not None
     h = scene.method.dt / scene.method.substeps
-    projections = scene.method.iterations * part.sweeps  # a substep
+    projections = scene.method.iterations * part.sweeps  # per substep
     found = np.zeros((len(bodies), len(bodies), PAIR_FIELDS))
     for i, one in enumerate(bodies):
         for j, other in enumerate(bodies):
@@ -61,7 +61,11 @@ def pair_rows(scene: Scene) -> np.ndarray:
 
 
 def particle_contact_record(scene: Scene, real: type) -> np.ndarray:
-    """(PAIRS + kinds^2 * PAIR_FIELDS,) in the arithmetic `real`: computed in float64, rounded once. Raises SceneError."""
+    """Return the constants, (PAIRS + kinds^2 * PAIR_FIELDS,), in the arithmetic `real`: computed in float64, rounded
+    once.
+
+    Raises SceneError.
+    """
     part, rows = scene.contact, pair_rows(scene)
     assert part is not None
     h = scene.method.dt / scene.method.substeps
@@ -92,15 +96,18 @@ def particle_contact_record(scene: Scene, real: type) -> np.ndarray:
 
 
 def kinds_of_particles(scene: Scene) -> np.ndarray:
-    """(particles,) int32: of which of the scene's bodies each is, copies not told apart; `body_set.body` tells copies."""
+    """Return the index of each particle's body in the scene, the same for all copies, (particles,) int32.
+
+    `body_set.body` distinguishes copies.
+    """
     names = list(scene.bodies)
     kind = np.array([names.index(copy.name) for copy in scene.body_set.copies], np.int32)
     return kind[scene.body_set.body]
 
 
 def contact_parts(scene: Scene) -> frozenset[str]:
-    """What of contacts needs code: `contacts`; `contact-friction`, `contact-adhesion`; `speed-limit`; `sleeping`;
-    `contact-restitution`."""
+    """Return the features of contacts that need code: `contacts`; `contact-friction`, `contact-adhesion`;
+    `speed-limit`; `sleeping`; `contact-restitution`."""
     part = scene.contact
     if part is None:
         return frozenset()

@@ -1,8 +1,8 @@
-"""How well a cloth keeps out of itself in a state: the smallest gaps, and what contacts of masses with triangles do not see.
+"""Quality of a cloth's self-contacts in a state: the smallest gaps, and penetrations that mass-triangle contacts miss.
 
 Not part of a step. float64 on the host, from positions alone: `measure(rows, columns, spacing, position, thickness)`.
-Edges against edges: C. Ericson, "Real-Time Collision Detection", 2005, section 5.1.9; edges through triangles: T. Moeller and
-B. Trumbore, "Fast, minimum storage ray/triangle intersection", Journal of Graphics Tools 2 (1997).
+Edges against edges: C. Ericson, "Real-Time Collision Detection", 2005, section 5.1.9; edges through triangles: T.
+Moeller and B. Trumbore, "Fast, minimum storage ray/triangle intersection", Journal of Graphics Tools 2 (1997).
 """
 
 from __future__ import annotations
@@ -15,17 +15,18 @@ from model.geometry.measures import nearest_weights
 from model.geometry.neighbours import SLACK
 from model.geometry.sheets import cell_corners, split_cells
 
-NEAR = 0.8  # of the thickness: edges nearer than that to one another count as missed
-BATCH = 1 << 20  # pairs looked at together
+NEAR = 0.8  # of the thickness: nearer pairs of edges count as missed
+BATCH = 1 << 20  # pairs per batch
 
 
 @dataclass(frozen=True)
 class ContactMeasure:
-    """Of pairs that do not belong together: which share no mass, and lie at least the thickness apart in the flat sheet.
+    """Gaps and crossings of pairs that share no mass and lie at least the thickness apart in the flat sheet.
 
     `min_gap` [m]: of a mass and a triangle; `min_edge_gap` [m]: of two edges; both `inf` where there are no such pairs
-    within the thickness. `edge_misses`: pairs of edges nearer than NEAR thicknesses. `crossings`: edges that go through a
-    triangle they share no mass with, however near in the sheet: 0 in a cloth that does not pass through itself.
+    within the thickness. `edge_misses`: pairs of edges nearer than NEAR thicknesses. `crossings`: edges through a
+    triangle with which they share no mass, at any distance in the sheet: 0 in a cloth that does not pass through
+    itself.
     """
 
     min_gap: float
@@ -35,7 +36,8 @@ class ContactMeasure:
 
 
 def _cell_pairs(low: np.ndarray, high: np.ndarray, distance: float) -> np.ndarray:
-    """(n, 2) cells of the sheet, first <= second, whose boxes (cells, 3) come within `distance` [m] of each other."""
+    """Return pairs (n, 2) of cells of the sheet, first <= second, whose boxes (cells, 3) come within `distance` [m] of
+    each other."""
     from scipy.spatial import cKDTree
 
     size = float((high - low).max(initial=0.0)) + distance
@@ -51,7 +53,7 @@ def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 def _edge_weights(p: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(s, t) (n,) in [0, 1]: where segments p and q (n, 2, 3) come nearest to each other."""
+    """Return (s, t), (n,) in [0, 1]: the weights of the nearest points of segments p and q (n, 2, 3)."""
     d, e, r = p[:, 1] - p[:, 0], q[:, 1] - q[:, 0], p[:, 0] - q[:, 0]
     dd, ee, de, dr, er = _dot(d, d), _dot(e, e), _dot(d, e), _dot(d, r), _dot(e, r)
     one = np.ones_like(dd)
@@ -62,7 +64,7 @@ def _edge_weights(p: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]
 
 
 def _through(p: np.ndarray, q: np.ndarray) -> np.ndarray:
-    """(n,) bool: whether segments p (n, 2, 3) go through triangles q (n, 3, 3); touching is not going through."""
+    """Return which segments p (n, 2, 3) pass through triangles q (n, 3, 3), (n,) bool; touching does not count."""
     way, u, v = p[:, 1] - p[:, 0], q[:, 1] - q[:, 0], q[:, 2] - q[:, 0]
     h = np.cross(way, v)
     volume = _dot(u, h)
@@ -75,14 +77,14 @@ def _through(p: np.ndarray, q: np.ndarray) -> np.ndarray:
 
 
 class _Sheet:
-    """A sheet's features by its cells: the masses, edges and triangles that each cell answers for."""
+    """The masses, edges and triangles of each cell of a sheet."""
 
     def __init__(self, rows: int, columns: int, spacing: float, position: np.ndarray):
         number = np.arange(rows * columns).reshape(rows, columns)
         a, b, c, d = (part.ravel() for part in cell_corners(number))
         self.corners = np.stack([a, b, c, d], axis=1)
         self.triangles = split_cells(number).reshape(-1, 2, 3)
-        # of a cell all its five edges: some belong to two cells, so that pairs are made unique afterwards
+        # all five edges of a cell: some belong to two cells, so that pairs are made unique afterwards
         self.edges = np.stack([np.stack(pair, axis=1) for pair in ((a, b), (a, c), (a, d), (c, d), (b, d))], axis=1)
         self.position = np.asarray(position, np.float64)
         self.flat = np.stack(np.divmod(np.arange(rows * columns), columns), axis=1) * spacing
@@ -90,8 +92,10 @@ class _Sheet:
     def gaps(
         self, first: np.ndarray, second: np.ndarray, s: np.ndarray, t: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """(distance now, distance in the flat sheet) [m] of the points with weights s (n, k) of masses `first` (n, k), and t
-        of `second`."""
+        """Return (current distance, distance in the flat sheet) [m] of points.
+
+        The first points have the weights s (n, k) of masses `first` (n, k), the second ones t of `second`.
+        """
         both = []
         for points in (self.position, self.flat):
             away = np.einsum("nk,nkd->nd", s, points[first]) - np.einsum("nk,nkd->nd", t, points[second])
@@ -100,13 +104,13 @@ class _Sheet:
 
 
 def _apart(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """(n,) bool: the two have no mass in common."""
+    """Return which pairs have no mass in common, (n,) bool."""
     return (first[:, :, None] != second[:, None, :]).all(axis=(1, 2))
 
 
 def _pairs(cells: np.ndarray, first: np.ndarray, second: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """All pairs of a feature of one cell and a feature of the other, both ways, once each, without those that share masses:
-    (n, k), (n, l) masses."""
+    """Return all pairs of a feature of one cell and a feature of the other, in both directions, each once, without
+    those that share masses: (n, k), (n, l) masses."""
     both = np.concatenate([cells, cells[cells[:, 0] != cells[:, 1]][:, ::-1]])
     left = np.repeat(first[both[:, 0]], second.shape[1], axis=1).reshape(-1, first.shape[2])
     right = np.tile(second[both[:, 1]], (1, first.shape[1], 1)).reshape(-1, second.shape[2])
@@ -115,7 +119,10 @@ def _pairs(cells: np.ndarray, first: np.ndarray, second: np.ndarray) -> tuple[np
 
 
 def measure(rows: int, columns: int, spacing: float, position: np.ndarray, thickness: float) -> ContactMeasure:
-    """`position` (particles, 3) [m] in builder order; `thickness` [m] of the scene's self_collision. See ContactMeasure."""
+    """Return the ContactMeasure of a state.
+
+    `position`: (particles, 3) [m] in builder order; `thickness` [m]: of the scene's self_collision.
+    """
     if min(rows, columns) < 2 or not np.isfinite(position).all():
         return ContactMeasure(np.inf, np.inf, 0, 0)
     sheet = _Sheet(rows, columns, spacing, position)
@@ -124,7 +131,7 @@ def measure(rows: int, columns: int, spacing: float, position: np.ndarray, thick
     gap = edge_gap = np.inf
     missed: list[np.ndarray] = []
     crossed: list[np.ndarray] = []
-    for begin in range(0, len(cells), BATCH // 50):  # 25 pairs of edges, both ways
+    for begin in range(0, len(cells), BATCH // 50):  # 25 pairs of edges, in both directions
         some = cells[begin : begin + BATCH // 50]
         mass, triangle = _pairs(some, sheet.corners[:, :, None], sheet.triangles)
         weights = nearest_weights(sheet.position[mass[:, 0]], sheet.position[triangle])

@@ -1,4 +1,4 @@
-"""The constants that the kernels of a cloth's contacts with itself read, and how large their tables are."""
+"""Constants for the kernels of a cloth's self-contacts, and the sizes of their tables."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from model.scene.self_collision import MAX_CONTACTS as MAX_CONTACTS
 
 SELF_CONTACT_PARAMETERS = (
     "thickness",  # m
-    "margin",  # m: how much nearer than predicted a mass may come within a substep, through constraints
-    "reach",  # m: the farthest that is searched, beside the extent of the sheet's cells
+    "margin",  # m: how much a mass may come nearer than predicted within a substep, through constraints
+    "reach",  # m: largest search distance, in addition to the extent of the sheet's cells
     "inverse_cell",  # 1/m, cells of space
     "spacing",  # m
     "normal_distance",  # m: nearer than this a triangle's own normal is used
@@ -21,21 +21,23 @@ SELF_CONTACT_PARAMETERS = (
     "dynamic_friction",
 )
 MARGIN = 0.1  # thicknesses
-FLAT = 0.0625  # thicknesses: there an ulp of a coordinate is still small beside a distance in float32
+FLAT = 0.0625  # thicknesses: at that distance an ulp of a coordinate is still small relative to it in float32
 COINCIDENT = 1e-3  # thicknesses
-SPAN = 8  # cells of space that a mass looks into along an axis at most: both ways of the farthest that is searched
-SEARCHED = 3.0  # cells of space, each way: who moves farther in a substep has left every prediction behind
+SPAN = 8  # largest number of cells of space that a mass searches along an axis: both directions of the search distance
+SEARCHED = 3.0  # cells of space, in each direction: masses that move farther in a substep invalidate any prediction
 
 
 def cell_size(scene: Scene) -> float:
-    """Of the cells of space [m]: twice what a mass that rests has to search, so that it looks into eight of them at most."""
+    """Return the edge of the cells of space [m]: twice the search distance of a mass at rest, so that it searches at
+    most eight."""
     assert scene.self_collision is not None
     thickness = scene.self_collision.thickness
     return 2 * (scene.grid.spacing * 0.75 + thickness * (1 + MARGIN))  # half a cell's diagonal: 0.71 spacings
 
 
 def contact_record(scene: Scene, real: type) -> np.ndarray:
-    """(1,): SELF_CONTACT_PARAMETERS in the arithmetic `real`: computed in float64, rounded once. Raises SceneError."""
+    """Return SELF_CONTACT_PARAMETERS in the arithmetic `real`, (1,): computed in float64, rounded once. Raises
+    SceneError."""
     part = scene.self_collision
     assert part is not None
     h, size = scene.method.dt / scene.method.substeps, cell_size(scene)
@@ -58,5 +60,6 @@ def contact_record(scene: Scene, real: type) -> np.ndarray:
 
 
 def table_size(entries: int) -> int:
-    """Of the hash table: a power of two, at least twice the entries (Teschner et al. 2003, section 5)."""
+    """Return the size of the hash table: a power of two, at least twice the entries (Teschner et al. 2003, section
+    5)."""
     return 1 << max(1, (2 * entries - 1).bit_length())

@@ -1,5 +1,8 @@
-"""What makes a run incomplete though its state is finite: contacts and neighbours that did not fit into lists of fixed
-length, tetrahedra that are inside out, particles and vertices that are caught in another body. float64 on the host."""
+"""Faults that make a run incomplete although its state is finite, counted in float64 on the host.
+
+They are contacts and neighbours that did not fit into lists of fixed length, inverted tetrahedra, and particles and
+vertices trapped in another body.
+"""
 
 from __future__ import annotations
 
@@ -14,28 +17,31 @@ from model.core.simulation import Simulation
 from model.geometry.neighbours import TooMany, close_pairs
 from model.scene.scene import Scene
 
-CAUGHT = 0.7  # of the distance that contacts keep: nearer is no rest in a heap
-MAX_PARTICLES = 200_000  # beyond so many the search for what is caught takes too long, and is left out
-FAULTS = ("contacts_lost", "neighbours_lost", "inverted", "caught")  # each a count in a report: over 0 is incomplete
+CAUGHT = 0.7  # of the contact distance: nearer pairs are not at rest in a heap
+MAX_PARTICLES = 200_000  # above this number the search for trapped particles takes too long, and is omitted
+FAULTS = ("contacts_lost", "neighbours_lost", "inverted", "caught")  # each is a count in a report: over 0 is incomplete
 INSIDE = 1e-6  # barycentric coordinate: a vertex nearer than that to a side lies on the surface
-BATCH = 1 << 12  # tetrahedra that are looked at together
+BATCH = 1 << 12  # tetrahedra per batch
 
 
 def can_fall_short(scene: Scene) -> bool:
-    """Whether a run of the scene can be incomplete at all: it has contacts, fluids or tetrahedra."""
+    """Return True if a run of the scene can be incomplete at all: it has contacts, fluids or tetrahedra."""
     meets = scene.contact is not None or scene.self_collision is not None
     return bool(meets or scene.fluids or scene.tetrahedra or scene.is_world)
 
 
 def lost(simulation: Any) -> dict[str, int]:
-    """`contacts_lost`, and `neighbours_lost` of fluids, since the simulation was opened: what did not fit into lists of
-    fixed length, of a world all members' together. Only what the scene has: {} where nothing meets."""
+    """Return `contacts_lost`, and `neighbours_lost` of fluids, since the simulation was opened.
+
+    They did not fit into lists of fixed length; a world has the sum of its members. {} where the scene has no contacts.
+    """
     before = getattr(simulation, "lost_when_opened", {})
     return {name: count - before.get(name, 0) for name, count in lost_so_far(simulation).items()}
 
 
 def lost_so_far(simulation: Any) -> dict[str, int]:
-    """The same with what the step lost that compiled the kernels, in which all particles may lie in one place."""
+    """Return the counts of `lost` including the step that compiled the kernels, in which all particles may lie in one
+    place."""
     scene, contacts = simulation.scene, getattr(simulation, "contacts", None)
     if scene.is_world:
         found = {"contacts_lost": _beyond(contacts)} if scene.contact is not None else {}
@@ -53,12 +59,15 @@ def lost_so_far(simulation: Any) -> dict[str, int]:
 
 
 def _beyond(contacts: Any) -> int:
-    """Contacts, and vertices in reach, that a search had no place for."""
+    """Return the number of contacts, and of vertices in the search distance, for which a search had no capacity."""
     return int(getattr(contacts, "lost", 0)) + int(getattr(contacts, "neighbours_lost", 0))
 
 
 def inverted_elements(scene: Scene, position: np.ndarray) -> dict[str, int]:
-    """`inverted`: how many tetrahedra, alone or in a world, have no positive volume at `position`. {}: there are none."""
+    """Return `inverted`: the number of tetrahedra, alone or in a world, without a positive volume at `position`.
+
+    {} where there are none.
+    """
     own, place = _tetrahedra_of(scene)
     if own is None or not np.isfinite(position).all():
         return {}
@@ -66,7 +75,7 @@ def inverted_elements(scene: Scene, position: np.ndarray) -> dict[str, int]:
 
 
 def _tetrahedra_of(scene: Scene) -> tuple[Scene | None, slice]:
-    """(the scene of tetrahedral bodies, itself or a member of it, or None; where its particles are)."""
+    """Return (the scene of tetrahedral bodies, itself or a member of it, or None; the slice of its particles)."""
     if scene.is_world:
         own = scene.members.get("tetrahedra")
         return own, scene.world_set.slices()["tetrahedra"] if own else slice(None)
@@ -74,8 +83,11 @@ def _tetrahedra_of(scene: Scene) -> tuple[Scene | None, slice]:
 
 
 def element_faults(scene: Scene, position: np.ndarray, inverse_mass: np.ndarray) -> dict[str, int]:
-    """`inverted`, see above; `caught`: how many vertices lie in a tetrahedron of another body (of the same one, where it
-    meets itself), a cloth's and, in a world, particles of bodies among them. {}: there are no tetrahedra."""
+    """Return `inverted`, see above, and `caught`: the number of vertices in a tetrahedron of another body.
+
+    For a body with self-collision, tetrahedra of the same body count, too. Vertices of a cloth and, in a world,
+    particles of bodies are included. {} where there are no tetrahedra.
+    """
     own, place = _tetrahedra_of(scene)
     found = inverted_elements(scene, position)
     if own is None or not found or scene.contact is None:
@@ -93,7 +105,7 @@ def element_faults(scene: Scene, position: np.ndarray, inverse_mass: np.ndarray)
 
 
 def inverted(corners: np.ndarray) -> int:
-    """How many tetrahedra with such `corners` (n, 4, 3) have no positive volume."""
+    """Return the number of tetrahedra with `corners` (n, 4, 3) that have no positive volume."""
     a, b, c = (corners[:, k] - corners[:, 0] for k in (1, 2, 3))
     return int(((a * np.cross(b, c)).sum(axis=1) <= 0).sum())
 
@@ -101,8 +113,11 @@ def inverted(corners: np.ndarray) -> int:
 def _meeting(
     members: dict[str, Scene], places: dict[str, slice], position: np.ndarray, inverse_mass: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Of particles that meet surfaces of tetrahedral bodies: ((n, 3) [m], (n,) of which tetrahedral body each is, -1 of
-    others). Those of the tetrahedral bodies come first, in their own order, inner ones as NaN."""
+    """Return the particles that collide with surfaces of tetrahedral bodies: (position (n, 3) [m], tetrahedral body
+    (n,) or -1).
+
+    Those of the tetrahedral bodies come first, in their own order, interior ones as NaN.
+    """
     own = members["tetrahedra"]
     surface, found = contact_surface(own.tetrahedra_set), position[places["tetrahedra"]]
     points = np.full(found.shape, np.nan)
@@ -118,8 +133,8 @@ def _meeting(
 
 @dataclass(frozen=True)
 class Elements:
-    """`tetrahedra` (t, 4): numbers of particles, which lie at `rest` (particles, 3) [m]; `body` (t,) of each; `apart`
-    (bodies,) [m]: how far parts of one body that meet lie from each other at rest, infinite where it does not meet itself."""
+    """`tetrahedra` (t, 4): particle numbers; `rest` (particles, 3) [m]: their rest positions; `body` (t,): of each;
+    `apart` (bodies,) [m]: rest distance from which parts of one body collide, infinite without self-collision."""
 
     tetrahedra: np.ndarray
     body: np.ndarray
@@ -127,7 +142,8 @@ class Elements:
     apart: np.ndarray
 
     def meet(self, point: np.ndarray, body: np.ndarray, element: np.ndarray) -> np.ndarray:
-        """(n,) bool: whether particles `point` (n,), of tetrahedral bodies `body` (n,) (-1: of none), meet `element` (n,)."""
+        """Return which particles `point` (n,) of tetrahedral bodies `body` (n,) (-1: none) can collide with `element`
+        (n,), (n,) bool."""
         other = body != self.body[element]
         some = np.flatnonzero(~other & np.isfinite(self.apart[self.body[element]]))
         way = self.rest[self.tetrahedra[element[some]]] - self.rest[point[some], None]
@@ -137,8 +153,11 @@ class Elements:
 
 
 def caught_in(points: np.ndarray, body: np.ndarray, corners: np.ndarray, elements: Elements) -> int:
-    """How many of `points` (n, 3) [m], those of `elements` first, lie within a tetrahedron (`corners` (t, 4, 3) [m] now) that
-    they meet; `body` (n,): of which tetrahedral body each is, -1 of others."""
+    """Return the number of `points` (n, 3) [m] within a tetrahedron with which they can collide.
+
+    The points of `elements` come first; `corners` (t, 4, 3) [m]: current ones; `body` (n,): tetrahedral body of each
+    point, or -1.
+    """
     from scipy.spatial import cKDTree
 
     known = np.flatnonzero(np.isfinite(points).all(axis=1))
@@ -161,8 +180,10 @@ def caught_in(points: np.ndarray, body: np.ndarray, corners: np.ndarray, element
 
 
 def _within(points: np.ndarray, corners: np.ndarray) -> np.ndarray:
-    """(n,) bool: whether each of `points` (n, 3) lies inside its tetrahedron `corners` (n, 4, 3), by barycentric
-    coordinates: ratios of volumes (C. Ericson, "Real-Time Collision Detection", 2005, section 3.4)."""
+    """Return which of `points` (n, 3) lie inside their tetrahedron `corners` (n, 4, 3), (n,) bool.
+
+    By barycentric coordinates: ratios of volumes (C. Ericson, "Real-Time Collision Detection", 2005, section 3.4).
+    """
     a, b, c, p = (corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 0],
                   points - corners[:, 0])  # fmt: skip
     volume = (a * np.cross(b, c)).sum(axis=1)
@@ -174,8 +195,12 @@ def _within(points: np.ndarray, corners: np.ndarray) -> np.ndarray:
 
 
 def caught_particles(scene: Scene, position: np.ndarray, inverse_mass: np.ndarray) -> tuple[int, float | None]:
-    """Of particles that are there and meet: how many are nearer to one of another body than CAUGHT of what contacts keep; the
-    least distance over that (None: nobody is near, or there are too many to look)."""
+    """Return (number of trapped particles, smallest distance over the contact distance) among active particles with
+    contacts.
+
+    A particle is trapped if it is nearer to one of another body than CAUGHT of the contact distance. The second value
+    is None where no pair is near, or there are too many particles to search.
+    """
     body_set, there = scene.body_set, np.flatnonzero(inverse_mass > 0)
     if len(there) > MAX_PARTICLES or not np.isfinite(position).all():
         return 0, None
@@ -193,9 +218,11 @@ def caught_particles(scene: Scene, position: np.ndarray, inverse_mass: np.ndarra
 
 
 def shortfalls(simulation: Simulation, position: np.ndarray, inverse_mass: np.ndarray) -> dict[str, Any]:
-    """What is incomplete in a run that ended at `position` (particles, dimensions) [m], weights as in State: FAULTS, those
-    that the scene can have, 0 where all is well; of particles of bodies also `least_distance`, over what contacts keep (see
-    `caught_particles`)."""
+    """Return the faults of a run that ended at `position` (particles, dimensions) [m], `inverse_mass` as in State.
+
+    FAULTS, those that the scene can have, 0 if there are none; for particles of bodies also `least_distance`, over the
+    contact distance (see `caught_particles`).
+    """
     scene = simulation.scene
     found: dict[str, Any] = {**lost(simulation), **element_faults(scene, position, inverse_mass)}
     bodies, place = scene, slice(None)

@@ -1,4 +1,4 @@
-"""What colliders made from a mesh have in common: where the mesh comes from, where it stands, and how it moves."""
+"""The common base of colliders made from a mesh: the mesh's source, its position and rotation, its motion."""
 
 from __future__ import annotations
 
@@ -27,20 +27,21 @@ class SurfaceCollider(MeshSource, Collider):
     thickness: Positive = 0.01  # m
 
     def _read(self) -> tuple[np.ndarray, np.ndarray, tuple[str, ...]]:
-        """(position (vertices, 3) [m], triangles (n, 3), a sentence for what was made good), unturned. Raises InputError."""
+        """Return (position (vertices, 3) [m], triangles (n, 3), a sentence for each repair), unrotated. Raises
+        InputError."""
         raise NotImplementedError
 
     def numbers(self, real: Any) -> np.ndarray:
-        """What kernels read of it, in the arithmetic `real`. Raises SceneError, InputError."""
+        """Return the numbers that kernels read, in the arithmetic `real`. Raises SceneError, InputError."""
         raise NotImplementedError
 
     @property
     def number_count(self) -> int:
-        """How many numbers there are. Raises SceneError, InputError."""
+        """Number of these numbers. Raises SceneError, InputError."""
         raise NotImplementedError
 
     def too_many(self) -> tuple[str, object, str]:
-        """(field, its value, what to do) where an arithmetic cannot count its numbers."""
+        """Return (field, its value, what to do) for an arithmetic that cannot count its numbers."""
         raise NotImplementedError
 
     @cached_property
@@ -50,36 +51,37 @@ class SurfaceCollider(MeshSource, Collider):
 
     @property
     def position(self) -> np.ndarray:
-        """(vertices, 3) float64 [m], from the mesh's origin, at time 0. Raises InputError for a file that is no mesh."""
+        """Vertices relative to the mesh's origin at time 0, (vertices, 3) float64 [m]. Raises InputError for a file
+        without a mesh."""
         return self._mesh[0]
 
     @property
     def triangles(self) -> np.ndarray:
-        """(n, 3), indices of vertices; counter-clockwise from the front. Raises InputError."""
+        """Indices of vertices, (n, 3), counter-clockwise from the front. Raises InputError."""
         return self._mesh[1]
 
     @property
     def told(self) -> tuple[str, ...]:
-        """A sentence for what was left out of the file, or made good. Raises InputError."""
+        """Sentences on what was omitted from the file, or repaired. Raises InputError."""
         return self._mesh[2]
 
     def turn(self) -> np.ndarray:
-        """(3, 3) float64: the start's rotation, by Rodrigues' formula."""
+        """Return the initial rotation, (3, 3) float64, by Rodrigues' formula."""
         return turn_matrix(np.radians(self.angle) * np.asarray(self.axis) / (float(norm(self.axis)) or 1.0))
 
     def turn_at(self, time: float) -> np.ndarray:
-        """(3, 3) float64: from the start to `time` [s]."""
+        """Return the rotation from the start to `time` [s], (3, 3) float64."""
         return turn_matrix(np.asarray(self.spin) * time)
 
     def lines(self) -> list[str]:
-        """What to tell a user of it: its size, and what was left out. Raises SceneError, InputError."""
+        """Return a user's lines on the mesh: its size, and what was omitted. Raises SceneError, InputError."""
         size = " x ".join(f"{length:.4g}" for length in np.ptp(self.position, axis=0))
         return [f"{len(self.triangles)} triangles, {size} m", *self.told]
 
 
 @contextmanager
 def naming(part: str) -> Iterator[None]:
-    """Errors of a part's fields under its name, which it does not know."""
+    """Raise errors of a part's fields with its name, which it does not know."""
     try:
         yield
     except SceneError as error:
@@ -87,6 +89,6 @@ def naming(part: str) -> Iterator[None]:
 
 
 def turn_matrix(turn: np.ndarray) -> np.ndarray:
-    """(3, 3) float64: the rotation about `turn` (3,) by its length [rad]."""
+    """Return the rotation about `turn` (3,) by its length [rad], (3, 3) float64."""
     angle = float(norm(turn))
     return rotation_matrix(turn / (angle or 1.0), angle)

@@ -1,5 +1,5 @@
-"""Surfaces of tetrahedral bodies that meet, and of a cloth beside them: their vertices and triangles as both backends read
-them, and the constants."""
+"""Contact surfaces of tetrahedral bodies and of a cloth beside them: vertices, triangles and constants for both
+backends."""
 
 from __future__ import annotations
 
@@ -36,19 +36,19 @@ from model.tetrahedra.attachments import contact_free
 from model.tetrahedra.body_set import TetrahedraSet
 
 SURFACE_CONTACT_PARAMETERS = (
-    "thickness",  # m, that surfaces keep
-    "margin",  # m: how much nearer than predicted a vertex may come within a substep, through constraints
+    "thickness",  # m, distance between surfaces
+    "margin",  # m: how much a vertex may come nearer than predicted within a substep, through constraints
     "normal_distance",  # m: nearer than this a triangle's own normal is used
     "push",  # m: how far an overlap is reduced within a substep
     "static_friction",
     "dynamic_friction",
 )
-SHARE = 0.25  # of the shortest body's mean edge: the distance, unless told
+SHARE = 0.25  # of the smallest mean edge of the bodies: the default distance
 MARGIN = 0.1  # distances
-FLAT = 0.0625  # distances: there an ulp of a coordinate is still small beside a distance in float32
-APPROACH = 1.0  # distances: what comes nearer by more in a substep may not be seen before it is inside
-STRETCH = 1.2  # of a triangle's edges: until then its corners are found from wherever it is
-APART = 2.0  # mean edges: parts of a body nearer than that at rest do not meet
+FLAT = 0.0625  # distances: there an ulp of a coordinate is still small relative to the distance in float32
+APPROACH = 1.0  # distances: larger approaches in a substep may not be detected before the vertex is inside
+STRETCH = 1.2  # of a triangle's edges: up to it the search distance of its corners is large enough
+APART = 2.0  # mean edges: parts of a body nearer than that at rest do not collide
 FEATURES = {
     (0,): FIRST, (1,): SECOND, (2,): THIRD, (0, 1): FIRST_SECOND, (0, 2): FIRST_THIRD, (1, 2): SECOND_THIRD,
 }  # fmt: skip
@@ -56,11 +56,14 @@ FEATURES = {
 
 @dataclass(frozen=True, eq=False)
 class ContactSurface:
-    """But for what attachments hold: `vertices` (s,) int32: the particles at surfaces, ascending, which know each other by
-    their places here; `triangles` (t, 3) int32: particles; `owned` (t,) int32: a bit for each feature that a triangle answers
-    for, the first of those that share it, and SHEET of a cloth's; `at_vertex`: triangles at each of the vertices; `body`
-    (particles,) int32; `rest` (particles, 3) [m]; `edge`, `corner` (bodies,) [m]: the mean edge of a surface, and how far a
-    point of a triangle lies from the nearest of its corners at most."""
+    """Surfaces without what attachments move.
+
+    `vertices` (s,) int32: the particles at surfaces, ascending; other tables use indices into them. `triangles` (t, 3)
+    int32: particles. `owned` (t,) int32: a bit for each feature that a triangle owns, as the first of those that share
+    it, and SHEET for a cloth's. `at_vertex`: triangles at each of the vertices. `body` (particles,) int32. `rest`
+    (particles, 3) [m]. `edge`, `corner` (bodies,) [m]: the mean edge of a surface, and the largest distance of a point
+    of a triangle from its nearest corner.
+    """
 
     vertices: np.ndarray
     triangles: np.ndarray
@@ -76,7 +79,7 @@ _known: WeakKeyDictionary[TetrahedraSet, ContactSurface] = WeakKeyDictionary()
 
 
 def contact_surface(found: TetrahedraSet) -> ContactSurface:
-    """Of all bodies, and the cloth. Kept with them."""
+    """Return the surface of all bodies and the cloth, cached with them."""
     if found not in _known:
         _known[found] = _made(found)
     return _known[found]
@@ -92,8 +95,12 @@ def _made(found: TetrahedraSet) -> ContactSurface:
 def surface_of(
     triangles: np.ndarray, position: np.ndarray, body: np.ndarray, sheets: np.ndarray, free: np.ndarray
 ) -> ContactSurface:
-    """Of `triangles` (t, 3) int32 of particles at rest at `position` (particles, 3) [m]; `body` (particles,) int32; `sheets`
-    (bodies,) bool: which have two sides and no inside; `free` (particles,) bool: those that meet nothing."""
+    """Return the surface of `triangles` (t, 3) int32 of particles with the rest positions `position` (particles, 3)
+    [m].
+
+    `body`: (particles,) int32; `sheets`: (bodies,) bool, those with two sides and no inside; `free`: (particles,) bool,
+    those without contacts.
+    """
     count = len(sheets)
     sides = np.stack([norm(position[triangles[:, b]] - position[triangles[:, a]]) for a, b in _SIDES])
     of_body = body[triangles[:, 0]]
@@ -116,8 +123,10 @@ _SIDES = ((0, 1), (1, 2), (2, 0))
 
 
 def _farthest(sides: np.ndarray) -> np.ndarray:
-    """(t,) [m]: no point of a triangle with these `sides` (3, t) lies farther from its nearest corner: its circumradius, or,
-    where an angle is over 90 degrees, half the longest side, which then bounds it."""
+    """Return the largest distance of a point of a triangle with these `sides` (3, t) from its nearest corner, (t,) [m].
+
+    It is the circumradius, or, where an angle is over 90 degrees, half the longest side, which then bounds it.
+    """
     a, b, c = np.sort(sides, axis=0)
     area = np.sqrt(np.maximum((a + b + c) * (b + c - a) * (c + a - b) * (a + b - c), 0.0)) / 4
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -126,8 +135,11 @@ def _farthest(sides: np.ndarray) -> np.ndarray:
 
 
 def _owners(triangles: np.ndarray) -> np.ndarray:
-    """(t,) int32. No feature is lost by asking owners alone: the one of the feature on which a nearest point lies is as near,
-    and is found by the same corners."""
+    """Return the owned features of each triangle as bits, (t,) int32.
+
+    Testing only owners loses no feature: the owner of the feature on which a nearest point lies is equally near, and is
+    found by the same corners.
+    """
     owned = np.full(len(triangles), 1 << FACE)
     for length in (1, 2):
         places = [corners for corners in FEATURES if len(corners) == length]
@@ -142,14 +154,16 @@ def _owners(triangles: np.ndarray) -> np.ndarray:
 
 
 def contact_distance(scene: Scene) -> float:
-    """What surfaces keep from each other [m]."""
+    """Return the distance between surfaces [m]."""
     assert scene.contact is not None
     return scene.contact.distance or SHARE * float(contact_surface(scene.tetrahedra_set).edge.min())
 
 
 def surface_record(scene: Scene, distance: float, real: type) -> np.ndarray:
-    """(1,): SURFACE_CONTACT_PARAMETERS in the arithmetic `real`, of surfaces that keep the `distance` [m]: computed in
-    float64, rounded once. Raises SceneError."""
+    """Return SURFACE_CONTACT_PARAMETERS in the arithmetic `real` for surfaces that keep the `distance` [m], (1,).
+
+    Computed in float64, rounded once. Raises SceneError.
+    """
     part = scene.contact
     assert part is not None
     h = scene.method.dt / scene.method.substeps
@@ -167,9 +181,12 @@ def surface_record(scene: Scene, distance: float, real: type) -> np.ndarray:
 
 
 def surface_pairs(scene: Scene) -> np.ndarray:
-    """(bodies, bodies, PAIR_FIELDS) float64, for the neighbours of surface vertices (model/contact/particle_parameters.py):
-    how far a vertex of one body looks for the corners of another's triangles. Not symmetric. The way to the nearest point and
-    that from there to a corner are at right angles."""
+    """Return rows for the neighbours of surface vertices, (bodies, bodies, PAIR_FIELDS) float64, not symmetric.
+
+    They have the distance within which a vertex of one body searches the corners of another's triangles (see
+    model/contact/particle_parameters.py). The vector to the nearest point and that from there to a corner are
+    perpendicular.
+    """
     found, distance = contact_surface(scene.tetrahedra_set), contact_distance(scene)
     rows = np.zeros((len(found.edge), len(found.edge), PAIR_FIELDS))
     rows[:, :, G_DISTANCE] = distance
@@ -182,8 +199,10 @@ def surface_pairs(scene: Scene) -> np.ndarray:
 
 
 def neighbour_record(rows: np.ndarray, real: type) -> np.ndarray:
-    """(PAIRS + bodies^2 * PAIR_FIELDS,) in the arithmetic `real`: what the search for neighbours reads, of such rows as
-    `surface_pairs` tells."""
+    """Return the constants of the search for neighbours, (PAIRS + bodies^2 * PAIR_FIELDS,), in the arithmetic `real`.
+
+    `rows`: as from `surface_pairs`.
+    """
     head = np.zeros(PAIRS)
     head[H_INVERSE_CELL] = 1 / rows[:, :, G_REACH].max()
     return np.concatenate([head, rows.reshape(-1)]).astype(real)
@@ -191,8 +210,8 @@ def neighbour_record(rows: np.ndarray, real: type) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Meeting:
-    """Whose surfaces meet, of a scene: their `surface`; the `distance` [m] that they keep; `pairs`, as `surface_pairs` tells
-    them; `ratio` (particles,): what a vertex keeps from triangles, in parts of the distance, where that is not 1 of all."""
+    """Surfaces of a scene that collide: `surface`; `distance` [m] between them; `pairs`, as by `surface_pairs`; `ratio`
+    (particles,): a vertex's distance from triangles over that distance, where it is not 1 for all."""
 
     surface: Callable[[Scene], ContactSurface]
     distance: Callable[[Scene], float]
@@ -200,7 +219,7 @@ class Meeting:
     ratio: Callable[[Scene], np.ndarray] | None = None
 
     def record(self, scene: Scene, real: type) -> np.ndarray:
-        """See `surface_record`."""
+        """Return the constants, see `surface_record`."""
         return surface_record(scene, self.distance(scene), real)
 
 

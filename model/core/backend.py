@@ -57,7 +57,7 @@ class Backend(ABC):
 
     @property
     def rank(self) -> int:
-        """Rank of this process where several share the scene (model/domains); rank 0 prints."""
+        """Rank of this process where several share the scene (model/domains); rank 0 reports for all."""
         return 0
 
     def slowest(self, seconds: float) -> float:

@@ -1,5 +1,4 @@
-"""Conservation laws that a scheme violates although its solver otherwise fulfils them, each once with its bound and
-source.
+"""Laws that a scheme cannot fulfil although its solver otherwise does, each once with its bound and source.
 
 The notes of a run (`limit_notes`), docs/limits.md and the tests of the laws (tests/laws) use them; the tests check
 every solver against its bound. Laws without an entry are fulfilled.

@@ -1,7 +1,7 @@
-"""Who owns what when bodies that never meet are shared, each as a whole: pure arithmetic, and the scene of a share.
+"""Partition of bodies that never collide into blocks of whole bodies: pure arithmetic, and the scene of a block.
 
-A share is neighbouring bodies in the order of the file. Nothing acts from one body on another, so that a share is stepped by
-the scene's own kernels, and nobody is told of anything until the state is asked for.
+A block (`Share`) contains neighbouring bodies in the order of the file. No body acts on another, so that a block is
+stepped by the scene's own kernels, and nothing is sent until the state is read.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ from model.core.errors import SceneError
 class Apart:
     """The bodies of a scene, none of which acts on another.
 
-    `names`: of the part of each; `weights` (bodies,) int64: how much work each is, in numbers of what is `counted`;
-    `first_particle` (bodies + 1,) int64; `held`: what the scene calls its set of particles; `some(first, end)`: the set of
-    those bodies alone; `clusters(first, end)`: which of all clusters theirs are, in the order in which that set has them,
-    (n,) int64.
+    `names`: of the part of each; `weights` (bodies,) int64: the work for each, as a number of what is `counted`;
+    `first_particle` (bodies + 1,) int64; `held`: the scene's attribute with its set of particles; `some(first, end)`:
+    the set of those bodies alone; `clusters(first, end)`: the indices of their clusters among all, in the order of that
+    set, (n,) int64.
     """
 
     names: tuple[str, ...]
@@ -36,14 +36,15 @@ class Apart:
     clusters: Callable[[int, int], np.ndarray]
 
     def scene(self, whole: Any, some: Any) -> Any:
-        """`whole`, with `some` in the place of all its bodies: what else there is stays, and what masses are counted in."""
+        """Return `whole` with `some` in place of all its bodies; everything else is unchanged, including the mass
+        unit."""
         found = copy(whole)
         vars(found).update({"grid": some, self.held: some})
         return found
 
 
 def require_apart(scene: Any) -> None:
-    """Raises SceneError for a scene's contacts, which let bodies meet."""
+    """Raise SceneError for a scene's contacts, which let bodies collide."""
     if scene.contact is not None:
         told = "lets bodies meet, which are not shared then: leave it out, and they pass through each other, or run it as one"
         raise SceneError(f"{scene.name_of('contact')}.kind", "contact", told)
@@ -51,8 +52,10 @@ def require_apart(scene: Any) -> None:
 
 @dataclass(frozen=True)
 class Share:
-    """Bodies `first` to before `end`, with the particles `first_particle` to before `end_particle`; `weight`: what of theirs
-    is counted; `parts`: the names of theirs."""
+    """Bodies `first` to before `end`, with the particles `first_particle` to before `end_particle`.
+
+    `weight`: the sum of their weights; `parts`: the names of their parts.
+    """
 
     number: int
     first: int
@@ -64,37 +67,39 @@ class Share:
 
     @property
     def particles(self) -> slice:
-        """Where in the whole set they are."""
+        """Slice of its particles in the whole set."""
         return slice(self.first_particle, self.end_particle)
 
 
 @dataclass(frozen=True)
 class Division:
-    """Bodies in shares; `counted`: what they are balanced by."""
+    """Bodies in blocks; `counted`: the quantity that is balanced."""
 
     shares: tuple[Share, ...]
     counted: str
 
     @property
     def count(self) -> int:
-        """How many shares."""
+        """Number of blocks."""
         return len(self.shares)
 
     @property
     def largest(self) -> int:
-        """The weight of the heaviest share."""
+        """Weight of the heaviest block."""
         return max(share.weight for share in self.shares)
 
     @property
     def balance(self) -> float:
-        """The fair part over that of the heaviest share: how much faster all are than one, over their number."""
+        """Mean weight over that of the heaviest block: the speed-up over one, divided by their number."""
         return sum(share.weight for share in self.shares) / (self.count * self.largest)
 
 
 def divide(apart: Apart, count: int, option: str) -> Division:
-    """The bodies in `count` shares: each cut at the border of two bodies that is nearest to where a fair one would be, so
-    that no share is heavier than a fair one and a body. Raises SceneError, naming the `option`, for more of them than
-    bodies."""
+    """Return the bodies in `count` blocks, each cut at the border of bodies nearest to an equal partition.
+
+    No block exceeds an equal one by more than a body. Raises SceneError, naming the `option`, for more blocks than
+    bodies.
+    """
     bodies = len(apart.weights)
     if count < 1:
         raise SceneError(option, count, "must be at least 1")

@@ -1,10 +1,11 @@
-"""Who owns what when a sheet is cut by rows: pure arithmetic, for every way of sending.
+"""Partition of a sheet by rows: pure arithmetic, for every exchange.
 
-A domain owns neighbouring rows. Its window holds these and a halo, rows that its neighbours own. A step reads as far as
-forces reach, so that a window stepped by itself goes bad from its cut edges inwards, by so many rows a step; what it owns
-stays right, bit for bit, until the halo is used up. Then the windows exchange: each sends its border rows, which are the
-neighbours' halos. A deeper halo asks for fewer messages and computes more rows twice (J. Demmel, M. Hoemmen, M. Mohiyuddin,
-K. Yelick, "Avoiding communication in sparse matrix computations", 2008). Any kernel that steps a sheet steps a window.
+A domain owns neighbouring rows. Its window contains these and a halo, rows that its neighbours own. A step reads a
+limited number of rows, so that a window stepped by itself becomes wrong from its cut edges inwards, by that many rows
+per step; the owned rows stay right, bit for bit, until the halo is used up. Then the windows exchange: each sends its
+border rows, which are the neighbours' halos. A deeper halo needs fewer messages and computes more rows twice (J.
+Demmel, M. Hoemmen, M. Mohiyuddin, K. Yelick, "Avoiding communication in sparse matrix computations", 2008). Any kernel
+that steps a sheet steps a window.
 """
 
 from __future__ import annotations
@@ -15,17 +16,20 @@ from itertools import pairwise
 
 from model.core.errors import SceneError
 
-MOST_STEPS = 32  # between two exchanges: beyond it their price is small beside the rows computed twice
+MOST_STEPS = 32  # between two exchanges: beyond it their cost is small relative to that of the rows computed twice
 SHARE = 64  # owned rows for each step between exchanges: the two halos are then a thirty-second of the rows
 
 
 @dataclass(frozen=True)
 class Reach:
-    """How far a step reads along the rows. `parts`: of a step, equal, after each of which windows may exchange. `rows`: a
-    force evaluation's reach; `forces`: evaluations of a part, one after another; `more`: rows that a call asks for besides,
-    however many parts it does (of velocity Verlet's last half kick). `unit`: windows begin at multiples of so many
-    rows, after which what they hold repeats. `numbered`: a window's solver knows the number of its first mass in the whole
-    sheet (Options.first_particle)."""
+    """Rows that a step reads.
+
+    `parts`: equal parts of a step, after each of which windows may exchange. `rows`: rows to each side that a force
+    evaluation reads; `forces`: evaluations of a part, one after another; `more`: additional rows per call, for any
+    number of parts (of velocity Verlet's last half kick). `unit`: windows begin at multiples of this number of rows,
+    after which their content repeats. `numbered`: a window's solver knows the number of its first mass in the whole
+    sheet (Options.first_particle).
+    """
 
     rows: int = 1
     forces: int = 1
@@ -35,14 +39,14 @@ class Reach:
     parts: int = 1
 
     def halo(self, parts: int) -> int:
-        """Rows that so many parts of a step in one call need beyond those that they are to leave right."""
+        """Return the rows that this number of parts of a step in one call needs beyond those that must stay right."""
         found = self.rows * self.forces * parts + self.more
         return -(-found // self.unit) * self.unit
 
 
 @dataclass(frozen=True)
 class Domain:
-    """Rows `first` to before `end` of the sheet are owned, `window_first` to before `window_end` are held."""
+    """Rows `first` to before `end` of the sheet are owned, `window_first` to before `window_end` are in the window."""
 
     number: int
     first: int
@@ -52,7 +56,7 @@ class Domain:
 
     @property
     def owned(self) -> slice:
-        """The owned rows, counted in the window."""
+        """Owned rows, counted in the window."""
         return slice(self.first - self.window_first, self.end - self.window_first)
 
     @property
@@ -62,8 +66,8 @@ class Domain:
 
 @dataclass(frozen=True)
 class Border:
-    """Rows that domain `source` sends domain `target`: `rows` of them, `from_row` on in the one's window, `to_row` on in the
-    other's."""
+    """Rows that domain `source` sends to domain `target`: `rows` of them, starting at `from_row` of its window and at
+    `to_row` of the other's."""
 
     source: int
     target: int
@@ -74,8 +78,10 @@ class Border:
 
 @dataclass(frozen=True)
 class Decomposition:
-    """A sheet of `rows` x `columns` masses in `count` domains with halos of `halo` rows. A step is done in `divided` equal
-    steps of windows, after `steps` of which they exchange at the latest; `unit`: see Reach."""
+    """A sheet of `rows` x `columns` masses in `count` domains with halos of `halo` rows.
+
+    A step is done in `divided` equal steps of windows, after at most `steps` of which they exchange; `unit`: see Reach.
+    """
 
     rows: int
     columns: int
@@ -87,7 +93,7 @@ class Decomposition:
 
     @cached_property
     def domains(self) -> tuple[Domain, ...]:
-        """From the top row down; their sizes differ by one row at most (by a unit, and what is left over)."""
+        """The domains from the top row down; their sizes differ by at most one row (by a unit, and the remainder)."""
         unit = self.unit
         cuts = [unit * (self.rows // unit * k // self.count) for k in range(self.count)] + [self.rows]
         return tuple(
@@ -97,7 +103,7 @@ class Decomposition:
 
     @cached_property
     def borders(self) -> tuple[Border, ...]:
-        """All that is sent in an exchange."""
+        """All messages of an exchange."""
         found = []
         for upper, lower in pairwise(self.domains):
             down, up = upper.end - lower.window_first, upper.window_end - lower.first
@@ -111,37 +117,42 @@ class Decomposition:
 
     @property
     def least_rows(self) -> int:
-        """Owned by the smallest domain."""
+        """Rows of the smallest domain."""
         return min(domain.end - domain.first for domain in self.domains)
 
     @property
     def repeated(self) -> float:
-        """Rows that are computed, over those of the sheet."""
+        """Computed rows over those of the sheet."""
         return sum(domain.window_rows for domain in self.domains) / self.rows
 
     def bytes_sent(self, mass_bytes: int) -> int:
-        """Bytes of the largest message of an exchange; `mass_bytes`: of a mass's state."""
+        """Return the bytes of the largest message of an exchange; `mass_bytes`: of a mass's state."""
         return max((border.rows for border in self.borders), default=0) * self.columns * mass_bytes
 
     @property
     def interval(self) -> float:
-        """Steps of the sheet between two exchanges: a whole number, or a part of one."""
+        """Steps of the sheet between two exchanges: an integer, or a fraction of one."""
         return self.steps if self.divided == 1 else self.steps / self.divided
 
     @property
     def told(self) -> str:
-        """That in words."""
+        """Description of the interval."""
         return f"every {self.steps} steps" if self.divided == 1 else f"{self.divided} times a step"
 
 
 def usual_steps(least_rows: int) -> int:
-    """Steps between two exchanges where nobody said; from 4 on multiples of 4, as tiles of the GPU do at once."""
+    """Return the default number of steps between two exchanges; from 4 on multiples of 4, as tiles of the GPU do at
+    once."""
     steps = max(1, min(MOST_STEPS, least_rows // SHARE))
     return steps if steps < 4 else steps // 4 * 4
 
 
 def usual_parts(least_rows: int, reach: Reach, most: int) -> int:
-    """The same in parts of a step, of which a share has rows for `most`: whole steps, or a divisor of the parts of one."""
+    """Return the default number of parts of a step between two exchanges: whole steps, or a divisor of the parts of
+    one.
+
+    `most`: parts for which a domain has enough rows.
+    """
     if reach.parts == 1:
         return min(most, usual_steps(least_rows))
     wanted = 1
@@ -155,7 +166,7 @@ def usual_parts(least_rows: int, reach: Reach, most: int) -> int:
 def decompose(
     rows: int, columns: int, count: int, reach: Reach, steps: int | None = None, option: str = "--gpus"
 ) -> Decomposition:
-    """The sheet in `count` domains that exchange every `steps` steps (None: as often as usual).
+    """Return the sheet in `count` domains that exchange every `steps` steps (None: the default).
 
     A halo lies in one neighbour. Raises SceneError, naming the `option`, where the sheet has too few rows for that.
     """

@@ -1,10 +1,10 @@
-"""Whether this process is one of several that a launcher of MPI started together, told by its environment alone."""
+"""Detection of an MPI launcher from the environment: the number of processes and this one's rank."""
 
 from __future__ import annotations
 
 import os
 
-SIZES = ("PMI_SIZE", "OMPI_COMM_WORLD_SIZE", "MV2_COMM_WORLD_SIZE")  # how launchers tell a process how many there are
+SIZES = ("PMI_SIZE", "OMPI_COMM_WORLD_SIZE", "MV2_COMM_WORLD_SIZE")  # number of processes, by launcher
 PLACES = ("PMI_RANK", "OMPI_COMM_WORLD_RANK", "MV2_COMM_WORLD_RANK")
 STATUS_FILE = "SOFTLAB_STATUS_FILE"  # names the file where rank 0 leaves its exit status for the lab that started it
 
@@ -15,10 +15,10 @@ def _told(names: tuple[str, ...], default: int) -> int:
 
 
 def launched_ranks() -> int:
-    """How many there are; 1 where nothing was launched."""
+    """Return the number of processes; 1 where nothing was launched."""
     return _told(SIZES, 1)
 
 
 def launched_rank() -> int:
-    """Which of them this is."""
+    """Return the rank of this process."""
     return _told(PLACES, 0)

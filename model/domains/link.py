@@ -1,4 +1,4 @@
-"""What sending costs: a message takes a latency and its bytes over a bandwidth."""
+"""The cost of sending: a latency and the bytes over a bandwidth per message."""
 
 from __future__ import annotations
 
@@ -9,7 +9,8 @@ from model.core.errors import SceneError
 
 @dataclass(frozen=True)
 class Link:
-    """Between two neighbours, each way at once. `latency` [s], `bandwidth` [B/s], `source`: of these numbers."""
+    """A link between two neighbours, used in both directions at once. `latency` [s], `bandwidth` [B/s], `source`: of
+    these numbers."""
 
     name: str
     latency: float
@@ -23,7 +24,7 @@ class Link:
                 raise SceneError(f"--{field}", value, "must be greater than 0 and finite")
 
     def seconds(self, size: float) -> float:
-        """Of a message of `size` bytes."""
+        """Return the time of a message of `size` bytes."""
         return self.latency + size / self.bandwidth
 
 

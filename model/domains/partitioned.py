@@ -1,4 +1,4 @@
-"""Bodies whose meshes are stepped in partitions: the contract of a simulation, kept by the windows together."""
+"""Bodies whose meshes are stepped in partitions: the simulation that consists of the partitions' windows."""
 
 from __future__ import annotations
 
@@ -17,8 +17,10 @@ from model.scene.scene import Scene
 
 
 def is_partitioned(scene: Scene, count: int) -> bool:
-    """Whether so many share the scene by partitions of its meshes: where there are fewer bodies than shares. Raises
-    SceneError for what lets bodies act on each other."""
+    """Return True if the scene is shared by partitions of its meshes: it has fewer than `count` bodies.
+
+    Raises SceneError for parts that let bodies act on each other.
+    """
     family = family_of(scene)
     if family.partitions is None or family.apart is None:
         return False
@@ -26,8 +28,11 @@ def is_partitioned(scene: Scene, count: int) -> bool:
 
 
 def partitions(scene: Scene, count: int, steps: int | None, option: str) -> Partitions:
-    """The scene's meshes in `count` parts. Raises SceneError for what lets bodies act on each other, and for too many;
-    `steps` between two exchanges are never asked for."""
+    """Return the scene's meshes in `count` partitions.
+
+    Raises SceneError for parts that let bodies act on each other, for too many partitions, and for `steps` between two
+    exchanges, which partitions do not have.
+    """
     if steps is not None:
         told = "is for a sheet that is shared by its rows: partitions of a mesh exchange once a substep; leave it out"
         raise SceneError("--exchange-every", steps, told)
@@ -37,8 +42,11 @@ def partitions(scene: Scene, count: int, steps: int | None, option: str) -> Part
 
 
 class PartitionedBodies(WindowedSimulation):
-    """See model/domains/windows.py. `windows` are of the parts `mine`, a step of theirs is a substep of the scene. In `exact`
-    math the bits are those of one."""
+    """A simulation in windows of partitions, see model/domains/windows.py.
+
+    `windows` are those of the parts `mine`; one of their steps is a substep of the scene. In `exact` math the bits are
+    those of a single simulation.
+    """
 
     def __init__(self, scene: Scene, options: Options, cut: Partitions, mine: Sequence[int]):
         refuse_targets(options)
@@ -53,12 +61,12 @@ class PartitionedBodies(WindowedSimulation):
         self._open_windows(cut.count, parts)
 
     def _window_scene(self, scene: Scene, some: Any) -> Scene:
-        """The `scene` with `some` in the place of all its bodies, whose step is a substep of it."""
+        """Return the `scene` with `some` in place of all its bodies, whose step is a substep of it."""
         found = scene.stepped(dt=scene.method.dt / scene.method.substeps, substeps=1)
         vars(found).update({"grid": some, self.partitions.mesh.held: some})
         return found
 
-    # ------------------------------------------------------------------ the contract
+    # ------------------------------------------------------------------ methods of Simulation
 
     def _run(self, steps: int) -> None:
         substeps = self.scene.method.substeps
@@ -86,7 +94,7 @@ class PartitionedBodies(WindowedSimulation):
         self._each(send, self.mine)
 
     def _gathered(self, owned: Sequence[np.ndarray]) -> np.ndarray:
-        """Of rows of what each part of this process owns, those of all particles."""
+        """Return the rows of all particles from those of the particles that each part of this process owns."""
         found = self.exchange.gather(np.ascontiguousarray(np.concatenate(owned)))
         whole = np.empty_like(found)
         whole[self.partitions.order] = found
@@ -104,7 +112,7 @@ class PartitionedBodies(WindowedSimulation):
         return [bad if bad < 0 else int(part.particles[bad]) for part, bad in zip(self.mine, found, strict=True)]
 
     def _pin_velocity(self, step: int) -> Any:
-        """Of the pins of this process's windows; what others hold is theirs to tell."""
+        """Return the velocity of the pins in this process's windows; other processes compute those of theirs."""
         found = np.zeros((len(self.body.pinned), 3), self.real)
 
         def fill(window: Any, part: Part) -> None:

@@ -1,10 +1,10 @@
-"""Who owns what when the meshes of bodies are shared in parts: pure arithmetic, for every way of sending.
+"""Partition of the meshes of bodies: pure arithmetic, for every exchange.
 
-A share owns particles. Its window holds these and a halo: whatever a substep, walked backwards from what is owned through its
-sweeps, reads. A window stepped by itself for a substep leaves what it owns as the whole would have it, bit for bit; then each
-share sends what it owns of the others' halos. As of a sheet (model/domains/decomposition.py) what is sent is saved by
-computing twice (J. Demmel, M. Hoemmen, M. Mohiyuddin, K. Yelick, "Avoiding communication in sparse matrix computations",
-2008).
+A part owns particles. Its window contains these and a halo: everything that a substep reads for the owned particles,
+traced backwards through its sweeps. A window stepped by itself for a substep leaves its owned particles as the whole
+would, bit for bit; then each part sends those that are in the others' halos. As for a sheet
+(model/domains/decomposition.py) computing twice saves messages (J. Demmel, M. Hoemmen, M. Mohiyuddin, K. Yelick,
+"Avoiding communication in sparse matrix computations", 2008).
 """
 
 from __future__ import annotations
@@ -18,15 +18,18 @@ import numpy as np
 
 from model.core.errors import SceneError
 
-Window = tuple[np.ndarray, np.ndarray]  # particles, elements, both ascending int64: numbers among all
+Window = tuple[np.ndarray, np.ndarray]  # particles, elements, both ascending int64: global numbers
 
 
 @dataclass(frozen=True, eq=False)
 class SharedMesh:
-    """What is shared in parts. `layers` (particles,) int64: of each particle the number of the layer that is never cut, from
-    0 on along the bodies, one body after the other; `weights` (particles,) float64: how much work each is; `window(owned)`:
-    what a substep of the `owned` (particles,) bool reads; `elements`: how many there are, called `counted`; `exchanges`:
-    a step; `some(window)`: what is in a window, in the place of what the scene calls `held`."""
+    """A mesh that is shared in parts.
+
+    `layers` (particles,) int64: number of each particle's layer, which is never cut, from 0 along the bodies, one body
+    after the other; `weights` (particles,) float64: the work for each; `window(owned)`: particles and elements that a
+    substep of the `owned` (particles,) bool reads; `elements`: their number, described by `counted`; `exchanges`: per
+    step; `some(window)`: the particle set of a window; `held`: the scene's attribute that it replaces.
+    """
 
     layers: np.ndarray
     weights: np.ndarray
@@ -40,7 +43,8 @@ class SharedMesh:
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """What share `number` owns, particles (n,) int64, ascending, and what its window holds, `particles` and `elements`."""
+    """Part `number` of a mesh: `owned` particles (n,) int64, ascending, and the `particles` and `elements` of its
+    window."""
 
     number: int
     owned: np.ndarray
@@ -49,13 +53,13 @@ class Part:
 
     @cached_property
     def places(self) -> np.ndarray:
-        """Where in the window the owned ones are."""
+        """Indices of the owned particles in the window."""
         return np.searchsorted(self.particles, self.owned)
 
 
 @dataclass(frozen=True, eq=False)
 class Message:
-    """Particles that share `source` sends share `target`: where they are in the one's window, and in the other's, (n,)."""
+    """Particles that part `source` sends to part `target`: their indices in the two windows, (n,)."""
 
     source: int
     target: int
@@ -72,17 +76,17 @@ class Partitions:
 
     @property
     def count(self) -> int:
-        """How many."""
+        """Number of parts."""
         return len(self.parts)
 
     @cached_property
     def order(self) -> np.ndarray:
-        """(particles,) int64: all of them, in the order in which shares own them."""
+        """All particles, in the order in which parts own them, (particles,) int64."""
         return np.concatenate([part.owned for part in self.parts])
 
     @cached_property
     def messages(self) -> tuple[Message, ...]:
-        """All that is sent in an exchange."""
+        """All messages of an exchange."""
         return tuple(self._messages())
 
     def _messages(self) -> Iterator[Message]:
@@ -95,13 +99,12 @@ class Partitions:
 
     @property
     def repeated(self) -> float:
-        """Particles that windows hold, over all that there are."""
+        """Particles in windows, over all particles."""
         return sum(len(part.particles) for part in self.parts) / len(self.order)
 
     @property
     def balance(self) -> float:
-        """The fair part of the elements over those of the largest window: how much faster all are than one, over their
-        number."""
+        """Mean number of elements over that of the largest window: the speed-up over one, divided by their number."""
         return self.mesh.elements / (self.count * max(len(part.elements) for part in self.parts))
 
     @property
@@ -111,15 +114,16 @@ class Partitions:
 
 
 def partition(mesh: SharedMesh, count: int, option: str) -> Partitions:
-    """The mesh in `count` parts of layers, each cut at the border of two that is nearest to where a fair one would be.
+    """Return the mesh in `count` parts of layers, each cut at the border of layers nearest to an equal partition.
 
-    Raises SceneError, naming the `option`, where a window would reach beyond the neighbours, or hold all."""
+    Raises SceneError, naming the `option`, where a window would extend beyond the neighbours, or contain everything.
+    """
     found = _tried(mesh, count)
     if found is None:
         most, over = (
             1,
             count,
-        )  # one goes always, so many do not; windows are walked for a few numbers between, not for all
+        )  # one is always possible, `count` is not; windows are computed for a few numbers between, not for all
         while over - most > 1:
             middle = (most + over) // 2
             most, over = (middle, over) if _tried(mesh, middle) is not None else (most, middle)
@@ -129,7 +133,7 @@ def partition(mesh: SharedMesh, count: int, option: str) -> Partitions:
 
 
 def _tried(mesh: SharedMesh, count: int) -> Partitions | None:
-    """Those, or None."""
+    """Return the partition in `count` parts, or None where it is not possible."""
     ends = np.concatenate([[0], np.cumsum(np.bincount(mesh.layers, mesh.weights))])
     cuts = [0]
     for k in range(1, count):

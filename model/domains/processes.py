@@ -1,4 +1,4 @@
-"""Processes of MPI, whatever they compute on: how they are started, what they tell each other, and how long they wait."""
+"""MPI processes for any backend: start, messages between them, and time limits."""
 
 from __future__ import annotations
 
@@ -17,22 +17,25 @@ from model.domains.exchange import PATIENCE
 from model.domains.launched import launched_ranks
 
 INSTALL = "pip install -e \".[mpi]\" in the lab's folder, or the system's MPI and mpi4py"
-LOOKS = 1000  # at a message before a process that waits lets others have its core
+LOOKS = 1000  # tests of a message before a waiting process yields its core
 NAP = 5e-5  # s
 
 
 def mpi() -> Any:
-    """mpi4py's MPI. Raises BackendUnavailable."""
+    """Return mpi4py's MPI. Raises BackendUnavailable."""
     try:
         from mpi4py import MPI
-    except (ImportError, RuntimeError) as error:  # the second where there is mpi4py without a library of MPI
+    except (ImportError, RuntimeError) as error:  # RuntimeError where there is mpi4py without an MPI library
         raise BackendUnavailable(f"MPI is not installed ({error})", INSTALL) from None
     return MPI
 
 
 def world_of(count: int, option: str) -> Any:
-    """All processes that MPI knows of, `count` of them. Raises SceneError, naming the `option`, for another number of them,
-    BackendUnavailable where the launcher started more than MPI sees."""
+    """Return the communicator of all processes, `count` of them.
+
+    Raises SceneError, naming the `option`, for another number, BackendUnavailable where the launcher started more than
+    MPI sees.
+    """
     world = mpi().COMM_WORLD
     size, started = world.Get_size(), launched_ranks()
     if size < started:
@@ -47,13 +50,13 @@ def world_of(count: int, option: str) -> Any:
 
 
 def mpi_installed() -> None:
-    """Raises BackendUnavailable without mpi4py. Does not start MPI in this process, which is to start others."""
+    """Raise BackendUnavailable without mpi4py. Does not start MPI in this process, which will start others."""
     if find_spec("mpi4py") is None:
         raise BackendUnavailable("mpi4py is not installed", INSTALL)
 
 
 def mpiexec() -> str:
-    """The launcher of the MPI that mpi4py speaks to: beside this Python, or on the path. Raises BackendUnavailable."""
+    """Return the launcher of mpi4py's MPI: beside this Python, or on the path. Raises BackendUnavailable."""
     mpi_beside = Path(sys.executable).with_name("mpiexec")
     found = str(mpi_beside) if mpi_beside.exists() else shutil.which("mpiexec")
     if not found:
@@ -62,12 +65,12 @@ def mpiexec() -> str:
 
 
 def abort(status: int) -> None:
-    """End all processes, of which one does not answer."""
+    """End all processes after one of them stopped responding."""
     mpi().COMM_WORLD.Abort(status)
 
 
 def lost(who: str, patience: float) -> BackendUnavailable:
-    """The error of one that waited in vain."""
+    """Return the error for a process that does not respond."""
     return BackendUnavailable(f"{who} does not answer for {patience:g} s", "see what ended it, and start the run again")
 
 
@@ -85,13 +88,13 @@ def await_request(request: Any, who: str) -> None:
 
 
 def gather_rows(world: Any, owned: np.ndarray) -> np.ndarray:
-    """Of the rows (masses, axes) that each process owns, those of all, in order."""
+    """Return the rows (masses, axes) of all processes, in order, from those that each owns."""
     axes = owned.shape[1]
     counts = np.zeros(world.Get_size(), np.int64)
     await_request(world.Iallgather(np.array([len(owned)], np.int64), counts), "another process")
     whole = np.empty((int(counts.sum()), axes), owned.dtype)
     kind = mpi().FLOAT if owned.dtype == np.float32 else mpi().DOUBLE
-    mass = kind.Create_contiguous(axes).Commit()  # counts of MPI are 32-bit: of masses, not of numbers
+    mass = kind.Create_contiguous(axes).Commit()  # MPI counts are 32-bit: of masses, not of numbers
     try:
         request = world.Iallgatherv([owned, len(owned), mass], [whole, counts, None, mass])
         await_request(request, "another process")
@@ -101,7 +104,7 @@ def gather_rows(world: Any, owned: np.ndarray) -> np.ndarray:
 
 
 def largest_of(world: Any, numbers: np.ndarray) -> np.ndarray:
-    """(n,) float64: the largest of what the processes say in each place."""
+    """Return the elementwise maximum over the processes, (n,) float64."""
     told = np.ascontiguousarray(numbers, np.float64)
     found = np.zeros_like(told)
     await_request(world.Iallreduce(told, found, mpi().MAX), "another process")
@@ -109,7 +112,7 @@ def largest_of(world: Any, numbers: np.ndarray) -> np.ndarray:
 
 
 def swapped(world: Any, messages: Sequence[np.ndarray]) -> list[np.ndarray]:
-    """`messages`: bytes for each process. What came from each."""
+    """Send `messages`, bytes for each process; return those received from each."""
     sent, came = np.array([len(message) for message in messages], np.int64), np.zeros(len(messages), np.int64)
     await_request(world.Ialltoall(sent, came), "another process")
     found, own = [np.empty(size, np.uint8) for size in came], world.Get_rank()

@@ -1,4 +1,4 @@
-"""Bodies that never meet, stepped in shares: the contract of a simulation, kept by the shares together."""
+"""Bodies that never collide, stepped in blocks: the simulation that consists of the blocks' windows."""
 
 from __future__ import annotations
 
@@ -16,17 +16,20 @@ from model.domains.bodies import Apart, Division, Share, divide
 from model.domains.windows import WindowedSimulation, refuse_targets
 from model.scene.scene import Scene
 
-TURN = 64  # steps that are asked of one GPU before the next one is spoken to: one that is full holds up whoever asks
+TURN = 64  # steps requested of one GPU before the next one: a full queue blocks the caller
 
 
 def is_apart(scene: Scene) -> bool:
-    """Whether several share the scene body by body, not by rows."""
+    """Return True if the scene is shared by bodies, not by rows."""
     return family_of(scene).apart is not None
 
 
 def division(scene: Scene, count: int, steps: int | None, option: str) -> Division:
-    """The scene's bodies in `count` shares. Raises SceneError for what lets bodies act on each other, and where there are
-    fewer of them; `steps` between two exchanges are none."""
+    """Return the scene's bodies in `count` blocks.
+
+    Raises SceneError for parts that let bodies act on each other, for fewer bodies than blocks, and for `steps` between
+    two exchanges, which blocks do not have.
+    """
     if steps is not None:
         raise SceneError(
             "--exchange-every", steps, "is for a sheet that is shared by its rows: bodies send nothing; leave it out"
@@ -35,14 +38,17 @@ def division(scene: Scene, count: int, steps: int | None, option: str) -> Divisi
 
 
 def bodies_of(scene: Scene) -> Apart:
-    """Raises SceneError."""
+    """Return the scene's bodies. Raises SceneError."""
     apart = family_of(scene).apart
     assert apart is not None
     return apart(scene)
 
 
 class SharedBodies(WindowedSimulation):
-    """See model/domains/windows.py. `windows` are of the shares `mine`. In `exact` math the bits are those of one."""
+    """A simulation in windows of whole bodies, see model/domains/windows.py.
+
+    `windows` are those of the blocks `mine`. In `exact` math the bits are those of a single simulation.
+    """
 
     def __init__(self, scene: Scene, options: Options, division: Division, mine: Sequence[int]):
         refuse_targets(options)
@@ -60,20 +66,20 @@ class SharedBodies(WindowedSimulation):
         self._open_windows(division.count, parts)
 
     def _gathered(self, arrays: Sequence[np.ndarray]) -> np.ndarray:
-        """Of rows that each share of this process has, those of all, in the order of shares."""
+        """Return the rows of all blocks, in their order, from those of each block of this process."""
         owned = np.ascontiguousarray(np.concatenate(arrays))
         row = owned.shape[1:]
         return self.exchange.gather(owned.reshape(len(owned), prod(row))).reshape(-1, *row)
 
     def _by_cluster(self, arrays: Sequence[np.ndarray], loose: bool = False) -> np.ndarray:
-        """The same of rows of clusters, in the order of the scene's; `loose`: of those alone, which come first everywhere."""
+        """Return rows of clusters in the order of the scene's; `loose`: only of those, which come first everywhere."""
         gathered = self._gathered(arrays)
         places = self._clusters[self._clusters < len(gathered)] if loose else self._clusters
         whole = np.empty_like(gathered)
         whole[places] = gathered
         return whole
 
-    # ------------------------------------------------------------------ the contract
+    # ------------------------------------------------------------------ methods of Simulation
 
     def _run(self, steps: int) -> None:
         turn = TURN if len(self.windows) > 1 else steps
@@ -123,7 +129,7 @@ class SharedBodies(WindowedSimulation):
         if "plastic" not in self.plan.parts:
             return None
         found = self._each(lambda window: window._download_plastic())
-        empty = np.zeros((0, 3, 3), self.real)  # of a share of lattices alone, which do not creep
+        empty = np.zeros((0, 3, 3), self.real)  # for a block of lattices only, which do not creep
         return self._by_cluster([empty if one is None else one for one in found], loose=True)
 
     def _upload_plastic(self, plastic: np.ndarray | None) -> None:
@@ -140,7 +146,7 @@ class SharedBodies(WindowedSimulation):
         return self._by_cluster(self._each(lambda window: window._read_deformation()))
 
     def _pin_velocity(self, step: int) -> Any:
-        """Of the pins of this process's shares; what others hold is theirs to tell."""
+        """Return the velocity of the pins in this process's blocks; other processes compute those of theirs."""
         found = np.zeros((len(self.body.pinned), 3), self.real)
 
         def fill(window: Any, share: Share) -> None:

@@ -1,4 +1,4 @@
-"""A fluid that is stepped in windows, one around each slab: the contract of a simulation, kept by the windows together."""
+"""A fluid that is stepped in windows, one around each slab: the simulation that consists of the windows."""
 
 from __future__ import annotations
 
@@ -17,18 +17,20 @@ from model.scene.scene import Scene
 
 BALANCED_EVERY = 64  # steps
 NOTHING = np.zeros(0, np.uint8)
-PREDICTED, LAST = "predict", "limit velocities"  # stages: where the box of all is asked for, where owners send
+PREDICTED, LAST = "predict", "limit velocities"  # stages: the bounding box is joined, owners send
 
 
 class SharedFluid(WindowedSimulation):
-    """See model/domains/windows.py. `windows` are of the shares `mine`; `slabs`: as they are now. In `exact` math the bits
-    are those of one.
+    """A simulation in windows of slabs, see model/domains/windows.py.
 
-    A window is a fluid of the scene, by stages, of whose particles some are there. It has besides: `run_stage(name,
-    moment)`; `box()`, (6,) float64, the lowest and the highest predicted place of its particles, and `take_box(box)`;
-    `particles()`, the numbers (n,) int32 and the positions and velocities (2 x dimensions, n) of those that are there,
-    `hold(numbers, values)`, which takes others in their place; `multipliers_at(places)`, of the last substep, by places in
-    `particles()`.
+    `windows` are those of the slabs `mine`; `slabs`: the current ones. In `exact` math the bits are those of a single
+    simulation.
+
+    A window is a fluid of the scene, run by stages, in which some of the particles are active. It also has
+    `run_stage(name, moment)`; `box()`, (6,) float64, the lowest and the highest predicted position of its particles,
+    and `take_box(box)`; `particles()`, the numbers (n,) int32 and the positions and velocities (2 x dimensions, n) of
+    the active ones; `hold(numbers, values)`, which replaces them; `multipliers_at(places)`, of the last substep, by
+    indices into `particles()`.
     """
 
     def __init__(self, scene: Scene, options: Options, slabs: Slabs, mine: Sequence[int]):
@@ -38,15 +40,16 @@ class SharedFluid(WindowedSimulation):
         self.slabs, self._kept_slabs, self.mine = slabs, slabs, list(mine)
         self.plan, self.firsts = scene_plan(scene, options.live), [0] * len(mine)
         particles = len(self.body.position)
-        self._owned = [np.zeros(particles, bool) for _ in mine]  # by number
+        self._owned = [np.zeros(particles, bool) for _ in mine]  # by particle number
         self._last: list[tuple[np.ndarray, np.ndarray]] = [(np.zeros(0, np.int64),) * 2 for _ in mine]
         part = scene, replace(options, kernel="stages"), self.body
         self._open_windows(slabs.count, [part for _ in mine])
 
-    # ------------------------------------------------------------------ what is sent
+    # ------------------------------------------------------------------ messages
 
     def _join_boxes(self) -> None:
-        """Every window makes its cells of the box of all particles, so that they are those of one."""
+        """Let every window make its cells from the bounding box of all particles, so that they are those of a single
+        simulation."""
         found = np.array(self._each(lambda window: window.box()))
         found[:, :3] *= -1
         box = self.exchange.largest_each(found.max(axis=0))
@@ -54,7 +57,7 @@ class SharedFluid(WindowedSimulation):
         self._each(lambda window: window.take_box(box))
 
     def _send(self, slabs: Slabs, last: bool = False) -> None:
-        """What each owns to all that hold it by these slabs; `last`: right after a substep."""
+        """Send the owned particles to all windows that contain them with these slabs; `last`: right after a substep."""
         messages, kept = [], []
         for place, (number, values) in enumerate(self._each(lambda window: window.particles())):
             own, along, sent = self._owned[place][number], values[slabs.axis], []
@@ -80,27 +83,31 @@ class SharedFluid(WindowedSimulation):
         self._claim(place, number, values)
 
     def _claim(self, place: int, number: np.ndarray, values: np.ndarray) -> None:
-        """Own, of what a window holds, what lies in its slab."""
+        """Own the particles of a window that lie in its slab."""
         owned = self._owned[place]
         owned[:] = False
         owned[number[self.slabs.owned(values[self.slabs.axis], self.mine[place])]] = True
 
     def _gather(self, rows: Sequence[np.ndarray]) -> np.ndarray:
-        """(particles, n): of each window's rows, whose first column is a particle's number, those of all, by number."""
+        """Return the rows of all particles, by number, from each window's rows, (particles, n).
+
+        The first column of a row is the particle's number.
+        """
         whole = self.exchange.gather(np.ascontiguousarray(np.concatenate(rows)))
         found = np.empty((len(self.body.position), whole.shape[1] - 1))
         found[whole[:, 0].astype(np.int64)] = whole[:, 1:]
         return found
 
     def _states(self) -> np.ndarray:
-        """(particles, 2 x dimensions) float64, which holds every number of a state and of a particle."""
+        """Return the states, (particles, 2 x dimensions) float64, which represents every state and particle number
+        exactly."""
         rows = []
         for owned, (number, values) in zip(self._owned, self._each(lambda window: window.particles()), strict=True):
             some = owned[number]
             rows.append(np.vstack([number[some], values[:, some]]).T.astype(np.float64))
         return self._gather(rows)
 
-    # ------------------------------------------------------------------ the contract
+    # ------------------------------------------------------------------ methods of Simulation
 
     def _run(self, steps: int) -> None:
         for step in range(self.step, self.step + steps):
@@ -114,7 +121,7 @@ class SharedFluid(WindowedSimulation):
                 self.balance()
 
     def balance(self) -> None:
-        """Slabs with as many particles each, where they are now."""
+        """Set slabs with equal numbers of particles at their current positions."""
         slabs = slabs_of(self.scene, self._states()[:, : self.scene.dimensions], self.slabs.count, self.slabs.halo)
         self._send(slabs)
 
@@ -125,7 +132,7 @@ class SharedFluid(WindowedSimulation):
 
         self._each(send)
         halo = fluid_halo_of(self.scene)
-        if halo != self.slabs.halo:  # another step size
+        if halo != self.slabs.halo:  # the step size has changed
             self._send(replace(self.slabs, halo=halo))
 
     def _keep(self) -> None:
@@ -137,7 +144,7 @@ class SharedFluid(WindowedSimulation):
         self.slabs = self._kept_slabs
         for place, (number, values) in enumerate(self._each(lambda window: window.particles())):
             self._claim(place, number, values)
-        self._send(replace(self.slabs, halo=fluid_halo_of(self.scene)))  # which may be another one since
+        self._send(replace(self.slabs, halo=fluid_halo_of(self.scene)))  # the halo may have changed since
 
     def _download(self) -> tuple[np.ndarray, np.ndarray]:
         found, axes = self._states().astype(self.real), self.scene.dimensions
@@ -160,10 +167,10 @@ class SharedFluid(WindowedSimulation):
             return np.zeros(len(self.body.position), self.real)
         return self._gather(rows)[:, 0].astype(self.real)
 
-    # ------------------------------------------------------------------ what is told
+    # ------------------------------------------------------------------ reports
 
     def held(self) -> np.ndarray:
-        """(shares, 2): how many particles each owns and holds now."""
+        """Return the number of particles that each slab owns and contains now, (shares, 2)."""
         counts = [
             (owned.sum(), len(number))
             for owned, (number, _) in zip(self._owned, self._each(lambda window: window.particles()), strict=True)
@@ -172,28 +179,28 @@ class SharedFluid(WindowedSimulation):
 
     @property
     def contacts_lost(self) -> int:
-        """As of one, but neighbours of particles that several hold count as often."""
+        """Lost neighbours as in a single simulation, but those of particles in several windows count several times."""
         counts = self._each(lambda window: float(window.contacts_lost))
         return int(self.exchange.gather(np.array(counts).reshape(-1, 1)).sum())
 
     @property
     def speed_limited(self) -> int:
-        """As of one, but particles that several hold count as often."""
+        """Speed-limited particles as in a single simulation, but particles in several windows count several times."""
         counts = self._each(lambda window: float(window.speed_limited))
         return int(self.exchange.gather(np.array(counts).reshape(-1, 1)).sum())
 
 
 def _packed(number: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Particles as bytes."""
+    """Return particles as bytes."""
     return np.concatenate([np.ascontiguousarray(one).reshape(-1).view(np.uint8) for one in (number, values)])
 
 
 def _unpacked(message: np.ndarray, real: Any, axes: int) -> tuple[np.ndarray, np.ndarray]:
-    """(numbers (n,), values (2 x axes, n))."""
+    """Return (numbers (n,), values (2 x axes, n)) from bytes."""
     end = np.dtype(np.int32).itemsize * (len(message) // bytes_each(np.dtype(real).itemsize, axes))
     return message[:end].view(np.int32), message[end:].view(real).reshape(2 * axes, -1)
 
 
 def bytes_each(item: int, axes: int) -> int:
-    """Of a particle that is sent; `item`: of a scalar."""
+    """Return the bytes of a particle in a message; `item`: of a scalar."""
     return np.dtype(np.int32).itemsize + 2 * axes * item

@@ -1,4 +1,4 @@
-"""A sheet that is stepped in windows of its rows: the contract of a simulation, kept by the windows together."""
+"""A sheet that is stepped in windows of its rows: the simulation that consists of the windows."""
 
 from __future__ import annotations
 
@@ -19,12 +19,14 @@ from model.scene.scene import Scene
 
 
 def cut(scene: Scene, count: int, steps: int | None, option: str) -> Decomposition:
-    """The scene's sheet in `count` domains. Raises SceneError where its family, or a part of it, cannot be cut yet."""
+    """Return the scene's sheet in `count` domains. Raises SceneError where its family, or a part of it, does not
+    support that yet."""
     return decompose(scene.grid.rows, scene.grid.columns, count, reach_of(scene, count, option), steps, option)
 
 
 def reach_of(scene: Scene, count: int, option: str) -> Reach:
-    """How far a step reads along the rows of the scene's sheet. Raises SceneError where it is not cut yet."""
+    """Return how far a step reads along the rows of the scene's sheet. Raises SceneError where it cannot be shared
+    yet."""
     family = family_of(scene)
     if family.reach is None:
         raise SceneError(option, count, f"a {family.name} is not shared among processes or GPUs; leave {option} out")
@@ -32,8 +34,11 @@ def reach_of(scene: Scene, count: int, option: str) -> Reach:
 
 
 def window_scene(scene: Scene, pinned: np.ndarray, domain: Domain, divided: int = 1) -> Scene:
-    """The scene of a window; `pinned`: flat indices of the whole sheet's pinned masses. Where its masses begin is of no
-    matter: its state is loaded, and its constants are the sheet's. Its step is one of `divided` parts of the sheet's."""
+    """Return the scene of a window.
+
+    `pinned`: flat indices of the whole sheet's pinned masses. The initial positions do not matter: its state is loaded,
+    and its constants are the sheet's. Its step is one of `divided` parts of the sheet's.
+    """
     columns, name = scene.grid.columns, scene.name_of("grid", "cloth", default="grid")
     first, end = domain.window_first * columns, domain.window_end * columns
     mine = pinned[(pinned >= first) & (pinned < end)] - first
@@ -46,8 +51,10 @@ def window_scene(scene: Scene, pinned: np.ndarray, domain: Domain, divided: int 
 
 
 class DecomposedSimulation(WindowedSimulation):
-    """See model/domains/windows.py. `windows` are of the domains `mine`. In `exact` math the bits are those of the sheet as
-    one."""
+    """A simulation in windows of rows, see model/domains/windows.py.
+
+    `windows` are those of the domains `mine`. In `exact` math the bits are those of a single simulation.
+    """
 
     def __init__(self, scene: Scene, options: Options, cut: Decomposition, mine: Sequence[int]):
         super().__init__(scene, options)
@@ -66,18 +73,19 @@ class DecomposedSimulation(WindowedSimulation):
 
     @property
     def whole_steps(self) -> int:
-        """Steps that end with an exchange, an even number of them: what graphs replay."""
+        """Smallest number of steps that ends with an exchange and has an even number of exchanges: graphs replay
+        these."""
         cut = self.decomposition
         return 2 * cut.steps if cut.divided == 1 else 1 + cut.divided % 2
 
-    # ------------------------------------------------------------------ the contract
+    # ------------------------------------------------------------------ methods of Simulation
 
     def _run(self, steps: int) -> None:
         divided = self.decomposition.divided
         self._run_windows(divided * self.step, divided * steps)
 
     def _run_windows(self, first: int, steps: int) -> None:
-        """So many steps of the windows, which count them from `first` on."""
+        """Run `steps` steps of the windows, numbered from `first`."""
         done = 0
         while done < steps:
             now = min(self.decomposition.steps, steps - done)

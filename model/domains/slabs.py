@@ -1,8 +1,9 @@
-"""Who owns what when a fluid is shared: slabs of space across its longest side, and the halo around each. Pure arithmetic.
+"""Partition of a fluid: slabs of space across its longest side, and the halo around each. Pure arithmetic.
 
-A particle is owned by the share in whose slab it lies. A share holds those, too, that lie within the halo of its slab: all
-that what it owns may hang on in a substep. So a substep sends nothing but the box of all particles, of which the cells are
-made; after it owners send what now lies in or near another's slab. Which slabs there are changes no bits.
+A particle is owned by the slab in which it lies. Its window also contains the particles within the halo of the slab, on
+which the owned ones may depend in a substep. So a substep only sends the bounding box of all particles, from which the
+cells are made; after it owners send the particles that now lie in or near another slab. The choice of slabs does not
+change bits.
 """
 
 from __future__ import annotations
@@ -18,8 +19,8 @@ from model.scene.scene import Scene
 
 @dataclass(frozen=True, eq=False)
 class Slabs:
-    """`axis`: along which they follow each other; `bounds` (shares - 1,) float64 [m]: where one ends and the next begins, the
-    first and the last one have no outer end; `halo` [m]."""
+    """`axis`: along which they follow each other; `bounds` (shares - 1,) float64 [m]: the planes between them (the
+    first and the last one have no outer end); `halo` [m]."""
 
     axis: int
     bounds: np.ndarray
@@ -27,41 +28,47 @@ class Slabs:
 
     @property
     def count(self) -> int:
-        """How many shares."""
+        """Number of slabs."""
         return len(self.bounds) + 1
 
     def ends(self, share: int) -> tuple[float, float]:
-        """[m]: where a slab begins and ends; of the first and the last one the outer end is infinite."""
+        """Return the ends of a slab [m]; the outer ends of the first and the last one are infinite."""
         found = [-float("inf"), *self.bounds.tolist(), float("inf")]
         return found[share], found[share + 1]
 
     def owned(self, along: np.ndarray, share: int) -> np.ndarray:
-        """(n,) bool: which of coordinates along the axis lie in a slab; what is no number lies in the last one."""
+        """Return which coordinates along the axis lie in a slab, (n,) bool; NaN lies in the last one."""
         low, high = self.ends(share)
         beyond = ~(along < low) if share else np.ones(len(along), bool)
         return beyond & (along < high) if share + 1 < self.count else beyond
 
     def held(self, along: np.ndarray, share: int) -> np.ndarray:
-        """(n,) bool: which of them lie in its slab or its halo; what is no number lies in all."""
+        """Return which coordinates lie in a slab or its halo, (n,) bool; NaN lies in all."""
         low, high = self.ends(share)
         return ~((along < low - self.halo) | (along > high + self.halo))
 
 
 def fluid_halo_of(scene: Scene) -> float:
-    """[m]. Raises SceneError for a scene whose family, or a part of it, is not shared by slabs."""
+    """Return the halo of the scene's slabs [m].
+
+    Raises SceneError for a scene whose family, or a part of it, is not shared by slabs.
+    """
     halo = family_of(scene).halo
     assert halo is not None
     return halo(scene)
 
 
 def is_in_slabs(scene: Scene) -> bool:
-    """Whether several share the scene by slabs of space."""
+    """Return True if the scene is shared by slabs of space."""
     return family_of(scene).halo is not None
 
 
 def slabs_of(scene: Scene, position: np.ndarray, count: int, halo: float) -> Slabs:
-    """As many slabs with as many particles each, where they are now, across the longest side of their box of those that do
-    not repeat; what is nowhere counts as being at the origin."""
+    """Return `count` slabs with equal numbers of particles at their current positions.
+
+    They lie across the longest side of the particles' bounding box among the axes that do not repeat; non-finite
+    positions count as the origin.
+    """
     place = np.where(np.isfinite(position), position, 0.0)
     fixed = [axis for axis in range(scene.dimensions) if "xyz"[axis] not in _repeats(scene)]
     axis = max(fixed, key=lambda axis: float(np.ptp(place[:, axis])))
@@ -71,8 +78,11 @@ def slabs_of(scene: Scene, position: np.ndarray, count: int, halo: float) -> Sla
 
 
 def slabs_at_start(scene: Scene, count: int, steps: int | None, option: str) -> Slabs:
-    """Those of the scene's start. Raises SceneError, naming the `option`, for what cannot be shared, or not by so many;
-    `steps` between two exchanges are one's."""
+    """Return the slabs of the scene's start.
+
+    Raises SceneError, naming the `option`, for scenes that cannot be shared, or not by so many, and for any `steps`
+    between two exchanges: a fluid exchanges in each substep.
+    """
     halo = fluid_halo_of(scene)
     if steps is not None:
         raise SceneError(

@@ -1,4 +1,4 @@
-"""A scene that is stepped in windows, simulations of its parts: what they do of the contract whatever they hold."""
+"""A scene that is stepped in windows, simulations of its parts: the common methods for any kind of part."""
 
 from __future__ import annotations
 
@@ -13,20 +13,21 @@ from model.core.simulation import Simulation
 from model.domains.exchange import Exchange
 from model.scene.scene import Scene
 
-NOBODY = 2**62  # beyond any particle's number
+NOBODY = 2**62  # exceeds any particle's number
 
 
 def refuse_targets(options: Options) -> None:
-    """Raise SceneError for targets that may change."""
+    """Raise SceneError for live targets."""
     if "targets" in options.live:
         raise SceneError("live", "targets", "are of all pinned vertices: run it as one, not shared")
 
 
 class WindowedSimulation(Simulation):
-    """See model/core/simulation.py for the contract. `windows`: those of this process, simulations of their own, the first
-    particles of which have the numbers `firsts` in the whole; `exchange`: what connects them to all others.
+    """A simulation that consists of windows; see model/core/simulation.py for its methods.
 
-    A backend opens the windows (`_open`) and says how they are connected (`_connect`).
+    `windows`: those of this process, simulations of their own; `firsts`: the numbers of their first particles in the
+    whole; `exchange`: connects them to all others. A backend opens the windows (`_open`) and connects them
+    (`_connect`).
     """
 
     exchange: Exchange
@@ -34,7 +35,8 @@ class WindowedSimulation(Simulation):
     firsts: list[int]
 
     def _open_windows(self, count: int, parts: Sequence[tuple[Scene, Options, Body]]) -> None:
-        """Those of this process, of `count` in all: of each what it steps, how, and its particles at time 0."""
+        """Open the windows of this process, of `count` in all; `parts`: scene, options and initial particles of
+        each."""
         self.windows = []
         try:
             for place, (scene, options, body) in enumerate(parts):
@@ -52,19 +54,20 @@ class WindowedSimulation(Simulation):
             raise
 
     def _open(self, place: int, scene: Scene, options: Options) -> Simulation:
-        """The simulation of window number `place` of this process."""
+        """Return the simulation of window number `place` of this process."""
         raise NotImplementedError
 
     def _connect(self) -> Exchange:
-        """The exchange of the windows, which have been opened."""
+        """Return the exchange of the windows, which have been opened."""
         raise NotImplementedError
 
     def _at(self, place: int) -> AbstractContextManager[Any]:
-        """Where window number `place` of this process is spoken to: its device."""
+        """Return a context in which window number `place` of this process is used: its device."""
         return nullcontext()
 
     def _each(self, do: Callable[..., Any], *beside: Sequence[Any]) -> list[Any]:
-        """What `do(window, ...)` gives of each of this process; `beside`: what else it is told, one of each for a window."""
+        """Return the results of `do(window, ...)` for each of this process; `beside`: further arguments, one per
+        window."""
         found = []
         for place, told in enumerate(zip(self.windows, *beside, strict=True)):
             with self._at(place):
@@ -72,13 +75,13 @@ class WindowedSimulation(Simulation):
         return found
 
     def _hand_on(self, window: Any, poked: int) -> None:
-        """What changed, to a window in which the poked particle has the number `poked`; -1: it is not there."""
+        """Pass changes to a window in which the poked particle has the number `poked`; -1: it is in another window."""
         window._record, window._clock = self._record, self._clock
         window._poke_particle, window._poke_force = poked, self._poke_force
         window._parameters_changed()
 
     def _run_each(self, first: int, steps: int) -> None:
-        """So many steps of every window, which count them from `first` on."""
+        """Run `steps` steps of every window, numbered from `first`."""
         for place, window in enumerate(self.windows):
             window.step = first
             with self._at(place):
@@ -91,7 +94,7 @@ class WindowedSimulation(Simulation):
     def slowest(self, seconds: float) -> float:
         return self.exchange.largest(seconds)
 
-    # ------------------------------------------------------------------ the contract
+    # ------------------------------------------------------------------ methods of Simulation
 
     def _keep(self) -> None:
         self._each(lambda window: window._keep())
@@ -100,7 +103,8 @@ class WindowedSimulation(Simulation):
         self._each(lambda window: window._restore())
 
     def _first_diverged(self) -> int:
-        """What a window holds of its neighbours' is as right as theirs, so that it may be looked at as a whole."""
+        """Return the lowest index of a diverged particle, or -1. Halos may be included, since they are as right as
+        their owners."""
         lowest = NOBODY
         for bad in self._diverged():
             if bad >= 0:
@@ -109,7 +113,7 @@ class WindowedSimulation(Simulation):
         return -1 if lowest == NOBODY else lowest
 
     def _diverged(self) -> list[int]:
-        """Of each window of this process the number among all of the first particle whose state is bad; -1: none is."""
+        """Return for each window of this process the global number of its first diverged particle, or -1."""
         found = self._each(lambda window: window._first_diverged())
         return [bad if bad < 0 else first + bad for first, bad in zip(self.firsts, found, strict=True)]
 

@@ -1,4 +1,4 @@
-"""What a fluid's solvers know of the solids that it meets, beside their samples."""
+"""Data on solids for a fluid's solvers, in addition to their samples."""
 
 from __future__ import annotations
 
@@ -12,8 +12,10 @@ K_VOLUME, K_GRIP, K_LIGHTNESS = range(KINDS)  # rows of `kinds_of`
 
 
 def kinds_of(scene: Scene, samples: Samples) -> np.ndarray:
-    """(KINDS, particles and samples) float64: what each counts for, by number (model/formulas/fluid/solids.py); `scene`: of
-    the fluids alone."""
+    """Return volume, grip and lightness by number, (KINDS, particles and samples) float64.
+
+    See model/formulas/fluid/solids.py; `scene`: of the fluids alone.
+    """
     found = scene.fluid_set
     kinds = np.zeros((KINDS, found.particle_count + samples.count))
     kinds[K_VOLUME] = np.append(np.ones(found.particle_count), samples.volume)

@@ -1,31 +1,33 @@
-"""A substep of a fluid by the scheme `divergence-free`, and the order of every sum in it, which both backends keep.
+"""A substep of a fluid by the scheme `divergence-free`, and the order of every sum in it, which both backends follow.
 
-Arrays, sorting, lists and walls are those of model/fluid/plan.py, whose stages are told there; formulas are
-model/formulas/fluid's (divergence.py, density.py, motion.py). Gradients are taken where particles are as the substep
-begins, of which the lists are made. The state between substeps is position and velocity, no more: iterations start at 0 in
-each. (With a fixed number of them, the multipliers of the substep before, whole, gain energy: a column never comes to rest.)
+model/fluid/plan.py describes arrays, sorting, lists, walls and the stages that it shares; formulas are those of
+model/formulas/fluid (divergence.py, density.py, motion.py). Gradients are taken at the positions at the substep's
+start, for which the lists are made. The state between substeps is only position and velocity: iterations start at 0 in
+each. (With a fixed number of iterations, starting at the full multipliers of the previous substep gains energy: a
+column never comes to rest.)
 
-1. `gather`. Of an axis that repeats x = x + turned_round(x, low, high, side).
-2. `sort into cells`, by x; with each go x, v, number and fluid. 3. `find neighbours` of x, and factors, as in plan.py, 3, 4.
-4. `density and divergence`. t = 0, a = 0; for each neighbour t = density_added(t, closeness(squared)), then dy = apart(...),
-   squared anew, s = slope, a = approach_added(a, s, d, v_i - v_j). (wall density, its gradient w) at x, at the substep's
-   end; C = constraint(t, ...); a = approach_of_wall(a, w, v). came = that wall density less the one at the substep's begin,
-   where walls move, else 0. The first solve's target: compressed(C, a, dt, came).
-5. iteration, as many as told, of the first solve, with Y and the iterate before of 0:
-   `relax`. c = target; but for the first iteration a = 0, for each neighbour dy, squared, s as in 4, a = approach_added(a,
-   s, d, e_i - e_j) of shifts e, then approach_of_wall, and c = c + a; next = pressed(Y, factor, c); onward = led(next,
-   iterate, lead(turn, iterations)); delta = onward - Y; Y = onward, iterate = next.
+1. `gather`. On an axis that repeats x = x + turned_round(x, low, high, side).
+2. `sort into cells`, by x; x, v, number and fluid are sorted together. 3. `find neighbours` of x, and factors, as in
+   plan.py, 3, 4.
+4. `density and divergence`. t = 0, a = 0; for each neighbour t = density_added(t, closeness(squared)), then dy =
+   apart(...), squared again, s = slope, a = approach_added(a, s, d, v_i - v_j). (wall density, its gradient w) at x, at
+   the substep's end; C = constraint(t, ...); a = approach_of_wall(a, w, v). came = that wall density minus the one at
+   the substep's start, where walls move, else 0. Target of the first solve: compressed(C, a, dt, came).
+5. iteration, `iterations` times, of the first solve, with Y and the previous iterate of 0:
+   `relax`. c = target; except in the first iteration a = 0, for each neighbour dy, squared, s as in 4, a =
+   approach_added(a, s, d, e_i - e_j) of shifts e, then approach_of_wall, and c = c + a; next = pressed(Y, factor, c);
+   onward = led(next, iterate, lead(turn, iterations)); delta = onward - Y; Y = onward, iterate = next.
    `push apart`. m = 0; for each neighbour dy, squared, s; m = correction_added(m, delta_i + delta_j, s, d); then
    wall_added(m, delta_i, w) axis by axis. e = moved(e, F_WEIGHT, m), e = 0 before the first.
-6. `take up`. u = gained(v, e, inverse_dt); with a maximum acceleration held_back(u, v, speed_of(u - v), F_CHANGE), which is
-   half of what that allows a substep; v = u.
-7. `normals and vorticity` and what neighbours do to velocities, as in plan.py, 7 and 8, where one is asked for; 8.
-   `accelerate`: with drag braked(v, ..., C); then gravity and own forces, accelerated and `slowed`, as in plan.py, 1.
-9. `foresee density`. a of u as in 4 (of v), came is in C already. The second solve's target: foreseen(C, a, dt).
-10. iteration: `relax` and `push apart` of the second solve, whose Y and shifts begin at 0 anew.
-11. `move`. As 6; then `slowed` to F_SPEED, x = drifted(x, v, dt); without the rebound from walls, as in plan.py, 6, from x
-   before, of v before this solve and its multiplier; and colliders, from x before to x with v, which is `slowed` again.
-   The new state is x and v; the multiplier of which pressures are read is the first solve's Y plus the second's.
+6. `take up`. u = gained(v, e, inverse_dt); with a maximum acceleration held_back(u, v, speed_of(u - v), F_CHANGE),
+   which is half of the change that it allows per substep; v = u.
+7. `normals and vorticity` and the smoothing of velocities, as in plan.py, 7 and 8, where needed; 8. `accelerate`: with
+   drag braked(v, ..., C); then gravity and own forces, accelerated and `slowed`, as in plan.py, 1.
+9. `foresee density`. a of u as in 4 (of v); came is already in C. Target of the second solve: foreseen(C, a, dt).
+10. iteration: `relax` and `push apart` of the second solve, whose Y and shifts start at 0 again.
+11. `move`. As 6; then `slowed` to F_SPEED, x = drifted(x, v, dt); without the rebound from walls, as in plan.py, 6,
+   from the old x, of v before this solve and its multiplier; and colliders, from the old x to x with v, which is
+   `slowed` again. The new state is x and v; pressures are computed from the sum of both solves' Y.
 """
 
 from __future__ import annotations
@@ -33,18 +35,21 @@ from __future__ import annotations
 from model.core.plan import Node, Stage
 from model.formulas.fluid import density, divergence, motion
 
-FIRST, SECOND = 0.0, 1.0  # solves: arguments of their stages
+FIRST, SECOND = 0.0, 1.0  # arguments of the solves' stages
 
 
 def divergence_stages(
     smooths: bool, shapes: bool, operations: dict[str, int], met: float, axes: int, iterations: int
 ) -> tuple[Stage | Node, ...]:
-    """The stages of a substep. `operations` of a particle: `find`, `forces`, `touch`; `met`: neighbours; numbers that are
-    moved are per particle and axis, those of neighbours as many as at rest."""
+    """Return the stages of a substep.
+
+    `operations` per particle: `find`, `forces`, `touch`; `met`: neighbours. Numbers moved are per particle and axis,
+    with as many neighbours as at rest.
+    """
     listed, gathered = round(met / axes), round(met)
 
     def around(vectors: int) -> int:
-        """What a sum over neighbours reads, of so many vectors of each."""
+        """Return the numbers that a sum over neighbours reads, for `vectors` vectors of each."""
         return 1 + vectors * gathered + listed
 
     def solve(which: float) -> Node:

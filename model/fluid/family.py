@@ -1,4 +1,4 @@
-"""Fluids by particles that keep their density."""
+"""The family of position-based fluids."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from model.fluid.plan import fluid_plan
 from model.scene.cloth import COLLIDER_KINDS
 from model.scene.scene import Scene
 
-RESTS = 0.03  # rest distances that gravity moves a particle by in a substep, up to which every scheme comes to rest
+RESTS = 0.03  # rest distances by which gravity moves a particle in a substep, up to which every scheme comes to rest
 
 
 def shift_by_gravity(scene: Scene) -> float:
@@ -25,12 +25,12 @@ def shift_by_gravity(scene: Scene) -> float:
 
 def comes_to_rest(scene: Scene) -> bool:
     """True if water in a tank comes to rest with the scene's scheme at its substep (tests/public/test_still_water.py).
-    `averaged` and `divergence-free` start each substep without pressure, and need short substeps for it."""
+    `averaged` and `divergence-free` start each substep without pressure, and need short substeps to come to rest."""
     return scene.method.scheme == "macklin" or shift_by_gravity(scene) <= RESTS
 
 
 def fluid_note(scene: Scene) -> str:
-    """A line on what the method does to a motion, and what it holds back."""
+    """Return a line on the method's effect on a motion, and on its limits."""
     slowest = min(speed_limit(scene, part) for part in scene.fluids.values())
     kept = "positions"
     if scene.method.scheme == "divergence-free":

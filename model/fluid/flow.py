@@ -1,4 +1,4 @@
-"""What kernels are told of emitters and sinks, and what is refused of them."""
+"""Tables of emitters and sinks for kernels, and their checks."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from model.geometry.arithmetic.ordered import dot, norm
 from model.scene.cloth import COLLIDER_KINDS
 from model.scene.flow import Emitter, spatial
 
-# An emitter's row:
+# Row of an emitter:
 EMITTER_FIELDS = 14
 (
-    E_FIRST,  # of the points of all nozzles, its first,
-    E_COUNT,  # and how many it has
-    E_FLUID,  # which fluid's
+    E_FIRST,  # index of its first point among those of all nozzles,
+    E_COUNT,  # number of its points
+    E_FLUID,  # index of its fluid
     E_X,  # unit direction
     E_Y,
     E_Z,
@@ -25,16 +25,16 @@ EMITTER_FIELDS = 14
     E_VY,
     E_VZ,
     E_DISTANCE,  # m, between layers
-    E_RATE,  # layers a second
-    E_SINCE,  # s: since when at that rate,
-    E_BEFORE,  # and how many layers had passed by then
+    E_RATE,  # layers/s
+    E_SINCE,  # s: since when it has that rate,
+    E_BEFORE,  # and the layers that had passed by then
     E_STOP,  # s
 ) = range(EMITTER_FIELDS)
 
-# A sink's row:
+# Row of a sink:
 SINK_FIELDS = 8
 (
-    S_KIND,  # of SINK_SHAPES
+    S_KIND,  # index into SINK_SHAPES
     S_X,  # centre, or a point of the plane, m
     S_Y,
     S_Z,
@@ -48,7 +48,7 @@ NEVER = 1e30  # s
 
 
 def fluid_of(scene: Any, name: str) -> int:
-    """The number of the fluid that an emitter gives. Raises SceneError."""
+    """Return the index of an emitter's fluid. Raises SceneError."""
     names, part = list(scene.fluids), scene.parts[name]
     if part.fluid is None:
         return 0
@@ -58,12 +58,13 @@ def fluid_of(scene: Any, name: str) -> int:
 
 
 def taps_at_start(scene: Any) -> np.ndarray:
-    """(emitters, 2) float64: since when [s] each has its speed, and how many layers had passed by then."""
+    """Return the initial emitter states, (emitters, 2) float64: the time [s] since which each has its speed, and the
+    layers that had passed by then."""
     return np.array([(part.start, 0.0) for part in scene.emitters.values()], np.float64).reshape(-1, 2)
 
 
 def layers_passed(scene: Any, taps: np.ndarray, time: float) -> np.ndarray:
-    """(emitters,) float64: how many layers have passed each nozzle by `time` [s]."""
+    """Return the number of layers that have passed each nozzle by `time` [s], (emitters,) float64."""
     found, distance = [], scene.fluid_set.spacing
     for part, (since, before) in zip(scene.emitters.values(), taps, strict=True):
         stop = NEVER if part.stop is None else part.stop
@@ -72,13 +73,13 @@ def layers_passed(scene: Any, taps: np.ndarray, time: float) -> np.ndarray:
 
 
 def turned(scene: Any, taps: np.ndarray, time: float) -> np.ndarray:
-    """`taps` from `time` [s] on, when speeds become others than those of `scene`."""
+    """Return the emitter states from `time` [s] on, when speeds change from those of `scene`."""
     starts = [part.start for part in scene.emitters.values()]
     return np.stack([np.maximum(time, starts), layers_passed(scene, taps, time)], axis=1).reshape(-1, 2)
 
 
 def emitter_rows(scene: Any, taps: np.ndarray, real: type) -> np.ndarray:
-    """(emitters, EMITTER_FIELDS) in the arithmetic `real`, in the order of the file."""
+    """Return the rows of emitters, (emitters, EMITTER_FIELDS), in the arithmetic `real`, in the order of the file."""
     rows, first, found = np.zeros((len(scene.emitters), EMITTER_FIELDS)), 0, scene.fluid_set
     for row, (name, part), tap in zip(rows, scene.emitters.items(), taps, strict=True):
         row[E_FIRST], row[E_COUNT] = first, len(part.nozzle(found.spacing, found.dimensions))
@@ -90,14 +91,14 @@ def emitter_rows(scene: Any, taps: np.ndarray, real: type) -> np.ndarray:
 
 
 def nozzle_points(scene: Any, real: type) -> np.ndarray:
-    """(points of all emitters, 3) [m] in the arithmetic `real`."""
+    """Return the points of all emitters, (points, 3) [m], in the arithmetic `real`."""
     found: FluidSet = scene.fluid_set
     points = [part.nozzle(found.spacing, found.dimensions) for part in scene.emitters.values()]
     return np.concatenate([np.zeros((0, 3)), *points]).astype(real)
 
 
 def sink_rows(scene: Any, real: type) -> np.ndarray:
-    """(sinks, SINK_FIELDS) in the arithmetic `real`, in the order of the file."""
+    """Return the rows of sinks, (sinks, SINK_FIELDS), in the arithmetic `real`, in the order of the file."""
     rows = np.zeros((len(scene.sinks), SINK_FIELDS))
     for row, part in zip(rows, scene.sinks.values(), strict=True):
         row[S_KIND] = SINK_SHAPES.index(part.shape)
@@ -111,13 +112,14 @@ def sink_rows(scene: Any, real: type) -> np.ndarray:
 
 
 def fluid_starts(scene: Any) -> np.ndarray:
-    """(fluids + 1,) int64: the number of each fluid's first particle, and how many there are."""
+    """Return the number of each fluid's first particle, then the number of particles, (fluids + 1,) int64."""
     found = scene.fluid_set
     return np.searchsorted(found.fluid, np.arange(len(found.parts) + 1)).astype(np.int64)
 
 
 def rates(scene: Any, name: str) -> tuple[float, float, int]:
-    """(m^3/s, particles a second, points of the nozzle) of an emitter at its speed; in a plane of a layer one metre thick."""
+    """Return (m^3/s, particles/s, points of the nozzle) of an emitter at its speed; a plane has a layer one metre
+    thick."""
     part: Emitter = scene.parts[name]
     found = scene.fluid_set
     points = len(part.nozzle(found.spacing, found.dimensions))
@@ -126,8 +128,8 @@ def rates(scene: Any, name: str) -> tuple[float, float, int]:
 
 
 def check_flow(scene: Any) -> None:
-    """Raise SceneError where an emitter gives nothing, is too fast, lies in a collider or in a sink, or has nothing to give;
-    where a sink is of other dimensions."""
+    """Raise SceneError for an emitter without particles, too fast, or in a collider or a sink, for a capacity without
+    an emitter, and for a sink of other dimensions."""
     axes, emptied = scene.dimensions, bool(scene.sinks)
     if (scene.emitters or emptied) and scene.method.scheme == "divergence-free":
         told = "does not go with emitters and sinks yet; take macklin or averaged"
@@ -178,7 +180,7 @@ def _check_nozzle(scene: Any, name: str, part: Emitter, rest_distance: float) ->
 
 
 def in_wall(kind: str, wall: Any, points: np.ndarray) -> np.ndarray:
-    """(n,) bool: which of the points (n, 3) lie in a collider at time 0; none in a mesh, which has no inside."""
+    """Return which points (n, 3) lie in a collider at time 0, (n,) bool; none in a mesh, which has no inside."""
     if kind == "plane":
         normal = np.array(wall.normal) / norm(wall.normal)
         return np.asarray(dot(points - np.array(wall.point), normal) < 0)

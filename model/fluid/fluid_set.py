@@ -1,4 +1,4 @@
-"""All fluids of a scene as one set of particles: what its solvers start from."""
+"""All fluids of a scene as one set of particles: the initial state of its solvers."""
 
 from __future__ import annotations
 
@@ -16,19 +16,20 @@ from model.geometry.arithmetic.functions import cosine, sine, whole_power
 from model.geometry.particle_row import ParticleRow
 from model.scene.fluid import REPEATED, WIDER, Domain, Fluid
 
-PARTICLE_BYTES = 700  # on the host: state, what is sorted, a list of 64 neighbours
-OF_ALL = ("dimensions", "rest_distance", "support_radius")  # in which fluids of a scene are alike
+PARTICLE_BYTES = 700  # on the host: state, sorted copies, a list of 64 neighbours
+OF_ALL = ("dimensions", "rest_distance", "support_radius")  # fields in which fluids of a scene must agree
 MAX_FLUIDS = 64
-PARKED = -float(2**20)  # m, along every axis: where particles are told to be that wait; a number of any precision
+PARKED = -float(2**20)  # m, along every axis: position of inactive particles; exact in any precision
 
 
 @dataclass(frozen=True, eq=False)
 class FluidSet(ParticleRow):
     """The particles of all fluids, one block after the other, in the order of the file; x runs fastest, then y.
 
-    `position`, `velocity` (particles, dimensions) float64 [m], [m/s]; `fluid` (particles,) int32: which of `parts` each is
-    of. A fluid's last ones wait for an emitter, and are PARKED. To the rest of the lab it is a row of masses: `rows` 1,
-    `columns` all, `spacing` the rest distance [m], `mass` that of a particle of the first fluid [kg].
+    `position`, `velocity`: (particles, dimensions) float64 [m], [m/s]; `fluid`: (particles,) int32, index into `parts`.
+    The last particles of a fluid wait for an emitter, and are PARKED. It has the attributes of a row of masses: `rows`
+    1, `columns` the number of particles, `spacing` the rest distance [m], `mass` that of a particle of the first fluid
+    [kg].
     """
 
     names: tuple[str, ...]
@@ -40,62 +41,63 @@ class FluidSet(ParticleRow):
 
     @property
     def dimensions(self) -> int:
-        """2 or 3."""
+        """Number of dimensions, 2 or 3."""
         return self.parts[0].dimensions
 
     @property
     def spacing(self) -> float:
-        """The rest distance [m]."""
+        """Rest distance [m]."""
         return self.parts[0].rest_distance
 
     @property
     def support(self) -> float:
-        """How far a particle sees [m]."""
+        """Support radius [m]."""
         return self.parts[0].support_radius
 
     @property
     def lattice(self) -> Lattice:
-        """What its kernels are scaled by."""
+        """Scales of the kernels."""
         return lattice_of(self.spacing, self.support, self.dimensions)
 
     @cached_property
     def particle_masses(self) -> tuple[float, ...]:
-        """Of each fluid's particles [kg], in a plane of a layer one metre thick: of a cell of its lattice."""
+        """Mass of a particle of each fluid [kg], that of a cell of its lattice; a plane has a layer one metre thick."""
         return tuple(part.density * whole_power(self.spacing, self.dimensions) for part in self.parts)
 
     @property
     def mass(self) -> float:
-        """Of a particle of the first fluid [kg]; what is lighter or heavier counts by its `lightness`."""
+        """Mass of a particle of the first fluid [kg]; those of others enter by their `lightness`."""
         return self.particle_masses[0]
 
     @property
     def masses(self) -> np.ndarray:
-        """(particles,) float64 [kg]."""
+        """Mass of each particle, (particles,) float64 [kg]."""
         return np.array(self.particle_masses)[self.fluid]
 
     @cached_property
     def lightness(self) -> tuple[float, ...]:
-        """Of each fluid: the first one's density over its own."""
+        """Density of the first fluid over that of each fluid."""
         return tuple(self.parts[0].density / part.density for part in self.parts)
 
     @property
     def extent(self) -> float:
-        """Its longest side [m]."""
+        """Longest side [m]."""
         there = self.position[self.there(self.position)]
         return (float(np.ptp(there, axis=0).max()) if len(there) else 0.0) + self.spacing
 
     @property
     def starting(self) -> tuple[int, ...]:
-        """Of each fluid, how many particles are there at the start."""
+        """Number of each fluid's active particles at the start."""
         return tuple(part.starting_count for part in self.parts)
 
     @property
     def capacities(self) -> tuple[int, ...]:
-        """Of each fluid, how many there may be."""
+        """Capacity of each fluid."""
         return tuple(part.most for part in self.parts)
 
     def there(self, position: np.ndarray) -> np.ndarray:
-        """(particles,) bool: which do not wait, by positions (particles, dimensions) in any precision."""
+        """Return which particles are active, (particles,) bool, by positions (particles, dimensions) in any
+        precision."""
         return np.asarray(position[:, 0] != PARKED)
 
     def __str__(self) -> str:
@@ -105,12 +107,12 @@ class FluidSet(ParticleRow):
 
 
 def particle_count(parts: Mapping[str, Fluid]) -> int:
-    """How many particles fluids have, before any is made."""
+    """Return the number of particles of fluids, before any is made."""
     return sum(part.most for part in parts.values())
 
 
 def check_fluids(parts: Mapping[str, Fluid], domain: Domain | None, domain_name: str) -> None:
-    """Raise SceneError where fluids are not alike in what they share, are too many, do not fit into memory, or into their
+    """Raise SceneError for fluids that disagree in common fields, are too many, or do not fit into memory or into their
     box."""
     (first, one), *others = parts.items()
     for name, other in others:
@@ -143,7 +145,7 @@ def check_fluids(parts: Mapping[str, Fluid], domain: Domain | None, domain_name:
 
 
 def check_among_solids(scene: Any) -> None:
-    """Raise SceneError for a scene of fluids that cannot meet solids."""
+    """Raise SceneError for a scene of fluids that cannot interact with solids."""
     if scene.dimensions == 2:
         told = "must be 3 where a fluid meets solids, which lie in space"
         raise SceneError(f"{next(iter(scene.fluids))}.dimensions", 2, told)
@@ -155,8 +157,11 @@ def check_among_solids(scene: Any) -> None:
 
 
 def vortices(place: np.ndarray, domain: Domain) -> np.ndarray:
-    """(n, dimensions): velocities of G. I. Taylor and A. E. Green's vortices, of speed 1, at places [m] of a box that
-    repeats: one wave along x and along y."""
+    """Return velocities of G. I. Taylor and A. E. Green's vortices, of speed 1, (n, dimensions), at positions [m] of a
+    periodic box.
+
+    There is one wave along x and along y.
+    """
     x, y = (2 * np.pi * (place[:, axis] - domain.origin[axis]) / domain.size[axis] for axis in (0, 1))
     found = np.zeros_like(place)
     found[:, 0], found[:, 1] = sine(x) * cosine(y), -cosine(x) * sine(y) * domain.size[1] / domain.size[0]
@@ -164,7 +169,7 @@ def vortices(place: np.ndarray, domain: Domain) -> np.ndarray:
 
 
 def make_fluid_set(parts: Mapping[str, Fluid], domain: Domain | None = None) -> FluidSet:
-    """The set of a scene's fluids, by name, in the scene's box."""
+    """Return the set of a scene's fluids, by name, in the scene's box."""
     axes = next(iter(parts.values())).dimensions
     positions, velocities, numbers = [], [], []
     for number, part in enumerate(parts.values()):

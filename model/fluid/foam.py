@@ -1,10 +1,11 @@
-"""Spray, foam and bubbles: points without mass that a fluid carries, to be drawn. Nothing of them acts on the fluid.
+"""Spray, foam and bubbles: massless points that a fluid carries, to be drawn. They do not act on the fluid.
 
-M. Ihmsen, N. Akinci, G. Akinci, M. Teschner, "Unified spray, foam and bubbles for particle-based fluids", The Visual Computer
-28 (2012): points are made where air is trapped (model/fluid/foam_sources.py) in a cylinder that a particle sweeps (section
-3.2); with few of the fluid's particles around them they are spray and fly, with many bubbles that rise and are dragged along,
-else foam that goes with the fluid and alone grows old (3.3, 3.4). Velocities of the fluid are means over neighbours by poly6.
-Random numbers are counted (model/formulas/random.py), so that the same states give the same points.
+M. Ihmsen, N. Akinci, G. Akinci, M. Teschner, "Unified spray, foam and bubbles for particle-based fluids", The Visual
+Computer 28 (2012): points are made where air is trapped (model/fluid/foam_sources.py) in the cylinder that a particle
+sweeps (section 3.2). With few of the fluid's particles around them they are spray and fly; with many they are bubbles
+that rise and are dragged along; otherwise they are foam, which moves with the fluid and alone ages (3.3, 3.4).
+Velocities of the fluid are means over neighbours by poly6. Random numbers are counter-based (model/formulas/random.py),
+so that the same states give the same points.
 """
 
 from __future__ import annotations
@@ -26,23 +27,23 @@ FEW, MANY = (
     0.12,
     0.75,
 )  # of a full neighbourhood: below spray, above bubbles (6 and 20 of 33 there; a surface has up to 0.65)
-LONGEST = 0.05  # s between two states; what happened in more is not known
-YOUNGEST = 0.25  # of the lifetime, of what the weakest source makes
-RISING = 1 / 7  # of the scene's speed: that of bubbles in still fluid, where drag is not told
-FAR = 3.0  # times the fluids' first extent: spray that is so far from them is out of sight
-SPREAD = 0.1  # of a particle's speed: how fast a point at the edge of its ball moves outward
+LONGEST = 0.05  # s between two states; longer intervals are cut to it
+YOUNGEST = 0.25  # of the lifetime, for the weakest source
+RISING = 1 / 7  # of the scene's speed: default speed of bubbles in still fluid
+FAR = 3.0  # times the fluids' initial extent: spray farther from them is removed
+SPREAD = 0.1  # of a particle's speed: outward speed of a point at the edge of its ball
 WORD = 2.0**-32
-NOWHERE = 2.0**19  # m: nothing is drawn so far from the origin, where float32 tells places to three centimetres at best
+NOWHERE = 2.0**19  # m: nothing is drawn that far from the origin, where float32 resolves at best three centimetres
 
 
 def in_reach(position: np.ndarray) -> np.ndarray:
-    """(particles,) bool: which are finite and not NOWHERE, by positions (particles, dimensions) [m]."""
+    """Return which positions (particles, dimensions) [m] are finite and nearer than NOWHERE, (particles,) bool."""
     return np.asarray((np.abs(position) < NOWHERE).all(axis=1))
 
 
 class FoamPoints:
-    """`position`, `velocity` (n, dimensions) [m], [m/s], `left` (n,) [s] until a point of foam is gone, `kind` (n,) of SPRAY,
-    FOAM and BUBBLE; `follow` takes them from one state of the fluid to the next."""
+    """The points: `position`, `velocity` (n, dimensions) [m], [m/s], `left` (n,) [s] of a foam point's remaining life,
+    `kind` (n,) of SPRAY, FOAM and BUBBLE; `follow` advances them from one state of the fluid to the next."""
 
     def __init__(self, scene: Scene, foam: Foam):
         self.scene, self.foam = scene, foam
@@ -53,7 +54,7 @@ class FoamPoints:
         self.forget()
 
     def forget(self) -> None:
-        """There are none, and no time is known."""
+        """Remove all points and the time."""
         self._hold(np.zeros((0, self.scene.dimensions)), np.zeros((0, self.scene.dimensions)), np.zeros(0))
         self.kind = np.zeros(0, np.int8)
         self._time, self._frame = -1.0, 0
@@ -65,8 +66,11 @@ class FoamPoints:
         return len(self.position)
 
     def follow(self, position: np.ndarray, velocity: np.ndarray, time: float) -> None:
-        """The fluid is in this state (particles, dimensions) [m], [m/s] at `time` [s]; of an earlier time, or the first one,
-        points begin anew. What is not finite, or NOWHERE, counts for nothing."""
+        """Advance to a state of the fluid, (particles, dimensions) [m], [m/s], at `time` [s].
+
+        At an earlier time, or at the first state, points start anew. Particles that are not finite, or beyond NOWHERE,
+        are ignored.
+        """
         if time < self._time or self._time < 0:
             self.forget()
             self._time = time
@@ -80,10 +84,10 @@ class FoamPoints:
         self._carry(position, velocity, passed)
         self._make(position, velocity, passed)
 
-    # ------------------------------------------------------------------ those that there are
+    # ------------------------------------------------------------------ existing points
 
     def _carry(self, position: np.ndarray, velocity: np.ndarray, passed: float) -> None:
-        """Each by its kind, out of colliders, and away with what is old or far."""
+        """Move each point by its kind, out of colliders, and remove old and far ones."""
         if not len(self):
             return
         count, mean = self._around(position, velocity)
@@ -103,7 +107,7 @@ class FoamPoints:
         self.kind = self.kind[stays]
 
     def _around(self, position: np.ndarray, velocity: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(how many of the fluid's particles are within a support (n,), the mean of their velocities (n, dimensions))."""
+        """Return (number of the fluid's particles within a support (n,), mean of their velocities (n, dimensions))."""
         support, total = self.scene.fluid_set.support, len(self)
         place, fluid, box = self._boxed(position)
         pairs = cKDTree(place, boxsize=box).sparse_distance_matrix(
@@ -116,7 +120,7 @@ class FoamPoints:
         return np.bincount(point, minlength=total), np.stack(mean, axis=1) / np.maximum(sums, 1e-30)[:, None]
 
     def _sides(self) -> tuple[np.ndarray, np.ndarray]:
-        """(origin, side) [m] of the box along each axis; side 0 where it does not repeat."""
+        """Return (origin, side) [m] of the box along each axis; side 0 where it does not repeat."""
         axes, domain = self.scene.dimensions, self.scene.domain
         origin, side = np.zeros((2, axes))
         for axis in range(axes) if domain is not None else ():
@@ -129,7 +133,8 @@ class FoamPoints:
         return np.where(side > 0, origin + (place - origin) % np.where(side > 0, side, 1), place)
 
     def _boxed(self, position: np.ndarray) -> tuple[np.ndarray, np.ndarray, Any]:
-        """Points and particles in a box from 0 on, and its sides for a search; None where none repeats."""
+        """Return points and particles in a box that starts at 0, and its sides for a search; None where none
+        repeats."""
         origin, side = self._sides()
         if not side.any():
             return self.position, position, None
@@ -140,11 +145,11 @@ class FoamPoints:
         most = np.nextafter(box, 0)
         return np.clip(place - low, 0, most), np.clip(fluid - low, 0, most), box
 
-    # ------------------------------------------------------------------ new ones
+    # ------------------------------------------------------------------ new points
 
     def _make(self, position: np.ndarray, velocity: np.ndarray, passed: float) -> None:
-        """Of each particle as many as its source says, a fraction by chance; beyond the most that there may be the oldest
-        go."""
+        """Make new points from each particle's source, a fraction by chance; above the largest number the oldest are
+        removed."""
         share = sources(self.scene, self.foam, position, velocity)
         particle = np.flatnonzero(share)
         wanted = self.foam.rate * passed * share[particle]
@@ -152,7 +157,7 @@ class FoamPoints:
         each = np.repeat(particle, number)
         if not len(each):
             return
-        turn = np.arange(len(each)) - np.repeat(np.cumsum(number) - number, number) + 1  # 1, 2 ... of each particle
+        turn = np.arange(len(each)) - np.repeat(np.cumsum(number) - number, number) + 1  # 1, 2 ... for each particle
         place, moving = self._cylinder(position[each], velocity[each], passed, self._random(each, turn))
         way = place - position[each]
         place, moving, _ = kept_out(self.scene, self._wrapped(place), way, moving, self._time, 0.0)
@@ -163,7 +168,7 @@ class FoamPoints:
         self.kind = np.concatenate([self.kind, np.full(len(each), FOAM, np.int8)])[-most:]
 
     def _random(self, particle: np.ndarray, turn: Any) -> list[np.ndarray]:
-        """Four numbers in [0, 1) of each particle (n,), in this frame and this turn of it."""
+        """Return four numbers in [0, 1) for each particle (n,), in this frame and `turn`."""
         step = np.uint64(self._frame) | (np.asarray(turn, np.uint64) << np.uint64(32))
         step = np.broadcast_to(step, particle.shape)
         words = self._philox(np.uint64(self.foam.seed), step, particle.astype(np.uint64))
@@ -172,8 +177,11 @@ class FoamPoints:
     def _cylinder(
         self, position: np.ndarray, velocity: np.ndarray, passed: float, random: list[np.ndarray]
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Section 3.2: evenly within the cylinder, in a plane the strip, that a particle's ball sweeps; what lies off its
-        axis moves outward."""
+        """Return positions and velocities of new points, by section 3.2.
+
+        Positions are uniform within the cylinder (in a plane: the strip) that a particle's ball sweeps; points off its
+        axis move outward.
+        """
         radius, axes = self.scene.fluid_set.spacing / 2, position.shape[1]
         speed = np.sqrt((velocity**2).sum(axis=1))
         along = velocity / np.maximum(speed, 1e-30)[:, None]

@@ -1,4 +1,5 @@
-"""Points that are kept out of a scene's colliders, all of them at once, on the host: what is drawn and not simulated."""
+"""Collisions of foam points with a scene's colliders, all points at once, on the host; they are drawn, not
+simulated."""
 
 from __future__ import annotations
 
@@ -13,13 +14,15 @@ from model.geometry.distance_field import DistanceField
 from model.scene.cloth import Box, Capsule, Plane, Sphere
 from model.scene.scene import Scene
 
-ROUNDS = 4  # how often a point is led back to the side of a mesh that it comes from, before it stays where it was
-GAP = 1e-3  # rest distances from a mesh, where it is put: on a triangle its side would be rounding's
+ROUNDS = 4  # corrections of a point to its side of a mesh, before it stays where it was
+GAP = 1e-3  # rest distances from a mesh, where it is put: on a triangle rounding would decide the side
 
 
 def outward(collider: Any, place: np.ndarray, time: float) -> tuple[np.ndarray, np.ndarray] | None:
-    """(signed distance (n,) [m], unit normal (n, 3)) of a plane, ball, rod, block or field, where it is at `time` [s], at
-    places (n, 3) [m]; None of a mesh, which has no inside."""
+    """Return (signed distance (n,) [m], unit normal (n, 3)) of points (n, 3) [m] from a collider at `time` [s].
+
+    For a plane, ball, capsule, box or field; None for a mesh, which has no inside.
+    """
     if isinstance(collider, DistanceField):
         distance, normal = _field(collider, _seen(collider, place, time))
         return distance, normal @ collider.turn_at(time).T
@@ -55,14 +58,16 @@ def _block(away: np.ndarray, half: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _seen(collider: SurfaceCollider, place: np.ndarray, time: float) -> np.ndarray:
-    """Places (n, 3) in the collider's own frame."""
+    """Return positions (n, 3) in the collider's own frame."""
     away = place - np.asarray(collider.origin) - time * np.asarray(collider.velocity)
     return np.asarray(away @ collider.turn_at(time))
 
 
 def _field(collider: DistanceField, place: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """In its frame: the distance interpolated, and the way it grows from half a cell before to half a cell beyond; outside
-    the grid infinitely far."""
+    """Return the interpolated distance and its gradient's direction, in the field's frame.
+
+    The gradient is a central difference over a cell; outside the grid the distance is infinite.
+    """
     field = collider.field
     last = field.low + field.spacing * (np.array(field.distance.shape) - 1)
     within = ((place >= field.low) & (place <= last)).all(axis=1)
@@ -77,9 +82,11 @@ def _field(collider: DistanceField, place: np.ndarray) -> tuple[np.ndarray, np.n
 def _before_mesh(
     collider: MeshCollider, place: np.ndarray, way: np.ndarray, time: float, passed: float, gap: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """(places (n, 3) [m] on the side of the mesh that the ways, which `passed` [s] took, come from, normals (n, 3) to that
-    side, which ways met the mesh (n,)). What leads into it is taken from a way, `gap` [m] before it; the rest goes on
-    along it."""
+    """Return (positions (n, 3) [m], normals (n, 3), which paths touched the mesh (n,)) of points stopped by a mesh.
+
+    They lie on the side from which their displacements `way`, in `passed` [s], come; normals point to that side. The
+    component into the mesh is removed from a displacement, `gap` [m] before it; the rest continues along it.
+    """
     begin, end = _seen(collider, place - way, time - passed), _seen(collider, place, time)
     corners, normal, crosses = corners_of(collider.tree), np.zeros_like(end), np.ones(len(end), bool)
     met = np.zeros(len(end), bool)
@@ -100,7 +107,7 @@ def _before_mesh(
 
 
 def _own_velocity(collider: Any, place: np.ndarray, time: float) -> np.ndarray:
-    """(n, 3) [m/s]: at which the collider moves at places (n, 3)."""
+    """Return the collider's velocity at positions (n, 3), (n, 3) [m/s]."""
     velocity = np.asarray(collider.velocity)
     if isinstance(collider, SurfaceCollider):
         return np.asarray(velocity + np.cross(collider.spin, place - collider.origin - time * velocity))
@@ -110,9 +117,12 @@ def _own_velocity(collider: Any, place: np.ndarray, time: float) -> np.ndarray:
 def kept_out(
     scene: Scene, place: np.ndarray, way: np.ndarray, velocity: np.ndarray, time: float, passed: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """(places (n, dimensions) [m], velocities [m/s], which met a collider (n,)) of points that came a `way` [m] to their
-    places in the time `passed` [s]: out by the nearest way, or back to the side of a mesh that they come from; and with what
-    goes into a collider taken from the velocity, relative to its own."""
+    """Return (positions (n, dimensions) [m], velocities [m/s], which touched a collider (n,)) of points after
+    collisions.
+
+    `way`: their displacement [m] in the time `passed` [s]. They are pushed out along the normal, or back to the side of
+    a mesh from which they come; the velocity component into a collider, relative to its own, is removed.
+    """
     axes = place.shape[1]
     where, moving, came = (np.pad(array, ((0, 0), (0, 3 - axes))) for array in (place, velocity, way))
     met, start = np.zeros(len(place), bool), where - came

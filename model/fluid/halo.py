@@ -1,4 +1,4 @@
-"""How far a substep of a fluid reads, so that several can share it by slabs of space (model/domains/slabs.py)."""
+"""The distance that a substep of a fluid reads, for sharing by slabs of space (model/domains/slabs.py)."""
 
 from __future__ import annotations
 
@@ -12,20 +12,22 @@ APART = "is not shared among processes or GPUs yet"
 
 
 def fluid_supports(scene: Scene) -> int:
-    """From neighbour to neighbour, how many of them lie between a particle and what it may hang on within a substep.
+    """Return the number of supports between a particle and the farthest one on which it may depend within a substep.
 
-    Lists are made once, of predicted places. An iteration's `density` looks at neighbours, and `correct` at their changes,
-    which looked at theirs: two an iteration. Velocities are smoothed over neighbours, whose normals and vorticity are of
-    theirs (model/fluid/plan.py, 4 to 8).
+    Lists are made once, from predicted positions. An iteration's `density` reads neighbours, and `correct` their
+    changes, which read theirs: two supports per iteration. Velocities are smoothed over neighbours, whose normals and
+    vorticity depend on theirs (model/fluid/plan.py, 4 to 8).
     """
     parts = fluid_parts(scene)
     return 2 * scene.method.iterations + bool(parts & SMOOTHING) + bool(parts & SHAPES)
 
 
 def fluid_halo(scene: Scene) -> float:
-    """[m]: how far from a slab particles lie, as a substep begins, that those in it hang on: each support is one of predicted
-    places, and both ends are predicted no farther than the fastest goes in a substep. Raises SceneError for what cannot be
-    shared yet."""
+    """Return the largest distance [m] from a slab, at a substep's start, of particles on which those in it depend.
+
+    Each support is one of predicted positions, and the prediction moves both ends by at most the speed limit times a
+    substep. Raises SceneError for parts that cannot be shared yet.
+    """
     for kind, name in [("emitter", name) for name in scene.emitters] + [("sink", name) for name in scene.sinks]:
         raise SceneError(f"{name}.kind", kind, f"{APART}: run it as one")
     if scene.foam is not None:

@@ -1,7 +1,7 @@
-"""Scales of a fluid's kernels: sums over the lattice on which it starts, where nothing is to move.
+"""Scales of a fluid's kernels: sums over the initial lattice, which must be an equilibrium.
 
-Kernels: M. Mueller, D. Charypar and M. Gross, SCA 2003: poly6 and the slope of the spiky one, of unit integral in space and
-in the plane.
+Kernels: M. Mueller, D. Charypar and M. Gross, SCA 2003: poly6 and the slope of the spiky one, of unit integral in space
+and in the plane.
 """
 
 from __future__ import annotations
@@ -16,41 +16,41 @@ import numpy as np
 from model.geometry.arithmetic.functions import whole_power
 from model.geometry.arithmetic.ordered import norm, total
 
-POLY6 = {2: 4 / pi, 3: 315 / (64 * pi)}  # of support 1
-SPIKY = {2: 30 / pi, 3: 45 / pi}  # of its slope
+POLY6 = {2: 4 / pi, 3: 315 / (64 * pi)}  # for a support of 1
+SPIKY = {2: 30 / pi, 3: 45 / pi}  # scale of its slope
 
 
 def poly6(distance: np.ndarray, support: float, axes: int) -> np.ndarray:
-    """W [1/m^axes] at a distance [m]."""
+    """Return W [1/m^axes] at a distance [m]."""
     q = np.minimum(np.asarray(distance, np.float64) / support, 1.0)
     return np.asarray(POLY6[axes] / whole_power(support, axes) * whole_power(1 - q * q, 3))
 
 
 def spiky_slope(distance: np.ndarray, support: float, axes: int) -> np.ndarray:
-    """-dW/dr [1/m^(axes + 1)] at a distance [m]."""
+    """Return -dW/dr [1/m^(axes + 1)] at a distance [m]."""
     q = np.minimum(np.asarray(distance, np.float64) / support, 1.0)
     return np.asarray(SPIKY[axes] / whole_power(support, axes + 1) * (1 - q) ** 2)
 
 
 def closeness_cubed(distance: np.ndarray, support: float) -> np.ndarray:
-    """(1 - r / support)^3 at a distance r [m], 0 beyond the support: the kernel of the density constraint."""
+    """Return (1 - r / support)^3 at a distance r [m], 0 beyond the support: the kernel of the density constraint."""
     return np.asarray(whole_power(np.maximum(1 - np.asarray(distance, np.float64) / support, 0.0), 3))
 
 
 @dataclass(frozen=True)
 class Lattice:
-    """Sums over a lattice of particles `rest_distance` apart [m] that see as far as `support` [m], in so many `axes`.
+    """Sums over a lattice of particles `rest_distance` apart [m] with the `support` [m], in `axes` dimensions.
 
     With k(r) = (1 - r / support)^3 and s(r) = -k'(r) / r, sums over all others of the lattice:
 
     - `volume` [m^axes]: of a particle, 1 / sum of poly6, itself included; `neighbours`: their number.
-    - `kernel_sum`: sum of k; `density_scale` = axes / sum of s r^2: a dilatation e changes scale * sum of k by -axes e, as it
-      changes density. `gradient_scale` [1/m] = 3 density_scale / support: slope of scale * k at r = 0.
+    - `kernel_sum`: sum of k; `density_scale` = axes / sum of s r^2: a dilatation e changes scale * sum of k by -axes e,
+      as it changes density. `gradient_scale` [1/m] = 3 density_scale / support: slope of scale * k at r = 0.
     - `wall_scale`, `wall_range` [m], `wall_gradient` [1/m] = 3 wall_scale / wall_range: of f(y) = wall_scale (1 - y /
-      wall_range)^3 at a distance y from a plane. At half a rest distance f is what the layers behind the plane would add, and
-      -f' twice their push, since the pressure in them is the particle's own.
-    - `smoothing_scale`: volume * poly6(0); `spread` [m^2]: half the second moment of volume * poly6 along an axis, so that
-      sum of volume * poly6 (v_j - v_i) is that times the Laplacian of v.
+      wall_range)^3 at a distance y from a plane. At half a rest distance f is the density of the layers behind the
+      plane, and -f' twice their push, since the pressure in them is the particle's own.
+    - `smoothing_scale`: volume * poly6(0); `spread` [m^2]: half the second moment of volume * poly6 along an axis, so
+      that the sum of volume * poly6 (v_j - v_i) is `spread` times the Laplacian of v.
     """
 
     volume: float
@@ -67,7 +67,7 @@ class Lattice:
 
 @cache
 def lattice_of(rest_distance: float, support: float, axes: int) -> Lattice:
-    """The sums, in float64."""
+    """Return the sums, computed in float64."""
     reach = ceil(support / rest_distance)
     places = np.array(list(product(range(-reach, reach + 1), repeat=axes)), np.float64) * rest_distance
     r = norm(places)

@@ -1,4 +1,5 @@
-"""What a fluid's particles say at one moment: density errors and heights; in float64 on the host, for judging and showing."""
+"""Measures of a fluid's state: density errors, pressures, height; in float64 on the host, for accuracy checks and
+display."""
 
 from __future__ import annotations
 
@@ -8,12 +9,13 @@ from scipy.spatial import cKDTree
 from model.fluid.lattice import closeness_cubed, spiky_slope
 from model.scene.scene import Scene
 
-TOP = 0.01  # of a fluid's particles: the highest ones, by which its height is told
+TOP = 0.01  # of a fluid's particles: the highest ones, which define its height
 
 
 def differences(scene: Scene, position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(pairs (n, 2), x_i - x_j (n, dimensions) [m]) of all particles within the support, wrapped where the box repeats."""
-    there = np.flatnonzero(scene.fluid_set.there(np.asarray(position)))  # what waits is in one place
+    """Return (pairs (n, 2), x_i - x_j (n, dimensions) [m]) of all particles within the support, wrapped in a periodic
+    box."""
+    there = np.flatnonzero(scene.fluid_set.there(np.asarray(position)))  # inactive particles are all in one place
     place, support = np.array(position, np.float64)[there], scene.fluid_set.support
     if not len(place):
         return np.zeros((0, 2), np.int64), np.zeros((0, place.shape[1]))
@@ -33,8 +35,10 @@ def differences(scene: Scene, position: np.ndarray) -> tuple[np.ndarray, np.ndar
 
 
 def density_errors(scene: Scene, position: np.ndarray) -> np.ndarray:
-    """(particles,): density over that at rest, less 1, by the kernel of the constraint (model/formulas/fluid/density.py) and
-    without walls: at surfaces and walls it lacks what is not there."""
+    """Return density over rest density - 1, (particles,), by the constraint's kernel (model/formulas/fluid/density.py).
+
+    Walls are not included: at surfaces and walls the missing neighbours lower it.
+    """
     found, lattice = scene.fluid_set, scene.fluid_set.lattice
     (first, second), apart = (array := differences(scene, position))[0].T, array[1]
     kernel, count = closeness_cubed(np.sqrt((apart**2).sum(axis=1)), found.support), len(position)
@@ -43,13 +47,16 @@ def density_errors(scene: Scene, position: np.ndarray) -> np.ndarray:
 
 
 def compression(scene: Scene, position: np.ndarray) -> tuple[float, float]:
-    """(mean, largest) of what densities exceed that at rest by, over it."""
+    """Return (mean, largest) excess of density over the rest density, relative to it."""
     over = np.maximum(density_errors(scene, position), 0.0)[scene.fluid_set.there(np.asarray(position))]
     return (float(over.mean()), float(over.max())) if len(over) else (0.0, 0.0)
 
 
 def pressures(scene: Scene, position: np.ndarray, multiplier: np.ndarray) -> np.ndarray:
-    """(particles,) [Pa]: what the pairs of each carry, of its last substep's multipliers [m^2]; its own where it has none."""
+    """Return the mean pressure of each particle's pairs, (particles,) [Pa], from its last substep's multipliers [m^2].
+
+    A particle without neighbours has its own.
+    """
     found = scene.fluid_set
     (first, second), apart = (array := differences(scene, position))[0].T, array[1]
     r = np.sqrt((apart**2).sum(axis=1))
@@ -61,8 +68,8 @@ def pressures(scene: Scene, position: np.ndarray, multiplier: np.ndarray) -> np.
 
 
 def height(scene: Scene, position: np.ndarray) -> float:
-    """[m]: from the scene's lowest particle at the start, its half of a rest distance added, to the mean of the highest
-    hundredth of all now."""
+    """Return the height [m] of the highest hundredth of the particles, on average, above the scene's lowest initial
+    particle plus half its rest distance."""
     found = scene.fluid_set
     now, start = (np.asarray(each, np.float64)[found.there(np.asarray(each)), 1] for each in (position, found.position))
     highest = np.sort(now)[-max(1, round(TOP * len(now))) :]

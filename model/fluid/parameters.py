@@ -1,4 +1,4 @@
-"""The constants that a fluid's kernels read: one small record, and a row for each fluid of the scene."""
+"""Constants for a fluid's kernels: one record, and a row for each fluid of the scene."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from model.scene.fluid import REPEATED, WIDER, Fluid
 from model.scene.scene import Scene
 
 AXES = "xyz"
-BOX = ("low", "high", "side", "half", "cells", "inverse_side")  # of an axis that repeats; the last one: cells a metre
+BOX = ("low", "high", "side", "half", "cells", "inverse_side")  # of an axis that repeats; the last one: cells per metre
 MAX_NEIGHBOURS = {2: 24, 3: 64}  # of a particle, by dimensions
-CELLS_EACH = 8  # cells of a table for each particle, at most; cells are larger where more would be needed
-FEWEST_CELLS = 4096  # of that limit
+CELLS_EACH = 8  # cells of a table for each particle, at most; cells are enlarged where more would be needed
+FEWEST_CELLS = 4096  # smallest value of that limit
 MOST_SMOOTHED = 1.0  # of XSPH: beyond it velocities overshoot
 
 FLUID_PARAMETERS = (
     "dt",  # of a substep, s
     "inverse_dt",
-    "first_step",  # since which time is counted in substeps: a number of them,
+    "first_step",  # origin of time, a substep number,
     "first_time",  # and that substep's time, s
     "gravity",  # m/s^2, along +y (so negative)
     "support",  # m
@@ -39,40 +39,42 @@ FLUID_PARAMETERS = (
     "tensile",  # m^2
     "inverse_tensile",  # 1 / (1 - q^2) where the tensile correction has that strength
     "inverse_cell",  # 1/m, of an axis that does not repeat
-    "sampled",  # the number of a fluid that samples of solids are of: one more than there are
-    *(f"{what}_{axis}" for axis in AXES for what in BOX),  # of one that does, else 0
+    "sampled",  # index of the fluid of solids' samples: the number of fluids
+    *(f"{what}_{axis}" for axis in AXES for what in BOX),  # of an axis that repeats, else 0
 )
 FIELDS = {"dt": "method.dt", "gravity": "gravity.acceleration", **own_fields()}
 
-# A fluid's row:
+# Row of a fluid:
 FLUID_FIELDS = 10
 (
-    F_WEIGHT,  # inverse mass of its particles, of the first fluid's 1
+    F_WEIGHT,  # inverse mass of its particles, relative to the first fluid
     F_BUOYANCY,  # of gravity
     F_VISCOSITY,  # XSPH's coefficient times the density's scale
-    F_COHESION,  # m/s a substep
-    F_TENSION,  # m^2/s a substep
-    F_CONFINEMENT,  # m a substep
+    F_COHESION,  # m/s per substep
+    F_TENSION,  # m^2/s per substep
+    F_CONFINEMENT,  # m per substep
     F_DRAG,  # 1/s
     F_SURFACE_DRAG,  # 1/s
     F_SPEED,  # m/s
-    F_CHANGE,  # m/s: of a velocity by neighbours and walls in a substep, at most; of two solves half of it each
+    F_CHANGE,  # m/s: largest change of a velocity by neighbours and walls in a substep; of two solves half of it each
 ) = range(FLUID_FIELDS)
 
 
 def speed_limit(scene: Scene, part: Fluid) -> float:
-    """[m/s]: what no particle of a fluid exceeds: half a support a substep, or less if it is told so."""
+    """Return the speed limit of a fluid's particles [m/s]: half a support per substep, or its stated maximum if that is
+    smaller."""
     return part.speed_limit(scene.method.dt / scene.method.substeps)
 
 
 def smoothing(scene: Scene, part: Fluid) -> float:
-    """XSPH's coefficient for a fluid's viscosity: nu h / (half the kernel's second moment), MOST_SMOOTHED at most."""
+    """Return XSPH's coefficient for a fluid's viscosity: nu h / (half the kernel's second moment), at most
+    MOST_SMOOTHED."""
     h, spread = scene.method.dt / scene.method.substeps, scene.fluid_set.lattice.spread
     return min(part.viscosity / part.density * h / spread, MOST_SMOOTHED)
 
 
 def highest_viscosity(scene: Scene, part: Fluid) -> float:
-    """[Pa s]: what XSPH can do of it at this substep."""
+    """Return the largest viscosity [Pa s] that XSPH can represent at this substep."""
     spread = scene.fluid_set.lattice.spread
     return MOST_SMOOTHED * spread * part.density * scene.method.substeps / scene.method.dt
 
@@ -80,9 +82,11 @@ def highest_viscosity(scene: Scene, part: Fluid) -> float:
 def fluid_record(
     scene: Scene, real: type, poke: tuple[float, ...] = (0.0, 0.0, 0.0), clock: Clock = START
 ) -> np.ndarray:
-    """(1,): the constants of own forces, then FLUID_PARAMETERS, in the arithmetic `real`: computed in float64, rounded once.
-    In this order the record of a plane is no beginning of that in space, for which numba would take it, with a warning.
-    Raises SceneError."""
+    """Return the constants of own forces, then FLUID_PARAMETERS, (1,), in the arithmetic `real`.
+
+    Computed in float64, rounded once. In this order a plane's record is not a prefix of one in space, for which numba
+    would take it, with a warning. Raises SceneError.
+    """
     method, found = scene.method, scene.fluid_set
     h, lattice, support = method.dt / method.substeps, found.lattice, found.support
     values = {
@@ -112,13 +116,12 @@ def fluid_record(
 
 
 def record_names(axes: int) -> tuple[str, ...]:
-    """What the constants of a record are called, in their order."""
+    """Return the names of a record's constants, in their order."""
     return (*own_names(axes), *FLUID_PARAMETERS)
 
 
 def _box(scene: Scene) -> dict[str, float]:
-    """Of each axis that repeats its ends [m], its length and half of it, and into how many cells it is divided; 0 of one that
-    does not."""
+    """Return the ends [m], length, half length and number of cells of each axis that repeats; 0 for other axes."""
     values = {f"{what}_{axis}": 0.0 for axis in AXES for what in BOX}
     domain = scene.domain
     for axis in domain.repeats if domain else ():
@@ -132,8 +135,10 @@ def _box(scene: Scene) -> dict[str, float]:
 
 
 def fluid_rows(scene: Scene, real: type, solids: bool = False) -> np.ndarray:
-    """(fluids, FLUID_FIELDS) in the arithmetic `real`, in the order of the scene's fluids; with `solids` one more, of their
-    samples, which do nothing by themselves."""
+    """Return the rows of fluids, (fluids, FLUID_FIELDS), in the arithmetic `real`, in the order of the scene.
+
+    With `solids` there is one more, of their samples, which have no effect of their own.
+    """
     found: FluidSet = scene.fluid_set
     h, rows = scene.method.dt / scene.method.substeps, np.zeros((len(found.parts) + solids, FLUID_FIELDS))
     free, solves = np.finfo(real).max / 4, 2 if scene.method.scheme == "divergence-free" else 1
@@ -151,6 +156,7 @@ def fluid_rows(scene: Scene, real: type, solids: bool = False) -> np.ndarray:
 
 
 def most_cells(scene: Scene) -> int:
-    """How many cells a table has at most: for so many particles, and at least for those along axes that repeat."""
+    """Return the largest number of cells of a table: for the number of particles, and at least for the axes that
+    repeat."""
     repeated = prod(int(cells) or 1 for name, cells in _box(scene).items() if name.startswith("cells"))
     return max(CELLS_EACH * scene.fluid_set.particle_count, FEWEST_CELLS, repeated)

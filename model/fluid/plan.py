@@ -1,80 +1,82 @@
-"""A substep of a fluid: its stages, and the order of every sum in it, which both backends keep; of the scheme
-`divergence-free` see model/fluid/divergence_plan.py.
+"""A substep of a fluid: its stages, and the order of every sum in it, which both backends follow.
 
-Arrays are planes (x, y, z; in 2 dimensions z is 0 throughout, and the rest is the same). `number` of a particle is its place
-in the scene's set. The state between substeps is position and velocity, no more.
+The scheme `divergence-free` is in model/fluid/divergence_plan.py. Arrays are planes (x, y, z; in 2 dimensions z is 0
+throughout, and the rest is the same). `number` of a particle is its index in the scene's set. The state between
+substeps is only position and velocity. Every computation is a formula of model/formulas/fluid (density.py, motion.py,
+cells.py), except comparisons and integer sums.
 
-Whatever is computed is a formula of model/formulas/fluid (density.py, motion.py, cells.py), but comparisons, and sums of
-whole numbers.
-
-0. `emit`, where there are emitters: particles that leave nozzles (model/formulas/fluid/flow.py). Of each, in the order of the
-   file: layer k begins in the substep from t to t + h where passed(t) <= k < passed(t + h), by `begun`; its particles, in the
-   order of the nozzle's points, are `emitted` at the layers passed by t + h. Each is the waiting particle of its fluid with
-   the lowest number; where none waits it is counted as missing. Those that wait take part in nothing.
+0. `emit`, with emitters: particles leave nozzles (model/formulas/fluid/flow.py). For each emitter, in the order of the
+   file: layer k begins in the substep from t to t + h where passed(t) <= k < passed(t + h), by `begun`; its particles,
+   in the order of the nozzle's points, are `emitted` at the layers passed by t + h. Each is the inactive particle of
+   its fluid with the lowest number; where there is none, it is counted as missing. Inactive particles take part in
+   nothing.
 1. `predict`. a = (0, buoyant(gravity, buoyancy), 0), then own forces (model/core/own_forces.py, by the particle's
-   number), gravity only where the plan has it. u = accelerated(v, dt, a) axis by axis; speed_of(u), `slowed` to F_SPEED;
-   p = drifted(x, u, dt). Of an axis that repeats: shift = turned_round(p, low, high, side), added to p and to x. Then
-   colliders, from x to p with u; the velocity that they answer with is dropped. Who exceeds F_SPEED is counted.
-2. `sort into cells`. low = the least p of all particles along each axis, high = the largest, of those that are finite (of
-   an axis that repeats both of the record). A table (model/formulas/fluid/cells.py): inverse = inverse_cell, count =
-   cells_along(low, high, inverse), of an axis that repeats inverse = inverse_side and count = cells. While not fits(nx,
-   ny, nz, most_cells): of the axes that do not repeat the one with the largest count (the first of equals) gets
-   halved(inverse), and its count anew; if that is 1, nothing more is to be had. Cell along an axis: cell_of(p, low,
-   inverse, count); cell = (z * ny + y) * nx + x. Particles go in ascending (cell, number): so their order is a function
-   of positions alone, whatever it was before. Who is predicted within a sink goes nowhere, and waits from then on. With
-   each go x, p, u, number and fluid.
-3. `find neighbours`. Of each particle, those within the support of p, itself not among them: cells z - 1, z, z + 1, in
-   each y - 1, y, y + 1, in each x - 1, x, x + 1 (a run: places that follow each other), in a cell ascending places.
-   Beyond the table there are none, but on an axis that repeats they wrap around (x: cell -1 is the last one, looked at
-   first). No more than MAX_NEIGHBOURS are listed; those beyond are counted and told. d = x_i - x_j is `wrapped` on axes
-   that repeat, everywhere.
-4. Of the same stage, factors: g = 0, own = 0; for each neighbour: dy = apart(...), squared anew, s = slope, g =
-   gradient_added, own = own_added (weight of j's fluid). Walls (below) at p. `factor` with F_WEIGHT of i; multiplier = 0.
-5. iteration, as many as told:
+   number), gravity only where the plan has it. u = accelerated(v, dt, a) axis by axis; speed_of(u), `slowed` to
+   F_SPEED; p = drifted(x, u, dt). On an axis that repeats: shift = turned_round(p, low, high, side), added to p and to
+   x. Then colliders, from x to p with u; their response velocity is discarded. Particles that exceed F_SPEED are
+   counted.
+2. `sort into cells`. low = the smallest p of all particles along each axis, high = the largest, of the finite ones (on
+   an axis that repeats both are from the record). A table (model/formulas/fluid/cells.py): inverse = inverse_cell,
+   count = cells_along(low, high, inverse); on an axis that repeats inverse = inverse_side and count = cells. While not
+   fits(nx, ny, nz, most_cells): among the axes that do not repeat, the one with the largest count (the first of equal
+   ones) gets halved(inverse) and a new count; if that count is 1, the loop ends. Cell along an axis: cell_of(p, low,
+   inverse, count); cell = (z * ny + y) * nx + x. Particles are sorted by ascending (cell, number): their order is a
+   function of positions alone, whatever it was before. A particle predicted within a sink is not sorted, and is
+   inactive from then on. x, p, u, number and fluid are sorted together.
+3. `find neighbours`. For each particle, those within the support of p, without itself: cells z - 1, z, z + 1, in each y
+   - 1, y, y + 1, in each x - 1, x, x + 1 (a run: consecutive places), in a cell ascending places. Beyond the table
+   there are none, but on an axis that repeats they wrap around (x: cell -1 is the last one, searched first). At most
+   MAX_NEIGHBOURS are listed; those beyond are counted and reported. d = x_i - x_j is `wrapped` on axes that repeat,
+   everywhere.
+4. In the same stage, factors: g = 0, own = 0; for each neighbour: dy = apart(...), squared again, s = slope, g =
+   gradient_added, own = own_added (weight of j's fluid). Walls (below) at p. `factor` with F_WEIGHT of i; multiplier =
+   0.
+5. iteration, `iterations` times:
    `density`. total = 0; for each neighbour total = density_added(total, closeness(squared)); (wall density, its
    gradient) at p; c = constraint(...); delta = change(multiplier, factor, c), which is added to the multiplier; scheme
    averaged: delta = change_alone(factor, c).
    `correct`, from all positions at once into new ones. a = 0; for each neighbour: as in 4 dy, squared and s; both =
    delta_i + delta_j; with the tensile correction both = both - crowded(near, ...); a = correction_added(a, both, s, d).
-   Then a = wall_added(a, delta_i, w) axis by axis. p = moved(p, F_WEIGHT, a).
-   Then colliders, from x to p, capsules and boxes by model/formulas/fluid/sweep.py, so that no way leads through them; the
-   velocity that they answer with (given 0) is dropped.
+   Then a = wall_added(a, delta_i, w) axis by axis. p = moved(p, F_WEIGHT, a). Then colliders, from x to p, capsules and
+   boxes by model/formulas/fluid/sweep.py, so that no path leads through them; their response velocity (for the velocity
+   0) is discarded.
 6. `update velocity`. v = velocity_of(p, x, inverse_dt); with a maximum acceleration held_back(v, u, speed_of(v - u),
-   F_CHANGE). Colliders, from x to drifted(x, u, dt) with u, lead to q and u': where q is another place, v = after_impact(u',
-   p, q, inverse_dt), held_back from u'. Where the multiplier is negative, of each collider at q, as they join in Walls:
-   push = wall_push(multiplier, F_WEIGHT, slope, rate(share, total), inverse_dt), v = without(v, rebound(v, u', w, n, push),
-   n), w the velocity of its surface (model/formulas/fluid/impact.py). Then colliders, from x to p with v.
-7. `normals and vorticity`, where one is asked for: n = 0, w = 0; for each neighbour: dy, squared, s at the new p; n =
+   F_CHANGE). Colliders, from x to drifted(x, u, dt) with u, give q and u': where q differs from that place, v =
+   after_impact(u', p, q, inverse_dt), held_back from u'. Where the multiplier is negative, for each collider at q, as
+   they are joined in Walls: push = wall_push(multiplier, F_WEIGHT, slope, rate(share, total), inverse_dt), v =
+   without(v, rebound(v, u', w, n, push), n), w the velocity of its surface (model/formulas/fluid/impact.py). Then
+   colliders, from x to p with v.
+7. `normals and vorticity`, where needed: n = 0, w = 0; for each neighbour: dy, squared, s at the new p; n =
    gradient_added; w_x = curl_added(w_x, s, dy, dz, vy, vz, ...), w_y of (z, x), w_z of (x, y).
-8. Of the next stage, where one is asked for: sums m = 0, f = 0, r = 0; for each neighbour, what the scene has of it: m =
-   smooth_added, f = pull_added, f = tension_added, r = rise_added (lengths speed_of(w)). v = smoothed(v, m, F_WEIGHT, f),
-   then confined of the axes (y, z), (z, x), (x, y). From all velocities at once into new ones.
+8. In the next stage, where needed: sums m = 0, f = 0, r = 0; for each neighbour, those that the scene has: m =
+   smooth_added, f = pull_added, f = tension_added, r = rise_added (lengths speed_of(w)). v = smoothed(v, m, F_WEIGHT,
+   f), then confined of the axes (y, z), (z, x), (x, y). From all velocities at once into new ones.
 9. `limit velocities`: with drag braked(..., c), c of the last iteration's `density`; speed_of(v), `slowed` to F_SPEED.
    The new state is p and v.
 
-Walls, of all colliders in their order: t = wall_near(beyond(distance, thickness)), share =
-wall_density(t), slope = wall_slope(t); gradient = joined_gradient(gradient, total, slope, share, n) axis by axis, then
-total = joined_density(total, share), from 0. Distances: `plane`, `sphere`, `capsule`, `box` of
-model/formulas/colliders.py, of a collider that is `moved` (model/formulas/cloth.py) to the substep's end; of those made
-from a mesh those of model/formulas/fluid/surfaces.py, within support + thickness.
+Walls, of all colliders in their order: t = wall_near(beyond(distance, thickness)), share = wall_density(t), slope =
+wall_slope(t); gradient = joined_gradient(gradient, total, slope, share, n) axis by axis, then total =
+joined_density(total, share), from 0. Distances: `plane`, `sphere`, `capsule`, `box` of model/formulas/colliders.py, of
+a collider that is `moved` (model/formulas/cloth.py) to the substep's end; for those made from a mesh those of
+model/formulas/fluid/surfaces.py, within support + thickness.
 
-A particle's pressure is read as what its pairs carry: the mean over neighbours, weighted by s r^2, of -(multiplier_i +
+A particle's pressure is that of its pairs: the mean over neighbours, weighted by s r^2, of -(multiplier_i +
 multiplier_j) / 2 * density / dt^2 of the last substep (`pressures` of model/fluid/measure.py).
 
-Solids (part `solids`, of a fluid that is opened with Samples, model/fluid/samples.py). Samples are particles behind all
-others by number, of one more fluid, whose row is the last. `sample solids`, between 1 and 2: of each, p = middle(corners at
-their predicted places, shares), x the same of where they were as the substep began; the least and largest p of 2 are of all.
-Two samples are no neighbours (3).
-4: C, g and `own` take neighbours by their volumes (model/formulas/fluid/solids.py): s' = counted_slope(volume, s), g =
-gradient_added(g, s', d), own = own_added(own, carried(lightness, volume), s, r^2); of samples the factor, the multiplier and
-its change are 0. An iteration: `follow solids` puts samples between their corners; `density` counts by `counted`; `correct`:
-both = both(delta_i, delta_j, volume_i, volume_j), the tensile correction of pairs of particles alone; a = correction_added.
-Then, with viscosity, over the list anew, of pairs of a particle and a sample, share = rub(near, F_VISCOSITY_i, _j,
-lightness_i, _j, grip_i, _j), a = rub_added(a, share, p_i - x_i, p_j - x_j). Of samples, a is what they are pushed by; walls
-and colliders are the fluid's. `push solids`: of each of the solids' particles x = 0, x = carried_on(x, share, a of a
-sample) in the samples' order, p = moved(p, lightness, x). Of 7 and 8, samples are left out.
+Solids (part `solids`, for a fluid that is opened with Samples, model/fluid/samples.py). Samples are particles after all
+others by number, of one more fluid, whose row is the last. `sample solids`, between 1 and 2: for each, p =
+middle(corners at their predicted positions, shares), x the same for their positions at the substep's start; the
+smallest and largest p of 2 include samples. Two samples are not neighbours (3). 4: C, g and `own` count neighbours by
+their volumes (model/formulas/fluid/solids.py): s' = counted_slope(volume, s), g = gradient_added(g, s', d), own =
+own_added(own, carried(lightness, volume), s, r^2); for samples the factor, the multiplier and its change are 0. An
+iteration: `follow solids` puts samples between their corners; `density` counts by `counted`; `correct`: both =
+both(delta_i, delta_j, volume_i, volume_j), the tensile correction only for pairs of particles; a = correction_added.
+Then, with viscosity, over the list again, for pairs of a particle and a sample, share = rub(near, F_VISCOSITY_i, _j,
+lightness_i, _j, grip_i, _j), a = rub_added(a, share, p_i - x_i, p_j - x_j). The a of a sample is the push on it; only
+fluid particles touch walls and colliders. `push solids`: for each of the solids' particles x = 0, x = carried_on(x,
+share, a of a sample) in the samples' order, p = moved(p, lightness, x). 7 and 8 omit samples.
 
-Where all fluids weigh the same (no part `fluids`), F_ rows are the first one's, whichever fluid a particle is of.
+Where all fluids weigh the same (no part `fluids`), F_ rows are the first one's, whichever fluid a particle belongs to.
 """
 
 from __future__ import annotations
@@ -91,11 +93,11 @@ from model.scene.cloth import COLLIDER_KINDS, Collider
 from model.scene.scene import Scene
 
 WALLS = COLLIDER_KINDS  # all add to a fluid's density
-LOOKED_AT = {2: 9, 3: 27}  # cells
+LOOKED_AT = {2: 9, 3: 27}  # cells that a search visits
 SMOOTHING = frozenset({"viscosity", "cohesion", "surface-tension", "vorticity"})
-OPERATIONS_SAMPLE = 5  # an axis of a sample: three products and two sums
+OPERATIONS_SAMPLE = 5  # per axis of a sample: three products and two sums
 SHAPES = frozenset({"surface-tension", "vorticity"})
-OF_FLUIDS = {  # part of the plan -> field of a fluid that asks for it
+OF_FLUIDS = {  # part of the plan -> field of a fluid that needs it
     "viscosity": "viscosity",
     "cohesion": "cohesion",
     "surface-tension": "surface_tension",
@@ -104,9 +106,12 @@ OF_FLUIDS = {  # part of the plan -> field of a fluid that asks for it
 
 
 def fluid_parts(scene: Scene, live: frozenset[str] = frozenset(), solids: bool = False) -> frozenset[str]:
-    """The parts that need code: `flat` (2 dimensions), `fluids` (several), `solids` (and so several), `repeats`, `averaged`,
-    `divergence-free` (with `moving` walls), `tensile`, `walls`, `emitter`, `sink`, `swept`, kinds of colliders with
-    `friction` and `restitution`, `gravity`, `drag`, `held-back`, those of OF_FLUIDS, own forces."""
+    """Return the parts that need code.
+
+    `flat` (2 dimensions), `fluids` (several), `solids` (and so several), `repeats`, `averaged`, `divergence-free` (with
+    `moving` walls), `tensile`, `walls`, `emitter`, `sink`, `swept`, kinds of colliders with `friction` and
+    `restitution`, `gravity`, `drag`, `held-back`, those of OF_FLUIDS, own forces.
+    """
     parts, fluids = own_parts(scene, live), scene.fluids.values()
     parts |= {kind for kind, _ in scene.colliders}
     wanted = {
@@ -137,18 +142,20 @@ def _moves(collider: Collider) -> bool:
 
 
 def neighbours_at_rest(scene: Scene) -> float:
-    """How many neighbours a particle inside has, about."""
+    """Return the approximate number of neighbours of an interior particle."""
     across = scene.fluid_set.support / scene.fluid_set.spacing
     return (pi * across**2 if scene.dimensions == 2 else 4 / 3 * pi * across**3) - 1
 
 
 def fluid_plan(scene: Scene, live: frozenset[str] = frozenset(), solids: bool = False) -> Plan:
-    """The plan of a step, with `solids` of one that meets them. Numbers are per particle and axis, as in model/core/plan.py;
-    of neighbours as many as at rest."""
+    """Return the plan of a step; `solids`: for a fluid that interacts with solids.
+
+    Numbers are per particle and axis, as in model/core/plan.py, with as many neighbours as at rest.
+    """
     parts, axes = fluid_parts(scene, live, solids), scene.dimensions
     met, across = neighbours_at_rest(scene), scene.fluid_set.support / scene.fluid_set.spacing
     looked_at = LOOKED_AT[axes] * across**axes
-    listed = round(met / axes)  # of four bytes each, as if they were scalars
+    listed = round(met / axes)  # of four bytes each, counted as scalars
     gathered = round(met)
     touch = sum(colliders.OPERATIONS[kind] for kind, _ in scene.colliders)
     forces = sum(force.operations for force in own_forces(parts))

@@ -1,7 +1,8 @@
-"""Solids as a fluid sees them: samples of their bodies and surfaces, each with a volume and the particles that carry it.
+"""Samples of solids for a fluid: points of their bodies and surfaces, each with a volume and the particles that carry
+it.
 
-N. Akinci et al., "Versatile Rigid-Fluid Coupling for Incompressible SPH", SIGGRAPH 2012: a sample's volume is what its
-neighbours among the samples leave it. See model/formulas/fluid/solids.py for what samples do.
+N. Akinci et al., "Versatile Rigid-Fluid Coupling for Incompressible SPH", SIGGRAPH 2012: a sample's volume is the one
+that its neighbours among the samples leave. For the effect of samples see model/formulas/fluid/solids.py.
 """
 
 from __future__ import annotations
@@ -18,15 +19,18 @@ from model.geometry.arithmetic.ordered import norm
 from model.geometry.lists import grouped, offsets_of
 
 CORNERS = 3  # particles that carry a sample, at most
-CLOSE = 0.75  # rest distances that samples of a face are apart, at most
-LEAST = 0.55  # and those of one solid at least: or lists of neighbours could not hold them
+CLOSE = 0.75  # rest distances between samples of a face, at most
+LEAST = 0.55  # and those of one solid, at least: otherwise lists of neighbours would overflow
 
 
 @dataclass(frozen=True, eq=False)
 class Samples:
-    """`corners` (samples, 3) int32: the solids' particles that carry each, `shares` (samples, 3) float64, whose sum is 1;
-    `volume` (samples,) float64: in volumes of a fluid's particle; `lightness` (particles,) float64: of each of the solids'
-    particles, the mass of a particle of the first fluid over its own, 0 where nothing moves it."""
+    """Samples of solids.
+
+    `corners` (samples, 3) int32: the solids' particles that carry each; `shares` (samples, 3) float64: their weights,
+    which sum to 1; `volume` (samples,) float64: in volumes of a fluid's particle; `lightness` (particles,) float64: for
+    each of the solids' particles, the mass of a particle of the first fluid over its own, 0 where it cannot be moved.
+    """
 
     corners: np.ndarray
     shares: np.ndarray
@@ -35,18 +39,19 @@ class Samples:
 
     @property
     def count(self) -> int:
-        """How many samples."""
+        """Number of samples."""
         return len(self.volume)
 
     @property
     def own_lightness(self) -> np.ndarray:
-        """(samples,) float64: how much a sample gives way, its particles' shares squared times their lightness."""
+        """Mobility of each sample, (samples,) float64: the sum of its particles' weights squared times their
+        lightness."""
         return np.asarray((self.shares**2 * self.lightness[self.corners]).sum(axis=1))
 
     @cached_property
     def carriers(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """(offsets (particles + 1,) int32, samples (n,) int32, shares (n,) float64): what each particle carries, in the order
-        of the samples."""
+        """(offsets (particles + 1,) int32, samples (n,) int32, weights (n,) float64): the samples that each particle
+        carries, in their order."""
         there = self.shares != 0
         sample, corner = np.nonzero(there)
         particle = self.corners[sample, corner]
@@ -59,12 +64,13 @@ class Samples:
         )
 
     def points(self, position: np.ndarray) -> np.ndarray:
-        """(samples, 3) [m]: where samples are when the solids' particles are at `position` (particles, 3)."""
+        """Return the positions of the samples, (samples, 3) [m], for the solids' particles at `position` (particles,
+        3)."""
         return np.asarray((self.shares[:, :, None] * position[self.corners]).sum(axis=1))
 
 
 def particle_samples(particles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(corners, shares) of samples that are the particles themselves; `particles` (n,): their places."""
+    """Return (corners, shares) of samples that are the particles themselves; `particles` (n,): their indices."""
     corners, shares = (
         np.repeat(particles[:, None], CORNERS, axis=1).astype(np.int32),
         np.zeros((len(particles), CORNERS)),
@@ -74,8 +80,11 @@ def particle_samples(particles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def triangle_samples(position: np.ndarray, triangles: np.ndarray, apart: float) -> tuple[np.ndarray, np.ndarray]:
-    """(corners, shares) of samples of triangles (n, 3) int: their vertices, and points along their sides and inside, no
-    farther than `apart` [m] from each other along a side. What triangles share, they have once."""
+    """Return (corners, shares) of samples of triangles (n, 3) int: their vertices, and points along their sides and
+    inside.
+
+    They are at most `apart` [m] from each other along a side. Points that triangles share occur once.
+    """
     found: dict[tuple[tuple[int, ...], tuple[int, ...]], tuple[tuple[int, ...], tuple[float, ...]]] = {}
     sides = norm(position[triangles] - position[np.roll(triangles, 1, axis=1)]).max(axis=1)
     for corners, longest in zip(np.sort(triangles, axis=1), sides, strict=True):
@@ -96,7 +105,8 @@ def triangle_samples(position: np.ndarray, triangles: np.ndarray, apart: float) 
 
 
 def thinned(points: np.ndarray, least: float) -> np.ndarray:
-    """(kept,) int64, ascending: of `points` (n, 3) those that are `least` [m] or more from every one kept before them."""
+    """Return the indices of `points` (n, 3) at least `least` [m] from every one selected before them, (kept,) int64,
+    ascending."""
     pairs = cKDTree(points).query_pairs(least * (1 - 1e-9), output_type="ndarray")
     later = grouped(pairs.min(axis=1), pairs.max(axis=1), len(points))
     kept = np.ones(len(points), bool)
@@ -107,9 +117,12 @@ def thinned(points: np.ndarray, least: float) -> np.ndarray:
 
 
 def sample_volumes(points: np.ndarray, lattice: Lattice, support: float, solid: bool) -> np.ndarray:
-    """(samples,) float64, in volumes of a fluid's particle: 1 / sum of the kernel over the samples of one solid at `points`
-    (samples, 3) [m]. Of a `solid` body, filled with samples, that of its surface is what its inside has: the least among
-    those within the support."""
+    """Return the volumes of one solid's samples at `points` (samples, 3) [m], (samples,) float64, in volumes of a
+    fluid's particle.
+
+    1 / sum of the kernel over the samples. In a `solid` body, filled with samples, those at the surface get the volume
+    of interior ones: the smallest within the support.
+    """
     pairs = cKDTree(points).query_pairs(support, output_type="ndarray")
     kernel = poly6(norm(points[pairs[:, 0]] - points[pairs[:, 1]]), support, points.shape[1])
     total = np.full(len(points), float(poly6(np.zeros(1), support, points.shape[1])[0]))
@@ -127,7 +140,7 @@ def sample_volumes(points: np.ndarray, lattice: Lattice, support: float, solid: 
 def joined_samples(
     solids: Sequence[tuple[np.ndarray, np.ndarray]], volumes: Sequence[np.ndarray], lightness: np.ndarray
 ) -> Samples:
-    """The samples of several solids, one after the other: (corners, shares) and volume of each."""
+    """Return the samples of several solids, one after the other, from (corners, shares) and volume of each."""
     return Samples(
         np.concatenate([corners for corners, _ in solids]),
         np.concatenate([shares for _, shares in solids]),

@@ -1,4 +1,4 @@
-"""Whether the speed limit of a fluid's particles, half a support a substep, suits the speeds that its scene leads to."""
+"""Comparison of the speed limit of a fluid's particles, half a support per substep, with the speeds of its scene."""
 
 from __future__ import annotations
 
@@ -11,12 +11,15 @@ from model.scene.cloth import Plane
 from model.scene.fluid import SPEED_SHARE
 from model.scene.scene import Scene
 
-UPRIGHT = 0.9  # component of a plane's unit normal along y, of a floor at least
+UPRIGHT = 0.9  # component along y of the unit normal of a floor, at least
 
 
 def fall_height(scene: Scene) -> float:
-    """Height [m] that a fluid of the scene can fall: from the highest particle at the start to the lowest one, or to the
-    highest floor below all of them; of one that no plane stops, to the lowest particle."""
+    """Return the height [m] that a fluid of the scene can fall.
+
+    It is measured from the highest initial particle to the highest floor below all of them, or to the lowest particle
+    where there is no floor.
+    """
     found = scene.fluid_set
     height = found.position[found.there(found.position), 1]
     if not len(height):
@@ -33,8 +36,10 @@ def fall_height(scene: Scene) -> float:
 
 
 def expected_speeds(scene: Scene) -> dict[str, tuple[float, str]]:
-    """Of each fluid the speed [m/s] that its particles reach without losses, and why: the fastest of the start, or
-    sqrt(2 g H) of a fall by H (E. Torricelli)."""
+    """Return the speed [m/s] that each fluid's particles reach without losses, and its cause.
+
+    It is the fastest initial speed, or sqrt(2 g H) of a fall by H (E. Torricelli).
+    """
     found, speeds = scene.fluid_set, {}
     gravity = abs(scene.gravity.acceleration) if scene.gravity and scene.gravity.enabled else 0.0
     height, there = fall_height(scene), found.there(found.position)
@@ -48,7 +53,7 @@ def expected_speeds(scene: Scene) -> dict[str, tuple[float, str]]:
 
 
 def speed_lines(scene: Scene) -> list[str]:
-    """A line for each fluid whose limit of half a support a substep is less than the speed it starts with or falls to."""
+    """Return a line for each fluid whose limit of half a support per substep is below its initial or its fall speed."""
     if scene.is_world:
         scene = scene.members.get("fluid", scene)
     lines = []
@@ -56,7 +61,7 @@ def speed_lines(scene: Scene) -> list[str]:
         part, method = scene.fluids[name], scene.method
         limit, own = speed_limit(scene, part), SPEED_SHARE * part.support_radius
         if limit * (1 + 1e-9) < own * method.substeps / method.dt or limit >= speed:
-            continue  # a maximum_speed was asked for, or nothing is slowed
+            continue  # a maximum_speed was stated, or nothing is slowed
         lines.append(
             f"{name}: no particle goes faster than {limit:.3g} m/s, half a support a substep, but it {why} "
             f"{speed:.3g} m/s; method.substeps = {ceil(speed * method.dt / own)} (now {method.substeps}) would allow that"

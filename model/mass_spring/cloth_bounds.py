@@ -1,4 +1,4 @@
-"""What no vibration of a cloth exceeds: bounds on the weighted Laplacian of its springs, or of the dampers along them."""
+"""Bounds on the vibrations of a cloth: on the weighted Laplacian of its springs, or of the dampers along them."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from model.scene.scene import Scene
 
 
 def cloth_eigenvalue(structural: float, shear: float, bending: float) -> float:
-    """Largest eigenvalue of the weighted Laplacian of a cloth without end, stiffnesses in, the same unit out.
+    """Return the largest eigenvalue of the weighted Laplacian of an infinite cloth, in the unit of the stiffnesses.
 
-    A plane wave of phases a, b from column to column and row to row has, with x = cos a and y = cos b, the eigenvalue
-    2 s (2 - x - y) + 4 h (1 - x y) + 4 c (2 - x^2 - y^2), a quadratic on a square: greatest at a corner, at an edge's
-    vertex, or inside where both derivatives vanish. No cloth has a greater one: each is this one held at all other masses
-    (which only takes eigenvalues away) with springs left out (which only lowers them).
+    A plane wave of phases a, b from column to column and row to row has, with x = cos a and y = cos b, the eigenvalue 2
+    s (2 - x - y) + 4 h (1 - x y) + 4 c (2 - x^2 - y^2), a quadratic on a square. Its maximum is at a corner, at an
+    edge's vertex, or inside where both derivatives vanish. No cloth exceeds it: each is this one pinned at all other
+    masses (which only removes eigenvalues) without some springs (which only lowers them).
     """
 
     def at(x: float, y: float) -> float:
@@ -30,7 +30,7 @@ def cloth_eigenvalue(structural: float, shear: float, bending: float) -> float:
 
 
 def most_springs(rows: int, columns: int) -> dict[str, int]:
-    """The most springs of each kind on one mass of a cloth."""
+    """Return the largest number of springs of each kind on one mass of a cloth."""
     near, far = (lambda n: min(n - 1, 2)), (lambda n: (n > 2) + (n > 4))
     return {
         "structural": near(rows) + near(columns),
@@ -40,10 +40,11 @@ def most_springs(rows: int, columns: int) -> dict[str, int]:
 
 
 def laplacian_bound(scene: Scene, field: str) -> float:
-    """What no eigenvalue of the Laplacian of a cloth, weighted by a `field` of its springs (`stiffness`, `damping`), exceeds.
+    """Return a bound on the eigenvalues of a cloth's Laplacian, weighted by a `field` of its springs (`stiffness`,
+    `damping`).
 
-    The lesser of twice what the springs of one mass add up to (Gershgorin), which is less on narrow sheets, and of the
-    cloth without end, which is less on all others.
+    It is the smaller of twice the sum over the springs of one mass (Gershgorin), which is smaller on narrow sheets, and
+    the value of the infinite cloth, which is smaller on all others.
     """
     weights = {kind: getattr(part, field) for kind, part in scene.cloth_springs.items()}
     most = most_springs(scene.grid.rows, scene.grid.columns)

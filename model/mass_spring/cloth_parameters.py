@@ -1,6 +1,6 @@
-"""The constants that a cloth's kernels read: one small record, and rows for colliders and for pins that move.
+"""Constants for a cloth's kernels: one record, and rows for colliders and for moving pins.
 
-What both have is called as in a grid's record.
+Constants that a grid has, too, have the names of the grid's record.
 """
 
 from __future__ import annotations
@@ -25,11 +25,11 @@ from model.scene.motion import motions_of_pins
 from model.scene.scene import Scene
 
 CLOTH_PARAMETERS = (
-    *GRID_PARAMETERS[:7],  # dt [s], what follows from it, and since when time is counted
+    *GRID_PARAMETERS[:7],  # dt [s], values that follow from it, and the origin of time
     "damping",  # of the mass, 1/s
     "inverse_damping",  # 1 / (1 + dt rate / 2)
     "gravity",  # m/s^2, along +y (so negative)
-    *own_names(3),  # of forces on a mass by itself, over mass, m/s^2
+    *own_names(3),  # of forces on a mass alone, over mass, m/s^2
     "structural",  # spring stiffness over mass, 1/s^2
     "structural_rest",  # times the rest length, m/s^2
     "structural_damping",  # of the spring, coefficient over mass, 1/s
@@ -65,11 +65,11 @@ REACH = {"structural": 1.0, "shear": sqrt(2), "bending": 2.0}  # rest length ove
 
 
 def spring_constants(kind: str) -> tuple[str, str, str]:
-    """What a kind's constants are called in the record: stiffness, rest length (times stiffness), damping."""
+    """Return the names of a kind's constants in the record: stiffness, rest length (times stiffness), damping."""
     return kind, f"{kind}_rest", f"{kind}_damping"
 
 
-# A collider's row, lengths in m and speeds in m/s, at time 0:
+# Row of a collider, lengths in m and speeds in m/s, at time 0:
 COLLIDER_FIELDS = 17
 (
     B_X,  # a point of the plane, the centre, the capsule's start, or the mesh's origin
@@ -87,15 +87,15 @@ COLLIDER_FIELDS = 17
     B_DYNAMIC,
     B_SPIN,  # of a mesh, rad/s
     B_TURNS,  # 1/s
-    B_TREE,  # where its tree or its field begins, counted from its row
+    B_TREE,  # index of its tree or its field, relative to its row
     B_RESTITUTION,
 ) = range(COLLIDER_FIELDS)
 
 
-# A motion's row:
+# Row of a motion:
 MOTION_FIELDS = 13
 (
-    M_X,  # the centre at the start, m
+    M_X,  # the initial centre, m
     M_Y,
     M_Z,
     M_U,  # unit axis
@@ -110,25 +110,25 @@ MOTION_FIELDS = 13
     M_DURATION,
 ) = range(MOTION_FIELDS)
 
-# A pinned mass's row:
+# Row of a pinned mass:
 PIN_FIELDS = 4
 (
-    P_X,  # where it rests, m
+    P_X,  # rest position, m
     P_Y,
     P_Z,
-    P_MOTION,  # where the row of its motion begins in `body_rows`, -1 for none
+    P_MOTION,  # index of the row of its motion in `body_rows`, -1 for none
 ) = range(PIN_FIELDS)
 
 
 def cloth_record(
     scene: Scene, real: type, poke: tuple[float, ...] = (0.0, 0.0, 0.0), clock: Clock = START
 ) -> np.ndarray:
-    """(1,): CLOTH_PARAMETERS in the arithmetic `real`: computed in float64, rounded once. Raises SceneError."""
+    """Return CLOTH_PARAMETERS in the arithmetic `real`, (1,): computed in float64, rounded once. Raises SceneError."""
     return rounded_record(scene, cloth_values(scene, 1, poke, clock), FIELDS, real)
 
 
 def cloth_values(scene: Scene, substeps: int, poke: tuple[float, ...], clock: Clock = START) -> dict[str, float]:
-    """CLOTH_PARAMETERS by name, in float64, for so many substeps a step; of a grid those that it has."""
+    """Return CLOTH_PARAMETERS by name, in float64, for `substeps` substeps per step; for a grid those that it has."""
     cloth, wind, dt = scene.grid, scene.wind, scene.method.dt / substeps
     mass, rate = cloth.mass, damping_rate(scene)
     values = {
@@ -161,8 +161,11 @@ def cloth_values(scene: Scene, substeps: int, poke: tuple[float, ...], clock: Cl
 
 
 def collider_rows(scene: Scene, real: type) -> np.ndarray:
-    """(colliders, COLLIDER_FIELDS) in the arithmetic `real`, in the order of `scene.colliders`; B_TREE is 0.
-    Raises SceneError for a number that the arithmetic cannot hold."""
+    """Return the rows of colliders, (colliders, COLLIDER_FIELDS), in the arithmetic `real`, in the order of
+    `scene.colliders`.
+
+    B_TREE is 0. Raises SceneError for a number that the arithmetic cannot represent.
+    """
     for name, kind in scene.kinds.items():
         if kind in COLLIDER_KINDS:
             require_held(name, scene.parts[name], real)
@@ -189,10 +192,13 @@ def collider_rows(scene: Scene, real: type) -> np.ndarray:
 
 
 def collider_numbers(scene: Scene, real: type) -> np.ndarray:
-    """`collider_rows` and after them the numbers of those made from meshes, flat. Raises SceneError (more than the arithmetic
-    can count, or a field that cannot be sampled), InputError (a file that is no mesh)."""
+    """Return `collider_rows` followed by the numbers of colliders made from meshes, flat.
+
+    Raises SceneError (more numbers than the arithmetic can count, or a field that cannot be sampled), InputError (a
+    file without a mesh).
+    """
     rows = collider_rows(scene, real)
-    end, most = rows.size, 2 ** (np.finfo(real).nmant + 1)  # whole numbers up to there
+    end, most = rows.size, 2 ** (np.finfo(real).nmant + 1)  # integers are exact up to there
     parts: Any = scene.parts
     names = [name for own in SURFACE_KINDS for name, kind in scene.kinds.items() if kind == own]
     found = []
@@ -208,7 +214,10 @@ def collider_numbers(scene: Scene, real: type) -> np.ndarray:
 
 
 def motion_rows(scene: Scene, real: type) -> np.ndarray:
-    """(motions, MOTION_FIELDS) in the arithmetic `real`, in the order of `scene.motions`. Raises SceneError."""
+    """Return the rows of motions, (motions, MOTION_FIELDS), in the arithmetic `real`, in the order of `scene.motions`.
+
+    Raises SceneError.
+    """
     rows = np.zeros((len(scene.motions), MOTION_FIELDS))
     for row, (name, part) in zip(rows, scene.motions.items(), strict=True):
         row[M_X : M_Z + 1] = part.center
@@ -222,7 +231,10 @@ def motion_rows(scene: Scene, real: type) -> np.ndarray:
 
 
 def pin_rows(scene: Scene, body: Body, real: type, first: int) -> np.ndarray:
-    """(pins, PIN_FIELDS) in the arithmetic `real`, in the order of `body.pinned`; rows of motions begin at `first`."""
+    """Return the rows of pins, (pins, PIN_FIELDS), in the arithmetic `real`, in the order of `body.pinned`.
+
+    Rows of motions begin at `first`.
+    """
     rows = np.empty((len(body.pinned), PIN_FIELDS))
     rows[:, :P_MOTION] = body.position[body.pinned]  # pinned masses start at rest
     numbers = motions_of_pins(scene.grid, scene.motions)
@@ -231,8 +243,11 @@ def pin_rows(scene: Scene, body: Body, real: type, first: int) -> np.ndarray:
 
 
 def body_rows(scene: Scene, body: Body, real: type) -> tuple[np.ndarray, int]:
-    """(what masses meet and what pins follow, flat: `collider_numbers`, then rows of motions, then of pins; where the latter
-    begin). Of motions and pins there is nothing in a scene without motions."""
+    """Return (colliders and pins, flat: `collider_numbers`, then rows of motions, then of pins; index of the first
+    pin).
+
+    Without motions there are no rows of motions and pins.
+    """
     colliders = collider_numbers(scene, real)
     if not any(part.moves for part in scene.motions.values()):
         return colliders, 0
@@ -241,9 +256,10 @@ def body_rows(scene: Scene, body: Body, real: type) -> tuple[np.ndarray, int]:
 
 
 def pin_velocity(bodies: np.ndarray, first: int, pins: int, step: int, record: np.ndarray) -> np.ndarray:
-    """(pins, 3) [m/s], in the arithmetic of `bodies`: of the pinned masses as `step` begins, to the bits of `exact` kernels.
+    """Return the velocity of the pinned masses at the start of `step`, (pins, 3) [m/s], in the arithmetic of `bodies`.
 
-    `bodies`, `first`: of `body_rows`. Loaded states get it: kernels read velocities of pins before they write them.
+    It has the bits of `exact` kernels. `bodies`, `first`: from `body_rows`. Loaded states get it, since kernels read
+    velocities of pins before they write them.
     """
     real = bodies.dtype.type
     formulas, instant = motion.make(real), cloth.make(real).instant

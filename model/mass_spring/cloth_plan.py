@@ -1,4 +1,4 @@
-"""The plan of a cloth's step: which stages a scene in three dimensions consists of (see model/core/plan.py)."""
+"""The plan of a cloth's step: the stages of a scene in three dimensions (see model/core/plan.py)."""
 
 from __future__ import annotations
 
@@ -13,12 +13,13 @@ from model.scene.cloth import SPRING_KINDS
 from model.scene.motion import motions_of_pins
 from model.scene.scene import Scene
 
-SPRINGS_EACH = 4  # of a kind, on a mass inside
+SPRINGS_EACH = 4  # of a kind, on an interior mass
 PRODUCT_STAGE = "product with the matrix, spring by spring"  # of implicit Euler
 
 
 def cloth_parts(scene: Scene, live: frozenset[str] = frozenset()) -> frozenset[str]:
-    """The parts of a cloth that need code: those of any sheet (`sheet_parts`), springs, wind, motions and colliders."""
+    """Return the parts of a cloth that need code: those of any sheet (`sheet_parts`), springs, wind, motions and
+    colliders."""
     parts = sheet_parts(scene, live)
     for kind, springs in scene.cloth_springs.items():
         parts.add(kind)
@@ -29,7 +30,7 @@ def cloth_parts(scene: Scene, live: frozenset[str] = frozenset()) -> frozenset[s
         if scene.wind.gust > 0:
             parts.add("gust")
     if scene.motions:
-        motions_of_pins(scene.grid, scene.motions)  # refuses those of masses that are not pinned
+        motions_of_pins(scene.grid, scene.motions)  # refuses motions of masses that are not pinned
         if any(part.moves for part in scene.motions.values()):
             parts.add("motion")
     for kind, collider in scene.colliders:
@@ -42,18 +43,19 @@ def cloth_parts(scene: Scene, live: frozenset[str] = frozenset()) -> frozenset[s
 
 
 def kicks_meet(parts: frozenset[str]) -> bool:
-    """Whether velocity Verlet's two kicks that meet between steps may share one evaluation of the forces.
+    """Return True if velocity Verlet's two adjacent kicks between steps may share one evaluation of the forces.
 
-    Where no force depends on a neighbour's velocity they are the same. Wind and dampers along springs are evaluated with
-    the velocity at hand: the whole one in the first kick, the half-step one in the second (of first order in these parts).
-    Sharing would give the first kick the half-step velocity too, except after a pause: then a state would depend on
-    whether a run was made in one go or in two.
+    Where no force depends on a neighbour's velocity they are the same. Wind and dampers along springs use the current
+    velocity: the whole one in the first kick, the half-step one in the second (of first order in these parts). Sharing
+    would give the first kick the half-step velocity too, except after a pause: then a state would depend on the
+    division of a run into calls.
     """
     return not parts & {"wind", "structural-damping", "shear-damping", "bending-damping"}
 
 
 def cloth_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
-    """The plan of the mass-spring solver for a cloth. Numbers are per particle and axis, as in model/core/plan.py."""
+    """Return the plan of the mass-spring solver for a cloth. Numbers are per particle and axis, as in
+    model/core/plan.py."""
     parts = cloth_parts(scene, live)
     integrator = scene.method.integrator
     springs = [kind for kind in SPRING_KINDS if kind in parts]
@@ -70,7 +72,7 @@ def cloth_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
     if integrator in IMPLICIT:
         own = force_stages(parts - {"damping"}, pulls, 3, 0.0)[1:]
         return _implicit_plan(integrator, parts, own, operations, len(springs), (*touch, *pins(1.0)))
-    acting = parts - {"damping"} if integrator == "velocity-verlet" else parts  # whose damper is part of the kicks
+    acting = parts - {"damping"} if integrator == "velocity-verlet" else parts  # its damper is part of the kicks
     kick = 3 * integrators.OPERATIONS[integrator] // 2
     forces = partial(force_stages, acting, pulls, 3)
     root, scalars = stepped(integrator, 3, forces, pins, (kick, kick), touch)
@@ -80,10 +82,11 @@ def cloth_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
 def _implicit_plan(
     integrator: str, parts: frozenset[str], own: tuple[Stage, ...], pulls: int, kinds: int, last: tuple[Stage, ...]
 ) -> Plan:
-    """The plan of implicit Euler. `own`: the forces at the step's start; `pulls`: operations of all springs of a mass;
-    `kinds`: of springs; `last`: what follows the new state.
+    """Return the plan of implicit Euler.
 
-    How often its two inner nodes run is decided by residuals while it runs: bytes and operations are of one each.
+    `own`: the forces at the step's start; `pulls`: operations of all springs of a mass; `kinds`: number of kinds of
+    springs; `last`: stages after the new state. Residuals decide at run time how often its two inner nodes run: bytes
+    and operations are of one pass each.
     """
     product = SPRINGS_EACH * kinds * (implicit.OPERATIONS_PRODUCT + 3) + 6 + 2 * implicit.OPERATIONS_DOT
     solve = Node(

@@ -1,4 +1,4 @@
-"""Springs of a grid or a cloth, on the host: where their ends are, how long they are, what they store."""
+"""Springs of a grid or a cloth, on the host: their ends, lengths, strains and energies."""
 
 from __future__ import annotations
 
@@ -14,7 +14,8 @@ WAYS = {  # (rows, columns) from one end of a spring to the other, by kind; a gr
 
 
 def _both_ends(sheet: np.ndarray, way: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
-    """Views of `sheet` (rows, columns, ...) at the first and at the other ends of the springs that go one way."""
+    """Return views of `sheet` (rows, columns, ...) at the first and at the other ends of the springs in direction
+    `way`."""
     down, across = way
     rows, columns = max(0, sheet.shape[0] - down), max(0, sheet.shape[1] - abs(across))
     first, other = max(0, -across), max(0, across)
@@ -22,7 +23,8 @@ def _both_ends(sheet: np.ndarray, way: tuple[int, int]) -> tuple[np.ndarray, np.
 
 
 def spring_ends(rows: int, columns: int, kind: str = "structural") -> np.ndarray:
-    """(springs, 2) int32: the particles at the ends of every spring, horizontal ones row by row, then vertical ones.
+    """Return the particles at the ends of every spring, (springs, 2) int32, horizontal ones row by row, then vertical
+    ones.
 
     `kind` of a cloth's: `bending` in that order too; `shear`: those to the lower right, then those to the lower left.
     """
@@ -32,22 +34,23 @@ def spring_ends(rows: int, columns: int, kind: str = "structural") -> np.ndarray
 
 
 def spring_count(rows: int, columns: int, kind: str = "structural") -> int:
-    """How many springs `spring_ends` gives the ends of."""
+    """Return the number of springs of `spring_ends`."""
     return sum(max(0, rows - down) * max(0, columns - abs(across)) for down, across in WAYS[kind])
 
 
 def sheet_spring_count(scene: Scene) -> int:
-    """The springs of a grid or of a cloth of rows and columns, of every kind."""
+    """Return the number of springs of a grid or of a cloth of rows and columns, of every kind."""
     if scene.cloth:
         return sum(spring_count(scene.grid.rows, scene.grid.columns, kind) for kind in scene.cloth_springs)
     return scene.grid.spring_count if scene.springs else 0
 
 
 def spring_stiffness(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
-    """Stiffness [N/m], float64: (1, columns - 1) of the horizontal springs, the same in every row, and (rows - 1, 1) of the
-    vertical ones; 0 in a scene without springs.
+    """Return the stiffness [N/m], float64, of the horizontal springs, (1, columns - 1), the same in every row, and of
+    the vertical ones, (rows - 1, 1).
 
-    Where springs alternate, those from an odd column to the next, or an odd row, are the stiffer.
+    0 in a scene without springs. Where springs alternate, those from an odd column to the next, or an odd row, are the
+    stiffer.
     """
     grid, springs = scene.grid, scene.springs
     soft, stiff = (springs.stiffness, springs.largest_stiffness) if springs else (0.0, 0.0)
@@ -56,7 +59,8 @@ def spring_stiffness(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
 
 
 def cloth_lengths(scene: Scene, position: np.ndarray, kind: str) -> tuple[np.ndarray, float]:
-    """(lengths (springs,) [m] of a cloth's springs of a kind, in the order of `spring_ends`; their rest length [m])."""
+    """Return (lengths (springs,) [m] of a cloth's springs of a kind, in the order of `spring_ends`; their rest length
+    [m])."""
     sheet = np.asarray(position, dtype=np.float64).reshape(scene.grid.rows, scene.grid.columns, 3)
     ends = [_both_ends(sheet, way) for way in WAYS[kind]]
     lengths = [np.linalg.norm(other - first, axis=-1).ravel() for first, other in ends]
@@ -64,7 +68,7 @@ def cloth_lengths(scene: Scene, position: np.ndarray, kind: str) -> tuple[np.nda
 
 
 def _lengths(scene: Scene, position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Lengths [m] of the horizontal (rows, columns - 1) and vertical (rows - 1, columns) springs."""
+    """Return the lengths [m] of the horizontal (rows, columns - 1) and vertical (rows - 1, columns) springs."""
     grid = scene.grid
     p = np.asarray(position, dtype=np.float64).reshape(grid.rows, grid.columns, 2)
     across, down = p[:, 1:] - p[:, :-1], p[1:] - p[:-1]
@@ -72,10 +76,11 @@ def _lengths(scene: Scene, position: np.ndarray) -> tuple[np.ndarray, np.ndarray
 
 
 def sheet_strain(scene: Scene, position: np.ndarray, kind: str, plastic: np.ndarray | None = None) -> np.ndarray:
-    """(springs,) float64: (length - rest) / rest of the horizontal springs row by row, then of the vertical ones.
+    """Return (length - rest) / rest, (springs,) float64, of the horizontal springs row by row, then of the vertical
+    ones.
 
-    For a rest length of zero: length / spacing. In the order of `spring_ends`. Of a cloth: of its springs of that `kind`,
-    or, where it has none, what they would be strained.
+    With a rest length of zero: length / spacing. In the order of `spring_ends`. A cloth: its springs of that `kind`,
+    or, where it has none, the strain that they would have.
     """
     if scene.cloth:
         length, rest = cloth_lengths(scene, position, kind)
@@ -89,7 +94,8 @@ def sheet_strain(scene: Scene, position: np.ndarray, kind: str, plastic: np.ndar
 def stored_in_springs(
     scene: Scene, position: np.ndarray, plastic: np.ndarray | None = None
 ) -> tuple[float, dict[str, float]]:
-    """(energy of all springs, of a cloth's by kind) [J]: k (length - rest)^2 / 2 of each that gives."""
+    """Return (energy of all springs, a cloth's by kind) [J]: k (length - rest)^2 / 2 of each that is not
+    inextensible."""
     springs, stored = scene.springs, 0.0
     if springs and not springs.inextensible:
         for stiffness, length in zip(spring_stiffness(scene), _lengths(scene, position), strict=True):

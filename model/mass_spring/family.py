@@ -1,4 +1,4 @@
-"""Mass-spring: the grid in a plane and the cloth in space, stepped by an integrator."""
+"""The mass-spring families: the grid in a plane and the cloth in space, stepped by an integrator."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from model.mass_spring.plan import mass_spring_plan
 from model.scene.cloth import COLLIDER_KINDS, SPRING_KINDS
 from model.scene.scene import Scene
 
-WHOLE_CLOTH = {  # kinds of tables that name masses by their place in it, or tie them together across it
+WHOLE_CLOTH = {  # kinds of tables that refer to masses by their place in it, or connect them across it
     "load": "lies at a place of the whole cloth",
     "motion": "moves pins of the whole cloth",
     "fold": "lays the whole cloth",
@@ -35,7 +35,10 @@ def _is_stepped(scene: Scene) -> bool:
 
 
 def _grid_reach(scene: Scene) -> Reach:
-    """Springs reach the next row. Raises SceneError for a force that asks for a mass's row."""
+    """Return the rows that a step reads: springs extend to the next row.
+
+    Raises SceneError for a force that depends on a mass's row.
+    """
     if scene.manufactured:
         raise SceneError(
             scene.name_of("manufactured"), None, "asks where in the grid a mass is: run it as one, not shared"
@@ -47,7 +50,7 @@ def _grid_reach(scene: Scene) -> Reach:
 
 
 def require_local(scene: Scene) -> None:
-    """Raises SceneError for what asks which mass of the whole sheet one is."""
+    """Raise SceneError for parts that depend on a mass's number in the whole sheet."""
     idle = scene.external is not None and scene.external.magnitude == 0
     for kind, what in WHOLE_CLOTH.items():
         if scene.all_of(kind) and not (kind == "external" and idle):
@@ -55,8 +58,11 @@ def require_local(scene: Scene) -> None:
 
 
 def _cloth_reach(scene: Scene) -> Reach:
-    """Springs reach the next row, those against bending the one after it; velocity Verlet asks for forces twice where its
-    kicks do not meet. Raises SceneError for what asks which mass of the whole cloth one is, and for implicit Euler."""
+    """Return the rows that a step reads: springs extend to the next row, those against bending to the one after it.
+
+    Velocity Verlet evaluates forces twice where its kicks are not shared. Raises SceneError for parts that depend on a
+    mass's number in the whole cloth, and for implicit Euler.
+    """
     require_local(scene)
     name = scene.method.integrator
     if name in IMPLICIT:

@@ -1,4 +1,4 @@
-"""The plan of a mass-spring step: what those of a grid and of a cloth share, and the grid's (see model/core/plan.py)."""
+"""The plan of a mass-spring step: the common parts of grid and cloth, and the grid's plan (see model/core/plan.py)."""
 
 from __future__ import annotations
 
@@ -11,16 +11,15 @@ from model.core.plan import Node, Plan, Stage
 from model.formulas import integrators, manufactured, springs, wind
 from model.scene.scene import Scene
 
-TRIANGLES_EACH = 6  # of a cloth, that a mass is a corner of
-FRICTION_IN_PLACE = "friction-in-place"  # of the parts: friction of colliders acts on positions, too
-WIND = TRIANGLES_EACH * (wind.OPERATIONS_TRIANGLE + 18)  # with the mean velocity of a triangle's corners
+TRIANGLES_EACH = 6  # of a cloth, around a mass
+FRICTION_IN_PLACE = "friction-in-place"  # a part: friction of colliders acts on positions, too
+WIND = TRIANGLES_EACH * (wind.OPERATIONS_TRIANGLE + 18)  # including the mean velocity of a triangle's corners
 
 Stages = tuple[Stage, ...]
 
 
 def sheet_parts(scene: Scene, live: frozenset[str] = frozenset()) -> set[str]:
-    """The parts of any sheet that need a stage: those of the scene that do anything, and those that may be switched on
-    live."""
+    """Return the parts of any sheet that need a stage: those with an effect, and those that may be switched on live."""
     damping, gravity = scene.damping, scene.gravity
     needed = {
         "damping": (damping and damping.coefficient > 0) or "damping" in live,
@@ -31,8 +30,10 @@ def sheet_parts(scene: Scene, live: frozenset[str] = frozenset()) -> set[str]:
 
 
 def present_parts(scene: Scene, live: frozenset[str] = frozenset()) -> frozenset[str]:
-    """The parts of a grid that need a stage, see `sheet_parts`; `alternating` has none of its own: which stiffness a spring
-    has."""
+    """Return the parts of a grid that need a stage, see `sheet_parts`.
+
+    `alternating` has no stage: it selects the stiffness of a spring.
+    """
     needed = {
         "springs": scene.springs or "stiffness" in live,
         "alternating": scene.springs and scene.springs.alternate,
@@ -42,8 +43,8 @@ def present_parts(scene: Scene, live: frozenset[str] = frozenset()) -> frozenset
 
 
 def force_stages(parts: frozenset[str], pulls: Stage | None, axes: int, offset: float) -> Stages:
-    """The stages of a mass' forces, `offset` steps after the step's beginning; `pulls`: that of the springs, where there are
-    any."""
+    """Return the stages of the forces on a mass, `offset` steps after the step's beginning; `pulls`: the springs'
+    stage, if any."""
     fields = {"gravity": Stage("gravity", 1, 1, 1), "wind": Stage("wind", 3, 1, WIND, offset)}
     last = {
         "manufactured": Stage("manufactured force", 1, 1, manufactured.OPERATIONS, offset),
@@ -58,7 +59,8 @@ def force_stages(parts: frozenset[str], pulls: Stage | None, axes: int, offset: 
 
 
 def own_stages(parts: frozenset[str], memory: int = 1) -> Stages:
-    """Of the forces on a particle by itself; `memory` 0 where they cost none, since positions are predicted with them."""
+    """Return the stages of the forces on a particle alone; `memory` 0 where they cost none, since they are part of the
+    prediction."""
     return tuple(
         Stage(force.stage, force.traffic * memory, force.traffic * memory, force.operations)
         for force in own_forces(parts)
@@ -73,8 +75,11 @@ def stepped(
     kicks: tuple[int, int],
     touch: Stages = (),
 ) -> tuple[Node, int]:
-    """(the tree of an explicit step, the scalars per particle and axis that one moves when fused). `forces`, `pins`: the
-    stages at that offset from the step's beginning; `kicks`: operations of velocity Verlet's two; `touch`: what collides."""
+    """Return (the tree of an explicit step, the scalars per particle and axis that it moves when fused).
+
+    `forces`, `pins`: the stages at that offset from the step's beginning; `kicks`: operations of velocity Verlet's two;
+    `touch`: collision stages.
+    """
     operations = axes * integrators.OPERATIONS[integrator]
     children: list[Node | Stage]
     if integrator == "velocity-verlet":
@@ -89,7 +94,7 @@ def stepped(
         ]
         return Node(
             "step", tuple(children)
-        ), 4  # the kicks of neighbouring steps meet in one pass: one force a step is enough
+        ), 4  # adjacent kicks of two steps share one pass: one force per step is enough
     if integrator == "rk4":
         children = []
         for stage, (offset, end) in enumerate(((0.0, 0.5), (0.5, 0.5), (0.5, 1.0), (1.0, 1.0)), start=1):
@@ -101,7 +106,7 @@ def stepped(
 
 
 def mass_spring_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
-    """The plan of the mass-spring solver for the scene's parts and integrator. Raises SceneError."""
+    """Return the plan of the mass-spring solver for the scene's parts and integrator. Raises SceneError."""
     parts = present_parts(scene, live)
     if scene.springs and {"alternating", "manufactured"} <= parts:
         raise SceneError(
@@ -109,7 +114,7 @@ def mass_spring_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
             "must be 1 with a manufactured force, whose formula knows one stiffness",
         )  # fmt: skip
     integrator = scene.method.integrator
-    acting = parts - {"damping"} if integrator == "velocity-verlet" else parts  # whose damper is part of the kicks
+    acting = parts - {"damping"} if integrator == "velocity-verlet" else parts  # its damper is part of the kicks
     pulls = Stage("spring forces", 1, 1, 2 * springs.OPERATIONS_SPRING_2D + 6) if "springs" in parts else None
     pins = (Stage("pins", 0, 0, 0),) if "pins" in parts else ()
     kicks = (12, 6) if "damping" in parts else (8, 4)

@@ -126,8 +126,7 @@ class SceneParts:
             self.kinds[part_name] = kind
 
     def derive(self, part_name: str, **fields: Any) -> None:
-        """Give a part `fields` that its table does not state; `as_dict` leaves them out, so that they follow
-        changes."""
+        """Give a part `fields` that its table does not state; `as_dict` omits them, so that they follow changes."""
         self.parts[part_name] = self.parts[part_name].model_copy(update=fields)
         self.derived[part_name] = self.derived.get(part_name, frozenset()) | frozenset(fields)
 
@@ -163,11 +162,8 @@ class SceneParts:
 
     @cached_property
     def grid(self) -> Grid:
-        """The particle set of the scene.
-
-        A grid; a cloth, which is a grid in space, of triangles if it is a mesh; the body set; the set of tetrahedra,
-        with a cloth beside them; the set of fluids; in a world all particles. Sets without rows look like a sheet of
-        one row.
+        """The particle set of the scene: a grid; a cloth, also of triangles; the body set; the set of tetrahedra and a
+        cloth beside them; the set of fluids; in a world all particles. Sets without rows look like a sheet of one row.
         """
         if self.is_world:
             return self.world_set  # type: ignore[return-value]
@@ -179,19 +175,14 @@ class SceneParts:
 
     @cached_property
     def is_world(self) -> bool:
-        """True if the scene's parts belong to several families of particles.
-
-        The parts are then those of its `members`, not its own: particles by body set have to be counted in a member.
-        """
+        """True if the scene's parts belong to several families of particles. The parts are then those of its `members`,
+        not its own: particles by body set have to be counted in a member."""
         return bool(members_of(self.kinds))
 
     @cached_property
     def members(self) -> dict[str, Any]:
         """Scenes of each family's parts in a world, by the names in model/scene/members.py, in the order of its
-        particles.
-
-        Empty for any other scene. Raises SceneError.
-        """
+        particles; empty for any other scene. Raises SceneError."""
         if not self.is_world:
             return {}
         tables = member_tables(self.kinds, self.as_dict(), self.method)
@@ -259,8 +250,7 @@ class SceneParts:
 
     @cached_property
     def dimensions(self) -> int:
-        """Number of dimensions: 3 for a cloth, for bodies of any kind and in a world; as stated for fluids; otherwise
-        2."""
+        """Number of dimensions: as stated for fluids, 3 for a cloth, bodies of any kind and a world, otherwise 2."""
         if self.fluids:
             return next(iter(self.fluids.values())).dimensions
         return 3 if self.cloth or self.bodies or self.tetrahedra or self.is_world else 2
@@ -293,8 +283,7 @@ class SceneParts:
 
     @property
     def held_parts(self) -> dict[str, Attachment]:
-        """The attachments of tetrahedral bodies and a cloth to the world, to colliders and to one another, by the
-        part's name."""
+        """Attachments of tetrahedral bodies and a cloth to the world, colliders and one another, by the part's name."""
         return self.own("attachment")
 
     @property

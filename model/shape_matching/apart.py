@@ -1,4 +1,4 @@
-"""Some of a scene's bodies of clusters as a set of their own, for those who share bodies that never meet."""
+"""Subsets of a scene's bodies of clusters, for sharing bodies that never collide."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from model.shape_matching.links import Links
 
 
 def bodies_apart(scene: Scene) -> Apart:
-    """The bodies of a scene, balanced by their particles. Raises SceneError where particles may meet."""
+    """Return the bodies of a scene, balanced by their particles. Raises SceneError where particles may collide."""
     require_apart(scene)
     found = scene.body_set
     firsts = np.array([*(one.first_particle for one in found.copies), found.particle_count])
@@ -34,7 +34,7 @@ def _in_order(copies: Sequence[Copy]) -> list[Copy]:
 
 
 def clusters_of(copies: Sequence[Copy]) -> np.ndarray:
-    """(n,) int64: which clusters of the whole set are those of some copies, ascending."""
+    """Return the indices of the clusters of some copies in the whole set, (n,) int64, ascending."""
     order = _in_order(copies)
     firsts, counts = (
         np.array(some) for some in zip(*((c.first_cluster, c.baked.clusters.count) for c in order), strict=True)
@@ -43,8 +43,10 @@ def clusters_of(copies: Sequence[Copy]) -> np.ndarray:
 
 
 def some_bodies(whole: BodySet, first: int, end: int) -> BodySet:
-    """Copies `first` to before `end`, numbered from 0 on as are their particles and clusters. Every value is the whole set's,
-    its mean mass and spacing too, in which kernels count."""
+    """Return copies `first` to before `end`, renumbered from 0, as are their particles and clusters.
+
+    Every value is the whole set's, including its mass unit and spacing, on which kernels depend.
+    """
     copies = whole.copies[first:end]
     begin, stop = copies[0].first_particle, copies[-1].particles.stop
     new_cluster, cluster = {}, 0
@@ -81,7 +83,7 @@ def _some_clusters(whole: Clusters, chosen: np.ndarray, begin: int, stop: int) -
 
 
 def _some_links(whole: Links, begin: int, stop: int) -> Links:
-    """In the colours and the order that they have among all."""
+    """Return the links within the particles, in the colours and the order that they have among all."""
     mine = (whole.ends[:, 0] >= begin) & (whole.ends[:, 0] < stop)
     before = np.concatenate([[0], np.cumsum(mine)])
     return Links(

@@ -1,4 +1,4 @@
-"""All bodies of a scene as one set of particles: what a solver of clusters starts from."""
+"""All bodies of a scene as one set of particles: the initial state of a solver of clusters."""
 
 from __future__ import annotations
 
@@ -25,8 +25,11 @@ from model.shape_matching.links import LinkedCopies, Links, make_links
 
 @dataclass(frozen=True)
 class Copy:
-    """A copy of a body: its part's `name`, what it is made of, its first particle and first cluster, its number in all;
-    `waits`: whether it is a spare one, which is not there when the scene starts."""
+    """A copy of a body: its part's `name`, its baked body, its first particle and first cluster, its number among all
+    copies.
+
+    `waits`: True for a spare copy, which is inactive at the start.
+    """
 
     name: str
     baked: BakedBody = field(repr=False)
@@ -37,7 +40,7 @@ class Copy:
 
     @property
     def particles(self) -> slice:
-        """Where in the set its particles are."""
+        """Slice of its particles in the set."""
         return slice(self.first_particle, self.first_particle + len(self.baked.position))
 
 
@@ -45,10 +48,10 @@ class Copy:
 class BodySet(ParticleRow):
     """The particles of all copies, one after the other, in the order of the file.
 
-    `position` (particles, 3) float64 [m], at the start; `velocity` likewise [m/s]; `body` (particles,) int32: the copy each
-    is of; `clusters`, whose rest positions are those at the start, with those of `lattices` last; `links`; `copies`. To the
-    rest of the lab it is a row of masses: `rows` 1, `columns` all, `spacing` [m], the mean one, and `mass` [kg], see
-    `unit_of`. `whole`: the set of which this is a share (model/shape_matching/apart.py), None: it is none.
+    `position` (particles, 3) float64 [m] and `velocity` [m/s]: initial ones; `body` (particles,) int32: the copy of
+    each; `clusters`: with the initial positions as rest positions, those of `lattices` last; `links`; `copies`. It has
+    the attributes of a row of masses: `rows` 1, `columns` the number of particles, `spacing` [m], the mean one, and
+    `mass` [kg], see `unit_of`. `whole`: the set of which this is a block (model/shape_matching/apart.py), or None.
     """
 
     position: np.ndarray
@@ -65,7 +68,7 @@ class BodySet(ParticleRow):
 
     @cached_property
     def loose(self) -> Clusters:
-        """The clusters that are no windows of a lattice, the first ones of all."""
+        """The clusters that are not windows of a lattice; they come first."""
         if not self.lattices:
             return self.clusters
         whole, count = self.clusters, min(lattice.first_cluster for lattice in self.lattices)
@@ -82,22 +85,22 @@ class BodySet(ParticleRow):
 
     @property
     def alike(self) -> BodySet:
-        """The set that says what code its loose clusters need: the whole one, so that every share runs the same."""
+        """The set that decides which code its loose clusters need: the whole one, so that every block runs the same."""
         return self.whole if self.whole and self.loose.count else self
 
     @property
     def waiting(self) -> np.ndarray:
-        """(particles,) bool: those of spare copies, which wait at the place of their body's first one."""
+        """Particles of spare copies, (particles,) bool, at the position of their body's first copy."""
         return np.array([copy.waits for copy in self.copies])[self.body]
 
     @property
     def extent(self) -> float:
-        """Its longest side [m]."""
+        """Longest side [m]."""
         return float(np.ptp(self.position, axis=0).max(initial=self.spacing))
 
 
 def make_body_set(parts: Mapping[str, Placed]) -> BodySet:
-    """The body set of a scene's bodies, by name. Raises SceneError where it has too many particles."""
+    """Return the body set of a scene's bodies, by name. Raises SceneError where it has too many particles."""
     for name, part in parts.items():
         try:
             part.baked  # noqa: B018 - made here, so that its errors name the part
@@ -156,13 +159,15 @@ def make_body_set(parts: Mapping[str, Placed]) -> BodySet:
 
 
 def unit_of(masses: np.ndarray) -> float:
-    """Unit of the solvers' masses [kg]: the power of two next to the mean of `masses` (particles,) [kg], so that dividing by
-    it rounds nothing, and bodies that are added leave the others' bits as they are."""
+    """Return the unit of the solvers' masses [kg]: the power of two nearest to the mean of `masses` (particles,) [kg].
+
+    Division by it is exact, and added bodies leave the others' bits unchanged.
+    """
     return float(2.0 ** round(math.log2(mean(masses))))
 
 
 def _bytes_of(body: BakedBody) -> int:
-    """Of a copy's particles, clusters and links while they are put together."""
+    """Return the bytes of a copy's particles, clusters and links during assembly."""
     return 160 * len(body.position) + 40 * len(body.clusters.indices) + 60 * len(body.links)
 
 
@@ -171,12 +176,12 @@ def _by_cluster(copies: Sequence[Copy]) -> list[Copy]:
 
 
 def is_summed(body: BakedBody) -> bool:
-    """Whether a body's clusters are windows that do nothing beside turning, which passes along the axes sum up."""
+    """Return True if a body's clusters are windows that only rotate, which passes along the axes can sum."""
     return body.lattice is not None and not body.clusters.parts
 
 
 def _first_clusters(parts: Mapping[str, Placed]) -> dict[str, int]:
-    """The first cluster of each part: those of lattices come last."""
+    """Return the first cluster of each part: those of lattices come last."""
     found, cluster = {}, 0
     for summed in (False, True):
         for name, part in parts.items():
@@ -187,7 +192,7 @@ def _first_clusters(parts: Mapping[str, Placed]) -> dict[str, int]:
 
 
 def _linked(copies: list[Copy]) -> list[LinkedCopies]:
-    """The links of each part, its copies side by side."""
+    """Return the links of each part with its copies."""
     found = []
     for _, group in groupby(copies, key=lambda copy: copy.name):
         same = list(group)

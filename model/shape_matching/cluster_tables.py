@@ -1,4 +1,4 @@
-"""What both backends' solvers of clusters read beside the clusters themselves."""
+"""Tables of clusters for both backends' solvers, in addition to the clusters themselves."""
 
 from __future__ import annotations
 
@@ -12,26 +12,32 @@ from model.geometry.arithmetic.functions import expm1
 from model.geometry.arithmetic.ordered import determinant, dot
 from model.shape_matching.clusters import Clusters, binned, matching_share
 
-UNIT = 1e-3  # a quaternion's length may be off by: what float32 leaves, and what a text file with three digits does
+UNIT = 1e-3  # tolerance of a quaternion's length: float32 rounding, or a text file with three digits
 
 
 def matching_factors(clusters: Clusters, substep: float, iterations: int) -> np.ndarray:
-    """(entries,) float64: how far an entry moves its particle towards its goal in one of `iterations` of a substep [s]: its
-    share of the particle times `matching_share` of its cluster."""
+    """Return the fraction of the displacement to its goal that an entry moves its particle per iteration, (entries,)
+    float64.
+
+    Its weight in the particle times `matching_share` of its cluster, for `iterations` of a substep [s].
+    """
     b = matching_share(clusters.stiffness, substep, iterations)
     factors: np.ndarray = clusters.shares * b[clusters.owner]
     return factors
 
 
 def shaping(parts: frozenset[str]) -> frozenset[str]:
-    """Those of a scene's parts that clusters are turned by in another way."""
+    """Return the parts of a scene that change the deformation of clusters."""
     return parts & {"linear", "plastic"}
 
 
 def shape_table(clusters: Clusters, substep: float, iterations: int) -> np.ndarray:
-    """(clusters, SHAPE) float64, in the order of the S_ constants: the inverse moments at rest (xx, xy, xz, yy, yz, zz)
-    [1/(kg m^2)], the linear map's part, the strain over which a cluster creeps, its creep in one of `iterations` of a substep
-    [s], 1 - exp(-c h / n), the largest strain kept, and zeros; all 0 of a cluster that is flat."""
+    """Return the clusters' constants, (clusters, SHAPE) float64, in the order of the S_ constants.
+
+    The inverse moments at rest (xx, xy, xz, yy, yz, zz) [1/(kg m^2)], the linear map's weight, the strain above which a
+    cluster creeps, its creep in one of `iterations` of a substep [s], 1 - exp(-c h / n), the largest plastic strain,
+    and zeros. All are 0 for a flat cluster.
+    """
     table = np.zeros((clusters.count, SHAPE))
     material, inverse = clusters.material, clusters.inverse_moments
     for place, (i, j) in enumerate(((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))):
@@ -48,15 +54,18 @@ def shape_table(clusters: Clusters, substep: float, iterations: int) -> np.ndarr
 
 
 def damping_factors(clusters: Clusters, substep: float) -> np.ndarray:
-    """(entries,) float64: how far an entry moves its particle's velocity towards its cluster's rigid motion in a substep
-    [s]: its share of the particle times 1 - exp(-d h)."""
+    """Return the fraction by which an entry moves its particle's velocity to its cluster's rigid motion per substep
+    [s], (entries,) float64.
+
+    Its weight in the particle times 1 - exp(-d h).
+    """
     rate = np.zeros(clusters.count) if clusters.material is None else clusters.material.damping
     factors: np.ndarray = clusters.shares * -expm1(-rate * substep)[clusters.owner]
     return factors
 
 
 def first_particles(clusters: Clusters) -> np.ndarray:
-    """(clusters,) int32: the particle that positions are counted from; 0 of a cluster that has none."""
+    """Return the particle to which positions are relative, (clusters,) int32; 0 for a cluster without particles."""
     found = np.zeros(clusters.count, np.int32)
     some = np.diff(clusters.offsets) > 0
     found[some] = clusters.indices[clusters.offsets[:-1][some]]
@@ -64,8 +73,10 @@ def first_particles(clusters: Clusters) -> np.ndarray:
 
 
 def leans(clusters: Clusters, real: type) -> np.ndarray:
-    """(clusters, 4) in the arithmetic `real`: the centre [m] of the rest offsets, and one over the mass [1/kg], both of the
-    masses and offsets that are rounded to it; 0 of a cluster without mass."""
+    """Return the centre [m] of the rest offsets and one over the mass [1/kg], (clusters, 4) in the arithmetic `real`.
+
+    Both are those of the masses and offsets rounded to it; 0 for a cluster without mass.
+    """
     m, rest, owner, count = clusters.masses.astype(real).astype(float), clusters.rest, clusters.owner, clusters.count
     sums = [binned(owner, m * axis.astype(real), count) for axis in rest.T]
     mass = binned(owner, m, count)
@@ -76,8 +87,10 @@ def leans(clusters: Clusters, real: type) -> np.ndarray:
 def _checked(
     name: str, given: np.ndarray, shape: tuple[int, ...], real: type, size: Callable, told: tuple[str, str]
 ) -> np.ndarray:
-    """An array for each cluster, `shape` in all, in the arithmetic `real`, as it is; `size`: of the arrays in float64, which
-    must be 1. `told`: what each is, and what its size is called. Raises InputError."""
+    """Return an array with an entry for each cluster, `shape` in all, in the arithmetic `real`, unchanged.
+
+    `size`: of the arrays in float64, which must be 1. `told`: names of an entry and of its size. Raises InputError.
+    """
     array = np.asarray(given)
     if array.shape != shape:
         raise InputError(f"{name} has shape {array.shape}, this scene needs {shape}: a {told[0]} for each cluster")
@@ -94,8 +107,11 @@ def _checked(
 def checked_clusters(
     rotation: np.ndarray | None, plastic: np.ndarray | None, parts: frozenset[str], count: int, real: type
 ) -> tuple[np.ndarray | None, np.ndarray | None]:
-    """(unit quaternions (clusters, 4), plastic strains (clusters, 3, 3) of volume 1) in the arithmetic `real`, as they are,
-    where they are given. Raises InputError, for plastic strains of a scene without, too."""
+    """Return (unit quaternions (clusters, 4), plastic strains (clusters, 3, 3) of volume 1) in the arithmetic `real`,
+    or None.
+
+    Values are unchanged. Raises InputError, also for plastic strains of a scene without plastic bodies.
+    """
     if rotation is not None:
         rotation = _checked("rotation", rotation, (count, 4), real, _lengths, ("quaternion", "length"))
     if plastic is not None:
@@ -114,7 +130,8 @@ def _volumes(matrices: np.ndarray) -> np.ndarray:
 
 
 def every_plastic(loose: np.ndarray | None, count: int) -> np.ndarray | None:
-    """(clusters, 3, 3) of all `count` clusters, of those of loose ones: no strain of lattices'."""
+    """Return the plastic strains of all `count` clusters, (clusters, 3, 3), from those of loose ones: lattices have
+    none."""
     if loose is None or len(loose) == count:
         return loose
     return np.concatenate([loose, np.tile(np.eye(3, dtype=loose.dtype), (count - len(loose), 1, 1))])

@@ -1,8 +1,9 @@
-"""Clusters over the particles of a body: where their centres are, who belongs to them, whether the body holds together.
+"""Clusters over the particles of a body: their centres, their members, and connectivity of the body.
 
 Centres are particles, each the farthest from those before it until all are nearer than the spacing of clusters (T. F.
-Gonzalez, "Clustering to minimize the maximum intercluster distance", 1985): no two are nearer to each other than that, and a
-radius of the spacing leaves no particle out. A particle's coefficient falls off smoothly with its distance from the centre.
+Gonzalez, "Clustering to minimize the maximum intercluster distance", 1985): no two are nearer to each other than that,
+and a radius of the spacing leaves no particle out. A particle's coefficient decreases smoothly with its distance from
+the centre.
 """
 
 from __future__ import annotations
@@ -18,18 +19,20 @@ from model.geometry.lists import offsets_of
 from model.geometry.neighbours import SLACK, TooMany, pairs_within
 from model.shape_matching.clusters import Clusters
 
-RIM = 0.1  # the coefficient at the radius; over 0, so that nobody is in a cluster by name only
-COLLINEAR = 2.0**-10  # width over length of a cluster that counts as a line: turning about it moves nothing visible
+RIM = 0.1  # the coefficient at the radius; over 0, so that every member has an effect
+COLLINEAR = 2.0**-10  # width over length of a cluster that counts as a line: rotation about it moves nothing visibly
 FEWEST = 4  # particles that can span a space
 
 
 def falloff(part: np.ndarray) -> np.ndarray:
-    """The coefficient of a particle at `part` of the radius from the centre: 1 at 0, RIM at 1, level at both."""
+    """Return the coefficient of a particle at `part` of the radius from the centre: 1 at 0, RIM at 1, with slope 0 at
+    both."""
     return RIM + (1 - RIM) * (1 - np.square(part)) ** 2
 
 
 def centres(position: np.ndarray, spacing: float) -> np.ndarray:
-    """(clusters,) int64: particles at `position` (particles, 3) [m], the first nearest to the middle."""
+    """Return the central particles among `position` (particles, 3) [m], (clusters,) int64, the first nearest to the
+    mean position."""
     from scipy.spatial import cKDTree
 
     tree = cKDTree(position)
@@ -38,16 +41,17 @@ def centres(position: np.ndarray, spacing: float) -> np.ndarray:
     while (farthest := float(distance.max())) >= spacing:
         new = int(np.argmax(distance))
         chosen.append(new)
-        # a new centre is nearest to nobody who lies farther from it than all lie from theirs
+        # a new centre can only be nearest to particles within the current largest distance
         near = np.array(tree.query_ball_point(position[new], farthest * SLACK), dtype=np.int64)
         distance[near] = np.minimum(distance[near], norm(position[near] - position[new]))
     return np.array(chosen)
 
 
 def gather(position: np.ndarray, mass: np.ndarray, spacing: float, radius: float, stiffness: float) -> Clusters:
-    """Clusters of `radius` [m] about centres `spacing` [m] apart, all of one stiffness [1/s^2]; members ascending.
+    """Return clusters of `radius` [m] about centres `spacing` [m] apart, all of one stiffness [1/s^2]; members
+    ascending.
 
-    Particles of `position` (particles, 3) [m] and `mass` (particles,) [kg]. Some may belong to none: see `check`.
+    `position` (particles, 3) [m], `mass` (particles,) [kg]. Some particles may belong to none: see `check`.
     """
     middle = position[centres(position, spacing)]
     try:
@@ -65,14 +69,15 @@ def gather(position: np.ndarray, mass: np.ndarray, spacing: float, radius: float
 
 
 def one_cluster(position: np.ndarray, mass: np.ndarray) -> Clusters:
-    """A rigid body: everything in one cluster, all coefficients 1, its stiffness inf."""
+    """Return a rigid body: everything in one cluster, all coefficients 1, its stiffness inf."""
     count = len(position)
     everyone = np.arange(count, dtype=np.int32)
     return Clusters(np.array([0, count], np.int32), everyone, np.ones(count), np.array([np.inf]), mass, position)
 
 
 def parts(clusters: Clusters, links: np.ndarray) -> int:
-    """How many parts of the body hang together by clusters or `links` (n, 2); a particle with neither is one, too."""
+    """Return the number of parts of the body connected by clusters or `links` (n, 2); an unconnected particle is one,
+    too."""
     count = len(clusters.mass)
     held = np.stack([clusters.indices, clusters.owner + count], axis=1)
     label = components(count + clusters.count, np.concatenate([held, links]))
@@ -80,8 +85,11 @@ def parts(clusters: Clusters, links: np.ndarray) -> int:
 
 
 def check(clusters: Clusters, links: np.ndarray, spacing: float, radius: float, pieces: int) -> int:
-    """The number of parts that hang together. Raises SceneError, with a radius that would do, where particles are in no
-    cluster or there are more parts than `pieces` of the mesh."""
+    """Return the number of connected parts.
+
+    Raises SceneError, with a sufficient radius, where particles are in no cluster or there are more parts than `pieces`
+    of the mesh.
+    """
     orphans, found = clusters.orphans, parts(clusters, links)
     if not len(orphans) and found <= pieces:
         return found
@@ -98,7 +106,7 @@ def check(clusters: Clusters, links: np.ndarray, spacing: float, radius: float, 
 
 
 def least_radius(position: np.ndarray, links: np.ndarray, spacing: float, pieces: int) -> float:
-    """The smallest radius [m] with which every particle is in a cluster and no more than `pieces` parts are left."""
+    """Return the smallest radius [m] with which every particle is in a cluster and at most `pieces` parts are left."""
     chosen = centres(position, spacing)
     count, radius = len(position), spacing
     while True:
@@ -124,7 +132,7 @@ def least_radius(position: np.ndarray, links: np.ndarray, spacing: float, pieces
 
 
 def ceiled(value: float) -> float:
-    """`value` over 0 with three digits, rounded up: what a user can type and have it do."""
+    """Return `value` > 0 with three digits, rounded up, so that a user can type it and it suffices."""
     unit = 10.0 ** (ceil(log10(value)) - 3) if value > 0 else 1.0
     steps = ceil(value / unit)
     found = float(f"{steps * unit:.6g}")
@@ -132,7 +140,8 @@ def ceiled(value: float) -> float:
 
 
 def undetermined(clusters: Clusters) -> int:
-    """How many clusters have fewer than FEWEST particles, or all on one line: their rotation is partly left open."""
+    """Return the number of clusters with fewer than FEWEST particles, or all on one line: their rotation is partly
+    undetermined."""
     values = eigenvalues(clusters.rest_moments)
     line = values[:, 1] <= COLLINEAR**2 * values[:, 2]
     return int(((np.diff(clusters.offsets) < FEWEST) | line).sum())

@@ -1,10 +1,10 @@
-"""Clusters of particles for shape matching, in compressed form, and what follows from them once and for all.
+"""Clusters of particles for shape matching, in compressed form, and constants derived from them.
 
-M. Mueller et al., "Meshless Deformations Based on Shape Matching", SIGGRAPH 2005; clusters that overlap, each with a
+M. Mueller et al., "Meshless Deformations Based on Shape Matching", SIGGRAPH 2005; overlapping clusters, each with a
 coefficient for every particle, after M. Macklin et al., "Unified Particle Physics for Real-Time Applications", 2014. A
-particle belongs to its clusters in shares, coefficient over the sum of its coefficients, and its mass is split among them
-likewise: every cluster moves its own part of the mass, so that linear and angular momentum are kept exactly, whatever the
-coefficients.
+particle's weight in a cluster is its coefficient over the sum of its coefficients, and its mass is split among its
+clusters likewise: every cluster moves its own part of the mass, so that linear and angular momentum are conserved
+exactly, for any coefficients.
 """
 
 from __future__ import annotations
@@ -22,18 +22,18 @@ from model.geometry.arithmetic.functions import expm1, log1p
 from model.geometry.arithmetic.ordered import eigenvalues, inverse
 from model.geometry.lists import grouped
 
-FLAT = 1e-4  # of the moments of rest offsets, least over largest: a hundredth as thick as it is long
+FLAT = 1e-4  # of the moments of rest offsets, smallest over largest: a hundredth as thick as it is long
 
 
 @dataclass(frozen=True, eq=False)
 class Clusters:
-    """Which particles belong to which cluster, and how stiff each is.
+    """Members and stiffness of clusters.
 
-    `offsets` (clusters + 1,) int32, from 0: cluster k has the entries offsets[k] to offsets[k + 1]; `indices` (entries,)
-    int32, the particle of each entry; `coefficients` (entries,) float64 in [0, 1]; `stiffness` (clusters,) float64: the
-    square of the angular frequency [1/s^2] at which a particle swings about its goal, inf for a rigid cluster; `mass`
-    (particles,) float64 [kg], of pinned ones too; `position` (particles, dimensions) float64 [m], at rest; `material`: what
-    they do beside turning, None: nothing.
+    `offsets` (clusters + 1,) int32, from 0: cluster k has the entries offsets[k] to offsets[k + 1]; `indices`
+    (entries,) int32, the particle of each entry; `coefficients` (entries,) float64 in [0, 1]; `stiffness` (clusters,)
+    float64: the square of the angular frequency [1/s^2] at which a particle oscillates about its goal, inf for a rigid
+    cluster; `mass` (particles,) float64 [kg], of pinned ones too; `position` (particles, dimensions) float64 [m], at
+    rest; `material`: effects other than rotation, or None.
     """
 
     offsets: np.ndarray
@@ -49,43 +49,43 @@ class Clusters:
 
     @property
     def count(self) -> int:
-        """How many clusters."""
+        """Number of clusters."""
         return len(self.offsets) - 1
 
     @property
     def parts(self) -> frozenset[str]:
-        """What of their material needs code, see `Material.parts`."""
+        """Features of their material that need code, see `Material.parts`."""
         return frozenset() if self.material is None else self.material.parts
 
     @cached_property
     def owner(self) -> np.ndarray:
-        """(entries,) int32: the cluster of each entry."""
+        """Cluster of each entry, (entries,) int32."""
         return np.repeat(np.arange(self.count, dtype=np.int32), np.diff(self.offsets))
 
     @cached_property
     def shares(self) -> np.ndarray:
-        """(entries,) float64: the part of its particle that each entry has; of a particle with clusters they add up to 1."""
+        """Weight of each entry in its particle, (entries,) float64; those of a particle with clusters sum to 1."""
         total = binned(self.indices, self.coefficients, len(self.mass))[self.indices]
         return np.divide(self.coefficients, total, out=np.zeros_like(total), where=total > 0)
 
     @cached_property
     def masses(self) -> np.ndarray:
-        """(entries,) float64 [kg]: the particle's mass times its share."""
+        """Particle's mass times its weight, (entries,) float64 [kg]."""
         return self.mass[self.indices] * self.shares
 
     @cached_property
     def cluster_mass(self) -> np.ndarray:
-        """(clusters,) float64 [kg]."""
+        """Mass of each cluster, (clusters,) float64 [kg]."""
         return binned(self.owner, self.masses, self.count)
 
     @cached_property
     def rest_centre(self) -> np.ndarray:
-        """(clusters, dimensions) float64 [m]: weighted by mass; 0 where a cluster has none."""
+        """Rest centre of mass, (clusters, dimensions) float64 [m]; 0 for a cluster without mass."""
         return self.centres(self.position)
 
     @cached_property
     def rest(self) -> np.ndarray:
-        """(entries, dimensions) float64 [m]: where each particle lies at rest, from its cluster's centre."""
+        """Rest position of each particle relative to its cluster's centre, (entries, dimensions) float64 [m]."""
         return self.position[self.indices] - self.rest_centre[self.owner]
 
     @cached_property
@@ -97,13 +97,16 @@ class Clusters:
 
     @property
     def rest_moments(self) -> np.ndarray:
-        """(clusters, d, d) float64 [kg m^2]: sum m rest rest'."""
+        """sum m rest rest', (clusters, d, d) float64 [kg m^2]."""
         return self._summed(self.masses[:, None, None] * self.rest[:, :, None] * self.rest[:, None, :])
 
     @cached_property
     def inverse_moments(self) -> np.ndarray:
-        """(clusters, d, d) float64 [1/(kg m^2)]: the inverse of sum m rest rest', which takes moments to the linear map that
-        is nearest; 0 where the cluster is `flat`, along a line or at a point, and tells of no such map."""
+        """Inverse of sum m rest rest', (clusters, d, d) float64 [1/(kg m^2)], which maps moments to the nearest linear
+        map.
+
+        0 where the cluster is `flat`, along a line or at a point, and has no such map.
+        """
         moments = self.rest_moments
         values = eigenvalues(moments)
         solid = values[:, 0] > FLAT * values[:, -1]
@@ -113,23 +116,26 @@ class Clusters:
 
     @property
     def flat(self) -> np.ndarray:
-        """(clusters,) bool: those without a linear map of their own. They turn, and do not creep."""
+        """Clusters without a linear map, (clusters,) bool. They rotate, and do not creep."""
         return np.logical_not(np.any(self.inverse_moments, axis=(1, 2)))
 
     def _summed(self, entries: np.ndarray) -> np.ndarray:
-        """(clusters, ...): the sums of (entries, ...)."""
+        """Return the sums over each cluster's entries, (clusters, ...), of (entries, ...)."""
         found = np.zeros((self.count, *entries.shape[1:]))
         np.add.at(found, self.owner, entries)
         return found
 
     def moments(self, position: np.ndarray) -> np.ndarray:
-        """(clusters, d, d) float64 [kg m^2]: sum m (x - centre) rest'."""
+        """Return sum m (x - centre) rest', (clusters, d, d) float64 [kg m^2]."""
         away = self.masses[:, None] * (position[self.indices] - self.centres(position)[self.owner])
         return self._summed(away[:, :, None] * self.rest[:, None, :])
 
     def rotations(self, position: np.ndarray, plastic: np.ndarray | None = None) -> np.ndarray:
-        """(clusters, d, d) float64: for particles at `position` [m] the rotation, det +1, nearest to sum m (x - centre)
-        rest', by singular values; `plastic` (clusters, d, d): what rest offsets have been bent by."""
+        """Return the rotation, det +1, nearest to sum m (x - centre) rest', (clusters, d, d) float64, by singular
+        values.
+
+        `position` [m]: of particles; `plastic` (clusters, d, d): the plastic deformation of rest offsets.
+        """
         moments = self.moments(position)
         if plastic is not None:
             moments = moments @ np.swapaxes(plastic, 1, 2)
@@ -139,18 +145,20 @@ class Clusters:
         return np.einsum("nij,nj,njk->nik", u, signs, v)
 
     def strained(self, position: np.ndarray, plastic: np.ndarray | None = None) -> np.ndarray:
-        """(clusters, d, d) float64: the linear map nearest to particles, of offsets bent by `plastic`; 0 where `flat`."""
+        """Return the linear map nearest to the particles, (clusters, d, d) float64, from offsets deformed by `plastic`;
+        0 where `flat`."""
         found = self.moments(position) @ self.inverse_moments
         return found if plastic is None else found @ np.linalg.inv(plastic)
 
     def deformations(self, position: np.ndarray, plastic: np.ndarray | None = None) -> np.ndarray:
-        """(clusters, d, d) float64: what takes rest offsets to goals, T Sp: T = R, or with `linear` b > 0, of the map F of
-        `strained`, b F / cbrt(det F) + (1 - b) R (M. Mueller et al. 2005, 4.3); below MIN_VOLUME b falls with det F, to 0
-        where F is flat or mirrored.
+        """Return the maps T Sp from rest offsets to goals, (clusters, d, d) float64.
 
-        Momentum is kept: sum m (goal - x) = 0 as sum m rest = 0; and the moment of what moves particles about the centre is
-        what of sum m (x - centre) (T Sp rest)' = A T' is not symmetric, A the moments with Sp rest for rest. A R' is, R
-        being the nearest rotation, and so is A F' = A (sum m Sp rest rest' Sp')^-1 A'.
+        T = R, or with `linear` b > 0, with the map F of `strained`, b F / cbrt(det F) + (1 - b) R (M. Mueller et al.
+        2005, 4.3); below MIN_VOLUME b falls with det F, to 0 where F is flat or mirrored.
+
+        Momentum is conserved: sum m (goal - x) = 0 as sum m rest = 0. The moment of the displacements about the centre
+        is the skew part of sum m (x - centre) (T Sp rest)' = A T', A the moments with Sp rest for rest. A R' is
+        symmetric, R being the nearest rotation, and so is A F' = A (sum m Sp rest rest' Sp')^-1 A'.
         """
         turned = self.rotations(position, plastic)
         if "linear" in self.parts and self.material is not None:
@@ -162,41 +170,47 @@ class Clusters:
         return turned if plastic is None else turned @ plastic
 
     def centres(self, position: np.ndarray) -> np.ndarray:
-        """(clusters, d) float64 [m]: centres of mass with particles at `position`; 0 of a cluster without mass."""
+        """Return the centres of mass with particles at `position`, (clusters, d) float64 [m]; 0 for a cluster without
+        mass."""
         sums = np.stack([binned(self.owner, self.masses * x[self.indices], self.count) for x in position.T], axis=1)
         heavy = self.cluster_mass[:, None] > 0
         return np.divide(sums, self.cluster_mass[:, None], out=np.zeros_like(sums), where=heavy)
 
     def goals(self, position: np.ndarray, plastic: np.ndarray | None = None) -> np.ndarray:
-        """(entries, d) float64 [m]: where each cluster wants each of its particles: centre + R (rest offset), or what
-        `deformations` says for R."""
+        """Return each cluster's goal positions of its particles, (entries, d) float64 [m]: centre + R (rest offset).
+
+        `deformations` replaces R where clusters deform.
+        """
         position = np.asarray(position, dtype=np.float64)
         turned = np.einsum("nij,nj->ni", self.deformations(position, plastic)[self.owner], self.rest)
         return self.centres(position)[self.owner] + turned
 
     def energy(self, position: np.ndarray, plastic: np.ndarray | None = None) -> float:
-        """[J]: sum of w^2 m |goal - x|^2 / 2 over entries; rigid clusters store none."""
+        """Return the sum of w^2 m |goal - x|^2 / 2 over entries [J]; rigid clusters store none."""
         away = self.goals(position, plastic) - np.asarray(position, dtype=np.float64)[self.indices]
         stiffness = np.where(np.isfinite(self.stiffness), self.stiffness, 0.0)[self.owner]
         return 0.5 * float(np.sum(stiffness * self.masses * np.einsum("nk,nk->n", away, away)))
 
     @property
     def orphans(self) -> np.ndarray:
-        """Particles that no cluster holds: (n,) int64."""
+        """Particles without a cluster, (n,) int64."""
         return np.flatnonzero(np.bincount(self.indices, self.coefficients, len(self.mass)) == 0)
 
 
 def binned(places: np.ndarray, weights: np.ndarray, count: int) -> np.ndarray:
-    """(count,) float64: the sums of weights by place, also where there are none."""
+    """Return the sums of weights by place, (count,) float64, 0 where there are none."""
     return np.bincount(places, weights, count).astype(np.float64)
 
 
 def stiffness_of_coefficient(coefficient: float, step: float) -> float:
-    """The stiffness w^2 [1/s^2] that moves a particle by `coefficient` in [0, 1] of the way to its goal in a step [s]: from
-    a = w^2 h^2 / (1 + w^2 h^2); 1 is rigid, inf. What a coefficient means hangs on the step it was meant for.
+    """Return the stiffness w^2 [1/s^2] that moves a particle by `coefficient` in [0, 1] of the displacement to its goal
+    in a step [s].
 
-    >>> round(stiffness_of_coefficient(0.5, 0.1), 9)
-    100.0
+    From a = w^2 h^2 / (1 + w^2 h^2); 1 is rigid, inf. The meaning of a coefficient depends on the step for which it was
+    chosen.
+
+        >>> round(stiffness_of_coefficient(0.5, 0.1), 9)
+        100.0
     """
     return np.inf if coefficient == 1 else coefficient / ((1 - coefficient) * step**2)
 
@@ -205,14 +219,15 @@ MAX_SUBSTEP = 1e150  # s: Python refuses the square of much more
 
 
 def matching_share(stiffness: Any, substep: float, iterations: int) -> Any:
-    """How far masses go towards their goals in one of `iterations`: b = 1 - (1 + w^2 h^2)^(-1 / n); `stiffness` w^2 [1/s^2],
-    a number or an array; `substep` h [s].
+    """Return the fraction of the displacement to their goals by which masses move per iteration: b = 1 - (1 + w^2
+    h^2)^(-1 / n).
 
-    All n take a lone cluster's deviation to 1 / (1 + w^2 h^2) of it, which is a step of implicit Euler, for any n; so the
-    material stays the same when the step is changed, and converges with it at first order. A stiffness of inf is rigid.
+    `stiffness` w^2 [1/s^2], a number or an array; `substep` h [s]. All n iterations together reduce a lone cluster's
+    deviation to 1 / (1 + w^2 h^2), which is a step of implicit Euler, for any n. So the material does not change with
+    the step, and converges with it at first order. A stiffness of inf is rigid.
 
-    >>> matching_share(np.array([3600.0, np.inf]), 1 / 60, 1).round(12).tolist()
-    [0.5, 1.0]
+        >>> matching_share(np.array([3600.0, np.inf]), 1 / 60, 1).round(12).tolist()
+        [0.5, 1.0]
     """
     with np.errstate(over="ignore"):
         square = substep**2 if substep < MAX_SUBSTEP else np.inf

@@ -1,4 +1,4 @@
-"""What clusters store and how far they are from rest, on the host."""
+"""Energy of clusters and distance of particles from their goals, on the host."""
 
 from __future__ import annotations
 
@@ -12,18 +12,20 @@ from model.shape_matching.matching import matching_stiffness
 
 
 def window_energy(scene: Scene, position: np.ndarray) -> float:
-    """[J]: of the clusters of a grid that is solved by shape matching, the `Clusters.energy` of
-    model/shape_matching/matching.py's
-    `lattice_clusters`, window by window and without their indices, which are many."""
+    """Return the energy [J] of the clusters of a grid that is solved by shape matching.
+
+    It is the `Clusters.energy` of `lattice_clusters` (model/shape_matching/matching.py), window by window without their
+    many indices.
+    """
     grid, n = scene.grid, scene.method.region
     down, across = matching_axis(grid.rows, n), matching_axis(grid.columns, n)
     rest = scene.springs.rest_length if scene.springs else grid.spacing
     here = np.asarray(position, dtype=np.float64).reshape(grid.rows, grid.columns, 2).transpose(2, 0, 1)
     placed = np.pad(here, ((0, 0), (n, n), (n, n)))
-    weight = np.pad(grid.mass * down.share[:, None] * across.share, n)  # nothing weighs anything outside
+    weight = np.pad(grid.mass * down.share[:, None] * across.share, n)  # nothing outside has mass
 
     def members() -> Iterator[tuple[np.ndarray, ...]]:
-        """(mass, x and y from the window's middle, rest offset along x and y) of a member of every window."""
+        """Yield (mass, x and y from the window's middle, rest offset along x and y) of a member of every window."""
         for i, j in np.ndindex(2 * n + 1, 2 * n + 1):
             window = slice(i, i + grid.rows), slice(j, j + grid.columns)
             x, y = placed[:, *window] - here
@@ -48,8 +50,11 @@ def window_energy(scene: Scene, position: np.ndarray) -> float:
 
 
 def goal_strain(scene: Scene, position: np.ndarray, plastic: np.ndarray | None = None) -> np.ndarray:
-    """(entries,) float64: how far each particle of `position` (particles, 3) [m] is from where each of its clusters wants it,
-    over its body's particle spacing; `plastic` as in State. NaN where positions are not finite."""
+    """Return the distance of each particle of `position` (particles, 3) [m] from its goal in each of its clusters,
+    (entries,) float64.
+
+    Relative to its body's particle spacing; `plastic` as in State. NaN where positions are not finite.
+    """
     body_set, clusters = scene.body_set, scene.body_set.clusters
     p = np.asarray(position, dtype=np.float64)
     if not np.isfinite(p).all():

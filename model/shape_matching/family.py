@@ -1,4 +1,5 @@
-"""Shape matching: windows of a grid, and bodies of clusters; in the substeps of the position-based solvers."""
+"""The shape-matching families: windows of a grid, and bodies of clusters; in the substeps of the position-based
+solvers."""
 
 from __future__ import annotations
 
@@ -21,7 +22,7 @@ def _stored_in_windows(
 
 
 def _stored_in_bodies(scene: Scene, position: np.ndarray, plastic: np.ndarray | None) -> tuple[float, dict[str, float]]:
-    """Of clusters and of links."""
+    """Return the energy of clusters and links [J]."""
     links = scene.body_set.links.energy(position)
     return scene.body_set.clusters.energy(position, plastic) + links, {}
 

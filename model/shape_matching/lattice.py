@@ -1,8 +1,9 @@
 """Windows of regular lattices: a cluster around every mass, and the tables that are the same along each axis.
 
-The window of a mass holds those at most `region` places away along each axis that exist. All coefficients are 1, so that a
-mass has an equal share in each of the windows it is in: 1 over their number, which is the size of its own. As windows are cut
-off by straight edges, shares, masses, rest offsets and numbers are products, or sums, of one number for each axis.
+The window of a mass contains the existing masses at most `region` places away along each axis. All coefficients are 1,
+so that a mass has an equal weight in each of the windows that contain it: 1 over their number, which is the size of its
+own. As windows are cut off by straight edges, weights, masses, rest offsets and numbers are products, or sums, of one
+number for each axis.
 """
 
 from __future__ import annotations
@@ -21,9 +22,12 @@ T_SHARE, T_INVERSE, T_CENTRE, T_MASS, T_COUNT = range(TABLE)
 
 @dataclass(frozen=True)
 class Axis:
-    """Of the places along an axis of a lattice, float64: `share` of a mass in each of its windows, 1 over their number along
-    this axis; `inverse_mass` 1 over the `mass`, the sum of shares in the window; `centre` [spacings]: where the window's
-    centre of mass lies, from its middle; `count` of the window's members."""
+    """Values along an axis of a lattice, float64.
+
+    `share`: weight of a mass in each of its windows, 1 over their number along this axis; `inverse_mass`: 1 over the
+    `mass`, the sum of weights in the window; `centre` [spacings]: centre of mass of the window, relative to its middle;
+    `count`: of the window's members.
+    """
 
     share: np.ndarray
     inverse_mass: np.ndarray
@@ -32,12 +36,12 @@ class Axis:
     count: np.ndarray
 
     def table(self, real: type) -> np.ndarray:
-        """(TABLE, n) in the arithmetic `real`, in the order of the T_ constants: what kernels get."""
+        """Return the kernels' table, (TABLE, n) in the arithmetic `real`, in the order of the T_ constants."""
         return np.stack([self.share, self.inverse_mass, self.centre, self.mass, self.count]).astype(real)
 
 
 def matching_axis(count: int, region: int) -> Axis:
-    """The tables of an axis of `count` masses.
+    """Return the tables of an axis of `count` masses.
 
     >>> matching_axis(3, 1).centre.round(3).tolist()
     [0.4, 0.0, -0.4]
@@ -52,8 +56,10 @@ def matching_axis(count: int, region: int) -> Axis:
 
 
 def windows(counts: Sequence[int], region: int) -> Lists:
-    """The members, ascending, of the window around each mass of a lattice of `counts` masses along its axes, numbered along
-    the last one first."""
+    """Return the members, ascending, of the window around each mass of a lattice of `counts` masses along its axes.
+
+    Masses are numbered along the last axis first.
+    """
     at, inside = np.zeros((1, 1), np.int64), np.ones((1, 1), bool)
     for count in counts:
         side = min(region, count - 1)
@@ -67,7 +73,10 @@ def windows(counts: Sequence[int], region: int) -> Lists:
 @dataclass(frozen=True)
 class Lattice:
     """A block of `counts` equal masses along x, y and z, `spacing` [m] apart at rest, with windows of the half-width
-    `region`. Masses and their windows are numbered x first, then y, then z."""
+    `region`.
+
+    Masses and their windows are numbered x first, then y, then z.
+    """
 
     counts: tuple[int, int, int]
     region: int
@@ -75,36 +84,39 @@ class Lattice:
 
     @property
     def size(self) -> int:
-        """How many masses, and how many windows."""
+        """Number of masses, and of windows."""
         return self.counts[0] * self.counts[1] * self.counts[2]
 
     @property
     def axes(self) -> tuple[Axis, Axis, Axis]:
-        """The tables along x, y and z."""
+        """Tables along x, y and z."""
         x, y, z = (matching_axis(count, self.region) for count in self.counts)
         return x, y, z
 
     def positions(self) -> np.ndarray:
-        """(size, 3) float64 [m], the block's middle at the origin."""
+        """Return the positions, (size, 3) float64 [m], with the block's centre at the origin."""
         x, y, z = (self.spacing * (np.arange(count) - 0.5 * (count - 1)) for count in self.counts)
         grid = np.meshgrid(z, y, x, indexing="ij")
         return np.stack([grid[2].ravel(), grid[1].ravel(), grid[0].ravel()], axis=1)
 
     def clusters(self, position: np.ndarray, mass: np.ndarray, stiffness: float) -> Clusters:
-        """The windows in compressed form: what the tables stand for, and what is summed directly."""
+        """Return the windows in compressed form, as represented by the tables, for direct summation."""
         found = windows(self.counts[::-1], self.region)
         coefficients, stiffnesses = np.ones(len(found.indices)), np.full(self.size, float(stiffness))
         return Clusters(found.offsets, found.indices, coefficients, stiffnesses, mass, position)
 
 
-V_SPACING, V_MATCHING, V_TURN = range(3)  # places of what a lattice's kernels read beside tables
+V_SPACING, V_MATCHING, V_TURN = range(3)  # indices of a lattice kernel's values besides tables
 VALUES = V_TURN + 9
 
 
 @dataclass(frozen=True, eq=False)
 class LatticeCopies:
-    """Copies of a lattice, one after the other: the first one's first particle and first cluster, how many, the `stiffness`
-    of all their clusters [1/s^2], and the rotation (3, 3) `turn` that they start with, from which theirs are counted."""
+    """Copies of a lattice, one after the other.
+
+    The first one's first particle and first cluster, their number, the `stiffness` of all their clusters [1/s^2], and
+    the initial rotation (3, 3) `turn`, to which the clusters' rotations are relative.
+    """
 
     lattice: Lattice
     first_particle: int
@@ -114,7 +126,10 @@ class LatticeCopies:
     turn: np.ndarray
 
     def values(self, substep: float, iterations: int) -> np.ndarray:
-        """(VALUES,) float64: the spacing [m], how far masses go towards their goals in one of `iterations` of a substep [s],
-        the turn by rows."""
+        """Return the kernels' values, (VALUES,) float64.
+
+        The spacing [m], the fraction of the displacement to their goals by which masses move in one of `iterations` of
+        a substep [s], the rotation by rows.
+        """
         share = matching_share(self.stiffness, substep, iterations)
         return np.array([self.lattice.spacing, share, *self.turn.ravel()])

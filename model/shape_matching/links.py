@@ -1,4 +1,4 @@
-"""Links of a body set's bodies: constraints of distance between two particles, in colours that share no particle."""
+"""Links of a body set's bodies: distance constraints between two particles, in colours that share no particle."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ LINKS = Projection("links", distance.make, corners=2, values=2, flags=(("own_com
 
 @dataclass(frozen=True, eq=False)
 class Links:
-    """`ends` (links, 2) int32: particles; `rest_length` (links,) float64 [m]; `compliance` (links,) float64 [m/N]; colour c
-    is those from `starts[c]` to before `starts[c + 1]`, no two of which share a particle."""
+    """`ends` (links, 2) int32: particles; `rest_length` (links,) float64 [m]; `compliance` (links,) float64 [m/N];
+    colour c contains those from `starts[c]` to before `starts[c + 1]`, no two of which share a particle."""
 
     ends: np.ndarray
     rest_length: np.ndarray
@@ -28,30 +28,32 @@ class Links:
 
     @property
     def count(self) -> int:
-        """How many links."""
+        """Number of links."""
         return len(self.ends)
 
     @property
     def colours(self) -> int:
-        """How many."""
+        """Number of colours."""
         return len(self.starts) - 1
 
     def energy(self, position: np.ndarray) -> float:
-        """[J]: sum of (length - rest)^2 / (2 compliance), for particles at `position` (particles, 3) [m]."""
+        """Return the sum of (length - rest)^2 / (2 compliance) [J], for particles at `position` (particles, 3) [m]."""
         first, other = np.asarray(position, np.float64)[self.ends].transpose(1, 0, 2)
         away = norm(other - first) - self.rest_length
         return 0.5 * float(np.sum(away * away / self.compliance))
 
     def values(self, substep: float, mass: float) -> np.ndarray:
-        """(links, 2) float64: rest length [m], compliance times m / h^2, of no unit, for substeps of h [s] and masses
-        counted in m [kg] (M. Macklin et al., "XPBD", MIG 2016, eq. 4)."""
+        """Return rest length [m] and compliance times m / h^2 (dimensionless), (links, 2) float64.
+
+        For substeps of h [s] and masses in units of m [kg] (M. Macklin et al., "XPBD", MIG 2016, eq. 4).
+        """
         return np.stack([self.rest_length, self.compliance * mass / substep**2], axis=1)
 
 
 @dataclass(frozen=True, eq=False)
 class LinkedCopies:
-    """The links of one baked body, `ends` (n, 2), `rest_length` (n,) [m] and `stiffness` [N/m], and the first particles of
-    its copies; `particles`: of one."""
+    """The links of one baked body, `ends` (n, 2), `rest_length` (n,) [m] and `stiffness` [N/m], and the first particles
+    of its copies; `particles`: per copy."""
 
     ends: np.ndarray
     rest_length: np.ndarray
@@ -61,8 +63,11 @@ class LinkedCopies:
 
 
 def make_links(bodies: Sequence[LinkedCopies]) -> Links:
-    """All links by colour, in each by body, copy and order of the body. A body is coloured once for all its copies. Raises
-    SceneError where too many links meet at a particle."""
+    """Return all links by colour, in each by body, copy and order of the body. A body is coloured once for all its
+    copies.
+
+    Raises SceneError where too many links share a particle.
+    """
     made: list[tuple[LinkedCopies, Colouring]] = [
         (body, colour(body.ends, body.particles)) for body in bodies if len(body.ends)
     ]

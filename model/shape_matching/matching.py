@@ -1,5 +1,7 @@
-"""Shape matching of a grid: a cluster around every mass, of those at most `region` rows and columns away that exist; see
-model/shape_matching/lattice.py for the tables of its rows and columns."""
+"""Shape matching of a grid: a cluster around every mass, of the existing masses at most `region` rows and columns away.
+
+See model/shape_matching/lattice.py for the tables of its rows and columns.
+"""
 
 from __future__ import annotations
 
@@ -12,19 +14,19 @@ from model.shape_matching.lattice import windows
 
 
 def matching_stiffness(scene: Scene) -> float:
-    """The square of the clusters' angular frequency [1/s^2] that makes the lattice as stiff in a long, even stretch as its
-    springs are.
+    """Return the square of the clusters' angular frequency [1/s^2] that makes the lattice as stiff in a uniform stretch
+    as its springs are.
 
-    Stretched by e, a chain of springs stores k (e d)^2 / 2 a mass, a window w^2 m <r^2> e^2 / 2 for its one mass, where the
-    mean square of the rest offsets along an axis is <r^2> = d^2 n (n + 1) / 3 for a half-width n: w^2 = 3 k / (n (n + 1) m).
-    Windows that are cut off by the edge are softer.
+    Stretched by e, a chain of springs stores k (e d)^2 / 2 per mass, a window w^2 m <r^2> e^2 / 2 for its one mass,
+    where the mean square of the rest offsets along an axis is <r^2> = d^2 n (n + 1) / 3 for a half-width n: w^2 = 3 k /
+    (n (n + 1) m). Windows that are cut off by the edge are softer.
     """
     springs, region = scene.springs, scene.method.region
     return 3 * springs.stiffness / (region * (region + 1) * scene.grid.mass) if springs else 0.0
 
 
 def lattice_clusters(scene: Scene) -> Clusters:
-    """The windows of a scene's grid in compressed form, row by row: what the tables stand for."""
+    """Return the windows of a scene's grid in compressed form, row by row, as represented by the tables."""
     grid, region = scene.grid, scene.method.region
     row, column = np.divmod(np.arange(grid.particle_count), grid.columns)
     found = windows((grid.rows, grid.columns), region)

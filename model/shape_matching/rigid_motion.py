@@ -1,4 +1,4 @@
-"""Rigid bodies that keep their momenta to rounding (model/formulas/shape_matching/rigid.py): what both backends read."""
+"""Tables for rigid bodies that conserve their momenta to rounding (model/formulas/shape_matching/rigid.py)."""
 
 from __future__ import annotations
 
@@ -9,12 +9,15 @@ from model.geometry.arithmetic.ordered import norm
 from model.shape_matching.clusters import Clusters
 from model.shape_matching.rigid_rebound import whole_clusters
 
-ROTATION = 4  # roundings of a body's size in a goal: of a rotation's row and of a rest offset's way
+ROTATION = 4  # roundings of a body's size in a goal: of a rotation's row and of a rest offset's displacement
 
 
 def goal_slack(clusters: Clusters, real: type) -> np.ndarray:
-    """(particles,) float64 [m]: how far a goal may be off by rounding in the arithmetic `real`, 0 of particles of no rigid
-    body: ROTATION roundings of the longest rest offset, and of the centre a random walk of those of each lane's sum."""
+    """Return the rounding error of goals in the arithmetic `real`, (particles,) float64 [m]; 0 for particles of no
+    rigid body.
+
+    ROTATION roundings of the longest rest offset, and for the centre a random walk of those of each lane's sum.
+    """
     whole, sizes = whole_clusters(clusters), np.diff(clusters.offsets)
     extent = np.zeros(clusters.count)
     np.maximum.at(extent, clusters.owner, norm(clusters.rest))

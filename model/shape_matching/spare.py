@@ -1,4 +1,4 @@
-"""Bodies that come and go while a scene runs: spare copies wait, weightless, until they are brought in."""
+"""Spare copies of bodies, which are inactive and weightless until they are activated while a scene runs."""
 
 from __future__ import annotations
 
@@ -17,8 +17,10 @@ STILL = (0.0, 0.0, 0.0)  # m/s
 
 
 def waiting(scene: Scene, inverse_mass: np.ndarray) -> np.ndarray | None:
-    """(particles,) bool: whose copies wait by these inverse masses [1/kg], (particles,); None where they are not those of
-    the scene's particles, all or none of a copy's being 0."""
+    """Return the particles of inactive copies by these inverse masses [1/kg], both (particles,).
+
+    None where they are not those of the scene's particles, with all or none of a copy's equal to 0.
+    """
     body_set, waits = scene.body_set, inverse_mass == 0
     known = np.where(waits, 0.0, 1 / body_set.clusters.mass)
     share = np.bincount(body_set.body, waits) / np.bincount(body_set.body)
@@ -26,7 +28,8 @@ def waiting(scene: Scene, inverse_mass: np.ndarray) -> np.ndarray | None:
 
 
 def weights(scene: Scene, parts: frozenset[str], inverse_mass: np.ndarray) -> np.ndarray:
-    """Inverse masses [1/kg] with those that wait by `inverse_mass`. Raises InputError where anything else is different."""
+    """Return the inverse masses [1/kg] with the inactive particles of `inverse_mass`. Raises InputError where anything
+    else differs."""
     waits = waiting(scene, inverse_mass) if "spare" in parts else None
     if waits is None:
         raise InputError("inverse_mass differs from the scene's; give the scene the same masses and pins")
@@ -34,8 +37,10 @@ def weights(scene: Scene, parts: frozenset[str], inverse_mass: np.ndarray) -> np
 
 
 def absent(scene: Scene, inverse_mass: np.ndarray | None = None) -> np.ndarray | None:
-    """(particles,) bool: those of bodies and of fluids that wait, by inverse masses as in State or (None) when the scene
-    starts; None where no body does."""
+    """Return the inactive particles of bodies and fluids, (particles,) bool; None where there are none.
+
+    By inverse masses as in State or (None) at the scene's start.
+    """
     if scene.emitters or scene.sinks:
         found = scene.fluid_set
         waits = ~found.there(found.position) if inverse_mass is None else np.asarray(inverse_mass) == 0
@@ -47,8 +52,10 @@ def absent(scene: Scene, inverse_mass: np.ndarray | None = None) -> np.ndarray |
 
 
 def present(scene: Scene, position: np.ndarray, inverse_mass: np.ndarray | None = None) -> np.ndarray:
-    """Those of `position` (particles, dimensions) that are there by `absent`, of fluids by where they are; all, where none
-    would be left, or of a fluid its nozzles."""
+    """Return the `position` (particles, dimensions) of active particles by `absent`, of fluids by position.
+
+    All, where none would be left, or for a fluid its nozzles.
+    """
     if scene.emitters or scene.sinks:
         there = position[scene.fluid_set.there(position)]
         return there if len(there) else nozzle_points(scene, np.float64)[:, : position.shape[1]]
@@ -57,7 +64,7 @@ def present(scene: Scene, position: np.ndarray, inverse_mass: np.ndarray | None 
 
 
 def copies_there(scene: Scene, inverse_mass: np.ndarray | None = None) -> np.ndarray:
-    """(copies,) bool: which copies of a scene's bodies are there by `absent`."""
+    """Return which copies of a scene's bodies are active by `absent`, (copies,) bool."""
     waits = absent(scene, inverse_mass)
     copies = scene.body_set.copies
     return np.array([waits is None or not waits[copy.first_particle] for copy in copies])
@@ -65,8 +72,10 @@ def copies_there(scene: Scene, inverse_mass: np.ndarray | None = None) -> np.nda
 
 @dataclass(frozen=True)
 class Counts:
-    """How many particles, clusters and bodies are there; how many bodies wait, of how many particles. Of a sheet all masses
-    are there, and no bodies."""
+    """Numbers of active particles, clusters and bodies, and of inactive bodies and their particles.
+
+    All masses of a sheet are active, and it has no bodies.
+    """
 
     particles: int
     clusters: int = 0
@@ -76,7 +85,7 @@ class Counts:
 
 
 def counts(scene: Scene, inverse_mass: np.ndarray | None = None) -> Counts:
-    """What is there and what waits, by `absent`."""
+    """Return the numbers of active and inactive particles and bodies, by `absent`."""
     if not scene.bodies:
         waits = absent(scene, inverse_mass)
         waiting_particles = 0 if waits is None else int(waits.sum())
@@ -93,7 +102,7 @@ def counts(scene: Scene, inverse_mass: np.ndarray | None = None) -> Counts:
 def added(
     scene: Scene, state: State, name: str, origin: Sequence[float] | None, velocity: Sequence[float]
 ) -> tuple[int, State]:
-    """See Simulation.add_body: the number of the copy, and the state with it."""
+    """Return the number of the copy, and the state with it; see Simulation.add_body."""
     weights = state.inverse_mass
     if name not in scene.bodies:
         raise SceneError("body", name, f"must be one of {', '.join(scene.bodies) or 'a scene with bodies'}")
@@ -110,7 +119,7 @@ def added(
 
 
 def removed(scene: Scene, state: State, parts: Collection[str], number: int) -> State:
-    """See Simulation.remove_body: the state without it; `parts`: of the plan."""
+    """Return the state without the copy, see Simulation.remove_body; `parts`: of the plan."""
     weights = state.inverse_mass
     copies = scene.body_set.copies if scene.bodies else ()
     if (
@@ -126,7 +135,7 @@ def removed(scene: Scene, state: State, parts: Collection[str], number: int) -> 
 
 
 def _put(scene: Scene, state: State, copy: Copy, position: np.ndarray, velocity: Sequence[float], there: bool) -> State:
-    """The state, changed: with a copy in its rest shape at `position`, as a body that is there, or that waits."""
+    """Return the state, modified in place, with a copy in its rest shape at `position`, active or inactive."""
     body_set = scene.body_set
     clusters = slice(copy.first_cluster, copy.first_cluster + copy.baked.clusters.count)
     state.position[copy.particles], state.velocity[copy.particles] = position, velocity

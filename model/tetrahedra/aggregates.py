@@ -1,4 +1,4 @@
-"""Neighbouring particles in groups that move as if they were rigid: the coarse level of Newton's method on tetrahedra."""
+"""Groups of neighbouring particles that move as rigid bodies: the coarse level of Newton's method on tetrahedra."""
 
 from __future__ import annotations
 
@@ -9,16 +9,19 @@ import numpy as np
 from model.tetrahedra.block_rows import BlockRows
 from model.tetrahedra.body_set import TetrahedraSet
 
-FEWEST = 10  # particles of a group: so few have six rigid motions, and still are a coarser mesh
-MOST = 48  # groups of a body: 288 unknowns, whose factors take less time than a tenth of a solve
+FEWEST = 10  # particles of a group: enough for six rigid motions, and still a coarser mesh
+MOST = 48  # groups of a body: 288 unknowns, whose factorisation takes less than a tenth of a solve
 MODES = 6  # of a rigid body
 
 
 @dataclass(frozen=True, eq=False)
 class Aggregates:
-    """Group a has the particles `members[starts[a]]` ... before `members[starts[a + 1]]`; `group` (particles,): the one that
-    each is in, -1 of those that are held. `reach` (6 groups,): of the coarse matrix, whose rows are the groups' six motions
-    one after the other, the last column of each row that is not 0, ascending. All int32. `width`: of its band."""
+    """Group a has the particles `members[starts[a]]` ... before `members[starts[a + 1]]`.
+
+    `group` (particles,): the group of each, -1 for pinned ones. `reach` (6 groups,): for each row of the coarse matrix,
+    whose rows are the groups' six motions one after the other, the last non-zero column, ascending. All int32. `width`:
+    of its band.
+    """
 
     starts: np.ndarray
     members: np.ndarray
@@ -27,22 +30,23 @@ class Aggregates:
 
     @property
     def count(self) -> int:
-        """How many groups."""
+        """Number of groups."""
         return len(self.starts) - 1
 
     @property
     def width(self) -> int:
-        """The longest part of a row from its diagonal on."""
+        """Largest number of entries of a row from its diagonal on."""
         return int((self.reach - np.arange(len(self.reach)) + 1).max(initial=1))
 
     @property
     def arrays(self) -> tuple[np.ndarray, ...]:
-        """As kernels take them, in the order above."""
+        """The arrays in the order above, for kernels."""
         return self.starts, self.members, self.group, self.reach
 
 
 def aggregates(found: TetrahedraSet, rows: BlockRows, free: np.ndarray) -> Aggregates:
-    """Of each body, cut across its longest side again and again; of the particles that are `free` (particles,) bool."""
+    """Return the groups of each body's `free` particles, (particles,) bool, by repeated cuts across the longest
+    side."""
     groups: list[np.ndarray] = []
     ends = [*found.first_particle[1:], found.particle_count]
     for first, last in zip(found.first_particle, ends, strict=True):
@@ -58,7 +62,7 @@ def aggregates(found: TetrahedraSet, rows: BlockRows, free: np.ndarray) -> Aggre
     body = np.searchsorted(found.first_particle, np.arange(found.particle_count), side="right")
     same = (
         np.repeat(body, np.diff(rows.starts)) == body[rows.columns]
-    )  # what attachments join is left to the fine level
+    )  # what attachments connect is left to the fine level
     both = (of_row >= 0) & (there >= 0) & same
     np.maximum.at(furthest, of_row[both], there[both])
     furthest = np.maximum.accumulate(furthest)
@@ -73,10 +77,13 @@ def aggregates(found: TetrahedraSet, rows: BlockRows, free: np.ndarray) -> Aggre
 
 @dataclass(frozen=True, eq=False)
 class Couplings:
-    """What the blocks of the coarse matrix on and above its diagonal are sums of: pair n, of the groups `first[n]` and
-    `second[n]` >= `first[n]`, of the blocks `blocks[starts[n]]` ... before `blocks[starts[n + 1]]`, in the order of rows;
-    block b is of the row `row[b]`. Groups `bodies[n]` to before `bodies[n + 1]` are coupled to no others; `body_of`
-    (groups,): which n; `places[n]`: where a dense matrix of their motions begins, one after the other. All int32."""
+    """Sums that make the blocks of the coarse matrix on and above its diagonal.
+
+    Pair n, of the groups `first[n]` and `second[n]` >= `first[n]`, is the sum of the blocks `blocks[starts[n]]` ...
+    before `blocks[starts[n + 1]]`, in the order of rows; block b belongs to the row `row[b]`. Groups `bodies[n]` to
+    before `bodies[n + 1]` are coupled to no others; `body_of` (groups,): that n; `places[n]`: where a dense matrix of
+    their motions begins, one after the other. All int32.
+    """
 
     starts: np.ndarray
     first: np.ndarray
@@ -89,7 +96,7 @@ class Couplings:
 
 
 def couplings(groups: Aggregates, rows: BlockRows) -> Couplings:
-    """For those who sum up all pairs at once."""
+    """Return the couplings for kernels that sum all pairs at once."""
     row = np.repeat(np.arange(len(rows.starts) - 1), np.diff(rows.starts))
     first, second = groups.group[row].astype(np.int64), groups.group[rows.columns].astype(np.int64)
     chosen = np.flatnonzero((first >= 0) & (second >= first))
@@ -110,7 +117,7 @@ def couplings(groups: Aggregates, rows: BlockRows) -> Couplings:
 
 
 def _cut(position: np.ndarray, members: np.ndarray, count: int) -> list[np.ndarray]:
-    """The `members` in so many groups, along the longest side of the box around them."""
+    """Return the `members` in `count` groups, along the longest side of the box around them."""
     if count == 1:
         return [np.sort(members)]
     axis = int(np.ptp(position[members], axis=0).argmax())

@@ -1,4 +1,4 @@
-"""Some of a scene's tetrahedra as a set of their own, for those who share bodies, whole or in parts of their meshes."""
+"""Subsets of a scene's tetrahedra, for sharing whole bodies or parts of their meshes."""
 
 from __future__ import annotations
 
@@ -16,8 +16,10 @@ from model.tetrahedra.topology import bodies_of_particles
 
 
 def tetrahedra_apart(scene: Scene) -> Apart:
-    """The bodies of a scene, balanced by their tetrahedra. Raises SceneError for what lets them act on each other, and what
-    is of all vertices."""
+    """Return the bodies of a scene, balanced by their tetrahedra.
+
+    Raises SceneError for parts that let them act on each other, and for those that depend on all vertices.
+    """
     require_apart(scene)
     if scene.mesh is not None:
         raise SceneError(f"{scene.name_of('mesh')}.kind", "mesh", "a cloth beside bodies is not shared: run it as one")
@@ -40,14 +42,17 @@ def tetrahedra_apart(scene: Scene) -> Apart:
 
 
 def none_apart(scene: Scene) -> NoReturn:
-    """Of a solver that looks at all bodies together. Raises SceneError."""
+    """Raise SceneError for a solver that solves for all bodies together."""
     told = "solves for all bodies at once, and stops by what is left of all: --set method.solver=xpbd to share them"
     raise SceneError("method.solver", scene.method.solver, told)
 
 
 def some_tetrahedra(whole: TetrahedraSet, particles: np.ndarray, tetrahedra: np.ndarray) -> TetrahedraSet:
-    """Those `particles` and those `tetrahedra`, whose corners are among them, both (n,) int64, ascending, numbered from 0 on
-    as are the bodies that they are of. Every value is the whole set's, its mean mass and edge too, in which kernels count."""
+    """Return the set of those `particles` and `tetrahedra`, renumbered from 0, as are their bodies.
+
+    Both are (n,) int64, ascending; the corners of the tetrahedra are among the particles. Every value is the whole
+    set's, including its mean mass and edge, on which kernels depend.
+    """
     body = bodies_of_particles(whole.first_particle, whole.particle_count)[particles]
     bodies, first = np.unique(body, return_index=True)
     inside = np.isin(whole.surface, particles).all(axis=1)
@@ -83,7 +88,7 @@ def some_tetrahedra(whole: TetrahedraSet, particles: np.ndarray, tetrahedra: np.
 
 
 def _whole_bodies(whole: TetrahedraSet, first: int, end: int) -> TetrahedraSet:
-    """Bodies `first` to before `end`."""
+    """Return bodies `first` to before `end`."""
     ends = [*whole.first_particle, whole.particle_count]
     particles = np.arange(ends[first], ends[end])
     return some_tetrahedra(whole, particles, np.arange(*np.searchsorted(whole.body, (first, end))))

@@ -1,7 +1,6 @@
-"""What holds vertices of tetrahedral bodies and of a cloth to the world or to one another, as constraints for both backends'
-executors.
+"""Attachments of vertices of tetrahedral bodies and a cloth as constraints for both backends' executors.
 
-Those that are pinned, and go with what they are attached to, are not here: model/tetrahedra/body_set.py.
+Attachments that are pinned, and follow what they are attached to, are in model/tetrahedra/body_set.py.
 """
 
 from __future__ import annotations
@@ -25,32 +24,35 @@ CORNERS = {
     "world": formula.WORLD,
     "bodies": formula.BODY,
     "cloth": formula.CLOTH,
-}  # in the order in which they are projected, after all else
+}  # in the order of projection, after everything else
 Rows = tuple[np.ndarray, np.ndarray]
 _known: WeakKeyDictionary[TetrahedraSet, tuple[ConstraintSet, ...]] = WeakKeyDictionary()
 
 
 def part_of(model: str) -> str:
-    """Of a plan: that there are such."""
+    """Return the part of a plan for attachments of that model."""
     return f"{KIND}-{model}"
 
 
 def attachment_parts(found: TetrahedraSet) -> frozenset[str]:
-    """Of a plan: those that are there. Raises SceneError for an attachment of nothing, or to what is not there."""
+    """Return the parts of a plan for the set's attachments.
+
+    Raises SceneError for an attachment without vertices, or to something that does not exist.
+    """
     check_attachments(found)
     soft = [held for held in found.attachments.values() if not pins(held, found.names)]
     return frozenset(part_of(_model_of(found, held)) for held in soft)
 
 
 def _model_of(found: TetrahedraSet, held: Attachment) -> str:
-    """Of CORNERS: what it holds to."""
+    """Return the model of CORNERS of an attachment."""
     if found.sheet and held.to == found.sheet.name:
         return "cloth"
     return "bodies" if held.to in found.names else "world"
 
 
 def attachment_projections(parts: frozenset[str], iterated: bool, constants: tuple[str, str, str]) -> list[Projection]:
-    """How they are projected, in a scene of such parts."""
+    """Return the projections of attachments in a scene of such parts."""
     return [
         Projection(
             f"{KIND}_{model}", formula.make, corners, formula.COUNTS[corners], formula.MULTIPLIERS, soft=iterated,
@@ -61,7 +63,7 @@ def attachment_projections(parts: frozenset[str], iterated: bool, constants: tup
 
 
 def attachment_sets(found: TetrahedraSet) -> tuple[ConstraintSet, ...]:
-    """Those that are there, sorted by colours. Kept with the bodies. Raises SceneError."""
+    """Return the constraint sets of attachments, sorted by colours, cached with the bodies. Raises SceneError."""
     if found not in _known:
         _known[found] = _sets(found)
     return _known[found]
@@ -83,15 +85,17 @@ def _sets(found: TetrahedraSet) -> tuple[ConstraintSet, ...]:
 
 
 def check_attachments(found: TetrahedraSet) -> None:
-    """Raise SceneError for an attachment that holds no vertex."""
+    """Raise SceneError for an attachment without vertices."""
     for name, held in found.attachments.items():
         if not len(found.chosen(held.vertices, held.body)):
             raise SceneError(f"{name}.vertices", held.vertices, f"no vertex of {held.body} lies there")
 
 
 def contact_free(found: TetrahedraSet) -> np.ndarray:
-    """(particles,) bool: those that hold one body to another, or to a cloth, and lie in one place with it: contacts between
-    bodies are to leave them alone, and the triangles that they are corners of."""
+    """Return the particles that attach one body to another, or to a cloth, (particles,) bool.
+
+    They coincide with it: contacts between bodies must ignore them, and the triangles of which they are corners.
+    """
     free = np.zeros(found.particle_count, bool)
     for one in attachment_sets(found):
         if one.model != "world":
@@ -100,7 +104,7 @@ def contact_free(found: TetrahedraSet) -> np.ndarray:
 
 
 def stored(found: TetrahedraSet, position: np.ndarray) -> float:
-    """[J]: what attachments that give hold at `position` (particles, 3)."""
+    """Return the energy [J] of compliant attachments at `position` (particles, 3)."""
     total = 0.0
     for one in attachment_sets(found):
         corners, compliance = np.asarray(position, np.float64)[one.corners], one.values[:, -1]
@@ -131,7 +135,10 @@ def _to_body(found: TetrahedraSet, name: str, held: Attachment) -> Rows:
 
 
 def _to_cloth(found: TetrahedraSet, name: str, held: Attachment) -> Rows:
-    """Each vertex keeps its place in the nearest triangle, or beside it: how far it is off at rest is drawn in."""
+    """Return the rows of attachments to a cloth: each vertex keeps its place in the nearest triangle, or beside it.
+
+    Its distance from the triangle at rest is removed by the constraint.
+    """
     assert found.sheet is not None
     vertices, sheet = found.chosen(held.vertices, held.body), found.sheet
     points = found.position[vertices]
@@ -142,7 +149,7 @@ def _to_cloth(found: TetrahedraSet, name: str, held: Attachment) -> Rows:
 
 
 def _check_near(found: TetrahedraSet, name: str, held: Attachment, beyond: float) -> None:
-    """Raise SceneError where a vertex lies farther off what it is attached to [m] than a mean edge."""
+    """Raise SceneError where a vertex is farther from what it is attached to [m] than a mean edge."""
     if beyond > found.spacing:
         told = f"a vertex of {held.body} lies {beyond:.3g} m outside of it; attach what touches it"
         raise SceneError(f"{name}.to", held.to, told)

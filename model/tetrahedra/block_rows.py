@@ -1,4 +1,4 @@
-"""The stiffness of tetrahedra as 3 x 3 blocks in compressed rows: where they are, and what each is the sum of."""
+"""The stiffness of tetrahedra as 3 x 3 blocks in compressed rows: their places, and the sum that makes each."""
 
 from __future__ import annotations
 
@@ -6,16 +6,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
-BLOCKS = 10  # of a tetrahedron that are kept: of the pairs of corners p <= q
-_PLACE = np.array([[0, 1, 2, 3], [1, 4, 5, 6], [2, 5, 7, 8], [3, 6, 8, 9]])  # of a pair's block among them
+BLOCKS = 10  # stored ones of a tetrahedron: of the pairs of corners p <= q
+_PLACE = np.array([[0, 1, 2, 3], [1, 4, 5, 6], [2, 5, 7, 8], [3, 6, 8, 9]])  # index of a pair's block among them
 
 
 @dataclass(frozen=True, eq=False)
 class BlockRows:
-    """Row k, of particle k, has the blocks `starts[k]` to before `starts[k + 1]`, `columns` (blocks,) ascending, its own at
-    `diagonal[k]`. Block n is the sum of the tetrahedra's blocks `items[sources[n]]` ... before `items[sources[n + 1]]`, in
-    the order of the tetrahedra: an item is twice (BLOCKS tetrahedron + block), and one more where it is to be transposed. At
-    particle k meet the `corners[meets[k]]` ... before `corners[meets[k + 1]]`: 4 tetrahedron + corner. All int32.
+    """Row k, of particle k, has the blocks `starts[k]` to before `starts[k + 1]`, `columns` (blocks,) ascending.
+
+    Its diagonal block is at `diagonal[k]`. Block n is the sum of the tetrahedra's blocks `items[sources[n]]` ... before
+    `items[sources[n + 1]]`, in the order of the tetrahedra: an item is twice (BLOCKS tetrahedron + block), plus one if
+    it is transposed. Particle k is the corner of `corners[meets[k]]` ... before `corners[meets[k + 1]]`: 4 tetrahedron
+    + corner. All int32.
     """
 
     starts: np.ndarray
@@ -28,7 +30,7 @@ class BlockRows:
 
     @property
     def arrays(self) -> tuple[np.ndarray, ...]:
-        """As kernels take them, in the order above."""
+        """The arrays in the order above, for kernels."""
         return self.starts, self.columns, self.diagonal, self.sources, self.items, self.meets, self.corners
 
 
@@ -37,8 +39,11 @@ NO_PAIRS: Pairs = (np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0, np.
 
 
 def block_rows(tetrahedra: np.ndarray, particles: int, others: Pairs = NO_PAIRS) -> BlockRows:
-    """Of `tetrahedra` (tetrahedra, 4) on so many particles; one without tetrahedra has a row of one empty block. `others`:
-    (row, column, block) (n,) of symmetric blocks that come after all of the tetrahedra's."""
+    """Return the rows of `tetrahedra` (tetrahedra, 4) on `particles` particles; a particle without tetrahedra has an
+    empty block.
+
+    `others`: (row, column, block) (n,) of symmetric blocks after all of the tetrahedra's.
+    """
     count = len(tetrahedra)
     wide = tetrahedra.astype(np.int64)
     row, column = np.repeat(wide, 4, axis=1).ravel(), np.tile(wide, (1, 4)).ravel()

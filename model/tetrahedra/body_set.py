@@ -1,4 +1,4 @@
-"""All tetrahedral bodies of a scene, and its cloth, as one set of particles: what its solvers start from."""
+"""All tetrahedral bodies of a scene, and its cloth, as one set of particles: the initial state of its solvers."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from model.tetrahedra.skin import Skin, plain_skin, skin_of
 from model.tetrahedra.topology import PAIRS
 
 ELEMENT_BYTES = (
-    400  # on the host, of a tetrahedron: corners, values in float64 and in the kernels' arithmetic, multipliers
+    400  # on the host, per tetrahedron: corners, values in float64 and in the kernels' arithmetic, multipliers
 )
 NO_REGIONS: Mapping[str, Region] = {}
 NOT_HELD: Mapping[str, Attachment] = {}
@@ -39,21 +39,21 @@ NONE = np.zeros(0, np.int64)
 
 @dataclass(frozen=True, eq=False)
 class TetrahedraSet(ParticleRow):
-    """The particles and tetrahedra of all bodies, one body after the other, in the order of the file; then the vertices of
-    the scene's cloth, if it has one.
+    """The particles and tetrahedra of all bodies, one body after the other, in the order of the file; then the vertices
+    of the scene's cloth, if it has one.
 
-    `position`, `velocity` (particles, 3) float64 [m], [m/s] at the start, where nothing is strained; `masses` (particles,)
-    [kg]; `pinned_vertices`, ascending; `body` (tetrahedra,) int32: which of `parts` each is of; `tetrahedra` (tetrahedra, 4)
-    int32; `names`: of the bodies, and of the cloth; `own` (particles, 3) [m]: where the meshes themselves have them, neither
-    turned nor moved; `matter`; `regions`, `attachments`: of the scene; `rest_inverse` (tetrahedra, 3, 3): of the matrix with
-    the edges from the first corner as columns; `volume` (tetrahedra,) [m^3]: of the part of each within the body's surface,
-    which scales its mass and stiffness, and `fraction` (tetrahedra,) of all of it; `surface` (triangles, 3) int32, the
-    cloth's last; `first_particle` of each of `names`; `skin`; `voxel` (tetrahedra, 3) int32: the place of each one's
-    voxel in its body, along the longest side first, 0 of those that are of none; `run` (tetrahedra,) int32: how many
-    tetrahedra, itself among them, its voxel is, which stand one after the other; 1 of those of none; `sheet`: the
-    cloth; `whole`: the set of which this is a share (model/tetrahedra/apart.py), None: it is none; `of_whole`: which
-    particles and which tetrahedra of it these are, both ascending int64. To the rest of the lab it is a row of masses:
-    `rows` 1, `columns` all, `spacing` the mean edge [m], `mass` the mean one.
+    `position`, `velocity` (particles, 3) float64 [m], [m/s] at the start, without strain; `masses` (particles,) [kg];
+    `pinned_vertices`, ascending; `body` (tetrahedra,) int32: index into `parts`; `tetrahedra` (tetrahedra, 4) int32;
+    `names`: of the bodies, and of the cloth; `own` (particles, 3) [m]: positions in the meshes' own coordinates,
+    neither rotated nor moved; `matter`; `regions`, `attachments`: of the scene; `rest_inverse` (tetrahedra, 3, 3):
+    inverse of the matrix with the edges from the first corner as columns; `volume` (tetrahedra,) [m^3]: of the part of
+    each within the body's surface, which scales its mass and stiffness, and `fraction` (tetrahedra,): that over all of
+    it; `surface` (triangles, 3) int32, the cloth's last; `first_particle`: of each of `names`; `skin`; `voxel`
+    (tetrahedra, 3) int32: the place of each one's voxel in its body, along the longest side first, 0 without a voxel;
+    `run` (tetrahedra,) int32: the number of tetrahedra of its voxel, which are consecutive, 1 without a voxel; `sheet`:
+    the cloth; `whole`: the set of which this is a part (model/tetrahedra/apart.py), or None; `of_whole`: its particles
+    and tetrahedra in that set, both ascending int64. It has the attributes of a row of masses: `rows` 1, `columns` the
+    number of particles, `spacing` the mean edge [m], `mass` the mean one.
     """
 
     names: tuple[str, ...]
@@ -82,21 +82,21 @@ class TetrahedraSet(ParticleRow):
 
     @property
     def alike(self) -> TetrahedraSet:
-        """The set that says what code bodies need: the whole one, so that every share runs the same."""
+        """The set that decides which code bodies need: the whole one, so that every part runs the same."""
         return self.whole or self
 
     @property
     def pinned(self) -> str:
-        """`sides` where some particle is, else `none`."""
+        """`sides` where some particle is pinned, else `none`."""
         return "sides" if len(self.alike.pinned_vertices) else "none"
 
     @cached_property
     def mass(self) -> float:
-        """The mean one [kg]."""
+        """Mean mass of a particle [kg]."""
         return mean(self.masses)
 
     def mass_of(self, name: str) -> float:
-        """The mass of the body, or cloth, of that name [kg]."""
+        """Return the mass of the body, or cloth, of that name [kg]."""
         ends, number = [*self.first_particle, self.particle_count], self.names.index(name)
         return float(total(self.masses[ends[number] : ends[number + 1]]))
 
@@ -111,24 +111,24 @@ class TetrahedraSet(ParticleRow):
 
     @cached_property
     def spacing(self) -> float:
-        """The mean edge [m]."""
+        """Mean edge [m]."""
         return mean(self.edges[1])
 
     @property
     def whole_volume(self) -> np.ndarray:
-        """(tetrahedra,) [m^3]: of all of each tetrahedron, within the body's surface or not."""
+        """Volume of each whole tetrahedron, within the body's surface or not, (tetrahedra,) [m^3]."""
         whole: np.ndarray = self.volume / self.fraction
         return whole
 
     @cached_property
     def vertex_triangles(self) -> Lists:
-        """The surface's triangles at each particle, ascending; none at one inside."""
+        """The surface's triangles at each particle, ascending; none at an interior one."""
         corner = self.surface.ravel()
         return grouped(corner, np.arange(len(corner), dtype=np.int32) // 3, self.particle_count)
 
     @cached_property
     def patch(self) -> np.ndarray:
-        """(tetrahedra,) int64: which of them keep their volume together have the same number, from 0 on."""
+        """Number of the group of tetrahedra that conserve their volume together, (tetrahedra,) int64, from 0."""
         together = np.array([part.volume == "voxels" for part in self.parts])[self.body] & (self.run > 1)
         starts = np.flatnonzero(np.diff(self.body, prepend=-1) != 0)
         inside = np.arange(len(self.body)) - np.repeat(starts, np.diff([*starts, len(self.body)]))
@@ -138,12 +138,14 @@ class TetrahedraSet(ParticleRow):
 
     @property
     def extent(self) -> float:
-        """Its longest side [m]."""
+        """Longest side [m]."""
         return float(np.ptp(self.position, axis=0).max())
 
     def chosen(self, word: str, body: str | None = None, field: str = "pinned") -> np.ndarray:
-        """(vertices,) int64, ascending: those of a body, or of every one, that a side, a region or `all` means. Raises
-        SceneError, which names the `field` where there is no such body."""
+        """Return the vertices of a body, or of all, on a side, in a region or for `all`, (vertices,) int64, ascending.
+
+        Raises SceneError, which names the `field`, where there is no such body.
+        """
         ends = [*self.first_particle[1:], self.particle_count]
         found = [np.zeros(0, np.int64)]
         for number in body_numbers(field, body, self.names):
@@ -152,7 +154,7 @@ class TetrahedraSet(ParticleRow):
         return np.concatenate(found)
 
     def pin_motions(self, motions: Mapping[str, Motion]) -> np.ndarray:
-        """(pins,) int64: of each pinned vertex the number of its motion in `motions`, -1: it has none. Raises SceneError."""
+        """Return the number in `motions` of each pinned vertex's motion, or -1, (pins,) int64. Raises SceneError."""
         if self.whole is not None:
             here = np.isin(self.whole.pinned_vertices, self.of_whole[0])
             return self.whole.pin_motions(motions)[here]
@@ -173,13 +175,13 @@ class TetrahedraSet(ParticleRow):
 
     @property
     def damping_rates(self) -> np.ndarray:
-        """(particles,) float64 [1/s]: of velocities, each body's own."""
+        """Damping rate of velocities, each body's own, (particles,) float64 [1/s]."""
         counts = np.diff([*self.first_particle, self.particle_count])
         rates = [*(part.mass_damping for part in self.parts), *([0.0] if self.sheet else [])]
         return np.repeat(rates, counts)
 
     def lame(self) -> tuple[np.ndarray, np.ndarray]:
-        """(mu, lambda) (tetrahedra,) float64 [Pa]."""
+        """Return (mu, lambda) (tetrahedra,) float64 [Pa]."""
         return self.matter.lame
 
 
@@ -190,8 +192,11 @@ def make_tetrahedra_set(
     materials: Mapping[str, Material] = ONE_MATERIAL,
     cloths: Mapping[str, Mesh] = NO_CLOTH,
 ) -> TetrahedraSet:
-    """The set of a scene's bodies, by name; `regions`, `attachments`, `materials`, `cloths` (one at most): the scene's.
-    Raises SceneError, InputError, which name the body."""
+    """Return the set of a scene's bodies, by name.
+
+    `regions`, `attachments`, `materials`, `cloths` (one at most): the scene's. Raises SceneError, InputError, which
+    name the body.
+    """
     names = (*parts, *cloths)
     words = {
         name: [one.vertices for one in attachments.values() if one.body == name and pins(one, names)] for name in names
@@ -209,7 +214,7 @@ def _joined(
     regions: Mapping[str, Region],
     attachments: Mapping[str, Attachment],
 ) -> TetrahedraSet:
-    """The `bodies` of `parts`, one after the other."""
+    """Return the set of the `bodies` of `parts`, one after the other."""
     particles, elements = [len(one.mesh.position) for one in bodies], [len(one.mesh.tetrahedra) for one in bodies]
     if sum(particles) > MAX_PARTICLES:
         raise SceneError("edge", sum(particles), f"at most {MAX_PARTICLES} particles (32-bit indices)")
@@ -242,7 +247,7 @@ def _joined(
 
 
 def _beside(found: TetrahedraSet, sheet: Sheet) -> TetrahedraSet:
-    """The set with the cloth's vertices after its particles."""
+    """Return the set with the cloth's vertices after its particles."""
     first, triangles = found.particle_count, sheet.mesh.triangles
     return replace(
         found,

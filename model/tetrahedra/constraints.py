@@ -1,5 +1,5 @@
-"""The constraints of a scene's tetrahedra, by material and colour, and of a cloth beside them, and the plan of a
-position-based step with them."""
+"""Constraints of a scene's tetrahedra, by material and colour, and of a cloth beside them; the plan of a position-based
+step."""
 
 from __future__ import annotations
 
@@ -30,15 +30,18 @@ KINDS = {
     1: "tetrahedra",
     5: "voxels",
     6: "Kuhn voxels",
-}  # of sets, by how many tetrahedra are taken one after the other
-SHAPES, VOLUMES = "voxels' shapes", "voxels' volumes"  # of sets of voxels that keep their volume as a whole
+}  # of sets, by the number of tetrahedra of a run
+SHAPES, VOLUMES = "voxels' shapes", "voxels' volumes"  # of sets of voxels that conserve their volume as a whole
 Sets = tuple[tuple[np.ndarray, ...], tuple[ConstraintSet, ...]]
-_known: WeakKeyDictionary[TetrahedraSet, Sets] = WeakKeyDictionary()  # colouring is slow
+_known: WeakKeyDictionary[TetrahedraSet, Sets] = WeakKeyDictionary()  # cached, since colouring is slow
 
 
 def tetrahedra_parts(scene: Scene, live: frozenset[str] = frozenset()) -> frozenset[str]:
-    """The parts that need code: a sheet's (model/xpbd/plan.py), the materials, whether one has a damper, whether they
-    are taken as blocks and whether multipliers are kept; a cloth's models. Every mass has a weight of its own (`load`)."""
+    """Return the parts that need code: a sheet's (model/xpbd/plan.py), the materials, dampers, blocks, kept
+    multipliers, a cloth's models.
+
+    Every mass has its own weight (`load`).
+    """
     found = scene.tetrahedra_set
     damped = {DAMPED} if found.alike.matter.damping.any() else set()
     blocks = {BLOCKS} if scene.method.rows == "blocks" else set()
@@ -54,18 +57,21 @@ def tetrahedra_parts(scene: Scene, live: frozenset[str] = frozenset()) -> frozen
 
 
 def materials(parts: frozenset[str]) -> tuple[str, ...]:
-    """Those that are there, in the order in which they are projected."""
+    """Return the materials of a scene, in the order of projection."""
     return tuple(name for name in tetrahedron.MATERIALS if name in parts)
 
 
 def part_of_run(material: str, run: int, whole: bool = False) -> str:
-    """The part of a scene whose tetrahedra of a material are taken so many in a run; `whole`: voxels keep their volume."""
+    """Return the part of a scene whose tetrahedra of a material are in runs of `run`; `whole`: voxels conserve their
+    volume."""
     return f"{material}-{'wholes' if whole else 'runs'}-{run}"
 
 
 def projections_of(parts: frozenset[str]) -> tuple[Projection, ...]:
-    """Of a scene of such parts, one a material and number of tetrahedra in a run (1, unless they say so); then those of a
-    cloth, and of attachments."""
+    """Return the projections of a scene with such parts, one per material and run length (1 by default).
+
+    Then those of a cloth, and of attachments.
+    """
     own: list[Projection] = []
     for name in materials(parts):
         kinds = [(run, whole) for run in KINDS for whole in (False, True) if part_of_run(name, run, whole) in parts]
@@ -81,7 +87,7 @@ def projections_of(parts: frozenset[str]) -> tuple[Projection, ...]:
 
 
 def _projection(material: str, run: int, whole: bool, parts: frozenset[str]) -> Projection:
-    """Of tetrahedra: their shapes alone where voxels keep the volume as a `whole`."""
+    """Return the projection of tetrahedra; only of their shapes where voxels conserve the volume as a `whole`."""
     damped, blocks, kept = DAMPED in parts, BLOCKS in parts, ITERATED in parts
     nine = blocks or material == tetrahedron.MATERIALS[tetrahedron.HOOKEAN]
     flags = {
@@ -96,7 +102,7 @@ def _projection(material: str, run: int, whole: bool, parts: frozenset[str]) -> 
 
 
 def _of_volumes(material: str, parts: frozenset[str]) -> Projection:
-    """Of voxels of such a material."""
+    """Return the projection of the volumes of voxels of such a material."""
     damped, kept = DAMPED in parts, ITERATED in parts
     return Projection(
         f"volumes_{material.replace('-', '_')}", voxel_volume.make, voxel_volume.CORNERS, voxel_volume.COUNT,
@@ -105,8 +111,11 @@ def _of_volumes(material: str, parts: frozenset[str]) -> Projection:
 
 
 def constraint_sets(scene: Scene) -> tuple[ConstraintSet, ...]:
-    """The tetrahedra of each material, those of voxels by themselves, then a cloth's, then attachments, sorted by colours.
-    Kept with the bodies, and with the cloth's mesh."""
+    """Return the tetrahedra of each material, those of voxels separately, then a cloth's, then attachments, sorted by
+    colours.
+
+    Cached with the bodies, and with the cloth's mesh.
+    """
     found = scene.tetrahedra_set
     cloth: list[ConstraintSet] = []
     if found.sheet:
@@ -116,13 +125,15 @@ def constraint_sets(scene: Scene) -> tuple[ConstraintSet, ...]:
 
 
 def tetrahedra_of_sets(found: TetrahedraSet) -> tuple[np.ndarray, ...]:
-    """(n,) int64 of each of the constraint sets of tetrahedra: which of them each of its constraints is; of voxels' volumes
-    the first one of each."""
+    """Return the tetrahedron of each constraint, (n,) int64, for each of the constraint sets of tetrahedra.
+
+    For voxels' volumes it is the first one of each.
+    """
     return _known_sets(found)[0]
 
 
 def _known_sets(found: TetrahedraSet) -> Sets:
-    """(which tetrahedra each set of them holds, the sets); of a share those of the whole set, in its colours and order."""
+    """Return (the tetrahedra of each set, the sets); for a part those of the whole set, in its colours and order."""
     if found not in _known and found.whole is not None:
         particles, tetrahedra = found.of_whole
         own = []
@@ -141,8 +152,11 @@ def _known_sets(found: TetrahedraSet) -> Sets:
 
 
 def _coloured(found: TetrahedraSet, chosen: np.ndarray, whole: bool) -> list[tuple[ConstraintSet, np.ndarray]]:
-    """The chosen tetrahedra, all of one material and run, and which they are in its order; then, where voxels keep their
-    volume as a `whole`, these. Those of a large volume are as good as any other: only places count."""
+    """Return the set of the chosen tetrahedra, all of one material and run, and their indices in its order.
+
+    Where voxels conserve their volume as a `whole`, their set follows. Large tetrahedra are treated as any other: only
+    places count.
+    """
     run = int(found.run[chosen[0]])
     if run > 1:
         order, starts, corners = voxel_order(found, chosen, run)
@@ -162,14 +176,14 @@ def _coloured(found: TetrahedraSet, chosen: np.ndarray, whole: bool) -> list[tup
 
 
 def through_note(scene: Scene) -> str:
-    """What is added to a note on a method where a scene's bodies do not meet."""
+    """Return the addition to a note on a method where a scene's bodies do not collide."""
     if len(scene.holdable) < 2 or scene.contact is not None:
         return ""
     return "; its bodies pass through each other, since it has no [contact]"
 
 
 def operations_of(projection: Projection) -> int:
-    """Of one constraint."""
+    """Return the operations of one constraint."""
     flags = dict(projection.flags)
     if projection.make is attachment.make:
         return attachment.OPERATIONS[flags["corners"]]
@@ -181,7 +195,8 @@ def operations_of(projection: Projection) -> int:
 
 
 def tetrahedra_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
-    """Substeps and iterations as in model/xpbd/plan.py; of an iteration the tetrahedra of each material, colour by colour."""
+    """Return the plan: substeps and iterations as in model/xpbd/plan.py; an iteration has the tetrahedra of each
+    material, colour by colour."""
     sets = constraint_sets(scene)
     kinds = {SHAPES, *KINDS.values()}
     runs = {part_of_run(found.model, found.run, found.kind == SHAPES) for found in sets if found.kind in kinds}
@@ -192,7 +207,7 @@ def tetrahedra_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
 
 
 def with_sleep(plan: Plan, substeps: int) -> Plan:
-    """At the end of each substep, slow vertices keep their places."""
+    """Return the plan with a stage at the end of each substep that keeps slow vertices in place."""
     (substep,) = plan.root.children
     assert isinstance(substep, Node)
     ends = Stage(SLEEP, 3, 2, sleep.OPERATIONS)

@@ -1,4 +1,4 @@
-"""What vertex block descent visits: the free vertices of each material, by colour, and their tetrahedra."""
+"""Tables of vertex block descent: the free vertices of each material, by colour, and their tetrahedra."""
 
 from __future__ import annotations
 
@@ -30,11 +30,11 @@ _known: WeakKeyDictionary[TetrahedraSet, tuple[Descent, ...]] = WeakKeyDictionar
 class Descent:
     """The vertices and tetrahedra of one material.
 
-    `order` (vertices,) int32: particles, of colour c from `starts[c]` to before `starts[c + 1]`, ascending; after the last
-    colour those that are pinned. Vertex k of them is a corner of the tetrahedra `entries[offsets[k]:offsets[k + 1]]`, each
-    4 x the tetrahedron + which corner of it, ascending; nothing at a pinned one. `falls` (vertices,) int32: 1 of a body
-    that nothing holds. `corners` (tetrahedra, 4) int32: particles;
-    `values` (tetrahedra, COUNT) float64, as the formula takes them.
+    `order` (vertices,) int32: particles, of colour c from `starts[c]` to before `starts[c + 1]`, ascending; pinned ones
+    after the last colour. Vertex k of them is a corner of the tetrahedra `entries[offsets[k]:offsets[k + 1]]`, each 4 x
+    the tetrahedron + its corner, ascending; none for a pinned one. `falls` (vertices,) int32: 1 in a body without pins
+    or attachments. `corners` (tetrahedra, 4) int32: particles; `values` (tetrahedra, COUNT) float64, as the formula
+    takes them.
     """
 
     material: str
@@ -47,7 +47,8 @@ class Descent:
     values: np.ndarray
 
     def some(self, particles: np.ndarray) -> Descent:
-        """Of the `particles` (n,), ascending, of which the first is number 0, and the tetrahedra that are theirs alone."""
+        """Return the tables of `particles` (n,), ascending, renumbered from 0, and of the tetrahedra with only these
+        corners."""
         here = np.isin(self.order, particles)
         mine = np.flatnonzero(np.isin(self.corners, particles).all(axis=1))
         vertex = np.repeat(np.arange(len(self.order)), np.diff(self.offsets))
@@ -66,27 +67,27 @@ class Descent:
 
     @property
     def colours(self) -> int:
-        """How many."""
+        """Number of colours."""
         return len(self.starts) - 1
 
     @property
     def free(self) -> int:
-        """How many vertices move."""
+        """Number of free vertices."""
         return int(self.starts[-1])
 
     @property
     def number(self) -> int:
-        """Of the material."""
+        """Index of the material."""
         return MATERIALS.index(self.material)
 
 
 def descents(scene: Scene) -> tuple[Descent, ...]:
-    """Of each material that the scene has, in the order of MATERIALS. Kept with the bodies."""
+    """Return the tables of each material of the scene, in the order of MATERIALS, cached with the bodies."""
     return _descents(scene.tetrahedra_set)
 
 
 def _descents(found: TetrahedraSet) -> tuple[Descent, ...]:
-    """Of a share those of the whole set, in its colours and order."""
+    """Return the tables; for a part those of the whole set, in its colours and order."""
     if found not in _known and found.whole is not None:
         some = (one.some(found.of_whole[0]) for one in _descents(found.whole))
         _known[found] = tuple(one for one in some if len(one.corners))
@@ -99,7 +100,8 @@ def _descents(found: TetrahedraSet) -> tuple[Descent, ...]:
 
 
 def _of_material(found: TetrahedraSet, colours: np.ndarray, chosen: np.ndarray) -> Descent:
-    """Of the `chosen` tetrahedra (n,), ascending, with the `colours` of all vertices; larger colours first."""
+    """Return the tables of the `chosen` tetrahedra (n,), ascending, with the `colours` of all vertices; larger colours
+    first."""
     corners = np.ascontiguousarray(found.tetrahedra[chosen])
     here = np.unique(corners)
     pinned = np.isin(here, found.pinned_vertices)
@@ -121,17 +123,18 @@ def _of_material(found: TetrahedraSet, colours: np.ndarray, chosen: np.ndarray) 
 
 
 def descent_values(found: TetrahedraSet, chosen: np.ndarray) -> np.ndarray:
-    """(n, COUNT) float64: those of the two constraints, with stiffnesses in place of compliances."""
+    """Return the values of the two constraints, (n, COUNT) float64, with stiffnesses in place of compliances."""
     values = np.column_stack([found.rest_inverse[chosen].reshape(-1, 9), stiffnesses(found, chosen)])
     assert values.shape[1] == descent.COUNT
     return values
 
 
 def vertex_colours(tetrahedra: np.ndarray, count: int) -> np.ndarray:
-    """(count,) int64: colours of which no two vertices share one of `tetrahedra` (n, 4); of vertices in none 0.
+    """Return colours of which no two vertices share one of `tetrahedra` (n, 4), (count,) int64; 0 for vertices in none.
 
-    The vertex that has the most neighbours first takes the lowest colour that is free (D. J. A. Welsh, M. B. Powell, "An
-    upper bound for the chromatic number of a graph", Comput. J. 10 (1967)); of equal ones the first.
+    In the order of decreasing numbers of neighbours, each vertex takes the lowest free colour (D. J. A. Welsh, M. B.
+    Powell, "An upper bound for the chromatic number of a graph", Comput. J. 10 (1967)); of equal ones the first comes
+    first.
     """
     near = neighbours(tetrahedra, count)
     offsets, others = near.offsets.tolist(), near.indices.tolist()
@@ -147,18 +150,21 @@ def vertex_colours(tetrahedra: np.ndarray, count: int) -> np.ndarray:
 
 
 def visited(parts: frozenset[str]) -> frozenset[str]:
-    """Those of a plan that a visit depends on."""
+    """Return the parts of a plan on which a visit depends."""
     return parts & (PARTS | frozenset(COLLIDER_KINDS) | {"friction", "restitution"})
 
 
 def stage_name(work: str, material: str, colour: int | None = None) -> str:
-    """Of the plan: `strain`, `start` or `descend` of a material."""
+    """Return the name of a plan's stage: `strain`, `start` or `descend` of a material."""
     return f"{work} {material}" + ("" if colour is None else f" {colour}")
 
 
 def vbd_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
-    """Substeps and iterations as in model/xpbd/plan.py. Of a substep the prediction, the strains that dampers remember,
-    where vertices start; of an iteration the vertices of each material, colour by colour."""
+    """Return the plan: substeps and iterations as in model/xpbd/plan.py.
+
+    A substep has the prediction, the initial strains for dampers and the starting points of vertices; an iteration the
+    vertices of each material, colour by colour.
+    """
     accelerated = {CHEBYSHEV} if scene.method.chebyshev > 0 else set()
     parts = tetrahedra_parts(scene, live) | accelerated
     bare, method, particles = constrained_plan(scene, parts, []), scene.method, scene.grid.particle_count

@@ -1,4 +1,4 @@
-"""What a substep of vertex block descent reads of other vertices: see model/tetrahedra/partitions.py."""
+"""Vertices that a substep of vertex block descent reads: see model/tetrahedra/partitions.py."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from model.tetrahedra.partitions import partitions_by
 
 
 def descent_partitions(scene: Scene) -> SharedMesh:
-    """The meshes of a scene. Raises SceneError."""
+    """Return the meshes of a scene. Raises SceneError."""
     return partitions_by(scene, descended)
 
 
 def descended(scene: Scene, needed: np.ndarray) -> Window:
-    """What all sweeps of a substep read so that the `needed` (particles,) bool are as the whole would have them."""
+    """Return what all sweeps of a substep read so that the `needed` (particles,) bool are as in the whole."""
     found, needed = scene.tetrahedra_set, needed.copy()
     for _ in range(scene.method.iterations):
         before = needed.sum()

@@ -1,4 +1,4 @@
-"""Bodies of tetrahedra, solved position-based: two constraints each; and a cloth beside them."""
+"""The family of tetrahedral bodies, solved position-based with two constraints each, and a cloth beside them."""
 
 from __future__ import annotations
 
@@ -25,7 +25,8 @@ from model.xpbd.parameters import XPBD_FIELDS, xpbd_values
 def tetrahedra_record(
     scene: Scene, real: Any, poke: tuple[float, ...] = (0.0, 0.0, 0.0), clock: Clock = START
 ) -> np.ndarray:
-    """(1,): CONSTANTS, then those of every position-based solver. Compliances [1/J] are counted by the mean mass over h^2."""
+    """Return CONSTANTS, then those of every position-based solver, (1,). Compliances [1/J] are in units of h^2 over the
+    mean mass."""
     h = scene.method.dt / scene.method.substeps
     own = dict(zip(CONSTANTS, (scene.grid.mass / h**2, 1 / h, 1.0), strict=True))
     return rounded_record(scene, own | xpbd_values(scene, poke, clock), XPBD_FIELDS, real)

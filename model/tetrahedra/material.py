@@ -1,13 +1,14 @@
-"""What tetrahedra are made of, in float64 on the host: energies for judging and showing, and the numbers that kernels read.
+"""Materials of tetrahedra, in float64 on the host: energies and stresses for checks and display, and the kernels'
+values.
 
-Energies per volume of the stretches s (the singular values of F, the smallest with the sign of det F) and J = det F, with mu
-and lambda of Young's modulus and Poisson's ratio:
-
-    fixed corotated   mu sum (s - 1)^2 + lambda / 2 (J - 1)^2          (A. Stomakhin et al., SCA 2012, eq. 4)
-    corotated         mu sum (s - 1)^2 + lambda / 2 (sum (s - 1))^2    (M. Mueller, M. Gross, GI 2004)
-    neo-Hookean       mu / 2 (sum s^2 - 3) + (lambda + mu) / 2 (J - alpha)^2, less its value at rest; alpha = 1 + mu / (lambda
-                      + mu) (B. Smith, F. de Goes, T. Kim, TOG 37 (2018), section 3.4, without the logarithm); which is
-                      mu / 2 (sum s^2 + J^2 - 4 J) + lambda / 2 (J - 1)^2, whose last J is a voxel's where voxels keep it
+Energies per volume of the stretches s (the singular values of F, the smallest with the sign of det F) and J = det F,
+with mu and lambda of Young's modulus and Poisson's ratio:
+  fixed corotated   mu sum (s - 1)^2 + lambda / 2 (J - 1)^2          (A. Stomakhin et al., SCA 2012, eq. 4)
+  corotated         mu sum (s - 1)^2 + lambda / 2 (sum (s - 1))^2    (M. Mueller, M. Gross, GI 2004)
+  neo-Hookean       mu / 2 (sum s^2 - 3) + (lambda + mu) / 2 (J - alpha)^2, less its value at rest; alpha = 1 + mu /
+                    (lambda + mu) (B. Smith, F. de Goes, T. Kim, TOG 37 (2018), section 3.4, without the logarithm);
+                    equal to mu / 2 (sum s^2 + J^2 - 4 J) + lambda / 2 (J - 1)^2, where voxels that conserve their
+                    volume use the voxel's J in the last term
 """
 
 from __future__ import annotations
@@ -19,26 +20,27 @@ from model.formulas.constraints.voxel_volume import COUNT as VOXEL_COUNT
 from model.geometry.arithmetic.ordered import norm
 from model.tetrahedra.body_set import TetrahedraSet
 
-LEAST_RATIO = 0.05  # of volumes, under which a stress is not divided by less: at 0 it has no end
-LEAST_PRESSURE = 1e-12  # of the stiffness against a change of shape: a Poisson's ratio of 0 has none, and no compliance
+LEAST_RATIO = 0.05  # of volumes: smallest divisor of a stress, which would be unbounded at 0
+LEAST_PRESSURE = 1e-12  # of the stiffness against shape changes: a Poisson ratio of 0 would need an infinite compliance
 
 
 def deformation(found: TetrahedraSet, position: np.ndarray) -> np.ndarray:
-    """(tetrahedra, 3, 3) float64: F at `position` (particles, 3)."""
+    """Return F at `position` (particles, 3), (tetrahedra, 3, 3) float64."""
     corners = np.asarray(position, np.float64)[found.tetrahedra]
     edges: np.ndarray = np.swapaxes(corners[:, 1:] - corners[:, :1], 1, 2)
     return edges @ found.rest_inverse
 
 
 def stretches(gradient: np.ndarray) -> np.ndarray:
-    """(tetrahedra, 3) float64: the singular values, descending, the last one with the sign of the determinant."""
+    """Return the singular values, descending, the last one with the sign of the determinant, (tetrahedra, 3)
+    float64."""
     found: np.ndarray = np.linalg.svd(gradient, compute_uv=False)
     found[:, 2] *= np.where(np.linalg.det(gradient) < 0, -1.0, 1.0)
     return found
 
 
 def volume_ratios(found: TetrahedraSet, ratio: np.ndarray) -> np.ndarray:
-    """(tetrahedra,) float64: det F, which is `ratio` (tetrahedra,), of tetrahedra that keep their volume together its mean by
+    """Return det F, (tetrahedra,) float64: `ratio` (tetrahedra,), or its mean by volume over tetrahedra with a common
     volume."""
     if found.patch[-1] == len(ratio) - 1:
         return ratio
@@ -49,13 +51,13 @@ def volume_ratios(found: TetrahedraSet, ratio: np.ndarray) -> np.ndarray:
 
 
 def material_of(found: TetrahedraSet) -> np.ndarray:
-    """(tetrahedra,) int64: which of MATERIALS each is of."""
+    """Return the index in MATERIALS of each tetrahedron, (tetrahedra,) int64."""
     kinds: np.ndarray = np.array([MATERIALS.index(part.material) for part in found.parts], np.int64)[found.body]
     return kinds
 
 
 def energies(found: TetrahedraSet, position: np.ndarray) -> np.ndarray:
-    """(tetrahedra,) float64 [J], what each holds; nan where a position is not finite."""
+    """Return the energy of each tetrahedron, (tetrahedra,) float64 [J]; nan where a position is not finite."""
     gradient = deformation(found, position)
     finite = np.isfinite(gradient).all(axis=(1, 2))
     s = stretches(np.where(finite[:, None, None], gradient, 0.0))
@@ -74,8 +76,11 @@ def energies(found: TetrahedraSet, position: np.ndarray) -> np.ndarray:
 
 
 def von_mises(found: TetrahedraSet, position: np.ndarray) -> np.ndarray:
-    """(tetrahedra,) float64 [Pa]: of the stress in each, sqrt(((t1 - t2)^2 + (t2 - t3)^2 + (t3 - t1)^2) / 2) of its principal
-    values t = s dPsi/ds / J, J at least LEAST_RATIO; nan where a position is not finite. Dampers are not in it."""
+    """Return the von Mises stress of each tetrahedron without dampers, (tetrahedra,) float64 [Pa].
+
+    sqrt(((t1 - t2)^2 + (t2 - t3)^2 + (t3 - t1)^2) / 2) of its principal values t = s dPsi/ds / J, J at least
+    LEAST_RATIO; nan where a position is not finite.
+    """
     gradient = deformation(found, position)
     finite = np.isfinite(gradient).all(axis=(1, 2))
     s = stretches(np.where(finite[:, None, None], gradient, 0.0))
@@ -93,7 +98,8 @@ def von_mises(found: TetrahedraSet, position: np.ndarray) -> np.ndarray:
 
 
 def largest_strain(found: TetrahedraSet, position: np.ndarray) -> np.ndarray:
-    """(tetrahedra,) float64: of the three stretches less 1 the largest in size; nan where a position is not finite."""
+    """Return the largest |stretch - 1| of each tetrahedron, (tetrahedra,) float64; nan where a position is not
+    finite."""
     gradient = deformation(found, position)
     finite = np.isfinite(gradient).all(axis=(1, 2))
     s = stretches(np.where(finite[:, None, None], gradient, 0.0))
@@ -101,7 +107,8 @@ def largest_strain(found: TetrahedraSet, position: np.ndarray) -> np.ndarray:
 
 
 def at_particles(found: TetrahedraSet, value: np.ndarray) -> np.ndarray:
-    """(particles,): the mean of a value (tetrahedra,) over those at each particle, by volume; 0 where there is none."""
+    """Return the mean by volume of a value (tetrahedra,) over those at each particle, (particles,); 0 where there is
+    none."""
     weight = np.repeat(found.volume, 4)
     corner = found.tetrahedra.ravel()
     total = np.bincount(corner, weight * np.repeat(value, 4), found.particle_count)
@@ -110,12 +117,12 @@ def at_particles(found: TetrahedraSet, value: np.ndarray) -> np.ndarray:
 
 
 def rest_ratio(mu: np.ndarray, lame: np.ndarray) -> np.ndarray:
-    """alpha of the neo-Hookean material: J at which its second term is 0."""
+    """Return alpha of the neo-Hookean material: the J at which its second term is 0."""
     return 1 + mu / (lame + mu)
 
 
 def stiffnesses(found: TetrahedraSet, chosen: np.ndarray) -> np.ndarray:
-    """(n, 4) float64: V k_D, V k_H [J] of the `chosen` tetrahedra (n,), alpha, or 1, and a damper's time [s]."""
+    """Return V k_D, V k_H [J] of the `chosen` tetrahedra (n,), alpha, or 1, and a damper's time [s], (n, 4) float64."""
     mu, lame = (one[chosen] for one in found.lame())
     hookean = np.array([part.material == "neo-hookean" for part in found.parts])[found.body[chosen]]
     pressure, alpha = np.where(hookean, lame + mu, lame), np.where(hookean, rest_ratio(mu, lame), 1.0)
@@ -123,7 +130,8 @@ def stiffnesses(found: TetrahedraSet, chosen: np.ndarray) -> np.ndarray:
 
 
 def row_stiffnesses(found: TetrahedraSet, chosen: np.ndarray) -> np.ndarray:
-    """The same of position-based rows, of which each is at rest by itself: k_H is lambda, J at rest 1."""
+    """Return the values of `stiffnesses` for position-based rows, each of which is at rest by itself: k_H is lambda, J
+    at rest 1."""
     return _values(found, chosen, found.lame()[1][chosen], np.ones(len(chosen)))
 
 
@@ -136,8 +144,10 @@ def _values(found: TetrahedraSet, chosen: np.ndarray, pressure: np.ndarray, rest
 
 
 def constraint_values(found: TetrahedraSet, chosen: np.ndarray, corners: np.ndarray) -> np.ndarray:
-    """(n, COUNT) float64: what the two constraints of the `chosen` tetrahedra (n,) read (see the formula), their corners
-    being in the order of `corners` (n, 4)."""
+    """Return the values of the two constraints of the `chosen` tetrahedra (n,), (n, COUNT) float64 (see the formula).
+
+    Their corners are in the order of `corners` (n, 4).
+    """
     stiff = row_stiffnesses(found, chosen)
     values = np.column_stack([framed_rest(found.position[corners]), 1 / stiff[:, :2], stiff[:, 2:]])
     assert values.shape[1] == COUNT
@@ -145,8 +155,10 @@ def constraint_values(found: TetrahedraSet, chosen: np.ndarray, corners: np.ndar
 
 
 def framed_rest(corners: np.ndarray) -> np.ndarray:
-    """(n, 6) float64 [1/m]: the rows of B of tetrahedra with such corners (n, 4, 3) [m] at rest, in the frame of each one's
-    first edge and first two edges (model/formulas/elastic/deformation.py)."""
+    """Return the rows of B of tetrahedra with rest corners (n, 4, 3) [m], (n, 6) float64 [1/m].
+
+    They are in the frame of each one's first edge and first two edges (model/formulas/elastic/deformation.py).
+    """
     e, f, g = (corners[:, k] - corners[:, 0] for k in (1, 2, 3))
     xx = norm(e)
     x = e / xx[:, None]
@@ -161,8 +173,10 @@ def framed_rest(corners: np.ndarray) -> np.ndarray:
 
 
 def voxel_values(found: TetrahedraSet, chosen: np.ndarray, run: int) -> np.ndarray:
-    """(voxels, COUNT) float64: what the constraint of each voxel's volume reads (voxel_volume.py), the `chosen` tetrahedra
-    (n,) being `run` after `run` of a voxel; of several materials in one their mean."""
+    """Return the values of the constraint of each voxel's volume, (voxels, COUNT) float64 (voxel_volume.py).
+
+    The `chosen` tetrahedra (n,) are in runs of `run` per voxel; several materials in one are averaged.
+    """
     stiff, volume = row_stiffnesses(found, chosen).reshape(-1, run, 4), found.volume[chosen].reshape(-1, run)
     whole, pressure = found.whole_volume[chosen].reshape(-1, run).sum(axis=1), stiff[..., 1].sum(axis=1)
     rest, time = ((volume * stiff[..., k]).sum(axis=1) / volume.sum(axis=1) for k in (2, 3))

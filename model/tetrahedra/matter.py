@@ -1,4 +1,4 @@
-"""What each tetrahedron of a body is made of: the body's own numbers, or those of a table of kind material where it lies."""
+"""Material values of each tetrahedron of a body: the body's own, or those of a table of kind material where it lies."""
 
 from __future__ import annotations
 
@@ -17,13 +17,14 @@ from model.tetrahedra.masses import limited
 from model.tetrahedra.topology import neighbours
 
 WHOLE_RATIO = (
-    10.0  # of the volumes at two neighbouring vertices, at most, in a lattice of whole voxels of five tetrahedra
+    10.0  # largest ratio of the volumes at two neighbouring vertices in a lattice of whole voxels of five tetrahedra
 )
 
 
 @dataclass(frozen=True, eq=False)
 class Matter:
-    """Of each tetrahedron (n,) float64: Young's modulus [Pa], Poisson's ratio, density [kg/m^3], damping [s]."""
+    """Values of each tetrahedron, (n,) float64: Young's modulus [Pa], Poisson's ratio, density [kg/m^3], damping
+    [s]."""
 
     young_modulus: np.ndarray
     poisson_ratio: np.ndarray
@@ -36,13 +37,16 @@ class Matter:
         return lame_of(self.young_modulus, self.poisson_ratio)
 
     def some(self, chosen: np.ndarray) -> Matter:
-        """Of the `chosen` tetrahedra."""
+        """Return the values of the `chosen` tetrahedra."""
         return Matter(*(getattr(self, name)[chosen] for name in NAMES))
 
     def masses(self, mesh: TetrahedralMesh, fractions: np.ndarray, ratio: float | None = None) -> np.ndarray:
-        """(vertices,) [kg]: a quarter of each tetrahedron at each of its corners (lumped), times the corner's fraction of it
-        (tetrahedra, 4) (model/geometry/tetrahedra/fractions.py); neighbours at most `ratio` apart. Where voxels are cut, the
-        volumes of neighbouring vertices are at most WHOLE_RATIO apart; the body's mass stays."""
+        """Return the lumped masses of the vertices, (vertices,) [kg].
+
+        A quarter of each tetrahedron at each of its corners, times the corner's fraction of it (tetrahedra, 4)
+        (model/geometry/tetrahedra/fractions.py). Neighbours differ by at most the factor `ratio`. Where voxels are cut,
+        the volumes of neighbouring vertices differ by at most WHOLE_RATIO; the body's mass is unchanged.
+        """
         count, corners = len(mesh.position), mesh.tetrahedra.ravel()
         volume = np.repeat(mesh.volumes / 4, 4) * fractions.ravel()
         found = np.bincount(corners, np.repeat(self.density, 4) * volume, minlength=count)
@@ -67,9 +71,10 @@ def matter_of(
     materials: Mapping[str, Material],
     regions: Mapping[str, Region],
 ) -> Matter:
-    """Of the body `name`, whose `mesh` is where the scene has it: of tables that hold a tetrahedron's middle the last counts.
+    """Return the values of the body `name`, whose `mesh` is at its position in the scene.
 
-    Raises InputError (a region's mesh)."""
+    Of several tables that contain a tetrahedron's centre the last counts. Raises InputError (a region's mesh).
+    """
     found = {one: np.full(len(mesh.tetrahedra), getattr(part, one), np.float64) for one in NAMES}
     middles = mesh.position[mesh.tetrahedra].mean(axis=1)
     for material in materials.values():
@@ -86,14 +91,14 @@ def matter_of(
 
 
 def joined(some: list[Matter]) -> Matter:
-    """Of all bodies, one after the other."""
+    """Return the values of all bodies, one after the other."""
     return Matter(*(np.concatenate([getattr(one, name) for one in some]) for name in NAMES))
 
 
 def check_material(
     name: str, part: Material, bodies: Mapping[str, TetrahedralBody], regions: Mapping[str, Region]
 ) -> None:
-    """Raise SceneError for a body or a region that is not there."""
+    """Raise SceneError for a body or a region that does not exist."""
     for field, value, known in (("region", part.region, regions), ("body", part.body, bodies)):
         if value is not None and value not in known:
             told = (

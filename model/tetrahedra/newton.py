@@ -1,13 +1,11 @@
-"""Bodies of tetrahedra by implicit Euler, solved by Newton's method: the constants, the plan and the entry of the registry.
+"""The family of tetrahedral bodies by implicit Euler, solved by Newton's method: its constants and plan.
 
-At order 2 a substep is two such solves, each of a part of it (model/formulas/elastic/stages.py); below, h is that part then.
-
-A substep of h minimises the incremental potential (S. Martin et al., "Example-Based Elastic Materials", ACM TOG 2011, eq. 3)
-
-    sum m / (2 h^2) |x - y|^2 + sum V (W(F(x)) + tau / (2 h) (E - E_0) : C : (E - E_0)),    y = x_0 + h v_0 + h^2 a,
-
+At order 2 a substep is two such solves, each of a part of it (model/formulas/elastic/stages.py); h is then the length
+of that part. A substep of h minimises the incremental potential (S. Martin et al., "Example-Based Elastic Materials",
+ACM TOG 2011, eq. 3)
+  sum m / (2 h^2) |x - y|^2 + sum V (W(F(x)) + tau / (2 h) (E - E_0) : C : (E - E_0)),    y = x_0 + h v_0 + h^2 a,
 with E Green's strain, E_0 that of the substep's start, C the moduli at rest, and tau the body's damping [s]
-(model/formulas/elastic/damper.py). `iterations` Newton steps at most, each by conjugate gradients
+(model/formulas/elastic/damper.py). There are at most `iterations` Newton steps, each by conjugate gradients
 (cpu_backend/tetrahedra/newton.py, gpu_backend too).
 """
 
@@ -41,13 +39,13 @@ from model.xpbd.parameters import XPBD_FIELDS, xpbd_values
 CONSTANTS = ("newton_inertia", "newton_rate")  # of the record: the mean mass over h^2 [kg/s^2], 1 / h [1/s]
 VALUES = 14  # of a tetrahedron: 9 of B [1/m], V [m^3], mu, lambda [Pa], alpha of the neo-Hookean material, tau [s]
 AT_VOLUME, AT_MU, AT_LAME, AT_ALPHA, AT_DAMPING = range(9, VALUES)
-SUMMED = 64  # tetrahedra, or particles, whose sum is one number: whichever thread takes them
-DAMPED, STAGED = "tetrahedra-damping", "two-stages"  # of the parts
+SUMMED = 64  # tetrahedra, or particles, with one partial sum, whichever thread computes it
+DAMPED, STAGED = "tetrahedra-damping", "two-stages"  # parts of a plan
 PRODUCTS = "conjugate gradients, until the residual is small enough"
 
 
 def element_values(found: TetrahedraSet) -> np.ndarray:
-    """(tetrahedra, VALUES) float64."""
+    """Return the values of tetrahedra, (tetrahedra, VALUES) float64."""
     mu, lame = found.lame()
     damping = found.matter.damping
     return np.column_stack(
@@ -56,7 +54,8 @@ def element_values(found: TetrahedraSet) -> np.ndarray:
 
 
 def holding(found: TetrahedraSet) -> np.ndarray:
-    """(particles,) [N/m]: how the tetrahedra at each particle hold it at rest, along the axis along which they do most."""
+    """Return the stiffness of the tetrahedra at each particle at rest, along the axis where it is largest, (particles,)
+    [N/m]."""
     mu, lame = found.lame()
     rows = np.concatenate([-found.rest_inverse.sum(axis=1, keepdims=True), found.rest_inverse], axis=1)
     each = ((2 * mu + lame) * found.volume)[:, None] * (rows**2).sum(axis=2)
@@ -64,37 +63,44 @@ def holding(found: TetrahedraSet) -> np.ndarray:
 
 
 def rounding_floor(found: TetrahedraSet, real: Any) -> float:
-    """[J]: of residuals, in the norm of the inverse diagonal blocks, that are left alone: those of strains of a tenth of what
-    rounding makes."""
+    """Return the residual [J], in the norm of the inverse diagonal blocks, below which iterations stop.
+
+    It is that of strains of a tenth of the rounding error.
+    """
     mu, lame = found.lame()
     return float((0.1 * np.finfo(real).eps) ** 2 * total((2 * mu + lame) * found.volume))
 
 
 def newton_parts(scene: Scene, live: frozenset[str] = frozenset()) -> frozenset[str]:
-    """The parts that need code: those of a position-based scene, but for the materials, which tetrahedra are asked for."""
+    """Return the parts that need code: those of a position-based scene without the materials, which are values of
+    tetrahedra."""
     more = {STAGED} if scene.method.order > 1 else set()
     return tetrahedra_parts(scene, live) - set(MATERIALS) | more
 
 
 def stages_of(scene: Scene) -> int:
-    """How many solves of implicit Euler a substep is."""
+    """Return the number of implicit Euler solves per substep."""
     return scene.method.order
 
 
 def stage_vectors(parts: frozenset[str]) -> int:
-    """How many vectors the second stage of order 2 needs: the velocities at the first one's start; where dampers are, the
-    positions at its start and end, too."""
+    """Return the number of vectors that the second stage of order 2 needs.
+
+    The velocities at the first one's start; with dampers, the positions at its start and end, too.
+    """
     return (1 + 2 * (DAMPED in parts)) if STAGED in parts else 0
 
 
 def solved(scene: Scene) -> Scene:
-    """The scene of which each solve is one substep: of another step size if a substep is several. Nothing timed may hang on
-    it, since stages do not end where substeps would."""
+    """Return the scene of which each solve is one substep, with another step size if a substep has several.
+
+    Nothing may depend on its time, since stages do not end where substeps would.
+    """
     return scene if scene.method.order == 1 else scene.stepped(dt=stages.STAGE * scene.method.dt)
 
 
 def refuse_unsteady(scene: Scene, live: frozenset[str]) -> None:
-    """Raise SceneError for pins that go where they are told while running, which have no second order in time."""
+    """Raise SceneError for targets of pins that change while running, which have no second order in time."""
     if scene.method.order > 1 and "targets" in live:
         raise SceneError("live", "targets", f"{NOT_SMOOTH}: --set method.order=1")
 
@@ -102,7 +108,7 @@ def refuse_unsteady(scene: Scene, live: frozenset[str]) -> None:
 def newton_record(
     scene: Scene, real: Any, poke: tuple[float, ...] = (0.0, 0.0, 0.0), clock: Clock = START
 ) -> np.ndarray:
-    """(1,): CONSTANTS, then those of every position-based solver; h is what a solve takes."""
+    """Return CONSTANTS, then those of every position-based solver, (1,); h is the length of a solve."""
     one = solved(scene)
     h = one.method.dt / one.method.substeps
     own = dict(zip(CONSTANTS, (scene.grid.mass / h**2, 1 / h), strict=True))
@@ -110,11 +116,12 @@ def newton_record(
 
 
 def newton_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
-    """The plan of a step. How often its inner node runs is decided by residuals: bytes and operations are of one each."""
+    """Return the plan of a step. Residuals decide how often its inner node runs: bytes and operations are of one pass
+    each."""
     refuse_unsteady(scene, live)
     parts, method, found = newton_parts(scene, live), scene.method, scene.tetrahedra_set
     particles = found.particle_count
-    each = len(found.tetrahedra) / particles  # tetrahedra of a particle
+    each = len(found.tetrahedra) / particles  # tetrahedra per particle
     blocks = 1 + 2 * len(found.edges[0]) / particles
     turns = deformation.OPERATIONS_ROTATION[4]
     forces = 3 * distance.OPERATIONS_PREDICT + ("gravity" in parts)
@@ -144,14 +151,17 @@ def newton_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
 
 
 def newton_limit(scene: Scene, frequency: float | None = None) -> float:
-    """As of projections (model/xpbd/family.py), [s]; the two stages of order 2 hold a damper that is explicit while h c / m <
-    1 / (g (1 - g)), of R(z) = 1 - z + g (1 - g) z^2 with z = h c / m, whatever vibrates beside it."""
+    """Return the limit [s] of projections (model/xpbd/family.py).
+
+    At order 2 the two stages are stable with an explicit damper while h c / m < 1 / (g (1 - g)), for any vibrations,
+    from R(z) = 1 - z + g (1 - g) z^2 with z = h c / m.
+    """
     limit = projection_limit(scene, frequency)
     return limit if scene.method.order == 1 else limit / (2 * stages.STAGE * (1 - stages.STAGE))
 
 
 def newton_note(scene: Scene) -> str:
-    """A line on what the method does to a motion, and whether the step size has a limit."""
+    """Return a line on the method's effect on a motion, and on the limit of the step size, if there is one."""
     text = "implicit Euler by Newton's method, at any step size: first order, and damped by it"
     if scene.method.order > 1:
         text = (

@@ -1,9 +1,9 @@
-"""The meshes of tetrahedral bodies in parts: where they are cut, and what a substep of some vertices reads.
+"""The meshes of tetrahedral bodies in parts: where they are cut, and what a substep reads for some vertices.
 
-A substep predicts, which looks at each vertex alone, sweeps over colours, and ends, again vertex by vertex. Walked backwards,
-what is needed of a state after a colour asks for all corners of those of its constraints (xpbd), or of the tetrahedra of
-those of its vertices (vbd), that touch it, before it; and at last of the state that the substep begins with. Places where a
-substep began, multipliers and the accelerated sweeps' earlier ones are asked for by the same constraints and vertices.
+A substep predicts each vertex alone, sweeps over colours, and ends, again vertex by vertex. Traced backwards, the
+vertices needed after a colour need, before it, all corners of the constraints (xpbd), or of the tetrahedra of the
+vertices (vbd), of that colour that touch them; and so on to the substep's start. Positions at its start, multipliers
+and earlier iterates of accelerated sweeps are needed by the same constraints and vertices.
 """
 
 from __future__ import annotations
@@ -19,18 +19,22 @@ from model.tetrahedra.body_set import TetrahedraSet
 from model.tetrahedra.constraints import SLEEPING, constraint_sets, tetrahedra_of_sets, tetrahedra_parts
 from model.tetrahedra.topology import bodies_of_particles, neighbours
 
-ALIKE = 1e-6  # of a mean edge: vertices so near to each other along a body are of one layer
+ALIKE = 1e-6  # of a mean edge: vertices this near to each other along a body are in one layer
 
 
 def tetrahedra_partitions(scene: Scene) -> SharedMesh:
-    """Those of a position-based scene. Raises SceneError for what lets bodies act on each other, and what is of all
-    vertices."""
+    """Return the meshes of a position-based scene.
+
+    Raises SceneError for parts that let bodies act on each other, and for those that depend on all vertices.
+    """
     return partitions_by(scene, _projected)
 
 
 def partitions_by(scene: Scene, walk: Callable[[Scene, np.ndarray], Window]) -> SharedMesh:
-    """The same of any solver; `walk(scene, needed)`: what its sweeps read so that the `needed` (particles,) bool are as the
-    whole would have them."""
+    """Return the meshes of a scene for any solver.
+
+    `walk(scene, needed)`: what its sweeps read so that the `needed` (particles,) bool are as in the whole.
+    """
     tetrahedra_apart(scene)
     found = scene.tetrahedra_set
 
@@ -45,7 +49,8 @@ def partitions_by(scene: Scene, walk: Callable[[Scene, np.ndarray], Window]) -> 
 
 
 def layers_of(found: TetrahedraSet) -> np.ndarray:
-    """(particles,) int64: of each particle its layer across the longest axis of its body; one body after the other."""
+    """Return each particle's layer across the longest axis of its body, (particles,) int64, one body after the
+    other."""
     body = bodies_of_particles(found.first_particle, found.particle_count)
     along = np.empty(found.particle_count)
     for number in range(len(found.names)):
@@ -60,8 +65,8 @@ def layers_of(found: TetrahedraSet) -> np.ndarray:
 
 
 def _looked_at(scene: Scene, owned: np.ndarray) -> np.ndarray:
-    """(particles,) bool: those that must be right when sweeps are over, so that the `owned` ones are as the substep ends:
-    who sleeps looks at its neighbours."""
+    """Return the particles that must be right after the sweeps, so that the `owned` ones are at the substep's end,
+    (particles,) bool: sleeping depends on neighbours."""
     needed = owned.copy()
     if SLEEPING in tetrahedra_parts(scene):
         near = neighbours(scene.tetrahedra_set.tetrahedra, len(owned))
@@ -81,6 +86,6 @@ def _projected(scene: Scene, needed: np.ndarray) -> Window:
                 hit = needed[corners].any(axis=1)
                 needed[corners[hit]] = True
                 touched[which[run].reshape(-1, one.run)[hit]] = True
-        if needed.sum() == before:  # earlier sweeps ask for no more
+        if needed.sum() == before:  # earlier sweeps need no more
             break
     return np.flatnonzero(needed), np.flatnonzero(touched)

@@ -1,4 +1,4 @@
-"""One tetrahedral body of a scene: cut, turned and moved to its place, with its masses and what pins it."""
+"""One tetrahedral body of a scene: cut, rotated and moved to its position, with its masses and pins."""
 
 from __future__ import annotations
 
@@ -20,8 +20,11 @@ from model.tetrahedra.selection import vertices_of
 
 @dataclass(frozen=True, eq=False)
 class PlacedBody:
-    """A body where the scene has it: its `mesh`, what it was cut from and became (`body`), `matter`, `masses` (vertices,)
-    [kg], `velocity` (vertices, 3) [m/s], `pinned` vertices, ascending int64; `run`: tetrahedra that are swept together."""
+    """A body at its position in the scene.
+
+    `mesh`; `body`: the cooked body that it was made from; `matter`; `masses` (vertices,) [kg]; `velocity` (vertices, 3)
+    [m/s]; `pinned`: vertices, ascending int64; `run`: tetrahedra that are swept together.
+    """
 
     mesh: TetrahedralMesh
     body: CookedBody
@@ -33,7 +36,8 @@ class PlacedBody:
 
     @property
     def voxels(self) -> np.ndarray:
-        """(tetrahedra, 3) int32: the place of each one's voxel, along the longest side first; 0 where there are none."""
+        """Place of each tetrahedron's voxel, along the longest side first, (tetrahedra, 3) int32; 0 where there are
+        none."""
         if not self.body.per_voxel:
             return np.zeros((len(self.mesh.tetrahedra), 3), np.int32)
         voxel = self.body.voxel
@@ -49,8 +53,11 @@ def placed_body(
     regions: Mapping[str, Region],
     attached: Sequence[str],
 ) -> PlacedBody:
-    """The body `name` of a scene with such `materials` and `regions`; `attached`: words for vertices that attachments pin.
-    Raises SceneError, InputError, which name the body."""
+    """Return the body `name` of a scene with such `materials` and `regions`; `attached`: words for vertices that
+    attachments pin.
+
+    Raises SceneError, InputError, which name the body.
+    """
     try:
         body = part.cooked
         if part.volume == "voxels" and not body.per_voxel:
@@ -75,8 +82,11 @@ def placed_body(
 def _velocity(
     part: TetrahedralBody, here: np.ndarray, masses_of: Callable[[], np.ndarray], pinned: np.ndarray
 ) -> np.ndarray:
-    """Return (particles, 3) [m/s], the start velocities of the vertices at `here` (particles, 3) [m], 0 where they are
-    `pinned`. `masses_of()` places the axis of a spin; it is dear, and most bodies have none."""
+    """Return the initial velocities of the vertices at `here` (particles, 3) [m], (particles, 3) [m/s]; 0 for `pinned`
+    ones.
+
+    `masses_of()` gives the axis of a spin; it is expensive, and most bodies have none.
+    """
     moving = np.tile(np.asarray(part.velocity), (len(here), 1))
     if any(part.spin):
         masses = masses_of()

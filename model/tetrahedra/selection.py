@@ -1,5 +1,5 @@
-"""Which vertices of tetrahedral bodies a word means: a side of a body's box, a region of the scene, or all; and which of
-those that are pinned follow which motion."""
+"""Selection of vertices of tetrahedral bodies by a word: a side of a body's box, a region of the scene, or all; and the
+assignment of pinned ones to motions."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from model.scene.motion import Motion
 from model.scene.regions import SIDES, WORDS, Region
 from model.scene.words import suggestion
 
-AT_THE_SIDE = 1e-6  # of the longest side: so near to a side of its box, or to a region, a vertex lies in it
+AT_THE_SIDE = 1e-6  # of the longest side: a vertex this near to a side of its box, or to a region, lies in it
 
 
 def check_word(field: str, word: str, regions: Mapping[str, Region]) -> None:
@@ -24,8 +24,11 @@ def check_word(field: str, word: str, regions: Mapping[str, Region]) -> None:
 
 
 def vertices_of(word: str, own: np.ndarray, here: np.ndarray, regions: Mapping[str, Region]) -> np.ndarray:
-    """(vertices,) int64, ascending: those of a body that `word` means. `own`, `here` (particles, 3) [m]: where its mesh lies
-    and where the scene has it. Raises SceneError, InputError (a region's mesh)."""
+    """Return the vertices of a body that `word` selects, (vertices,) int64, ascending.
+
+    `own`, `here`: (particles, 3) [m], positions in its mesh's coordinates and in the scene. Raises SceneError,
+    InputError (a region's mesh).
+    """
     check_word("pinned", word, regions)
     if word == "all":
         return np.arange(len(own))
@@ -42,7 +45,7 @@ def vertices_of(word: str, own: np.ndarray, here: np.ndarray, regions: Mapping[s
 
 
 def body_numbers(field: str, body: str | None, names: Sequence[str]) -> list[int]:
-    """Of the `names`: the body that is meant, or all of them. Raises SceneError."""
+    """Return the indices in `names` of the `body`, or of all. Raises SceneError."""
     if body is None:
         return list(range(len(names)))
     if body not in names:
@@ -54,8 +57,11 @@ def body_numbers(field: str, body: str | None, names: Sequence[str]) -> list[int
 def motion_numbers(
     motions: Mapping[str, Motion], pinned: np.ndarray, names: Sequence[str], chosen: Mapping[str, np.ndarray]
 ) -> np.ndarray:
-    """(pins,) int64: of each of the `pinned` vertices (ascending) the number of its motion, -1: none. `chosen`: the vertices
-    that each motion names, by its name. Raises SceneError: none there, one that is not pinned, one that another moves."""
+    """Return the number of each `pinned` vertex's motion (ascending), or -1, (pins,) int64.
+
+    `chosen`: the vertices of each motion, by its name. Raises SceneError for no vertices, for one that is not pinned,
+    and for one with another motion.
+    """
     numbers, known = np.full(len(pinned), -1, np.int64), list(motions)
     for number, (name, motion) in enumerate(motions.items()):
         vertices, field = chosen[name], f"{name}.pins"

@@ -19,8 +19,8 @@ from model.tetrahedra.selection import vertices_of
 
 @dataclass(frozen=True, eq=False)
 class Sheet:
-    """What the scene calls its cloth, the part, its mesh; `position` (vertices, 3) float64 [m], where the scene has them at
-    rest; `masses` (vertices,) [kg]; `pinned` (pins,) int64, ascending; all numbered from 0."""
+    """The cloth's name in the scene, its part and mesh; `position` (vertices, 3) float64 [m]: rest positions in the
+    scene; `masses` (vertices,) [kg]; `pinned` (pins,) int64, ascending; all numbered from 0."""
 
     name: str
     part: Mesh
@@ -31,7 +31,7 @@ class Sheet:
 
 
 def sheet_of(name: str, part: Mesh, held: Sequence[str], regions: Mapping[str, Region]) -> Sheet:
-    """The cloth; `held`: words for those of its vertices that attachments pin. Raises SceneError, InputError."""
+    """Return the cloth; `held`: words for those of its vertices that attachments pin. Raises SceneError, InputError."""
     mesh = mesh_of(part)
     position = mesh.position + part.origin
     told: Any = part.pinned

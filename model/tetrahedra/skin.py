@@ -1,4 +1,4 @@
-"""The surfaces that are drawn of tetrahedral bodies, carried by their tetrahedra."""
+"""Drawn surfaces of tetrahedral bodies, carried by their tetrahedra."""
 
 from __future__ import annotations
 
@@ -13,8 +13,11 @@ from model.assets.tetrahedral_body import CookedBody
 
 @dataclass(frozen=True, eq=False)
 class Skin:
-    """The surfaces that bodies were cut from, carried by their tetrahedra: of each point the particles `corners` (points, 4)
-    int32 and their `weights` (points, 4) float64; `triangles` (n, 3) int32 between points, body by body."""
+    """The surfaces that bodies were cut from, carried by their tetrahedra.
+
+    `corners` (points, 4) int32 and `weights` (points, 4) float64: particles that carry each point; `triangles` (n, 3)
+    int32 between points, body by body.
+    """
 
     corners: np.ndarray
     weights: np.ndarray
@@ -22,28 +25,28 @@ class Skin:
 
     @property
     def count(self) -> int:
-        """How many points."""
+        """Number of points."""
         return len(self.corners)
 
     @cached_property
     def faces(self) -> np.ndarray:
-        """(triangles, 3) int32: of all bodies."""
+        """Triangles of all bodies, (triangles, 3) int32."""
         return np.concatenate(self.triangles)
 
     def points(self, position: np.ndarray) -> np.ndarray:
-        """(points, 3) [m]: where they are while particles are at `position` (particles, 3)."""
+        """Return the positions of the points, (points, 3) [m], for particles at `position` (particles, 3)."""
         found: np.ndarray = np.einsum("pk,pkj->pj", self.weights, position[self.corners])
         return found
 
     def beside(self, other: Skin) -> Skin:
-        """Both, the other's pieces last."""
+        """Return both skins in one, the other's pieces last."""
         more = tuple((one + self.count).astype(np.int32) for one in other.triangles)
         corners, weights = np.concatenate([self.corners, other.corners]), np.concatenate([self.weights, other.weights])
         return Skin(corners, weights, self.triangles + more)
 
 
 def skin_of(bodies: Sequence[CookedBody], first: np.ndarray) -> Skin:
-    """Of bodies whose particles begin at `first`."""
+    """Return the skin of bodies whose particles begin at `first`."""
     corners = [
         one.mesh.tetrahedra[one.embedding.tetrahedron] + start for one, start in zip(bodies, first, strict=False)
     ]
@@ -56,7 +59,7 @@ def skin_of(bodies: Sequence[CookedBody], first: np.ndarray) -> Skin:
 
 
 def plain_skin(particles: np.ndarray, pieces: tuple[np.ndarray, ...]) -> Skin:
-    """Whose points are the `particles` (n,) themselves; `pieces`: triangles between them, by their places there."""
+    """Return a skin whose points are the `particles` (n,) themselves; `pieces`: triangles of indices into them."""
     weights = np.zeros((len(particles), 4))
     weights[:, 0] = 1.0
     return Skin(np.repeat(particles[:, None], 4, axis=1).astype(np.int32), weights, pieces)

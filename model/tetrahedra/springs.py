@@ -1,7 +1,7 @@
-"""Attachments of tetrahedral bodies as springs, for the solvers that make an energy least: |a - p|^2 / (2 compliance) each.
+"""Attachments of tetrahedral bodies as springs, for solvers that minimise an energy: |a - p|^2 / (2 compliance) each.
 
-One that gives nothing is a spring that is HARD times as hard as what holds the softer of its ends (`holding`), so that it
-gives the less the finer the mesh is. Harder ones would be nearer, and take vertex block descent as many more sweeps.
+A rigid one is a spring HARD times as stiff as the softer of its ends (`holding`), so that it yields less the finer the
+mesh is. Stiffer ones would be more accurate, and vertex block descent would need as many more sweeps.
 """
 
 from __future__ import annotations
@@ -19,16 +19,19 @@ from model.tetrahedra.newton import holding
 from model.tetrahedra.topology import bodies_of_particles
 
 HARD = {"vbd": 10.0, "newton": 100.0}  # by solver
-PARTS = frozenset({part_of("world"), part_of("bodies")})  # of a plan: that there are springs
+PARTS = frozenset({part_of("world"), part_of("bodies")})  # parts of a plan with springs
 PAIRS = CORNERS * CORNERS  # blocks of a spring, by rows
 
 
 @dataclass(frozen=True, eq=False)
 class Springs:
-    """`corners` (springs, CORNERS) int32: the vertex, and those that carry where it is to be; itself where that is the world.
-    `values` (springs, COUNT) float64: model/formulas/elastic/spring.py. Particle k is a corner of `entries[meets[k]]` ...
-    before `entries[meets[k + 1]]`, int32, each 16 spring + 2 corner, and one more where it counts the energy: the first of a
-    spring's corners that is free. `bodies` (springs,) bool: whether it is another body that carries it."""
+    """Springs of attachments.
+
+    `corners` (springs, CORNERS) int32: the vertex, and those that carry its place; the vertex itself where that is in
+    the world. `values` (springs, COUNT) float64: model/formulas/elastic/spring.py. Particle k is a corner of
+    `entries[meets[k]]` ... before `entries[meets[k + 1]]`, int32, each 16 spring + 2 corner, plus one where it counts
+    the energy: the first free corner of a spring. `bodies` (springs,) bool: True if another body carries it.
+    """
 
     corners: np.ndarray
     values: np.ndarray
@@ -37,19 +40,21 @@ class Springs:
     bodies: np.ndarray
 
     def arrays(self, real: type) -> tuple[np.ndarray, ...]:
-        """(meets, entries, corners, values), as kernels take them."""
+        """Return (meets, entries, corners, values) for kernels."""
         return self.meets, self.entries, self.corners, np.ascontiguousarray(self.values, real)
 
     @property
     def fours(self) -> np.ndarray:
-        """(n, 4) int32: rows in which any two corners of a spring between bodies are together, as those of tetrahedra are."""
+        """Rows that contain any two corners of a spring between bodies together, as those of tetrahedra do, (n, 4)
+        int32."""
         chosen = self.corners[self.bodies]
         found: np.ndarray = np.concatenate([np.delete(chosen, n, axis=1) for n in range(CORNERS)])
         return found
 
     @property
     def pairs(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """(row, column, block) (n,) int64 of the blocks that springs add to a matrix of 3 x 3 blocks: PAIRS each are kept."""
+        """(row, column, block) (n,) int64 of the blocks that springs add to a matrix of 3 x 3 blocks: PAIRS are stored
+        for each."""
         wide, many = self.corners.astype(np.int64), len(self.corners)
         row, column = np.repeat(wide, CORNERS, axis=1), np.tile(wide, (1, CORNERS))
         block = np.arange(many * PAIRS, dtype=np.int64).reshape(many, PAIRS)
@@ -58,14 +63,14 @@ class Springs:
 
     @property
     def blocks(self) -> np.ndarray:
-        """(PAIRS springs, 9) float64 [N/m]: these blocks."""
+        """Blocks of `pairs`, (PAIRS springs, 9) float64 [N/m]."""
         weights = np.column_stack([np.ones(len(self.values)), -self.values[:, :AT_POINT]])
         each = self.values[:, AT_STIFFNESS, None, None] * weights[:, :, None] * weights[:, None, :]
         return each.reshape(-1, 1) * np.eye(3).reshape(1, 9)
 
 
 def springs(found: TetrahedraSet, solver: str) -> Springs:
-    """Of a solver of HARD. Raises SceneError."""
+    """Return the springs for a solver of HARD. Raises SceneError."""
     corners, values, bodies = [np.zeros((0, CORNERS), np.int64)], [np.zeros((0, COUNT))], [np.zeros(0, bool)]
     held = holding(found)
     for one in attachment_sets(found):
@@ -89,7 +94,7 @@ def springs(found: TetrahedraSet, solver: str) -> Springs:
 
 
 def _entries(found: TetrahedraSet, corners: np.ndarray, bodies: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(meets, entries)."""
+    """Return (meets, entries)."""
     free = np.ones(found.particle_count, bool)
     free[found.pinned_vertices] = False
     place = np.arange(CORNERS)
@@ -101,12 +106,13 @@ def _entries(found: TetrahedraSet, corners: np.ndarray, bodies: np.ndarray) -> t
 
 
 def rounding_of(one: Springs, extent: float, real: type) -> float:
-    """[J]: of residuals of springs that rounding of places makes, as model/tetrahedra/newton.py has it of tetrahedra."""
+    """Return the residual [J] of springs by rounding of positions, as model/tetrahedra/newton.py for tetrahedra."""
     return float((0.1 * np.finfo(real).eps * extent) ** 2 * total(one.values[:, AT_STIFFNESS]))
 
 
 def held_bodies(found: TetrahedraSet) -> np.ndarray:
-    """(particles,) bool: whether a particle's body is pinned anywhere, or attached to the world, or to a body that is."""
+    """Return the particles of bodies that are pinned anywhere, or attached to the world, or to a body that is,
+    (particles,) bool."""
     bodies = bodies_of_particles(found.first_particle, found.particle_count)
     held = np.zeros(len(found.parts), bool)
     held[bodies[found.pinned_vertices]] = True

@@ -1,4 +1,4 @@
-"""Lists of tetrahedral bodies that both backends read besides their constraints."""
+"""Lists of tetrahedral bodies for both backends, in addition to their constraints."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from model.tetrahedra.body_set import TetrahedraSet
 
 
 def surface_lists(found: TetrahedraSet, wanted: bool = True) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """int32 (offsets (particles + 1,), triangles at each particle, ascending, corners (triangles, 3)) of the surface; nothing
-    if not `wanted`."""
+    """Return int32 (offsets (particles + 1,), triangles at each particle, ascending, corners (triangles, 3)) of the
+    surface; empty ones if not `wanted`."""
     if not wanted:
         return np.zeros(1, np.int32), np.zeros(1, np.int32), np.zeros((1, 3), np.int32)
     lists = found.vertex_triangles
@@ -17,7 +17,7 @@ def surface_lists(found: TetrahedraSet, wanted: bool = True) -> tuple[np.ndarray
 
 
 def cloth_lists(found: TetrahedraSet, wanted: bool = True) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Likewise of the cloth alone, which wind blows on; nothing if there is none, or not `wanted`."""
+    """Return the lists of the cloth alone, on which wind acts; empty ones if there is none, or not `wanted`."""
     if found.sheet is None or not wanted:
         return surface_lists(found, False)
     start = int(found.first_particle[-1])

@@ -1,7 +1,8 @@
-"""Where pinned vertices are told to be, step by step, by whoever advances the simulation: an animated skin, a function.
+"""Targets of pinned vertices, set step by step by the caller that advances the simulation: an animated skin, a
+function.
 
-Each pinned vertex without a motion of the scene has one of its own, from where it is to its target within the next step, in
-the rows that kernels read anyway (model/mass_spring/cloth_parameters.py); in later steps it rests there.
+Each pinned vertex without a motion of the scene has its own, from its position to its target within the next step, in
+the rows that kernels read for motions (model/mass_spring/cloth_parameters.py); in later steps it rests there.
 """
 
 from __future__ import annotations
@@ -34,8 +35,11 @@ LIVE = "targets"
 
 
 class Targets:
-    """`rows`: what masses meet, motions of the scene, those of pins, pins, flat; the last begin at `first`. `own` (pins,)
-    bool: which pins have targets; `held`, `wanted` (pins, 3) float64 [m]: where they were, and are to be as `step` ends."""
+    """Rows of targets.
+
+    `rows`: colliders, motions of the scene, those of pins, pins, flat; the last begin at `first`. `own` (pins,) bool:
+    pins with targets; `held`, `wanted` (pins, 3) float64 [m]: previous positions, and those at the end of `step`.
+    """
 
     def __init__(self, scene: Scene, body: Body, real: Any):
         colliders, motions = collider_numbers(scene, real), motion_rows(scene, real)
@@ -43,12 +47,12 @@ class Targets:
         self.own, count = pins[:, P_MOTION] < 0, len(pins)
         begin = colliders.size + motions.size
         self.first = begin + MOTION_FIELDS * count
-        most = 2 ** (np.finfo(real).nmant + 1)  # whole numbers up to there
+        most = 2 ** (np.finfo(real).nmant + 1)  # integers are exact up to there
         if self.first > most:
             told = f"{np.dtype(real).name} counts to {most}, and a pin takes {MOTION_FIELDS} numbers: use float64"
             raise SceneError("live", f"{count} pins with targets", told)
         moving = np.zeros((count, MOTION_FIELDS), real)
-        moving[:, M_V], moving[:, M_DURATION] = 1, 1  # an axis and a time, which say nothing without a speed
+        moving[:, M_V], moving[:, M_DURATION] = 1, 1  # an axis and a time, which have no effect without a speed
         pins[self.own, P_MOTION] = (begin + MOTION_FIELDS * np.arange(count))[self.own]
         self.rows = np.concatenate([colliders, motions.reshape(-1), moving.reshape(-1), pins.reshape(-1)])
         self._moving = self.rows[begin : self.first].reshape(count, MOTION_FIELDS)
@@ -56,46 +60,49 @@ class Targets:
         self.hold(body.position[body.pinned])
 
     def hold(self, position: np.ndarray) -> None:
-        """All rest at `position` (pins, 3) [m]."""
+        """Let all rest at `position` (pins, 3) [m]."""
         self.held, self.wanted, self.step = position, position, -1
         self._pins[self.own, :P_MOTION] = position[self.own]
         self.rest()
 
     def rest(self) -> None:
-        """None has a speed."""
+        """Set all speeds to 0."""
         self._moving[:, M_VX : M_VZ + 1] = 0
 
     def send(self, position: np.ndarray, step: int, time: float, dt: float) -> None:
-        """From where they are to `position` (pins, 3) [m] within the step of that number, which begins at `time` [s]."""
+        """Move all to `position` (pins, 3) [m] within step number `step`, which begins at `time` [s]."""
         self.wanted, self.step = position, step
         self._pins[self.own, :P_MOTION] = self.held[self.own]
         self._moving[:, M_VX : M_VZ + 1] = (position - self.held) / dt
-        self._moving[:, M_START], self._moving[:, M_DURATION] = time, 2 * dt  # as the step ends it moves yet
+        self._moving[:, M_START], self._moving[:, M_DURATION] = time, 2 * dt  # it still moves at the step's end
 
 
 class Targeted(Simulation):
-    """A simulation whose pinned vertices can be told where to go (`live` names targets). A backend sets what `_driven_rows`
-    gives, and sends rows that change to where kernels read them."""
+    """A simulation with targets of pinned vertices (`live` names targets).
+
+    A backend passes the rows of `_driven_rows` to its kernels, and sends changed rows to them.
+    """
 
     _goals: Targets | None = None
     body: Body
 
     def _driven_rows(self) -> tuple[np.ndarray, int]:
-        """(what kernels read of colliders, motions and pins, where its pins begin; 0 where none moves)."""
+        """Return (the kernels' rows of colliders, motions and pins; index of its pins, 0 where none moves)."""
         if LIVE in self.options.live and self.scene.tetrahedra and len(self.body.pinned):
             self._goals = Targets(self.scene, self.body, self.real)
             return self._goals.rows.copy(), self._goals.first
         return body_rows(self.scene, self.body, self.real)
 
     def _send_rows(self, rows: np.ndarray) -> None:
-        """Take other numbers in the rows."""
+        """Replace the rows by others."""
         raise NotImplementedError
 
     def targets(self, position: np.ndarray) -> None:
-        """Where pinned vertices are to be as the next step ends: `position` (particles, 3) [m] of all particles, of which
-        those count that are pinned and follow no motion of the scene. They move there at a constant velocity, and then rest.
+        """Set the positions of pinned vertices at the end of the next step.
 
-        Raises SceneError: another shape, a place that is not finite, no pinned vertex, or targets that are not live.
+        `position` (particles, 3) [m]: of all particles; only pinned ones without a motion of the scene count. They move
+        there at a constant velocity, and then rest. Raises SceneError: another shape, a position that is not finite, no
+        pinned vertex, or targets that are not live.
         """
         place = np.asarray(position, np.float64)
         if self._goals is None:
@@ -120,7 +127,7 @@ class Targeted(Simulation):
         self._send_rows(self._goals.rows)
 
     def advance(self, steps: int) -> None:
-        """The first step takes pinned vertices to their targets, in those after it they rest there."""
+        """Advance; the first step moves pinned vertices to their targets, where they rest in the others."""
         self._settle()
         if self._goals is not None and self._goals.step == self.step and steps > 1:
             super().advance(1)
@@ -129,14 +136,14 @@ class Targeted(Simulation):
         super().advance(steps)
 
     def _settle(self) -> None:
-        """Once the step is over that had targets, their vertices rest."""
+        """Let vertices rest once the step with their targets is over."""
         if self._goals is not None and -1 < self._goals.step != self.step:
             self.check()
             self._goals.hold(self._goals.wanted)
             self._send_rows(self._goals.rows)
 
     def load(self, state: State) -> None:
-        """Pinned vertices rest where the state has them."""
+        """Load a state, in which pinned vertices rest."""
         if self._goals is not None:
             self._goals.rest()
             self._send_rows(self._goals.rows)

@@ -1,11 +1,11 @@
-"""Bodies of tetrahedra, solved by vertex block descent: vertex by vertex down the energy of a step of backward Euler.
+"""The family of tetrahedral bodies by vertex block descent on the energy of a step of backward Euler.
 
-What sweeps leave undone is an error of this step, not of the material: a pinned body at rest stays there with any number of
-them. A free one falls as all do, but keeps its momentum only as far as sweeps go (of a body out of shape they lost 7 % in
-one, 0.3 % in four, 1e-7 in sixteen). Colliders are springs within a
-visit, with friction along its way; what is left of the way in is taken away where a substep ends. Surfaces that meet are
-projected after each sweep, which no energy knows of: two cubes of 0.3 m, one on the other, keep 18, 20, 23 and 25 mm at 1, 2,
-4 and 16 substeps of a frame, where position-based ones keep 26.
+An incomplete solution is an error of this step, not of the material: a pinned body at rest stays there with any number
+of sweeps. A free one falls exactly, but conserves its momentum only as far as sweeps converge (a deformed body lost 7 %
+in one sweep, 0.3 % in four, 1e-7 in sixteen). Colliders are springs within a visit, with friction; the remaining
+penetration is removed at the end of a substep. Contacts of surfaces are projected after each sweep, outside the energy:
+two cubes of 0.3 m, one on the other, keep 18, 20, 23 and 25 mm at 1, 2, 4 and 16 substeps of a frame, where
+position-based ones keep 26.
 """
 
 from __future__ import annotations
@@ -28,8 +28,8 @@ from model.xpbd.parameters import XPBD_FIELDS, xpbd_values
 
 
 def vbd_record(scene: Scene, real: Any, poke: tuple[float, ...] = (0.0, 0.0, 0.0), clock: Clock = START) -> np.ndarray:
-    """(1,): SCALE, by which stiffnesses times volumes [J] count, h^2 over the mean mass; then those of every position-based
-    solver."""
+    """Return SCALE, h^2 over the mean mass, by which stiffnesses times volumes [J] are multiplied, then the constants
+    of every position-based solver, (1,)."""
     h = scene.method.dt / scene.method.substeps
     fields = {**XPBD_FIELDS, SCALE: "method.dt"}
     own = dict(zip((SCALE, *CONSTANTS), (h**2 / scene.grid.mass, scene.grid.mass / h**2, 1 / h), strict=True))
@@ -37,7 +37,7 @@ def vbd_record(scene: Scene, real: Any, poke: tuple[float, ...] = (0.0, 0.0, 0.0
 
 
 def vbd_note(scene: Scene) -> str:
-    """A line on what the method does to a motion."""
+    """Return a line on the method's effect on a motion."""
     text = "backward Euler's energy, vertex by vertex, at any step size; first order, and damped by it"
     return with_limit(scene, text) + through_note(scene)
 

@@ -1,9 +1,9 @@
 """The order in which tetrahedra of voxels are projected: those of a voxel one after the other, voxels by eight colours.
 
-Voxels whose places are alike in whether they are even, along each of three axes, share no vertex (source: the colours of
-VoxelMesh, model/geometry/tetrahedra/voxels.py); of copies of one voxel those that do share one get colours of their own. The
-longest side of a body counts first: all layers of even place across it come before all others. So no even layer waits for
-another, nor does an odd one, and a body can be cut into slabs that meet twice in a sweep.
+Voxels whose places have the same parity along each of three axes share no vertex (source: the colours of VoxelMesh,
+model/geometry/tetrahedra/voxels.py); copies of one voxel that do share one get colours of their own. The longest side
+of a body counts first: all layers of even place across it come before all others. So no even layer depends on another
+in a sweep, nor does an odd one, and a body can be cut into slabs that exchange twice per sweep.
 """
 
 from __future__ import annotations
@@ -17,13 +17,16 @@ from model.geometry.lists import offsets_of
 from model.tetrahedra.body_set import TetrahedraSet
 
 REMEDY = "its file is no good; cook it again"
-FIVE = 5  # of a voxel, the large one, which touches all others, first in a mesh
+FIVE = 5  # of a voxel; the large one, which touches all others, comes first in a mesh
 
 
 def voxel_order(found: TetrahedraSet, chosen: np.ndarray, run: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """(order (n,), starts (colours + 1,) int32, corners (n, 4) int32) of the `chosen` tetrahedra (n,), `run` of them a voxel:
-    in each colour by body and place. Raises InputError: voxels of one colour share a vertex, or five tetrahedra of one are
-    not one between four, which is so of none that the lab makes."""
+    """Return (order (n,), starts (colours + 1,) int32, corners (n, 4) int32) of the `chosen` tetrahedra (n,), `run` per
+    voxel.
+
+    In each colour they are sorted by body and place. Raises InputError: voxels of one colour share a vertex, or five
+    tetrahedra are not one between four, which does not occur in bodies that the lab makes.
+    """
     first = chosen[::run]
     place, body, vertices = found.voxel[first], found.body[first], found.tetrahedra[chosen].reshape(len(first), -1)
     level, odd = _levels(np.column_stack([body, place]), vertices), place.astype(np.int64) % 2
@@ -46,20 +49,19 @@ def voxel_order(found: TetrahedraSet, chosen: np.ndarray, run: int) -> tuple[np.
 
 
 def _around(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(which of a voxel's tetrahedra come after each other (voxels, 5), their corners (voxels, 5, 4)): the large one, of
-    corners c0 ... c3, last, before it the four with a corner of their own in place of c0, of c1, ..., as Projection.around
-    says.
+    """Return (order of a voxel's tetrahedra (voxels, 5), their corners (voxels, 5, 4)).
 
-    The large one last leaves less undone in a sweep than first: with it the bar of `softlab tetrahedra`, 2 voxels across,
-    sags 1.090 (1 MPa) and 2.06 (10 MPa) times as far as its mesh says at 30 substeps a frame; greedy colours of single
-    tetrahedra leave 1.090 and 2.03.
+    The large one, with the corners c0 ... c3, is last, preceded by the four with a corner of their own in place of c0,
+    of c1, ..., as in Projection.around. Last, the large one leaves a smaller residual in a sweep than first: with it
+    the bar of `softlab tetrahedra`, 2 voxels across, sags 1.090 (1 MPa) and 2.06 (10 MPa) times as far as its mesh
+    predicts at 30 substeps per frame; greedy colours of single tetrahedra give 1.090 and 2.03.
     """
     core, small = corners[:, 0], corners[:, 1:]
-    held = (small[..., None] == core[:, None, None]).any(axis=3)  # corners of a small one that are the large one's
-    left_out = (core[:, None, :, None] != small[:, :, None]).all(axis=3)  # and those of the large one that it has not
+    held = (small[..., None] == core[:, None, None]).any(axis=3)  # corners of a small one that the large one has, too
+    left_out = (core[:, None, :, None] != small[:, :, None]).all(axis=3)  # corners of the large one only
     if not ((held.sum(axis=2) == 3).all() and (left_out.sum(axis=(1, 2)) == 4).all() and left_out.any(axis=1).all()):
         raise InputError(f"five tetrahedra of a voxel are not one between four: {REMEDY}")
-    which = left_out.argmax(axis=1)  # (voxels, 4): the small one without core corner m
+    which = left_out.argmax(axis=1)  # (voxels, 4): the small one without corner m of the large one
     small, held = (
         np.take_along_axis(small, which[..., None], axis=1),
         np.take_along_axis(held, which[..., None], axis=1),
@@ -71,7 +73,7 @@ def _around(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _levels(place: np.ndarray, vertices: np.ndarray) -> np.ndarray:
-    """(voxels,) int64: 0; of copies at the same `place` (voxels, 4) that share a vertex 0, 1, ..."""
+    """Return 0, or for copies at the same `place` (voxels, 4) that share a vertex 0, 1, ..., (voxels,) int64."""
     level = np.zeros(len(place), np.int64)
     _, number, count = np.unique(place, axis=0, return_inverse=True, return_counts=True)
     number = number.reshape(-1)

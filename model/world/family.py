@@ -1,4 +1,5 @@
-"""Worlds: particles of several families in one scene, each solved by its own family, and met by the others."""
+"""The family of worlds: particles of several families in one scene, each solved by its own family, with contacts
+between them."""
 
 from __future__ import annotations
 
@@ -24,7 +25,7 @@ OF_MEMBERS = {"bodies": (BODIES,), "tetrahedra": (TETRAHEDRA, TETRAHEDRA_VBD), "
 
 
 def _members(scene: Scene) -> dict[str, tuple[SolverFamily, Scene]]:
-    """By name, who solves it, and its scene."""
+    """Return each member's family and scene, by name."""
     every = scene.members.items()
     return {name: (next(one for one in OF_MEMBERS[name] if one.accepts(own)), own) for name, own in every}
 
@@ -37,7 +38,7 @@ def _plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
 
 
 def _record(scene: Scene, real: Any, poke: tuple[float, ...] = (0.0, 0.0, 0.0), clock: Clock = START) -> np.ndarray:
-    """(1,): the length of a substep [s]. What members read is in their own records."""
+    """Return the length of a substep [s], (1,). The members' constants are in their own records."""
     return rounded_record(scene, {"dt": scene.method.dt / scene.method.substeps}, {"dt": "method.dt"}, real)
 
 
@@ -57,7 +58,7 @@ def _note(scene: Scene) -> str:
 
 
 def _stored(scene: Scene, position: np.ndarray, plastic: np.ndarray | None) -> tuple[float, dict[str, float]]:
-    """And that of a cloth's constraints by kind."""
+    """Return the total energy [J], and that of a cloth's constraints by kind."""
     total: float = 0.0
     by_kind: dict[str, float] = {}
     members = _members(scene)
@@ -69,7 +70,7 @@ def _stored(scene: Scene, position: np.ndarray, plastic: np.ndarray | None) -> t
 
 
 def _strain(scene: Scene, position: np.ndarray, kind: str, plastic: np.ndarray | None) -> np.ndarray:
-    """Of one member after the other."""
+    """Return the strains of one member after the other."""
     members = _members(scene)
     found = [
         members[name][0].strain(members[name][1], position[place], kind, plastic if name == "bodies" else None)
@@ -82,7 +83,7 @@ WORLD = SolverFamily(
     name="world",
     knows=frozenset({"wetting"}).union(
         *(one.knows for families in OF_MEMBERS.values() for one in families)
-    ),  # each member refuses what it does not
+    ),  # each member refuses kinds that it does not support
     accepts=lambda scene: scene.is_world,
     plan=_plan,
     record=_record,

@@ -1,5 +1,6 @@
-"""Which particles of a world's members meet, and as what: surfaces of tetrahedral bodies and of a cloth, made of triangles,
-and particles of bodies, each a ball, which keeps its radius from them. What meets within a member is its own affair.
+"""Contact geometry between a world's members: triangles of tetrahedral bodies and cloths, and balls.
+
+A particle of bodies is a ball that keeps its radius from triangles. Contacts within a member are handled by the member.
 """
 
 from __future__ import annotations
@@ -30,9 +31,11 @@ from model.world.world_set import WorldSet
 
 @dataclass(frozen=True, eq=False)
 class CrossSurface:
-    """`particles` (n,) int64, ascending: those of the world that meet others; `surface`: their triangles, numbered as they
-    stand here, its bodies being groups; `member` (groups,) int: whose each group is; `radius` (groups,) [m] of balls, NaN of
-    surfaces."""
+    """Particles with contacts between members.
+
+    `particles` (n,) int64, ascending: of the world; `surface`: their triangles, numbered by index into `particles`, its
+    bodies being groups; `member` (groups,) int: each group's member; `radius` (groups,) [m] of balls, NaN for surfaces.
+    """
 
     particles: np.ndarray
     surface: ContactSurface
@@ -44,7 +47,7 @@ _known: WeakKeyDictionary[WorldSet, CrossSurface] = WeakKeyDictionary()
 
 
 def cross_surface(scene: Scene) -> CrossSurface:
-    """Of a world. Kept with its particles."""
+    """Return the surface of a world, cached with its particles."""
     found = scene.world_set
     if found not in _known:
         first = dict(zip(found.names, found.first.tolist(), strict=False))
@@ -59,7 +62,7 @@ def cross_surface(scene: Scene) -> CrossSurface:
 
 
 def _of_member(name: str, scene: Scene) -> CrossSurface | None:
-    """Of a member by itself; None: it meets nobody."""
+    """Return the surface of a member alone; None: it has no contacts."""
     if name == "bodies":
         return _balls(scene)
     if name == "tetrahedra":
@@ -75,7 +78,7 @@ def _of_member(name: str, scene: Scene) -> CrossSurface | None:
 
 
 def _balls(scene: Scene) -> CrossSurface:
-    """Every particle of bodies; a group is a part of the scene, with all its copies."""
+    """Return every particle of bodies; a group is a part of the scene, with all its copies."""
     count, parts = scene.body_set.particle_count, scene.bodies.values()
     radius = np.array([part.contact_radius for part in parts])
     none, position = np.zeros(len(radius)), scene.body_set.position
@@ -88,7 +91,7 @@ def _balls(scene: Scene) -> CrossSurface:
 
 
 def _compact(surface: ContactSurface) -> CrossSurface:
-    """Only what a surface has vertices of."""
+    """Return a surface with only the particles that are its vertices."""
     own = surface.vertices
     place = np.full(len(surface.rest), -1, np.int32)
     place[own] = np.arange(len(own))
@@ -105,7 +108,7 @@ def _moved(one: CrossSurface, first: int, member: int) -> CrossSurface:
 
 
 def _joined(found: list[CrossSurface]) -> CrossSurface:
-    """One after the other, numbered in one row."""
+    """Return surfaces one after the other, numbered consecutively."""
     surfaces = [one.surface for one in found]
     vertex, triangle, group = (
         np.append(0, np.cumsum([len(array(one)) for one in surfaces]))
@@ -138,20 +141,23 @@ def _joined(found: list[CrossSurface]) -> CrossSurface:
 
 
 def cross_distance(scene: Scene) -> float:
-    """What surfaces keep from each other [m]; half of it is a triangle's own."""
+    """Return the distance between surfaces [m]; half of it is a triangle's own."""
     assert scene.contact is not None
     edge = cross_surface(scene).surface.edge
     return scene.contact.distance or SHARE * float(edge[edge > 0].min())
 
 
 def distances_of_groups(scene: Scene) -> np.ndarray:
-    """(groups,) [m]: what a vertex of each keeps from triangles: a ball its radius, and half of what surfaces keep."""
+    """Return the distance of each group's vertices from triangles, (groups,) [m].
+
+    A ball's is its radius plus half the distance between surfaces.
+    """
     distance, radius = cross_distance(scene), cross_surface(scene).radius
     return np.where(np.isnan(radius), distance, radius + distance / 2)
 
 
 def _pairs(scene: Scene) -> np.ndarray:
-    """As `surface_pairs` of model/contact/surface_parameters.py, of groups of different members."""
+    """Return rows as by `surface_pairs` of model/contact/surface_parameters.py, for groups of different members."""
     found, kept = cross_surface(scene), distances_of_groups(scene)
     meets = (found.member[:, None] != found.member) & (found.surface.edge > 0)
     rows = np.zeros((*meets.shape, PAIR_FIELDS))
@@ -161,7 +167,7 @@ def _pairs(scene: Scene) -> np.ndarray:
 
 
 def _ratio(scene: Scene) -> np.ndarray:
-    """(n,), see Meeting."""
+    """Return `ratio` of Meeting, (n,)."""
     return (distances_of_groups(scene) / cross_distance(scene))[cross_surface(scene).surface.body]
 
 

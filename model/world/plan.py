@@ -1,12 +1,12 @@
-"""The plan of a world's step: the stages of its members, each member's own, and between them those of what couples them.
+"""The plan of a world's step: the stages of its members, and between them those that couple them.
 
-A substep: all members predict; who may meet is found; in every iteration each member projects what it holds, one after the
-other, then contacts between members move particles of both; all members end their substeps, which makes velocities of where
-particles have come to. Where nothing couples members, their stages are all there is.
+A substep: all members predict; contacts are searched; in every iteration each member projects its constraints, one
+after the other, then contacts between members move particles of both; all members end their substeps, which computes
+velocities from positions. Without coupling, the members' stages are the whole plan.
 
-`soak`, at a substep's end, of a cloth that drinks (model/formulas/fluid/wetting.py): a particle is touched where any sample
-that it carries has a neighbour of the fluid in this substep's lists. Its wetness is `soaked`, its weight and its lightness
-are `lighter`, from those that are dry; then how much each sample gives way is `given_way` of its corners.
+`soak`, at a substep's end, of an absorbing cloth (model/formulas/fluid/wetting.py): a particle is touched where any
+sample that it carries has a neighbour of the fluid in this substep's lists. Its wetness is `soaked`, its weight and its
+lightness are `lighter`, from the dry ones; then the mobility of each sample is `given_way` of its corners.
 """
 
 from __future__ import annotations
@@ -24,23 +24,23 @@ BEGIN, TAKE, GIVE = (
     "take predictions",
     "take positions",
     "give positions",
-)  # of particles that meet, from and to members
+)  # of particles with contacts, from and to members
 FIND, PROJECT = "find cross contacts", "project cross contacts"
-SOAK = "soak"  # of a cloth that drinks
+SOAK = "soak"  # of an absorbing cloth
 
 
 def name_of_stage(member: str, stage: str) -> str:
-    """In the world's plan, of a stage of a member's."""
+    """Return the name of a member's stage in the world's plan."""
     return f"{member}: {stage}"
 
 
 def coupled(scene: Scene) -> bool:
-    """Whether particles of several members meet, as surfaces or balls: a fluid's do not."""
+    """Return True if particles of several members have contacts, as surfaces or balls: a fluid's do not."""
     return scene.contact is not None and len(scene.members.keys() - {"fluid"}) > 1
 
 
 def world_plan(scene: Scene, plans: Mapping[str, Plan]) -> Plan:
-    """Of the members' own `plans`, by name. Numbers are per particle of the world."""
+    """Return the plan from the members' own `plans`, by name. Numbers are per particle of the world."""
     method, count = scene.method, scene.world_set.particle_count
     shares = {name: len(range(*own.indices(count))) / count for name, own in scene.world_set.slices().items()}
     three = {name: _parts_of_substep(plan.root) for name, plan in plans.items()}
@@ -63,7 +63,7 @@ Children = Sequence[Node | Stage]
 
 
 def _parts_of_substep(root: Node) -> tuple[Children, Children, Children]:
-    """A member's stages before, in and after its iterations."""
+    """Return a member's stages before, in and after its iterations."""
     (substep,) = root.children
     assert isinstance(substep, Node) and substep.name == "substep"
     (place,) = (n for n, child in enumerate(substep.children) if isinstance(child, Node) and child.name == "iteration")
@@ -73,7 +73,7 @@ def _parts_of_substep(root: Node) -> tuple[Children, Children, Children]:
 
 
 def _named(member: str, children: Children, share: float) -> Node:
-    """Of a member that has a `share` of the world's particles."""
+    """Return a member's stages, scaled by its fraction `share` of the world's particles."""
     made: list[Node | Stage] = []
     for child in children:
         if isinstance(child, Stage):
@@ -85,7 +85,7 @@ def _named(member: str, children: Children, share: float) -> Node:
 
 
 def _contact_stages(scene: Scene) -> tuple[list[Stage], list[Stage]]:
-    """Those of contacts between members, before and in the iterations."""
+    """Return the stages of contacts between members, before and in the iterations."""
     if not coupled(scene):
         return [], []
     assert scene.contact is not None

@@ -1,5 +1,5 @@
-"""A world on any backend: its members, each a simulation of its own, driven stage by stage, and what is asked of all of them
-together: states, energies, pokes, live changes."""
+"""A world on any backend: its members, each a simulation of its own, driven stage by stage, and the methods that
+involve all of them: states, energies, pokes, live changes."""
 
 from __future__ import annotations
 
@@ -22,58 +22,58 @@ STAGES = "stages"
 
 
 class Wetting(Protocol):
-    """What a backend has of a cloth that drinks (model/world/plan.py, `soak`); `vertices` (n,): those of the cloth whose
-    wetness it is."""
+    """A backend's wetting of a cloth (model/world/plan.py, `soak`); `vertices` (n,): the cloth's vertices with a
+    wetness."""
 
     vertices: np.ndarray
 
     def change(self, scene: Scene) -> None:
-        """Rates of a scene whose numbers have changed."""
+        """Update the rates from a scene whose numbers have changed."""
 
     def keep(self) -> None:
-        """Put the wetness aside."""
+        """Copy the wetness to a snapshot."""
 
     def restore(self) -> None:
-        """As it was put aside."""
+        """Restore the wetness from the snapshot."""
 
     def tell(self) -> np.ndarray:
-        """(n,): the wetness now."""
+        """Return the current wetness, (n,)."""
 
     def take(self, wetness: np.ndarray) -> None:
-        """Go on from (n,) others."""
+        """Set the wetness, (n,)."""
 
 
 class WorldSimulation(Simulation):
-    """See model/core/simulation.py for the contract. `members`: the simulations by name, in the order of their particles, of
-    which `slices` tells where they are.
+    """A simulation of several members; see model/core/simulation.py for its methods.
 
-    Members run their own plans stage by stage, through `stages`; nobody else steps them. A backend opens them (`_open`), and
-    adds what runs between them (`_cross_stages`).
+    `members`: the simulations by name, in the order of their particles; `slices`: their particles. Members run their
+    own plans stage by stage, through `stages`, and only the world steps them. A backend opens them (`_open`), and adds
+    the stages between them (`_cross_stages`).
     """
 
     members: dict[str, Simulation]
-    wetting: Wetting | None = None  # of a cloth that drinks
+    wetting: Wetting | None = None  # of an absorbing cloth
 
     def __init__(self, scene: Scene, options: Options):
         self.members, self.slices = {}, scene.world_set.slices()
         super().__init__(scene, options)
 
     def _open_members(self, kernel: str) -> None:
-        """Each under such a kernel."""
+        """Open each member with this kernel."""
         own = replace(self.options, kernel=kernel)
         for name, scene in self.scene.members.items():
             self.members[name] = self._open(scene, own)
 
     @abstractmethod
     def _open(self, scene: Scene, options: Options) -> Simulation:
-        """A member's simulation."""
+        """Return a member's simulation."""
 
     @abstractmethod
     def _cross_stages(self) -> dict[str, StageRun]:
-        """What runs the stages of the plan that are no member's."""
+        """Return the functions that run the plan's stages between members."""
 
     def _all_stages(self) -> dict[str, StageRun]:
-        """What runs each stage of the plan."""
+        """Return the functions that run each stage of the plan."""
         own = {
             name_of_stage(name, stage): run
             for name, member in self.members.items()
@@ -105,7 +105,7 @@ class WorldSimulation(Simulation):
                 return self.slices[name].start + bad
         return -1
 
-    # ------------------------------------------------------------------ what may change
+    # ------------------------------------------------------------------ live changes
 
     def _parameters_changed(self) -> None:
         for name, member in self.members.items():
@@ -123,7 +123,8 @@ class WorldSimulation(Simulation):
     # ------------------------------------------------------------------ the state
 
     def load(self, state: State) -> None:
-        """See Simulation. Each member loads what is its own; `rotation` and `plastic` are those of bodies."""
+        """Continue from a state, see Simulation; each member loads its own part, `rotation` and `plastic` go to
+        bodies."""
         arrays, inverse_mass = checked_arrays(state, self.body.position.shape, self.options.precision)
         for name, member in self.members.items():
             place = self.slices[name]
@@ -175,11 +176,11 @@ class WorldSimulation(Simulation):
         member = self._bodies()
         return member._download_plastic() if member else None
 
-    # ------------------------------------------------------------------ the rest of the contract
+    # ------------------------------------------------------------------ other methods of Simulation
 
     @property
     def contacts_lost(self) -> int:
-        """Of particles of bodies, neighbours that there was no room for since the start."""
+        """Neighbours of particles of bodies that did not fit into their lists since the start."""
         return sum(getattr(member, "contacts_lost", 0) for member in self.members.values())
 
     def synchronize(self) -> None:
@@ -188,7 +189,7 @@ class WorldSimulation(Simulation):
             member.synchronize()
 
     def close(self) -> None:
-        """And all members."""
+        """Close this and all members."""
         super().close()
         self.__dict__.pop("_executor", None)
         for member in self.members.values():

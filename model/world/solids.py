@@ -1,4 +1,4 @@
-"""What of a world's members a fluid meets: samples of their bodies and surfaces, carried by their particles."""
+"""Samples of a world's bodies and surfaces for its fluid, carried by their particles."""
 
 from __future__ import annotations
 
@@ -26,17 +26,16 @@ from model.geometry.topology import mesh_of
 from model.scene.scene import Scene
 from model.world.world_set import WorldSet
 
-COARSEST = 1.25  # rest distances that particles of a body may be apart: wider, a fluid runs through between them
-THIN = 2.0  # by which volumes of a cloth's samples are larger: nothing behind it holds water back
-BEARING = 1.2  # by which volumes of a body's samples are larger; measured: a held cube is pushed by rho g V within 5 %
-NEAREST = (
-    0.9  # of half of both spacings together: of what a fluid and a body keep from each other at the start, at least
-)
+COARSEST = 1.25  # rest distances between particles of a body, at most: with more, a fluid flows through between them
+THIN = 2.0  # factor of the volumes of a cloth's samples: nothing behind it stops water
+BEARING = 1.2  # factor of the volumes of a body's samples; measured: the force on a fixed cube is rho g V within 5 %
+NEAREST = 0.9  # of half the sum of both spacings: smallest initial distance between a fluid and a body
 
 
 @dataclass(frozen=True, eq=False)
 class Solids:
-    """`particles` (n,) int64, ascending: those of the world that carry samples; `samples`, whose corners are places there."""
+    """`particles` (n,) int64, ascending: those of the world that carry samples; `samples`, whose corners are indices
+    into them."""
 
     particles: np.ndarray
     samples: Samples
@@ -44,8 +43,8 @@ class Solids:
 
 @dataclass(frozen=True)
 class _Sampled:
-    """A part of the scene, by its `name`: the world's particles that carry it, its volumes, and how far [m] a fluid's
-    particles are to be from its samples at the start."""
+    """A part of the scene, by its `name`: the world's particles that carry it, its volumes, and the smallest initial
+    distance [m] of a fluid's particles from its samples."""
 
     name: str
     corners: np.ndarray
@@ -58,8 +57,10 @@ _known: WeakKeyDictionary[WorldSet, Solids] = WeakKeyDictionary()
 
 
 def solids_of(scene: Scene) -> Solids:
-    """Of a world with a fluid. Kept with its particles. Raises SceneError where a fluid begins inside a solid, or could run
-    through one."""
+    """Return the solids of a world with a fluid, cached with its particles.
+
+    Raises SceneError where a fluid begins inside a solid, or could flow through one.
+    """
     found = scene.world_set
     if found not in _known:
         fluid = scene.members["fluid"]
@@ -80,7 +81,7 @@ def solids_of(scene: Scene) -> Solids:
 
 
 def _sampled(scene: Scene) -> Iterator[_Sampled]:
-    """Every body, every surface."""
+    """Yield the samples of every body and every surface."""
     slices = scene.world_set.slices()
     if "bodies" in scene.members:
         yield from _bodies(scene, slices["bodies"].start)
@@ -100,7 +101,10 @@ def _sampled(scene: Scene) -> Iterator[_Sampled]:
 
 
 def _bodies(scene: Scene, first: int) -> Iterator[_Sampled]:
-    """Those of clusters: particles are samples, all unless they lie closely; a copy's volumes are those of the first one."""
+    """Yield the samples of bodies of clusters: their particles, thinned where they are dense.
+
+    A copy's volumes are those of the first one.
+    """
     member, fluid = scene.members["bodies"], scene.members["fluid"].fluid_set
     kept: dict[str, np.ndarray] = {}
     volumes: dict[str, np.ndarray] = {}
@@ -123,7 +127,7 @@ def _bodies(scene: Scene, first: int) -> Iterator[_Sampled]:
 def _surface(
     scene: Scene, name: str, triangles: np.ndarray, position: np.ndarray, first: int, thick: float
 ) -> _Sampled:  # fmt: skip
-    """Of one surface; `position`: of the member's particles; `thick`: by what volumes are multiplied."""
+    """Return the samples of one surface; `position`: of the member's particles; `thick`: factor of volumes."""
     fluid = scene.members["fluid"].fluid_set
     corners, shares = triangle_samples(position, triangles, CLOSE * fluid.spacing)
     points = (shares[:, :, None] * position[corners]).sum(axis=1)
@@ -151,7 +155,7 @@ def _check_start(scene: Scene, parts: list[_Sampled]) -> None:
 
 
 def _within(corners: np.ndarray, position: np.ndarray, some: np.ndarray) -> np.ndarray:
-    """Of the particles `some` those inside the tetrahedron of `corners` (4, 3)."""
+    """Return the particles among `some` inside the tetrahedron of `corners` (4, 3)."""
     edges = (corners[1:] - corners[0]).T
     shares = applied(inverse(edges), position[some] - corners[0]).T if len(some) else np.zeros((3, 0))
     return some[(shares >= 0).all(axis=0) & (shares.sum(axis=0) <= 1)]

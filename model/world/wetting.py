@@ -1,4 +1,4 @@
-"""A cloth that drinks, of a world: whose wetness it is, and what backends are told of it (model/world/plan.py, `soak`)."""
+"""Wetting of a world's cloth: its vertices and rates for backends (model/world/plan.py, `soak`)."""
 
 from __future__ import annotations
 
@@ -16,8 +16,11 @@ RATES = 3  # numbers: soaking, drying, capacity
 
 @dataclass(frozen=True, eq=False)
 class Drinkers:
-    """Those particles of the cloth that carry samples: `vertices` (n,) of the cloth's, and where among the solids' particles
-    they are: from `first` on; `lightness` (n,) float64, when dry."""
+    """Particles of the cloth that carry samples.
+
+    `vertices` (n,): of the cloth; `first`: index of the first among the solids' particles; `lightness` (n,) float64,
+    when dry.
+    """
 
     vertices: np.ndarray
     first: int
@@ -25,7 +28,7 @@ class Drinkers:
 
 
 def drinkers_of(scene: Scene) -> Drinkers:
-    """Of a world with a [wetting]."""
+    """Return the absorbing particles of a world with a [wetting]."""
     solids, place = solids_of(scene), scene.world_set.slices()["cloth"]
     first, stop = np.searchsorted(solids.particles, [place.start, place.stop])
     own = solids.particles[first:stop]
@@ -33,13 +36,15 @@ def drinkers_of(scene: Scene) -> Drinkers:
 
 
 def rates_of(scene: Scene) -> np.ndarray:
-    """(RATES,) float64: of a substep, what comes of what is missing and goes of what is there; the capacity."""
+    """Return the fractions of the missing water that is absorbed, and of the water that dries, per substep; the
+    capacity; (RATES,) float64."""
     wetting, h = scene.one("wetting"), scene.method.dt / scene.method.substeps
     return np.array([1 - exp(-h / wetting.soaking_time), 1 - exp(-h / wetting.drying_time), wetting.capacity])
 
 
 def checked_wetness(scene: Scene, wetness: np.ndarray | None) -> np.ndarray:
-    """(particles,) float64 of a state: 0 where it has none. Raises InputError for another shape, or what is no share."""
+    """Return a state's wetness, (particles,) float64, 0 where it has none. Raises InputError for another shape, or
+    values outside 0 to 1."""
     count = scene.world_set.particle_count
     found = np.zeros(count) if wetness is None else np.asarray(wetness, np.float64)
     if found.shape != (count,) or not ((found >= 0) & (found <= 1)).all():

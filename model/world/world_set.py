@@ -1,4 +1,4 @@
-"""All particles of a world as one set: what whoever counts particles, and asks no more, starts from."""
+"""All particles of a world as one set, for code that only needs particles."""
 
 from __future__ import annotations
 
@@ -20,11 +20,12 @@ from model.shape_matching.body_set import BodySet
 
 @dataclass(frozen=True, eq=False)
 class WorldSet(ParticleRow):
-    """The particles of all members, one member after the other: `first[k]` to before `first[k + 1]` are those of `names[k]`.
+    """The particles of all members, one member after the other: `first[k]` to before `first[k + 1]` are those of
+    `names[k]`.
 
-    `position`, `velocity` (particles, 3) float64 [m], [m/s] at the start; `masses` (particles,) [kg]; `pinned_vertices`,
-    ascending: particles that do not move. To the rest of the lab it is a row of masses: `rows` 1, `columns` all, `spacing`
-    [m] the least one of the members, `mass` [kg] the mean one.
+    `position`, `velocity` (particles, 3) float64 [m], [m/s] at the start; `masses` (particles,) [kg];
+    `pinned_vertices`, ascending: particles that do not move. It has the attributes of a row of masses: `rows` 1,
+    `columns` the number of particles, `spacing` [m] the smallest one of the members, `mass` [kg] the mean one.
     """
 
     names: tuple[str, ...]
@@ -37,26 +38,26 @@ class WorldSet(ParticleRow):
 
     @property
     def pinned(self) -> str:
-        """`some` where a particle is, else `none`."""
+        """`some` where a particle is pinned, else `none`."""
         return "some" if len(self.pinned_vertices) else "none"
 
     @property
     def mass(self) -> float:
-        """The mean one [kg]."""
+        """Mean mass of a particle [kg]."""
         return mean(self.masses)
 
     @property
     def extent(self) -> float:
-        """Its longest side [m]."""
+        """Longest side [m]."""
         return float(np.ptp(self.position, axis=0).max())
 
     def slices(self) -> dict[str, slice]:
-        """Of each member, where its particles are."""
+        """Return the slice of each member's particles."""
         return {name: slice(*self.first[k : k + 2].tolist()) for k, name in enumerate(self.names)}
 
 
 def make_world_set(members: Mapping[str, Any]) -> WorldSet:
-    """Of the members' own sets by name. Raises SceneError where there are too many particles."""
+    """Return the set of the members' own sets, by name. Raises SceneError where there are too many particles."""
     counts = [one.particle_count for one in members.values()]
     if sum(counts) > MAX_PARTICLES:
         raise SceneError("world", sum(counts), f"at most {MAX_PARTICLES} particles (32-bit indices)")
@@ -69,7 +70,7 @@ def make_world_set(members: Mapping[str, Any]) -> WorldSet:
 
 
 def _of(found: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """(position, velocity, masses, pinned) of a member's own set."""
+    """Return (position, velocity, masses, pinned) of a member's own set."""
     if isinstance(found, BodySet):
         return found.position, found.velocity, found.clusters.mass, np.flatnonzero(found.waiting)
     if isinstance(found, Mesh):

@@ -1,11 +1,11 @@
-"""Colours for constraints, so that no two of one colour share a vertex and all of a colour can be solved at once.
+"""Colours for constraints, such that no two of one colour share a vertex and all of a colour can be solved at once.
 
-Colour by colour, the constraints without one, in a random but fixed order of priority, give as many as they can: in rounds
-each that comes first at all its vertices takes the colour, and those that share a vertex with it wait for the next colour
-(M. Luby, "A simple parallel algorithm for the maximal independent set problem", SIAM J. Comput. 15 (1986); M. T. Jones, P. E.
-Plassmann, "A parallel graph coloring heuristic", SIAM J. Sci. Comput. 14 (1993)). That is the greedy colouring in that order.
-Then colours are saved by greedy colouring again, whole colours in another order, which never takes more (J. C. Culberson,
-"Iterated greedy graph coloring and the difficulty landscape" (1992)).
+Constraints have a random but fixed order of priority. Colour by colour, as many uncoloured constraints as possible get
+the colour: in rounds each that comes first at all its vertices takes it, and those that share a vertex with it wait for
+the next colour (M. Luby, "A simple parallel algorithm for the maximal independent set problem", SIAM J. Comput. 15
+(1986); M. T. Jones, P. E. Plassmann, "A parallel graph coloring heuristic", SIAM J. Sci. Comput. 14 (1993)). That is
+the greedy colouring in that order. Then greedy colouring is repeated with whole colours in another order, which never
+takes more colours (J. C. Culberson, "Iterated greedy graph coloring and the difficulty landscape" (1992)).
 """
 
 from __future__ import annotations
@@ -17,15 +17,16 @@ import numpy as np
 from model.core.errors import SceneError
 from model.geometry.lists import offsets_of
 
-MAX_COLOURS = 1024  # each is a launch or a barrier: a vertex with more constraints than that takes another solver
-PASSES = 32  # of saving colours; later ones were seen to save none
-WORD = 63  # colours that fit one signed word of used colours
+MAX_COLOURS = 1024  # each is a launch or a barrier: a vertex with more constraints needs another solver
+PASSES = 32  # of repeated colouring; later ones did not save any colour in tests
+WORD = 63  # colours in one signed word of used colours
 
 
 @dataclass(frozen=True)
 class Colouring:
-    """`order` (n,) int32: constraints by colour, ascending in each; colour c is `order[starts[c]:starts[c + 1]]`, `starts`
-    (colours + 1,) int32, larger colours first. `least`: the most constraints at one vertex, which no colouring can beat."""
+    """`order` (n,) int32: constraints by colour, ascending in each; colour c is `order[starts[c]:starts[c + 1]]`,
+    `starts` (colours + 1,) int32, larger colours first. `least`: the largest number of constraints at a vertex, a lower
+    bound of colours."""
 
     order: np.ndarray
     starts: np.ndarray
@@ -33,12 +34,12 @@ class Colouring:
 
     @property
     def colours(self) -> int:
-        """How many."""
+        """Number of colours."""
         return len(self.starts) - 1
 
 
 def colour(constraints: np.ndarray, vertex_count: int, seed: int = 0) -> Colouring:
-    """Colours for `constraints` (n, k): the k different vertices 0 ... vertex_count - 1 of each.
+    """Return colours for `constraints` (n, k): the k different vertices 0 ... vertex_count - 1 of each.
 
     The same for the same arguments. Raises SceneError where a vertex has more than MAX_COLOURS constraints.
     """
@@ -68,7 +69,7 @@ def colour(constraints: np.ndarray, vertex_count: int, seed: int = 0) -> Colouri
 
 
 def _greedy(vertices: np.ndarray, vertex_count: int, priority: np.ndarray) -> np.ndarray:
-    """(n,) int64: colours of the greedy colouring that takes constraints by ascending `priority` (n,), a permutation."""
+    """Return the colours of the greedy colouring by ascending `priority` (n,), a permutation, (n,) int64."""
     given = np.full(len(vertices), -1, dtype=np.int64)
     earliest = np.empty(vertex_count, dtype=np.int64)
     waiting, number = np.arange(len(vertices)), 0
@@ -89,7 +90,7 @@ def _greedy(vertices: np.ndarray, vertex_count: int, priority: np.ndarray) -> np
 
 
 def _again(vertices: np.ndarray, vertex_count: int, given: np.ndarray, order: np.ndarray) -> np.ndarray:
-    """(n,) int64: the lowest free colour for each constraint, all of a colour at once, colours in `order`."""
+    """Return the lowest free colour for each constraint, all of a colour at once, colours in `order`, (n,) int64."""
     members = np.split(np.argsort(given, kind="stable"), np.cumsum(np.bincount(given))[:-1])
     used = np.zeros(vertex_count, dtype=np.int64)  # a bit for each colour at the vertex
     new = np.empty_like(given)

@@ -1,4 +1,4 @@
-"""PBD and XPBD: sheets of rows and columns (grid or cloth), and meshes."""
+"""The families of PBD and XPBD: sheets of rows and columns (grid or cloth), and meshes."""
 
 from __future__ import annotations
 
@@ -22,19 +22,21 @@ from model.xpbd.reach import period, substep_rows
 
 
 def projection_limit(scene: Scene, frequency: float | None = None) -> float:
-    """Projections hold at any step size [s], but for the masses' dampers, which are explicit: h c/m < 2, h the substep, m the
-    lightest mass; of tetrahedral bodies also h times their own rate."""
+    """Return the largest stable step size [s]: infinite, unless masses have dampers, which are explicit.
+
+    h c/m < 2, h the substep, m the lightest mass; for tetrahedral bodies also h times their own rate.
+    """
     fastest = max(fastest_damping(scene), *(part.mass_damping for part in scene.tetrahedra.values()), 0.0)
     return 2 * scene.method.substeps / fastest if fastest else inf
 
 
 def projection_note(scene: Scene) -> str:
-    """A line on what projections do to a motion, and whether the step size has a limit."""
+    """Return a line on the effect of projections on a motion, and on the limit of the step size, if there is one."""
     return with_limit(scene, "constraints are projected, at any step size; first order, and damped by it")
 
 
 def with_limit(scene: Scene, text: str) -> str:
-    """`text` on a method that holds at any step size, with the limit that the masses' damper still has."""
+    """Return `text` on a method without a limit, with the limit of the masses' damper, if there is one."""
     return text + ("; the limit is that of the masses' damper" if projection_limit(scene) < inf else "")
 
 
@@ -44,8 +46,10 @@ def _stored_in_mesh(scene: Scene, position: np.ndarray, plastic: np.ndarray | No
 
 
 def _sheet_reach(scene: Scene) -> Reach:
-    """Of a substep, as far as its iterations lead; windows may exchange after each. Raises SceneError for what asks which
-    mass of the whole sheet one is, or leads across it."""
+    """Return the rows that a substep reads in its iterations; windows may exchange after each.
+
+    Raises SceneError for parts that depend on a mass's number in the whole sheet, or connect masses across it.
+    """
     require_local(scene)
     parts = xpbd_parts(scene)
     rows, more = substep_rows(parts, scene.method.iterations)

@@ -1,7 +1,7 @@
-"""The constraints of a mesh, sorted by colours, as arrays that both backends read; and the energies they stand for.
+"""The constraints of a mesh, sorted by colours, as arrays for both backends; and their energies.
 
-A new kind of constraint is an entry of MODELS: its projection (model/formulas/constraints), the corners and values that a
-mesh has of it, and how far it is from rest.
+A new kind of constraint is an entry of MODELS: its projection (model/formulas/constraints), its corners and values on a
+mesh, and its violation.
 """
 
 from __future__ import annotations
@@ -31,19 +31,19 @@ from model.scene.xpbd import MAX_ANCHORS
 from model.xpbd.colouring import colour
 from model.xpbd.rest_shape import check_flat
 
-FLAT = 1e-9  # of the edge: a shorter vector k at rest is made of the rounded coordinates of a flat hinge
+FLAT = 1e-9  # of the edge: a shorter vector k at rest is the rounding of a flat hinge's coordinates
 SHAKE = 1e-4  # of the mean edge
-FLAT_TETRAHEDRON = 1e-3  # six times the volume, over the mean edge cubed: flatter ones hold nothing
+FLAT_TETRAHEDRON = 1e-3  # six times the volume, over the mean edge cubed: flatter ones are omitted
 Arrays = tuple[np.ndarray, np.ndarray]
 
 
 @dataclass(frozen=True)
 class Model:
-    """What a constraint is: its projection, of `corners`, `values` and `multipliers`, and its `operations`.
+    """A constraint's projection, of `corners`, `values` and `multipliers`, and its `operations`.
 
     `made(mesh, kind)`: (corners (n, corners) int32, values (n, values) float64) of the scene's part `kind` on a mesh.
-    `violation(position (vertices, 3), corners, values)`: (how far each is from rest, what its stiffness is divided by), so
-    that it stores stiffness / divisor * violation^2 / 2 [J]. `can_damp`: it knows a damper.
+    `violation(position (vertices, 3), corners, values)`: (violations, divisor of the stiffness), with the energy
+    stiffness / divisor * violation^2 / 2 [J]. `can_damp`: it supports a damper.
     """
 
     make: Callable[..., Any]
@@ -57,7 +57,7 @@ class Model:
 
 
 def constraint_sets(scene: Scene) -> tuple[ConstraintSet, ...]:
-    """The scene's constraints in the order in which they are projected: edges, then bending, those it has. Kept with the
+    """Return the scene's constraints in the order of projection: edges, then bending, those it has. Cached with the
     mesh."""
     part = scene.mesh
     assert part is not None
@@ -73,12 +73,12 @@ def constraint_sets(scene: Scene) -> tuple[ConstraintSet, ...]:
 
 
 def wanted(scene: Scene) -> tuple[tuple[str, str], ...]:
-    """(kind, model) of the scene's constraints."""
+    """Return (kind, model) of the scene's constraints."""
     return tuple((kind, model_of(kind, getattr(part, "model", None))) for kind, part in scene.constraints.items())
 
 
 def model_of(kind: str, told: str | None = None) -> str:
-    """The model of a kind of part: what the part tells, or the kind's own name, or distances."""
+    """Return the model of a kind of part: `told` by the part, or the kind's own name, or distances."""
     return told or (kind if kind in MODELS else "distance")
 
 
@@ -86,14 +86,14 @@ _known: WeakKeyDictionary[TriangleMesh, dict[tuple[str, str], ConstraintSet]] = 
 
 
 def coloured(kind: str, model: str, corners: np.ndarray, values: np.ndarray, particles: int) -> ConstraintSet:
-    """The set of such constraints, sorted by colours."""
+    """Return the set of these constraints, sorted by colours."""
     found = colour(corners, particles)
     return ConstraintSet(kind, model, np.ascontiguousarray(corners[found.order]), values[found.order], found.starts)
 
 
 def attachment_set(scene: Scene, body: Body) -> ConstraintSet:
-    """The long-range attachments of every vertex to all its anchors: these are pinned, so that each moves one vertex alone,
-    and all are of one colour."""
+    """Return the long-range attachments of every vertex to all its anchors. These are pinned, so that each attachment
+    moves one vertex alone, and all have one colour."""
     anchors, reaches = vertex_attachments(scene, body, np.float64)
     held = (body.inverse_mass > 0) & (reaches[:, 0] < UNREACHED)
     vertices = np.flatnonzero(held).astype(np.int32)
@@ -102,14 +102,14 @@ def attachment_set(scene: Scene, body: Body) -> ConstraintSet:
 
 
 def tether_of(anchors: int) -> Projection:
-    """How attachments to so many anchors are projected."""
+    """Return the projection of attachments to that number of anchors."""
     return Projection(
         f"attachments_{anchors}", tether.make, 1 + anchors, anchors, moves=1, soft=False, flags=(("anchors", anchors),)
     )
 
 
 def projection_of(kind: str, parts: frozenset[str]) -> Projection:
-    """How the constraints of a kind of part are projected in a scene of such parts (model/xpbd/mesh_plan.py)."""
+    """Return the projection of a kind of part in a scene of such parts (model/xpbd/mesh_plan.py)."""
     if kind == "attachments":
         return tether_of(next(n for n in range(1, MAX_ANCHORS + 1) if f"attachments-{n}" in parts))
     name = model_of(kind, next((name for name in MODELS if f"{kind}-{name}" in parts), None))
@@ -128,13 +128,13 @@ def projection_of(kind: str, parts: frozenset[str]) -> Projection:
 
 
 def projections_of(parts: frozenset[str]) -> tuple[Projection, ...]:
-    """Of a scene of such parts, in the order in which they are projected."""
+    """Return the projections of a scene of such parts, in the order of projection."""
     kinds = [kind for kind in (*CONSTRAINT_KINDS, "attachments") if kind in parts]
     return tuple(projection_of(kind, parts) for kind in kinds)
 
 
 def operations_of(projection: Projection) -> int:
-    """Floating-point operations of one constraint."""
+    """Return the floating-point operations of one constraint."""
     if projection.make is tether.make:
         return distance_formulas.OPERATIONS_ATTACHMENT
     if projection.make is distance.make:
@@ -152,7 +152,7 @@ def _distances(mesh: TriangleMesh, kind: str) -> Arrays:
 
 
 def _ends(mesh: TriangleMesh, kind: str) -> Arrays:
-    """(ends (n, 2) int32, rest lengths (n,) [m]): of edges; of `bending` of the ways between wings."""
+    """Return (ends (n, 2) int32, rest lengths (n,) [m]): edges; for `bending` the lines between wings."""
     ends = mesh.edges.winged[:, 2:] if kind == "bending" else mesh.edges.edges
     return ends, edge_lengths(mesh.position, ends)
 
@@ -165,18 +165,19 @@ def _stretch(position: np.ndarray, corners: np.ndarray, values: np.ndarray) -> t
 
 
 def _thirds(mesh: TriangleMesh) -> np.ndarray:
-    """(hinges,): a third of both triangles' areas [m^2]."""
+    """Return a third of both triangles' areas [m^2], (hinges,)."""
     return triangle_areas(mesh.position, mesh.triangles)[mesh.edges.triangles[mesh.edges.inner]].sum(axis=1) / 3
 
 
 def _cotangents(apex: np.ndarray, one: np.ndarray, other: np.ndarray) -> np.ndarray:
-    """(n,): of the angle at `apex` between the ways to `one` and `other` (n, 3)."""
+    """Return the cotangent of the angle at `apex` between the directions to `one` and `other` (n, 3), (n,)."""
     u, v = one - apex, other - apex
     return dot(u, v) / norm(np.cross(u, v))
 
 
 def isometric_values(mesh: TriangleMesh) -> np.ndarray:
-    """(hinges, 6): K of the edge's ends and of the wings (Bergou et al. 2006, eq. 5), length of k at rest [m], area [m^2]."""
+    """Return K of the edge's ends and wings (Bergou et al. 2006, eq. 5), length of k at rest [m], area [m^2]; (hinges,
+    6)."""
     a, b, c, d = (mesh.position[corner] for corner in mesh.edges.winged.T)
     at_a = _cotangents(a, b, c), _cotangents(a, b, d)
     at_b = _cotangents(b, a, c), _cotangents(b, a, d)
@@ -188,7 +189,7 @@ def isometric_values(mesh: TriangleMesh) -> np.ndarray:
 
 
 def dihedral_values(mesh: TriangleMesh) -> np.ndarray:
-    """(hinges, 3): edge [m], tan(theta/4) at rest, area [m^2]."""
+    """Return edge [m], tan(theta/4) at rest, area [m^2]; (hinges, 3)."""
     tangent = quarter_tangents(mesh.position, mesh.edges.winged)
     tangent[np.abs(tangent) < FLAT] = 0.0
     ends = mesh.edges.winged[:, :2]
@@ -196,7 +197,7 @@ def dihedral_values(mesh: TriangleMesh) -> np.ndarray:
 
 
 def quarter_tangents(position: np.ndarray, hinges: np.ndarray) -> np.ndarray:
-    """(hinges,) float64: tan(theta/4) of each, in [-1, 1]."""
+    """Return tan(theta/4) of each hinge, in [-1, 1], (hinges,) float64."""
     a, b, c, d = (np.asarray(position, np.float64)[corner] for corner in hinges.T)
     e, f, g = b - a, c - a, d - a
     n, m = np.cross(e, f), np.cross(g, e)
@@ -206,9 +207,9 @@ def quarter_tangents(position: np.ndarray, hinges: np.ndarray) -> np.ndarray:
 
 
 def quarter_tangent(sine: np.ndarray, cosine: np.ndarray) -> np.ndarray:
-    """(n,): tan(theta/4) in [-1, 1] of angles with such sines and cosines times a common factor of at least 0; 0 where both
-    are. Up to a right angle by tan(theta/2) = sin / (1 + cos), beyond it by its inverse, both without cancellation; and
-    tan(x/2) = t / (1 + sqrt(1 + t^2)) of t = tan(x)."""
+    """Return tan(theta/4) in [-1, 1], (n,), from sines and cosines times a common factor of at least 0; 0 where both
+    are 0. Up to a right angle by tan(theta/2) = sin / (1 + cos), beyond it by its inverse, both without cancellation;
+    and tan(x/2) = t / (1 + sqrt(1 + t^2)) of t = tan(x)."""
     whole = np.sqrt(sine * sine + cosine * cosine)
     size = np.where(whole > 0, whole + np.abs(cosine), 1.0)
     ratio = np.abs(sine) / size
@@ -229,11 +230,9 @@ def _angle(position: np.ndarray, corners: np.ndarray, values: np.ndarray) -> Arr
 
 
 def tetrahedra_within(mesh: TriangleMesh) -> np.ndarray:
-    """(n, 4) int32: the tetrahedra of the vertices' Delaunay triangulation whose centres lie inside the closed mesh, corners
-    so that volumes are positive. Vertices are shaken by SHAKE of an edge for it: of five on one sphere it is not unique.
-
-    Raises InputError: an open mesh, or one with nothing inside.
-    """
+    """Return the Delaunay tetrahedra of the vertices with centres inside the closed mesh, (n, 4) int32, of positive
+    volumes. Vertices are perturbed by SHAKE of an edge for it: with five on one sphere it is not unique. Raises
+    InputError: an open mesh, or one with nothing inside."""
     from scipy.spatial import Delaunay, QhullError
 
     p, edge = mesh.position, mean(edge_lengths(mesh.position, mesh.edges.edges))
@@ -256,7 +255,7 @@ def tetrahedra_within(mesh: TriangleMesh) -> np.ndarray:
 
 
 def sixfold_volumes(position: np.ndarray, corners: np.ndarray) -> np.ndarray:
-    """(n,) float64 [m^3]: six times the signed volumes of tetrahedra."""
+    """Return six times the signed volumes of tetrahedra, (n,) float64 [m^3]."""
     a, b, c, d = (position[corner] for corner in corners.T)
     return dot(b - a, np.cross(c - a, d - a))
 
@@ -271,11 +270,11 @@ def _compression(position: np.ndarray, corners: np.ndarray, values: np.ndarray) 
     return sixfold_volumes(position, corners) - values[:, 0], values[:, 1]
 
 
-# ---------------------------------------------------------------------- what is told of a mesh
+# ---------------------------------------------------------------------- edges, strains and energies of a mesh
 
 
 def edges_of(scene: Scene, kind: str = "structural") -> tuple[np.ndarray, np.ndarray]:
-    """(ends (n, 2) int32, rest lengths (n,) [m]) of a mesh: its edges; of `bending` the ways between wings."""
+    """Return (ends (n, 2) int32, rest lengths (n,) [m]) of a mesh: its edges; for `bending` the lines between wings."""
     part = scene.mesh
     assert part is not None
     ends, rest = _ends(mesh_of(part), kind)
@@ -283,13 +282,13 @@ def edges_of(scene: Scene, kind: str = "structural") -> tuple[np.ndarray, np.nda
 
 
 def edge_strain(scene: Scene, position: np.ndarray, kind: str = "structural") -> np.ndarray:
-    """(n,) float64: (length - rest) / rest of what `edges_of` tells the ends of."""
+    """Return (length - rest) / rest of the lines of `edges_of`, (n,) float64."""
     ends, rest = edges_of(scene, kind)
     return (edge_lengths(np.asarray(position, dtype=np.float64), ends) - rest) / rest
 
 
 def mesh_energy(scene: Scene, position: np.ndarray, kind: str) -> float:
-    """The energy [J] that a mesh's constraints of a kind hold at `position` (vertices, 3)."""
+    """Return the energy [J] of a mesh's constraints of a kind at `position` (vertices, 3)."""
     (found,) = (one for one in constraint_sets(scene) if one.kind == kind)
     violation, divisor = MODELS[found.model].violation(np.asarray(position, np.float64), found.corners, found.values)
     return float(np.sum(scene.constraints[kind].storing_stiffness / divisor * violation**2) / 2)

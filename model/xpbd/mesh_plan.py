@@ -13,14 +13,17 @@ from model.scene.scene import Scene
 from model.xpbd.mesh_constraints import constraint_sets, model_of, operations_of, projection_of, wanted
 from model.xpbd.plan import LOOKED_AT, xpbd_parts
 
-BODY_DAMPING = "body-damping"  # of the parts: bodies have rates of damping of their own
+BODY_DAMPING = "body-damping"  # a part: bodies have their own damping rates
 PROJECT_CONTACTS = "project contacts"  # a stage
-PINS = Stage("pins", 0, 0, 0, 1.0)  # that follow a motion: where they are as a substep ends, and how fast
+PINS = Stage("pins", 0, 0, 0, 1.0)  # following a motion: their position and velocity at a substep's end
 
 
 def mesh_parts(scene: Scene, live: frozenset[str] = frozenset()) -> frozenset[str]:
-    """The parts that need code: a sheet's (model/xpbd/plan.py), and the model of each kind of constraint, as
-    `bending-isometric`. Every mass has a weight of its own (`load`)."""
+    """Return the parts that need code: a sheet's (model/xpbd/plan.py), and each constraint's model, as
+    `bending-isometric`.
+
+    Every mass has its own weight (`load`).
+    """
     parts = xpbd_parts(scene, live) | {"load"} | model_parts(scene)
     if "attachments" in parts and scene.attachments:
         parts |= {f"attachments-{scene.attachments.anchors}"}
@@ -28,25 +31,28 @@ def mesh_parts(scene: Scene, live: frozenset[str] = frozenset()) -> frozenset[st
 
 
 def model_parts(scene: Scene) -> frozenset[str]:
-    """Those of constraints, of kinds that know several models."""
+    """Return the models of constraints, for kinds with several models."""
     return frozenset(f"{kind}-{model}" for kind, model in wanted(scene) if model != model_of(kind))
 
 
 def with_friction_in_place(parts: frozenset[str]) -> frozenset[str]:
-    """With friction of colliders on positions, where there is any: what a constraint moved a touching vertex by along a
-    collider within a substep would stay else, since friction takes velocities alone, and what should stick would creep."""
+    """Return the parts with friction of colliders on positions, where there is friction.
+
+    Friction on velocities alone would leave the displacement of a touching vertex along a collider by constraints
+    within a substep, so that sticking bodies would creep.
+    """
     return parts | {FRICTION_IN_PLACE} if "friction" in parts else parts
 
 
 def stage_name(kind: str, model: str, colour: int) -> str:
-    """Of the plan, for one colour of a set of constraints."""
+    """Return the name of a plan's stage for one colour of a set of constraints."""
     if kind == "attachments":
         return "attachments"
     return f"project {'edges' if kind == 'structural' else kind if kind == model else f'{model} {kind}'} {colour}"
 
 
 def xpbd_mesh_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
-    """The plan of a mesh."""
+    """Return the plan of a mesh."""
     parts = with_friction_in_place(mesh_parts(scene, live))
     return constrained_plan(
         scene, parts, [(found, operations_of(projection_of(found.kind, parts))) for found in constraint_sets(scene)]
@@ -54,8 +60,10 @@ def xpbd_mesh_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
 
 
 def constrained_plan(scene: Scene, parts: frozenset[str], sets: Sequence[tuple[ConstraintSet, int]]) -> Plan:
-    """Of particles held by sets of constraints, each with the operations of one: substeps and iterations as in
-    model/xpbd/plan.py, all forces with the prediction."""
+    """Return the plan of particles with sets of constraints, each with the operations of one constraint.
+
+    Substeps and iterations are as in model/xpbd/plan.py, all forces are part of the prediction.
+    """
     method = scene.method
     forces = 3 * distance.OPERATIONS_PREDICT + ("gravity" in parts)
     forces += sum(force.operations + 3 for force in own_forces(parts) if force.operations)

@@ -1,7 +1,7 @@
-"""The constants that the kernels of the position-based solvers read: a cloth's, of a substep, and those of its constraints.
+"""Constants for the kernels of position-based solvers: a cloth's, for a substep, and those of its constraints.
 
-They hold those of model/mass_spring/cloth_parameters.py with the substep for the step, for a grid too: forces and
-colliders read them under these names.
+They include those of model/mass_spring/cloth_parameters.py for the substep instead of the step, for a grid too: forces
+and colliders read them under these names.
 """
 
 from __future__ import annotations
@@ -29,24 +29,24 @@ OF_SHEETS = (
 CONSTRAINTS = (*OF_SHEETS, *(kind for kind in CONSTRAINT_KINDS if kind not in OF_SHEETS))
 CONSTANTS = (
     "rest",  # m
-    "compliance",  # alpha m / h^2, of no unit; 0: inextensible
+    "compliance",  # alpha m / h^2, dimensionless; 0: inextensible
     "damping",  # gamma = alpha beta / h
-    "stiffening",  # 1 + gamma; of PBD 1 / stiffness
-    "both",  # 1 / (2 stiffening + compliance): the reciprocal between two masses that are free, and weigh as the sheet's
-    "one",  # the same where one of them is pinned
+    "stiffening",  # 1 + gamma; in PBD 1 / stiffness
+    "both",  # 1 / (2 stiffening + compliance): the reciprocal between two free masses with the sheet's mass
+    "one",  # the same with one of them pinned
 )
 XPBD_PARAMETERS = (
     "inverse_substep",  # 1/h, 1/s
-    "keep",  # what the masses' damper leaves of a velocity in a substep: 1 - h c / m
+    "keep",  # damping factor of a velocity in a substep: 1 - h c / m
     "braking",  # h c / m
     *(f"constraint_{kind}_{constant}" for kind in CONSTRAINTS for constant in CONSTANTS),
-    "matching",  # how far masses go towards the goals of their clusters in an iteration
+    "matching",  # fraction of the displacement to the goals of their clusters by which masses move per iteration
     "matching_rest",  # m, between neighbours of a cluster at rest
     *CLOTH_PARAMETERS,  # last: numba would take a record that begins as a cloth's for one, and warn
 )
 
 
-OWN_FIELDS = {  # of the scene, by the value that follows from them
+OWN_FIELDS = {  # the scene's field, by the value that follows from it
     "inverse_substep": "method.dt",
     "braking": "damping.coefficient",
     **{f"constraint_{kind}_compliance": f"{kind}.stiffness" for kind in CONSTRAINT_KINDS},
@@ -57,7 +57,7 @@ XPBD_FIELDS = FIELDS | OWN_FIELDS
 
 
 def constraint_constants(scene: Scene, kind: str) -> tuple[float, ...]:
-    """The CONSTANTS of a kind of constraints, in float64; 0 where the scene has none of it."""
+    """Return the CONSTANTS of a kind of constraints, in float64; 0 where the scene has none of it."""
     grid, method = scene.grid, scene.method
     if scene.springs and kind in ("structural", "stiff"):
         softness = scene.springs.softness(scene.springs.stiffness_ratio if kind == "stiff" else 1.0)
@@ -76,14 +76,14 @@ def constraint_constants(scene: Scene, kind: str) -> tuple[float, ...]:
 
 
 def constants_of(record: np.ndarray, kind: str) -> Any:
-    """The CONSTANTS of a kind of constraints as a named tuple, of a record of such parameters."""
+    """Return the CONSTANTS of a kind of constraints as a named tuple, from a record of these parameters."""
     return reader(CONSTANTS, prefix=f"constraint_{kind}_")(record[0])
 
 
 def xpbd_record(
     scene: Scene, real: type, poke: tuple[float, ...] = (0.0, 0.0, 0.0), clock: Clock = START
 ) -> np.ndarray:
-    """(1,): XPBD_PARAMETERS in the arithmetic `real`: computed in float64, rounded once. Raises SceneError.
+    """Return XPBD_PARAMETERS in the arithmetic `real`, (1,): computed in float64, rounded once. Raises SceneError.
 
     `poke`: as many components [N] as the scene has dimensions.
     """
@@ -91,7 +91,7 @@ def xpbd_record(
 
 
 def xpbd_values(scene: Scene, poke: tuple[float, ...], clock: Clock) -> dict[str, float]:
-    """XPBD_PARAMETERS in float64."""
+    """Return XPBD_PARAMETERS in float64."""
     h = scene.method.dt / scene.method.substeps
     braking = damping_rate(scene) * h
     values = {"inverse_substep": 1 / h, "keep": 1 - braking, "braking": braking}

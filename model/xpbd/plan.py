@@ -1,4 +1,4 @@
-"""The plan of a position-based step, and the families of constraints on a sheet: which there are, where, in which colour."""
+"""The plan of a position-based step, and the families of constraints on a sheet: their places and colours."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ from model.scene.scene import Scene
 from model.shape_matching.rigid_rebound import rigid_parts
 
 JACOBI = frozenset({"jacobi", "averaged-jacobi"})  # orderings: all constraints at one position
-BODIES_LOOKED_AT = 27  # particles of the cells around one, a lattice's
-BODIES_MET = 4  # contacts of a particle at a body's surface; of one inside none
-LOOKED_AT = 4  # triangles that a mass of a cloth in a few layers is held against
+BODIES_LOOKED_AT = 27  # particles of the cells around one, in a lattice
+BODIES_MET = 4  # contacts of a particle at a body's surface; an interior one has none
+LOOKED_AT = 4  # triangles against which a mass of a cloth in a few layers is tested
 
 
 @dataclass(frozen=True)
 class Family:
-    """Constraints that go one way over the sheet from the first mass (i, j) to (i + rows, j + columns).
+    """Constraints with one direction over the sheet, from the first mass (i, j) to (i + rows, j + columns).
 
-    The family of (1, -1) is indexed by (i, j), too, and goes from (i, j + 1) to (i + 1, j): the first mass is the upper one.
-    No two of a colour share a mass: the colour is (i // rows) % 2, or (j // columns) % 2 where a family goes along rows.
-    `colours`: the places of its two colours in the order of all.
+    The family of (1, -1) is indexed by (i, j), too, and extends from (i, j + 1) to (i + 1, j): the first mass is the
+    upper one. No two of a colour share a mass: the colour is (i // rows) % 2, or (j // columns) % 2 where a family
+    extends along rows. `colours`: the positions of its two colours in the order of all.
     """
 
     name: str
@@ -49,13 +49,13 @@ FAMILIES = (
 
 
 def xpbd_parts(scene: Scene, live: frozenset[str] = frozenset()) -> frozenset[str]:
-    """The parts that need code. Beside a cloth's (a grid's springs are `structural` ones) and the ordering:
+    """Return the parts that need code, in addition to a cloth's (a grid's springs are `structural` ones) and the
+    ordering.
 
     `structural-compliance` (and so on): the constraints have multipliers, or may get them, where the stiffness is live;
-    `structural-damping`: dampers along them;
-    `alternating`: those of the odd colour have constants of their own (`stiff`); `load`: masses weigh differently, so that
-    reciprocals are not constants; `pins`, `attachments`; `self_collision`, and `contact-friction` where that has friction.
-    Of the solver shape-matching `clusters` instead of constraints.
+    `structural-damping`: dampers along them; `alternating`: those of the odd colour have constants of their own
+    (`stiff`); `load`: masses differ, so that reciprocals are not constants; `pins`, `attachments`; `self_collision`,
+    and `contact-friction` where that has friction. The solver shape-matching has `clusters` instead of constraints.
     """
     parts = set(cloth_parts(scene, live))
     method = scene.method
@@ -91,7 +91,8 @@ def xpbd_parts(scene: Scene, live: frozenset[str] = frozenset()) -> frozenset[st
 
 
 def body_parts(scene: Scene) -> frozenset[str]:
-    """What of bodies needs code beside their clusters: `links`, what their clusters do beside turning, contacts."""
+    """Return the features of bodies that need code besides their clusters: `links`, deformations of their clusters,
+    contacts."""
     if not scene.bodies:
         return frozenset()
     found = scene.body_set
@@ -103,24 +104,24 @@ def body_parts(scene: Scene) -> frozenset[str]:
 
 
 def has_turning(scene: Scene) -> bool:
-    """Whether a loose cluster has several particles, so that a couple of friction can turn it."""
+    """Return True if a loose cluster has several particles, so that a friction couple can rotate it."""
     found = scene.body_set.alike.loose
     return bool((found.offsets[1:] - found.offsets[:-1] > 1).any())
 
 
 def families(scene_parts: frozenset[str]) -> tuple[Family, ...]:
-    """The families of the constraints that are there, by their first colours."""
+    """Return the families of the scene's constraints, by their first colours."""
     return tuple(family for family in FAMILIES if family.kind in scene_parts)
 
 
 def colour_order(scene_parts: frozenset[str]) -> list[tuple[Family, int]]:
-    """(family, its colour 0 or 1) in the order in which Gauss-Seidel projects: 4 to 12 of them, or none."""
+    """Return (family, its colour 0 or 1) in the order of Gauss-Seidel projections: 4 to 12 of them, or none."""
     found = [(family, colour) for family in families(scene_parts) for colour in (0, 1)]
     return sorted(found, key=lambda entry: entry[0].colours[entry[1]])
 
 
 def constraint_count(scene: Scene) -> int:
-    """How many constraints one iteration projects (long-range attachments not counted)."""
+    """Return the number of constraints that one iteration projects (without long-range attachments)."""
     grid, parts, total = scene.grid, xpbd_parts(scene), 0
     for family in families(parts):
         total += max(0, grid.rows - family.rows) * max(0, grid.columns - abs(family.columns))
@@ -128,7 +129,7 @@ def constraint_count(scene: Scene) -> int:
 
 
 def lattice_stages(region: int) -> tuple[Stage, ...]:
-    """An iteration of shape matching of a grid whose clusters are windows."""
+    """Return the stages of an iteration of shape matching of a grid whose clusters are windows."""
     sm, wide = shape_matching, 2 * region + 1
     matching = (wide - 1) * sm.OPERATIONS_MEMBER + wide * sm.OPERATIONS_ROW + sm.OPERATIONS_CLUSTER
     goals = wide * (sm.OPERATIONS_GOAL_MEMBER + sm.OPERATIONS_GOAL_ROW) + sm.OPERATIONS_MOVE
@@ -136,18 +137,19 @@ def lattice_stages(region: int) -> tuple[Stage, ...]:
 
 
 def link_stages(scene: Scene) -> tuple[Stage, ...]:
-    """The links of bodies, a stage a colour: no two of a colour share a particle."""
+    """Return the stages of bodies' links, one per colour: no two of a colour share a particle."""
     starts, particles = scene.body_set.links.starts, scene.body_set.particle_count
     each = (starts[1:] - starts[:-1]) * distance.OPERATIONS_SOFT / particles
     return tuple(Stage(f"project links {number}", 1, 1, round(float(count))) for number, count in enumerate(each))
 
 
 def body_stages(scene: Scene) -> tuple[Stage, ...]:
-    """An iteration of shape matching of bodies: clusters gather their particles, particles their clusters.
+    """Return the stages of an iteration of shape matching of bodies: clusters gather their particles, particles their
+    clusters.
 
-    An entry, a particle in a cluster, is a place, a rest offset, a mass or a share, and an index of four bytes; matched, it
-    reads a position, and moved, the cluster's rotation and centre, 12 scalars. Of a lattice each mass has sums of a slice,
-    nine scalars, which are written and read twice, and a rotation, four.
+    An entry, a particle in a cluster, has an index of four bytes and a position, a rest offset, and a mass or a weight;
+    matching reads a position, moving reads the cluster's rotation and centre, 12 scalars. In a lattice each mass has
+    sums of a slice, nine scalars, which are written and read twice, and a rotation, four.
     """
     clusters, particles = scene.body_set.loose, scene.body_set.particle_count
     overlap, each = len(clusters.indices) / particles, clusters.count / particles
@@ -159,7 +161,7 @@ def body_stages(scene: Scene) -> tuple[Stage, ...]:
     matched = overlap * cluster.OPERATIONS_MEMBER + each * shaped
     moved = overlap * cluster.OPERATIONS_GOAL + cluster.OPERATIONS_MOVE
     table = 3 + 1 + 1  # scalars
-    regular = 0.0  # the part of particles in lattices
+    regular = 0.0  # fraction of particles in lattices
     for one in scene.body_set.lattices:
         part = one.copies * one.lattice.size / particles
         regular += part
@@ -176,7 +178,8 @@ def body_stages(scene: Scene) -> tuple[Stage, ...]:
 
 
 def damping_stage(scene: Scene) -> Stage:
-    """Clusters gather the momenta of their particles, particles the rigid motions of their clusters, 9 scalars."""
+    """Return the stage in which clusters gather the momenta of their particles, and these their clusters' rigid motions
+    (9 scalars)."""
     clusters, particles = scene.body_set.loose, scene.body_set.particle_count
     overlap, each = len(clusters.indices) / particles, clusters.count / particles
     table = 1 + 1  # scalars: a mass or a factor, and an index
@@ -186,16 +189,21 @@ def damping_stage(scene: Scene) -> Stage:
 
 
 def momentum_stage(scene: Scene) -> Stage:
-    """Rigid bodies gather the momenta of their particles' travels, three scalars that predictions write, particles get the
-    velocities of their bodies."""
+    """Return the stage in which rigid bodies gather the momenta of their particles' travels, and these get their
+    velocities.
+
+    The travels are three scalars that predictions write.
+    """
     damping = damping_stage(scene)
     operations = 3 * (rigid.OPERATIONS_PREDICT + rigid.OPERATIONS_RATE)
     return Stage("keep momenta", damping.reads + 2, damping.writes + 1, damping.operations + operations)
 
 
 def couple_stage(scene: Scene) -> Stage:
-    """Clusters gather the couples of their particles, three scalars that contacts write; particles turn with their clusters,
-    six scalars, and what was gathered is 0."""
+    """Return the stage in which clusters gather the couples of their particles, and these turn with their clusters.
+
+    The couples are three scalars that contacts write, the turn six; the gathered couples are reset to 0.
+    """
     clusters, particles = scene.body_set.loose, scene.body_set.particle_count
     overlap, each = len(clusters.indices) / particles, clusters.count / particles
     reads = overlap * (6 + 2) + overlap * (6 + 2) + 3
@@ -204,20 +212,21 @@ def couple_stage(scene: Scene) -> Stage:
 
 
 def rebound_stage(scene: Scene) -> Stage:
-    """Clusters gather what colliders gave to their particles, and what it is worth; particles go with their clusters."""
+    """Return the stage in which clusters gather the velocities from colliders, and their particles move with the
+    clusters."""
     clusters, particles = scene.body_set.loose, scene.body_set.particle_count
     overlap, each = len(clusters.indices) / particles, clusters.count / particles
-    reads = overlap * (2 * 7 + 9 + 2) + 9  # twice a place, a velocity and a mass; a motion, a factor and an index
+    reads = overlap * (2 * 7 + 9 + 2) + 9  # twice a position, a velocity and a mass; a motion, a factor and an index
     member = pace.OPERATIONS_MEMBER + rebound.OPERATIONS_MEMBER + rebound.OPERATIONS_REBOUND
     operations = overlap * member + each * pace.OPERATIONS_MOTION
     return Stage("rebound", round(reads / 3), 2 + round(each * 3), round(operations))
 
 
 def xpbd_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
-    """The plan of a position-based solver. Numbers are per particle and axis, as in model/core/plan.py.
+    """Return the plan of a position-based solver. Numbers are per particle and axis, as in model/core/plan.py.
 
-    M. Macklin et al., "XPBD", MIG 2016, algorithm 1, in substeps (M. Macklin et al., "Small Steps in Physics Simulation",
-    SCA 2019); multipliers are 0 when a substep begins and live through its iterations.
+    M. Macklin et al., "XPBD", MIG 2016, algorithm 1, in substeps (M. Macklin et al., "Small Steps in Physics
+    Simulation", SCA 2019); multipliers are 0 at a substep's start and are stored through its iterations.
     """
     parts, method, axes = xpbd_parts(scene, live), scene.method, scene.dimensions
     outside: list[Stage] = []
@@ -256,7 +265,7 @@ def xpbd_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
         colours += (Stage("project contacts", 4, 1, scene.contact.sweeps * met),)
     turned = (couple_stage(scene),) if "couples" in parts else ()
     update = Stage("update velocity", 2, 1, axes * distance.OPERATIONS_UPDATE)
-    bounces = Stage("bounce", 6, 1, BODIES_MET * particle_contact.OPERATIONS_BOUNCE)  # places, velocities of pairs
+    bounces = Stage("bounce", 6, 1, BODIES_MET * particle_contact.OPERATIONS_BOUNCE)  # positions, velocities of pairs
     bounce = (bounces,) if "contact-restitution" in parts else ()
     steady = (momentum_stage(scene),) if "rigid-motion" in parts else ()
     slow = (damping_stage(scene),) if "cluster_damping" in parts else ()
@@ -265,9 +274,9 @@ def xpbd_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
     turned_round = (rebound_stage(scene),) if "rigid-rebound" in parts else ()
     rest = (
         (Stage("rest", 2, 1, 3),) if {"rigid-motion", "sleeping"} <= parts else ()
-    )  # compares places of a substep's ends
+    )  # compares the positions at a substep's ends
     iteration = Node("iteration", colours, method.iterations)
-    late = bounce if "rigid-bounce" in parts else ()  # after colliders, which bear what lies on bodies that lie on them
+    late = bounce if "rigid-bounce" in parts else ()  # after colliders, which support the bodies under others
     ends = (*steady, *(() if late else bounce), *slow, *touch, *turned_round, *late, *rest)
     stages = (*outside, predict, *search, iteration, *turned, update, *ends)
     substep = Node("substep", stages, method.substeps)

@@ -1,8 +1,8 @@
-"""How far the masses reach that decide a mass's position after some iterations: pure arithmetic, for tiles and for windows.
+"""The range of masses that decide a mass's position after some iterations: pure arithmetic, for tiles and for windows.
 
-A mass depends on those that its constraints reached, colour by colour backwards. Colours alternate every 2 or 4 masses, so
-that it matters where one begins: with all twelve families an iteration reaches 4 rows beyond a row whose number is a multiple
-of 4 plus 2, and 6 beyond a multiple of 4; either ends at a multiple of 4 plus 2, so that further ones reach 4.
+A mass depends on those that its constraints reach, colour by colour backwards. Colours alternate every 2 or 4 masses,
+so that the starting row matters: with all twelve families an iteration reaches 4 rows beyond a row whose number is a
+multiple of 4 plus 2, and 6 beyond a multiple of 4; either ends at a multiple of 4 plus 2, so that further ones reach 4.
 """
 
 from __future__ import annotations
@@ -12,12 +12,14 @@ from itertools import pairwise
 
 from model.xpbd.plan import Family, colour_order, families
 
-PERIOD = 4  # colours repeat after so many masses along either axis
+PERIOD = 4  # colours repeat after this number of masses along either axis
 
 
 def partners(family: Family, colour: int, along_rows: bool, place: int) -> tuple[int, ...]:
-    """Where along an axis the constraints of a colour lead to from a mass at `place` of it. Diagonals go both ways along
-    the columns: which, hangs on the row."""
+    """Return the places along an axis to which the constraints of a colour lead from a mass at `place`.
+
+    Diagonals lead in both directions along the columns, depending on the row.
+    """
     stride = family.rows if along_rows else abs(family.columns)
     if stride == 0:
         return ()
@@ -28,8 +30,8 @@ def partners(family: Family, colour: int, along_rows: bool, place: int) -> tuple
 
 
 def dependencies(parts: frozenset[str], along_rows: bool, first: int, end: int, iterations: int = 1) -> tuple[int, int]:
-    """(first, end) of the masses along an axis whose positions before `iterations` of all colours decide those of the
-    masses first ... end - 1 after them."""
+    """Return (first, end) of the masses along an axis on which the masses first ... end - 1 depend after `iterations`
+    of all colours."""
     if "gauss-seidel" not in parts:
         reach = max((max(f.rows, abs(f.columns)) for f in families(parts)), default=0)
         return first - reach * iterations, end + reach * iterations
@@ -45,7 +47,7 @@ def dependencies(parts: frozenset[str], along_rows: bool, first: int, end: int, 
 
 
 def period(parts: frozenset[str]) -> int:
-    """Rows after which constraints repeat: colours, and springs that alternate."""
+    """Return the rows after which constraints repeat: colours, and alternating springs."""
     if "gauss-seidel" in parts:
         return PERIOD if "bending" in parts else 2
     return 2 if "alternating" in parts else 1
@@ -53,11 +55,13 @@ def period(parts: frozenset[str]) -> int:
 
 @cache
 def substep_rows(parts: frozenset[str], iterations: int) -> tuple[int, int]:
-    """(rows, more): n substeps read rows * n + more beyond rows that begin and end at multiples of `period`. Wind reads the
-    rows beside a mass when a substep begins; in the Jacobi orderings what a mass gives way by hangs on how many constraints
-    it has, which reach as far again."""
+    """Return (rows, more): n substeps read rows * n + more beyond rows that begin and end at multiples of `period`.
+
+    Wind reads the rows beside a mass at a substep's start. In the Jacobi orderings the denominator of a mass depends on
+    its number of constraints, which reach as far again.
+    """
     wind, edges = int("wind" in parts), [(0, 4 * PERIOD)]
-    for _ in range(2 * PERIOD):  # after so many an edge has come back to a place in the period where it was before
+    for _ in range(2 * PERIOD):  # after this number an edge returns to an earlier place in the period
         first, end = dependencies(parts, True, *edges[-1], iterations)
         edges.append((first - wind, end + wind))
     sides = [-first for first, _ in edges], [end - edges[0][1] for _, end in edges]

@@ -50,11 +50,9 @@ class Diagnosis:
 
 @dataclass(frozen=True)
 class Situation:
-    """Input of the causes: a scene that diverged, or would, at its step size.
-
-    `limit` [s]: the largest step size that is stable in any state; `position`, `velocity`: the last good state,
-    (particles, dimensions) [m, m/s], None where there is none.
-    """
+    """Input of the causes: a scene that diverged, or would, at its step size. `limit` [s]: the largest stable step size
+    in any state; `position`, `velocity` (particles, dimensions) [m, m/s]: the last good state, None where there is
+    none."""
 
     scene: Scene
     limit: float
@@ -129,11 +127,8 @@ def beyond_numbers(at: Situation) -> Diagnosis | None:
 
 
 def no_usable_step(at: Situation) -> Diagnosis | None:
-    """Diagnose stable steps that are too short to be used, caused by one mass, density, stiffness or damper.
-
-    It is the value farthest from 1 in its unit that could be changed to make the step size stable; the remedy is a
-    power of ten.
-    """
+    """Diagnose stable steps that are too short to be used, because of the mass, density, stiffness or damper farthest
+    from 1 in its unit with which the step size could be stable. The remedy is a power of ten for it."""
     if not at.over or at.limit >= LEAST_STEP:
         return None
     fields = [(name, field) for name, part in at.scene.parts.items() for field in _numbers_of(part)]
@@ -162,8 +157,7 @@ def no_step_size(at: Situation) -> Diagnosis | None:
 
 
 def stiffness_ratio(at: Situation) -> Diagnosis | None:
-    """Diagnose a step size over the limit because of the stiff springs alone: with the soft ones everywhere it would be
-    stable."""
+    """Diagnose a step size over the limit of the stiff springs, but not of the soft ones."""
     springs = at.scene.springs
     if not at.over or springs is None or not springs.alternate:
         return None
@@ -236,10 +230,8 @@ def diagnose(
     position: np.ndarray | None = None,
     causes: Mapping[str, Cause] = CAUSES,
 ) -> Diagnosis:
-    """Return the diagnosis of a scene that diverged at its step size, from the first of `causes` that applies.
-
-    `limit`, `velocity`, `position`: see Situation.
-    """
+    """Return the diagnosis of a scene that diverged at its step size, from the first of `causes` that applies. `limit`,
+    `velocity`, `position`: see Situation."""
     at = Situation(scene, limit, velocity, position)
     for name, cause in causes.items():
         found = cause(at)
@@ -268,11 +260,8 @@ def _numbers_of(part: Part) -> list[str]:
 
 
 def _power_that_holds(scene: Scene, path: str, value: float, light: bool) -> float | None:
-    """Return the power of ten next to `value` with which the scene's step size is stable; None where there is none
-    within DECADES of 1.
-
-    It is larger than `value` if `light`, else smaller.
-    """
+    """Return the power of ten next to `value`, larger if `light`, else smaller, with which the scene's step size is
+    stable; None where there is none within DECADES of 1."""
     way = 1 if light else -1
     near, far = floor(way * log10(value)), DECADES
 
@@ -297,8 +286,7 @@ def _limit_at(scene: Scene, ratio: float) -> float:
 
 
 def _largest_ratio(scene: Scene) -> float:
-    """Return the largest stiffness ratio, to three digits, at which the scene's step size, stable at 1, is still
-    stable."""
+    """Return the largest stiffness ratio, to three digits, at which the scene's step size is stable."""
     assert scene.springs is not None
     low, high = 1.0, scene.springs.stiffness_ratio
     for _ in range(HALVINGS):
